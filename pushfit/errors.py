@@ -1,0 +1,72 @@
+"""What pushfit raises when it cannot go on.
+
+Every error names the place, the value found, the rule and the next step. `code` is a
+stable word that scripts may test; the sentence may change between versions. Numerical
+non-success is not an error here: results carry a status (see `pushfit.fit.results`).
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """One thing wrong with one place of an input.
+
+    Args:
+        code: Stable snake_case word for the kind of problem.
+        message: The whole sentence for the user: place, value, rule, next step.
+        path: File as the user named it, if there is one.
+        line: Line of the file, counted from 1.
+        column: Column or key.
+        value: The text found.
+    """
+
+    code: str
+    message: str
+    path: str | None = None
+    line: int | None = None
+    column: str | None = None
+    value: str | None = None
+
+
+class PushfitError(Exception):
+    """Base of all errors that a user can mend.
+
+    Args:
+        message: Place, value, rule and next step in one sentence.
+        code: Stable snake_case word for the kind of error.
+        problems: Everything that was found wrong, when it is more than one thing.
+    """
+
+    exit_code: ClassVar[int] = 1
+
+    def __init__(
+        self, message: str, *, code: str, problems: tuple[Problem, ...] = ()
+    ) -> None:
+        """Keep the sentence, its code and the problems behind it."""
+        super().__init__(message)
+        self.code = code
+        self.problems = problems
+
+
+class ConfigError(PushfitError):
+    """The command line or `grasp.toml` asks for something that cannot be."""
+
+    exit_code = 2
+
+
+class DataError(PushfitError):
+    """An input file or table breaks a rule."""
+
+    exit_code = 3
+
+
+class FitError(PushfitError):
+    """No trustworthy numbers could be computed from accepted input."""
+
+    exit_code = 4
+
+
+class ConvergenceError(FitError):
+    """A sampler or solver stopped before its answer could be trusted."""
