@@ -1,0 +1,397 @@
+"""The push model of He & Zhang (2014): stiffnesses and a push in, contact forces out.
+
+Pure JAX functions of small containers, float64, safe under jit, vmap and grad wherever
+the physics is defined. Everything outside this module meets the mechanics through one
+function, `forward`. Excluded: files, units other than SI (angles in radians), noise,
+and estimation. Extensions of the paper (preload, soft transition, stiffness ellipse,
+two supports) are neutral unless asked for.
+
+References:
+    Eq. (n) is equation n of He & Zhang (2014), doi:10.1007/s11432-014-5216-3.
+"""
+
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from pushfit.numerics import atanhc, norm2, sinhc, softmin
+
+jax.config.update("jax_enable_x64", True)
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, " n"]
+
+
+def as_float(value: ArrayLike) -> Array:
+    """Converter of container fields: any number becomes a float64 array."""
+    return jnp.asarray(value, dtype=jnp.float64)
+
+
+class Parameters(eqx.Module):
+    """The six parameters of the paper and the shape of the stiffness ellipse.
+
+    Args:
+        K_sn: Normal stiffness of the support finger, Eqs. (5), (6) [N/m].
+        K_dn: Normal contact stiffness, Eqs. (5), (6) [N/m].
+        K_st: Tangential stiffness of the support finger, geometric mean of the two
+            axes of the ellipse, Eq. (10) [N/m].
+        C_rr: Rolling friction coefficient, Eq. (7) [-].
+        C_d: Rotational deformation coefficient, Eq. (9) [N·m/rad].
+        L: Distance between push contact and support contact, Eqs. (4), (7) [m].
+        e1: Ellipse shape along x against y; |e| is the log ratio of the axes [-].
+        e2: Ellipse shape along the diagonals; atan2(e2, e1)/2 is the stiff axis [-].
+    """
+
+    K_sn: Scalar = eqx.field(converter=as_float)
+    K_dn: Scalar = eqx.field(converter=as_float)
+    K_st: Scalar = eqx.field(converter=as_float)
+    C_rr: Scalar = eqx.field(converter=as_float)
+    C_d: Scalar = eqx.field(converter=as_float)
+    L: Scalar = eqx.field(converter=as_float)
+    e1: Scalar = eqx.field(converter=as_float, default=0.0)
+    e2: Scalar = eqx.field(converter=as_float, default=0.0)
+
+
+class Pushes(eqx.Module):
+    """Directions of pushes in the push frame.
+
+    Args:
+        theta: Elevation out of the tangential plane [rad].
+        alpha: Azimuth inside it, from the line through the supports [rad].
+    """
+
+    theta: Vector = eqx.field(converter=as_float)
+    alpha: Vector = eqx.field(converter=as_float)
+
+
+class Grasp(eqx.Module):
+    """What is known about the grasp and the sensor, the same for every push.
+
+    Args:
+        push_length: S_p [m].
+        preload: F_0, normal force before the push [N].
+        gain: Sensor units per newton.
+        offset: Sensor reading added to the magnitude `height` [sensor units].
+        sharpness: p of the soft transition, at least 1; infinity is the paper's
+            hard switch [-].
+        support_span: |AB|, distance between two supports [m]; None is the paper's
+            single limit.
+        mechanics: Name of an entry of `MECHANICS`.
+    """
+
+    push_length: Scalar = eqx.field(converter=as_float)
+    preload: Scalar = eqx.field(converter=as_float, default=0.0)
+    gain: Scalar = eqx.field(converter=as_float, default=1.0)
+    offset: Scalar = eqx.field(converter=as_float, default=0.0)
+    sharpness: float = eqx.field(static=True, default=math.inf)
+    support_span: float | None = eqx.field(static=True, default=None)
+    mechanics: str = eqx.field(static=True, default="linear")
+
+
+class Contact(eqx.Module):
+    """The combinations of the parameters that linear forces depend on.
+
+    Args:
+        A: Normal series stiffness [N/m].
+        B: Unrolled tangential series stiffness, geometric mean over azimuth [N/m].
+        C_rr: Rolling friction coefficient [-].
+        f1: Anisotropy of the tensor B, built as `Parameters.e1` is for the support.
+        f2: Anisotropy of the tensor B, built as `Parameters.e2` is for the support.
+        L: Distance between the contacts; enters only with two supports [m].
+    """
+
+    A: Scalar = eqx.field(converter=as_float)
+    B: Scalar = eqx.field(converter=as_float)
+    C_rr: Scalar = eqx.field(converter=as_float)
+    f1: Scalar = eqx.field(converter=as_float, default=0.0)
+    f2: Scalar = eqx.field(converter=as_float, default=0.0)
+    L: Scalar = eqx.field(converter=as_float, default=1.0)
+
+
+class Forces(eqx.Module):
+    """Contact forces at the end of a push.
+
+    Args:
+        normal: Normal force with the preload, F_0 + F_pn [N].
+        tangential_x: Component of F_pt along the supports [N].
+        tangential_y: Component of F_pt across the supports [N].
+        in_contact: False where F_0 > 0 and the push has lifted the finger off.
+    """
+
+    normal: Vector
+    tangential_x: Vector
+    tangential_y: Vector
+    in_contact: Array
+
+
+class Channels(eqx.Module):
+    """What sensors would report for each push, as changes from before the push.
+
+    Args:
+        height: Magnitude, gain (|F| - F_0) + offset [sensor units].
+        height_normal: Normal component, gain (F_n - F_0) [sensor units].
+        height_tangential: Tangential magnitude, gain F_pt [sensor units].
+        in_contact: False where the push has lifted the finger off.
+    """
+
+    height: Vector
+    height_normal: Vector
+    height_tangential: Vector
+    in_contact: Array
+
+
+def support_stiffness(params: Parameters) -> Float[Array, "2 2"]:
+    """Tangential stiffness tensor of the support finger.
+
+        K = K_st expm(½ [[e1, e2], [e2, -e1]])
+
+    Args:
+        params: Parameters.
+
+    Returns:
+        Symmetric positive-definite matrix; K_st times the identity at e = 0 [N/m].
+
+    References:
+        The stiffness ellipse of the paper's section 3.1, static part of Eq. (1).
+    """
+    return params.K_st * _expm_traceless(params.e1, params.e2)
+
+
+def contact(params: Parameters) -> Contact:
+    """Combinations of the parameters that the linear forces depend on.
+
+        A = K_sn K_dn / (K_sn + K_dn),   B = (K⁻¹ + (L²/C_d) I)⁻¹
+
+    Without an ellipse B = K_st C_d / (L² K_st + C_d).
+
+    Args:
+        params: Parameters.
+
+    Returns:
+        Contact combinations.
+
+    References:
+        Eqs. (6), (10).
+    """
+    s = params.K_st * params.L**2 / params.C_d
+    half = norm2(params.e1, params.e2) / 2
+    denominator = jnp.cosh(half) + s
+    # tanh(|f|/2) = sinh(|e|/2) / (cosh(|e|/2) + s): both tensors share their axes.
+    scale = atanhc(jnp.sinh(half) / denominator) * sinhc(half) / denominator
+    return Contact(
+        A=params.K_sn * params.K_dn / (params.K_sn + params.K_dn),
+        B=params.K_st / jnp.sqrt(1 + 2 * s * jnp.cosh(half) + s * s),
+        C_rr=params.C_rr,
+        f1=params.e1 * scale,
+        f2=params.e2 * scale,
+        L=params.L,
+    )
+
+
+def tangential_stiffness(
+    contact: Contact, alpha: Float[Array, "*n"]
+) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+    """Unrolled tangential stiffness felt along an azimuth.
+
+        B u(α),   u = (cos α, sin α)
+
+    Args:
+        contact: Contact combinations.
+        alpha: Azimuth [rad].
+
+    Returns:
+        The x and y components of the force per tangential displacement [N/m].
+
+    References:
+        Eq. (10), as a tensor.
+    """
+    tensor = contact.B * _expm_traceless(contact.f1, contact.f2)
+    x, y = jnp.cos(alpha), jnp.sin(alpha)
+    return tensor[0, 0] * x + tensor[0, 1] * y, tensor[1, 0] * x + tensor[1, 1] * y
+
+
+def linear_forces(params: Parameters, pushes: Pushes, grasp: Grasp) -> Forces:
+    """Contact forces of small pushes.
+
+        F_n = |F_0 + A S_p sin θ|
+        F_pt = softmin(C_rr F_n, |B u(α)| S_p cos θ)
+
+    With `Grasp.support_span` the limit is a box: C_rr F_n across the supports and
+    (C_rr + |AB|/(2L)) F_n along them, taken per component.
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor.
+
+    Returns:
+        Forces of every push.
+
+    References:
+        Eqs. (6), (8), (10).
+    """
+    group = contact(params)
+    pressed = grasp.preload + group.A * grasp.push_length * jnp.sin(pushes.theta)
+    # |.| makes an unloaded contact even in θ, as Eqs. (12)-(14) are.
+    normal = jnp.abs(pressed)
+    span = grasp.push_length * jnp.cos(pushes.theta)
+    stiffness_x, stiffness_y = tangential_stiffness(group, pushes.alpha)
+    if grasp.support_span is None:
+        stiffness = norm2(stiffness_x, stiffness_y)
+        force = softmin(group.C_rr * normal, stiffness * span, grasp.sharpness)
+        x, y = force * stiffness_x / stiffness, force * stiffness_y / stiffness
+    else:
+        limit_x, limit_y = _rolling_limits(group, grasp.support_span)
+        x = softmin(limit_x * normal, jnp.abs(stiffness_x) * span, grasp.sharpness)
+        y = softmin(limit_y * normal, jnp.abs(stiffness_y) * span, grasp.sharpness)
+        x, y = x * jnp.sign(stiffness_x), y * jnp.sign(stiffness_y)
+    return Forces(
+        normal=normal,
+        tangential_x=x,
+        tangential_y=y,
+        in_contact=(grasp.preload <= 0) | (pressed >= 0),
+    )
+
+
+MECHANICS = {"linear": linear_forces}
+
+
+def forces(params: Parameters, pushes: Pushes, grasp: Grasp) -> Forces:
+    """Contact forces by the mechanics that the grasp names.
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor.
+
+    Returns:
+        Forces of every push.
+    """
+    return MECHANICS[grasp.mechanics](params, pushes, grasp)
+
+
+def forward(params: Parameters, pushes: Pushes, grasp: Grasp) -> Channels:
+    """What the sensors report: the one way from parameters to predictions.
+
+        height = gain (sqrt(F_pt² + F_n²) - F_0) + offset
+
+    With F_0 = 0, gain 1 and offset 0 this is S_p P_r of Eq. (12).
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor.
+
+    Returns:
+        One value per push and channel.
+
+    References:
+        Eqs. (12)-(14).
+    """
+    force = forces(params, pushes, grasp)
+    tangential = norm2(force.tangential_x, force.tangential_y)
+    magnitude = norm2(tangential, force.normal)
+    return Channels(
+        height=grasp.gain * (magnitude - grasp.preload) + grasp.offset,
+        height_normal=grasp.gain * (force.normal - grasp.preload),
+        height_tangential=grasp.gain * tangential,
+        in_contact=force.in_contact,
+    )
+
+
+def push_resistance(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
+    """Force change per push length.
+
+        P_r = (|F_p| - F_0) / S_p
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor; gain and offset play no part.
+
+    Returns:
+        Resistance of every push [N/m].
+
+    References:
+        Eqs. (12)-(14).
+    """
+    channels = forward(params, pushes, grasp)
+    return (channels.height - grasp.offset) / (grasp.gain * grasp.push_length)
+
+
+def critical_angle(
+    params: Parameters, grasp: Grasp, alpha: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Elevation below which the object rolls.
+
+        θ_c = arccos(C_rr F_0 / (S_p R)) - ψ
+        R = sqrt(B² + (A C_rr)²),   ψ = atan(A C_rr / B)
+
+    With F_0 = 0 this is tan θ_c = B / (A C_rr). With two supports it is the larger of
+    the angles about the two axes: below it one of them rolls.
+
+    Args:
+        params: Parameters.
+        grasp: Grasp.
+        alpha: Azimuth of the push [rad].
+
+    Returns:
+        θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
+        rolls because C_rr F_0 > S_p R [rad].
+
+    References:
+        Eq. (11).
+    """
+    group = contact(params)
+    x, y = tangential_stiffness(group, alpha)
+    if grasp.support_span is None:
+        return _switch_angle(norm2(x, y), group.C_rr, group.A, grasp)
+    limit_x, limit_y = _rolling_limits(group, grasp.support_span)
+    about_y = _switch_angle(jnp.abs(x), limit_x, group.A, grasp)
+    about_x = _switch_angle(jnp.abs(y), limit_y, group.A, grasp)
+    return jnp.fmax(about_y, about_x)
+
+
+def soft_axis(params: Parameters) -> Scalar:
+    """Azimuth of least tangential stiffness, (π + atan2(e2, e1)) / 2.
+
+    Args:
+        params: Parameters; at e = 0 no direction is soft and the angle is arbitrary.
+
+    Returns:
+        Azimuth in [0, π) [rad].
+    """
+    return jnp.mod((jnp.pi + jnp.arctan2(params.e2, params.e1)) / 2, jnp.pi)
+
+
+def _expm_traceless(a: Scalar, b: Scalar) -> Float[Array, "2 2"]:
+    """Expm(½ [[a, b], [b, -a]]) in closed form."""
+    half = norm2(a, b) / 2
+    slope = sinhc(half) / 2
+    mean = jnp.cosh(half)
+    return jnp.stack(
+        [
+            jnp.stack([mean + slope * a, slope * b]),
+            jnp.stack([slope * b, mean - slope * a]),
+        ]
+    )
+
+
+def _rolling_limits(group: Contact, support_span: float) -> tuple[Scalar, Scalar]:
+    """Largest tangential over normal force along and across the two supports."""
+    return group.C_rr + support_span / (2 * group.L), group.C_rr
+
+
+def _switch_angle(
+    stiffness: Float[Array, "*n"], limit: Scalar, A: Scalar, grasp: Grasp
+) -> Float[Array, "*n"]:
+    """Elevation at which the unrolled force equals the rolling limit."""
+    radius = jnp.sqrt(stiffness**2 + (A * limit) ** 2)
+    cosine = limit * grasp.preload / (grasp.push_length * radius)
+    never_rolls = cosine > 1
+    # arctan2, not arctan of the ratio: finite value and gradient at C_rr = 0.
+    angle = jnp.arccos(jnp.where(never_rolls, 0.0, cosine))
+    return jnp.where(never_rolls, jnp.nan, angle - jnp.arctan2(A * limit, stiffness))

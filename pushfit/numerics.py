@@ -1,0 +1,73 @@
+"""Functions whose textbook form breaks at one point, each safe there once and for all.
+
+Every function here returns finite values and finite first derivatives wherever the
+physics is defined; `pushfit.model` uses them instead of repairing each formula.
+Excluded: anything that knows what a push is.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+# Below this argument four terms of a series in it are exact to 1e-18, while the closed
+# form divides 0 by 0 at the origin.
+SERIES_LIMIT = 1e-3
+
+
+def norm2(x: Float[Array, "*s"], y: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Euclidean length of (x, y), with gradient 0 instead of NaN at the origin."""
+    square = x * x + y * y
+    is_zero = square == 0
+    return jnp.where(is_zero, 0.0, jnp.sqrt(jnp.where(is_zero, 1.0, square)))
+
+
+def softmin(
+    a: Float[Array, "*s"], b: Float[Array, "*s"], sharpness: float
+) -> Float[Array, "*s"]:
+    """Smooth minimum of two non-negative numbers.
+
+        softmin_p(a, b) = (a^-p + b^-p)^(-1/p)
+
+    Args:
+        a: First argument, not negative.
+        b: Second argument, not negative.
+        sharpness: p, at least 1; infinity gives the plain minimum [-].
+
+    Returns:
+        A value in [2^(-1/p) min, min]; at the tie both arguments share the gradient.
+    """
+    smaller, larger = jnp.minimum(a, b), jnp.maximum(a, b)
+    if sharpness == jnp.inf:
+        return smaller
+    # The printed form overflows for a -> 0; this one only sees a ratio in [0, 1].
+    is_zero = larger == 0
+    ratio = smaller / jnp.where(is_zero, 1.0, larger)
+    return smaller * (1 + ratio**sharpness) ** (-1 / sharpness)
+
+
+def sinhc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Sinh(x) / x, equal to 1 at 0."""
+    square = x * x
+    is_small = square < SERIES_LIMIT
+    safe = jnp.where(is_small, 1.0, x)
+    series = 1 + square / 6 * (1 + square / 20 * (1 + square / 42 * (1 + square / 72)))
+    return jnp.where(is_small, series, jnp.sinh(safe) / safe)
+
+
+def asinhc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Asinh(x) / x, equal to 1 at 0."""
+    square = x * x
+    is_small = square < SERIES_LIMIT
+    safe = jnp.where(is_small, 1.0, x)
+    terms = 3 / 40 - square * (15 / 336 - square * (105 / 3456 - square * 945 / 42240))
+    series = 1 - square * (1 / 6 - square * terms)
+    return jnp.where(is_small, series, jnp.arcsinh(safe) / safe)
+
+
+def atanhc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Atanh(x) / x for |x| < 1, equal to 1 at 0."""
+    square = x * x
+    is_small = square < SERIES_LIMIT
+    safe = jnp.where(is_small, 0.5, x)
+    terms = 1 / 5 + square * (1 / 7 + square * (1 / 9 + square / 11))
+    series = 1 + square * (1 / 3 + square * terms)
+    return jnp.where(is_small, series, jnp.arctanh(safe) / safe)
