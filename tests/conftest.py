@@ -1,0 +1,21 @@
+"""Configuration shared by all tests."""
+
+import os
+from pathlib import Path
+
+import jax
+import pytest
+
+# A (3,) against a (3, 1) is a mistake in the model, never a wish.
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Folder of real recordings, which is no part of the repository."""
+    beside = Path(__file__).parents[1] / "../shared/data"
+    folder = Path(os.environ.get("PUSHFIT_REAL_DATA", beside)).resolve()
+    if not folder.is_dir():
+        pytest.skip("no real recordings here; name them by PUSHFIT_REAL_DATA")
+    return folder
