@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from pushfit.numerics import atanhc, norm2, sinhc, softmin
+from pushfit.numerics import asinhc, norm2, sinhc, softclip
 
 jax.config.update("jax_enable_x64", True)
 
@@ -178,12 +178,12 @@ def contact(params: Parameters) -> Contact:
     """
     s = params.K_st * params.L**2 / params.C_d
     half = norm2(params.e1, params.e2) / 2
-    denominator = jnp.cosh(half) + s
-    # tanh(|f|/2) = sinh(|e|/2) / (cosh(|e|/2) + s): both tensors share their axes.
-    scale = atanhc(jnp.sinh(half) / denominator) * sinhc(half) / denominator
+    root = jnp.sqrt(1 + 2 * s * jnp.cosh(half) + s * s)
+    # Both tensors share their axes: sinh(|f|/2) = sinh(|e|/2) / root.
+    scale = asinhc(jnp.sinh(half) / root) * sinhc(half) / root
     return Contact(
         A=params.K_sn * params.K_dn / (params.K_sn + params.K_dn),
-        B=params.K_st / jnp.sqrt(1 + 2 * s * jnp.cosh(half) + s * s),
+        B=params.K_st / root,
         C_rr=params.C_rr,
         f1=params.e1 * scale,
         f2=params.e2 * scale,
@@ -213,6 +213,21 @@ def tangential_stiffness(
     return tensor[0, 0] * x + tensor[0, 1] * y, tensor[1, 0] * x + tensor[1, 1] * y
 
 
+def rolling_limits(contact: Contact, support_span: float) -> tuple[Scalar, Scalar]:
+    """Largest tangential over normal force that two supports bear without rolling.
+
+        C_rr + |AB|/(2L) along the supports,   C_rr across them
+
+    Args:
+        contact: Contact combinations.
+        support_span: |AB|, distance between the supports [m].
+
+    Returns:
+        The limits along x and along y [-].
+    """
+    return contact.C_rr + support_span / (2 * contact.L), contact.C_rr
+
+
 def linear_forces(params: Parameters, pushes: Pushes, grasp: Grasp) -> Forces:
     """Contact forces of small pushes.
 
@@ -237,17 +252,17 @@ def linear_forces(params: Parameters, pushes: Pushes, grasp: Grasp) -> Forces:
     pressed = grasp.preload + group.A * grasp.push_length * jnp.sin(pushes.theta)
     # |.| makes an unloaded contact even in θ, as Eqs. (12)-(14) are.
     normal = jnp.abs(pressed)
-    span = grasp.push_length * jnp.cos(pushes.theta)
+    reach = grasp.push_length * jnp.cos(pushes.theta)
     stiffness_x, stiffness_y = tangential_stiffness(group, pushes.alpha)
     if grasp.support_span is None:
         stiffness = norm2(stiffness_x, stiffness_y)
-        force = softmin(group.C_rr * normal, stiffness * span, grasp.sharpness)
-        x, y = force * stiffness_x / stiffness, force * stiffness_y / stiffness
+        limit = group.C_rr * normal
+        ratio = softclip(stiffness * reach, limit, grasp.sharpness) / stiffness
+        x, y = ratio * stiffness_x, ratio * stiffness_y
     else:
-        limit_x, limit_y = _rolling_limits(group, grasp.support_span)
-        x = softmin(limit_x * normal, jnp.abs(stiffness_x) * span, grasp.sharpness)
-        y = softmin(limit_y * normal, jnp.abs(stiffness_y) * span, grasp.sharpness)
-        x, y = x * jnp.sign(stiffness_x), y * jnp.sign(stiffness_y)
+        limit_x, limit_y = rolling_limits(group, grasp.support_span)
+        x = softclip(stiffness_x * reach, limit_x * normal, grasp.sharpness)
+        y = softclip(stiffness_y * reach, limit_y * normal, grasp.sharpness)
     return Forces(
         normal=normal,
         tangential_x=x,
@@ -322,76 +337,9 @@ def push_resistance(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
     return (channels.height - grasp.offset) / (grasp.gain * grasp.push_length)
 
 
-def critical_angle(
-    params: Parameters, grasp: Grasp, alpha: Float[Array, "*n"]
-) -> Float[Array, "*n"]:
-    """Elevation below which the object rolls.
-
-        θ_c = arccos(C_rr F_0 / (S_p R)) - ψ
-        R = sqrt(B² + (A C_rr)²),   ψ = atan(A C_rr / B)
-
-    With F_0 = 0 this is tan θ_c = B / (A C_rr). With two supports it is the larger of
-    the angles about the two axes: below it one of them rolls.
-
-    Args:
-        params: Parameters.
-        grasp: Grasp.
-        alpha: Azimuth of the push [rad].
-
-    Returns:
-        θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
-        rolls because C_rr F_0 > S_p R [rad].
-
-    References:
-        Eq. (11).
-    """
-    group = contact(params)
-    x, y = tangential_stiffness(group, alpha)
-    if grasp.support_span is None:
-        return _switch_angle(norm2(x, y), group.C_rr, group.A, grasp)
-    limit_x, limit_y = _rolling_limits(group, grasp.support_span)
-    about_y = _switch_angle(jnp.abs(x), limit_x, group.A, grasp)
-    about_x = _switch_angle(jnp.abs(y), limit_y, group.A, grasp)
-    return jnp.fmax(about_y, about_x)
-
-
-def soft_axis(params: Parameters) -> Scalar:
-    """Azimuth of least tangential stiffness, (π + atan2(e2, e1)) / 2.
-
-    Args:
-        params: Parameters; at e = 0 no direction is soft and the angle is arbitrary.
-
-    Returns:
-        Azimuth in [0, π) [rad].
-    """
-    return jnp.mod((jnp.pi + jnp.arctan2(params.e2, params.e1)) / 2, jnp.pi)
-
-
 def _expm_traceless(a: Scalar, b: Scalar) -> Float[Array, "2 2"]:
     """Expm(½ [[a, b], [b, -a]]) in closed form."""
     half = norm2(a, b) / 2
     slope = sinhc(half) / 2
     mean = jnp.cosh(half)
-    return jnp.stack(
-        [
-            jnp.stack([mean + slope * a, slope * b]),
-            jnp.stack([slope * b, mean - slope * a]),
-        ]
-    )
-
-
-def _rolling_limits(group: Contact, support_span: float) -> tuple[Scalar, Scalar]:
-    """Largest tangential over normal force along and across the two supports."""
-    return group.C_rr + support_span / (2 * group.L), group.C_rr
-
-
-def _switch_angle(
-    stiffness: Float[Array, "*n"], limit: Scalar, A: Scalar, grasp: Grasp
-) -> Float[Array, "*n"]:
-    """Elevation at which the unrolled force equals the rolling limit."""
-    radius = jnp.sqrt(stiffness**2 + (A * limit) ** 2)
-    cosine = limit * grasp.preload / (grasp.push_length * radius)
-    never_rolls = cosine > 1
-    # arctan2, not arctan of the ratio: finite value and gradient at C_rr = 0.
-    angle = jnp.arccos(jnp.where(never_rolls, 0.0, cosine))
-    return jnp.where(never_rolls, jnp.nan, angle - jnp.arctan2(A * limit, stiffness))
+    return jnp.array([[mean + slope * a, slope * b], [slope * b, mean - slope * a]])

@@ -44,6 +44,24 @@ def softmin(
     return smaller * (1 + ratio**sharpness) ** (-1 / sharpness)
 
 
+def softclip(
+    value: Float[Array, "*s"], limit: Float[Array, "*s"], sharpness: float
+) -> Float[Array, "*s"]:
+    """Number held within ±limit: the soft minimum of both magnitudes, sign kept.
+
+    Args:
+        value: Number to limit.
+        limit: Largest magnitude, not negative.
+        sharpness: p of `softmin` [-].
+
+    Returns:
+        A value of the sign of ``value``; equal to it far below the limit.
+    """
+    # jnp.sign is 0 at 0 and would cut the gradient there, which is 1.
+    sign = jnp.where(value < 0, -1.0, 1.0)
+    return sign * softmin(sign * value, limit, sharpness)
+
+
 def sinhc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """Sinh(x) / x, equal to 1 at 0."""
     square = x * x
@@ -61,13 +79,3 @@ def asinhc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     terms = 3 / 40 - square * (15 / 336 - square * (105 / 3456 - square * 945 / 42240))
     series = 1 - square * (1 / 6 - square * terms)
     return jnp.where(is_small, series, jnp.arcsinh(safe) / safe)
-
-
-def atanhc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
-    """Atanh(x) / x for |x| < 1, equal to 1 at 0."""
-    square = x * x
-    is_small = square < SERIES_LIMIT
-    safe = jnp.where(is_small, 0.5, x)
-    terms = 1 / 5 + square * (1 / 7 + square * (1 / 9 + square / 11))
-    series = 1 + square * (1 / 3 + square * terms)
-    return jnp.where(is_small, series, jnp.arctanh(safe) / safe)

@@ -1,0 +1,153 @@
+"""Directions that the model singles out: where rolling ends, where pushing is easy.
+
+Excluded: estimates of a direction from heights, and uncertainties.
+"""
+
+import math
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from pushfit.model import (
+    Grasp,
+    Parameters,
+    Pushes,
+    Scalar,
+    contact,
+    push_resistance,
+    rolling_limits,
+    tangential_stiffness,
+)
+from pushfit.numerics import norm2
+
+# Azimuths over the reach: at most half a degree apart, so that the parabola through the
+# lowest three finds a smooth minimum to about 0.01 degrees.
+N_AZIMUTHS = 361
+
+
+def critical_angle(
+    params: Parameters, grasp: Grasp, alpha: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Elevation below which the object rolls.
+
+        θ_c = arccos(C_rr F_0 / (S_p R)) - ψ
+        R = sqrt(B² + (A C_rr)²),   ψ = atan(A C_rr / B)
+
+    With F_0 = 0 this is tan θ_c = B / (A C_rr). With two supports it is the larger of
+    the angles about the two axes: below it one of them rolls.
+
+    Args:
+        params: Parameters.
+        grasp: Grasp.
+        alpha: Azimuth of the push [rad].
+
+    Returns:
+        θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
+        rolls because C_rr F_0 > S_p R [rad].
+
+    References:
+        Eq. (11).
+    """
+    group = contact(params)
+    x, y = tangential_stiffness(group, alpha)
+    if grasp.support_span is None:
+        return _switch_angle(norm2(x, y), group.C_rr, group.A, grasp)
+    limit_x, limit_y = rolling_limits(group, grasp.support_span)
+    about_y = _switch_angle(jnp.abs(x), limit_x, group.A, grasp)
+    about_x = _switch_angle(jnp.abs(y), limit_y, group.A, grasp)
+    return jnp.fmax(about_y, about_x)
+
+
+def soft_axis(params: Parameters) -> Scalar:
+    """Azimuth of least tangential stiffness, (π + atan2(e2, e1)) / 2.
+
+    Args:
+        params: Parameters; at e = 0 no direction is soft and the angle is arbitrary.
+
+    Returns:
+        Azimuth in [0, π) [rad].
+    """
+    return _half_turn((jnp.pi + jnp.arctan2(params.e2, params.e1)) / 2)
+
+
+def best_direction(
+    params: Parameters,
+    grasp: Grasp,
+    theta: float | Scalar,
+    *,
+    reach: tuple[float, float],
+) -> Scalar:
+    """Azimuth of least push resistance that the finger can reach.
+
+        α* = argmin over reachable α of P_r(θ, α)
+
+    Resistance grows with |B u(α)|, so α* is the soft axis or, out of reach of it, the
+    softer end of the reach. With two supports it is searched on a grid. Arbitrary where
+    the resistance does not depend on α.
+
+    Args:
+        params: Parameters.
+        grasp: Grasp.
+        theta: Elevation of the push [rad].
+        reach: Lowest and highest azimuth of the finger [rad].
+
+    Returns:
+        α* in [0, π): a push and its opposite are alike [rad].
+    """
+    if grasp.support_span is not None:
+        return _least_resistance(params, grasp, theta, reach=reach)
+    low, high = reach
+    axis = soft_axis(params)
+    ends = jnp.asarray(reach)
+    stiffness = norm2(*tangential_stiffness(contact(params), ends))
+    softer_end = ends[jnp.argmin(stiffness)]
+    is_reached = jnp.mod(axis - low, jnp.pi) <= high - low
+    return _half_turn(jnp.where(is_reached, axis, softer_end))
+
+
+def _least_resistance(
+    params: Parameters,
+    grasp: Grasp,
+    theta: float | Scalar,
+    *,
+    reach: tuple[float, float],
+) -> Scalar:
+    """Azimuth of the lowest grid point, moved to the vertex of the local parabola."""
+    low, high = reach
+    width = min(high - low, math.pi)
+    step = width / (N_AZIMUTHS - 1)
+
+    def resistance(alpha: Float[Array, " n"]) -> Float[Array, " n"]:
+        pushes = Pushes(theta=jnp.full(alpha.shape, theta), alpha=alpha)
+        return push_resistance(params, pushes, grasp)
+
+    grid = jnp.linspace(low, low + width, N_AZIMUTHS)
+    best = grid[jnp.argmin(resistance(grid))]
+    left, middle, right = resistance(best + step * jnp.array([-1.0, 0.0, 1.0]))
+    curvature = left - 2 * middle + right
+    # At an end of the reach the lowest point need not be a minimum, and where the
+    # resistance is flat there is no vertex: the grid point stays.
+    is_vertex = (left >= middle) & (right >= middle) & (curvature > 0)
+    shift = (left - right) / (2 * jnp.where(is_vertex, curvature, 1.0))
+    refined = best + step * jnp.where(is_vertex, shift, 0.0)
+    if width < math.pi:
+        refined = jnp.clip(refined, low, high)
+    return _half_turn(refined)
+
+
+def _half_turn(angle: Scalar) -> Scalar:
+    """Angle modulo π, in [0, π) also where rounding returns π itself."""
+    folded = jnp.mod(angle, jnp.pi)
+    return jnp.where(folded >= jnp.pi, 0.0, folded)
+
+
+def _switch_angle(
+    stiffness: Float[Array, "*n"], limit: Scalar, A: Scalar, grasp: Grasp
+) -> Float[Array, "*n"]:
+    """Elevation at which the unrolled force equals the rolling limit."""
+    radius = jnp.sqrt(stiffness**2 + (A * limit) ** 2)
+    cosine = limit * grasp.preload / (grasp.push_length * radius)
+    never_rolls = cosine > 1
+    # arctan2, not arctan of the ratio: finite value and gradient at C_rr = 0.
+    angle = jnp.arccos(jnp.where(never_rolls, 0.0, cosine))
+    return jnp.where(never_rolls, jnp.nan, angle - jnp.arctan2(A * limit, stiffness))
