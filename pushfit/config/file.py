@@ -1,0 +1,201 @@
+"""The text of `grasp.toml`: read it, say what is wrong with it, write a template."""
+
+import difflib
+import inspect
+import json
+import textwrap
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from pushfit.config.schema import GraspConfig
+from pushfit.config.section import Section
+from pushfit.errors import ConfigError, Problem
+
+HEADER = """\
+# What is known about the grasp and the sensor. Every key has a default except
+# push.length_mm; a key behind a '#' is an example and has no effect.
+"""
+
+CODES = {"extra_forbidden": "unknown_key", "missing": "missing_key"}
+
+
+def read_config(path: str | Path | None) -> GraspConfig:
+    """Read and check a `grasp.toml`.
+
+    Args:
+        path: File to read; None gives the defaults.
+
+    Returns:
+        Settings with every default filled in.
+
+    Raises:
+        ConfigError: The file cannot be read, is no TOML, or breaks a rule.
+    """
+    if path is None:
+        return GraspConfig()
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ConfigError(
+            f"{path}: cannot be read: {reason}; `pushfit init` writes a fresh one",
+            code="config_unreadable",
+        ) from error
+    return parse_config(text, path=str(path))
+
+
+def parse_config(text: str, *, path: str) -> GraspConfig:
+    """Check the text of a `grasp.toml`.
+
+    Args:
+        text: TOML.
+        path: Name of the file for messages.
+
+    Returns:
+        Settings with every default filled in.
+
+    Raises:
+        ConfigError: The text is no TOML or breaks a rule.
+    """
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(
+            f"{path}: not valid TOML: {error}; text needs quotes, numbers a decimal "
+            "point, and every key may stand once",
+            code="config_syntax",
+        ) from error
+    try:
+        return GraspConfig.model_validate(content)
+    except ValidationError as error:
+        first, *others = _problems(error, content, path)
+        more = f" (and {len(others)} more)" if others else ""
+        raise ConfigError(
+            first.message + more, code=first.code, problems=(first, *others)
+        ) from error
+
+
+def template() -> str:
+    """Text of a commented `grasp.toml` that means the same as no file at all.
+
+    Returns:
+        TOML: active keys carry the defaults; keys without one stand behind a '#' with
+        an example.
+    """
+    lines = [HEADER]
+    for name, section in GraspConfig.model_fields.items():
+        model = _section_of(section.annotation)
+        lines += [*_comment(model.__doc__ or ""), f"[{name}]"]
+        for key, field in model.model_fields.items():
+            lines += _comment(field.description or "")
+            has_default = field.default not in (None, {})
+            value = field.default if has_default else (field.examples or [None])[0]
+            lines.append(f"{'' if has_default else '#'}{key} = {_as_toml(value)}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _comment(text: str) -> list[str]:
+    """Lines of a comment no wider than a terminal."""
+    return [
+        f"# {line}"
+        for paragraph in inspect.cleandoc(text).split("\n\n")
+        for line in textwrap.wrap(paragraph, width=78)
+    ]
+
+
+def _problems(
+    error: ValidationError, content: Mapping[str, object], path: str
+) -> Iterator[Problem]:
+    """One problem per key, however many alternatives of a union it failed."""
+    by_key: dict[tuple[str, ...], list[ErrorDetails]] = {}
+    for detail in error.errors():
+        by_key.setdefault(_key_in_file(detail["loc"], content), []).append(detail)
+    for key, details in by_key.items():
+        found = _value_at(key, content)
+        value = None if isinstance(found, Mapping | None) else _as_toml(found)
+        name = ".".join(key)
+        shown = name if value is None else f"{name} = {value}"
+        rule = " or ".join(dict.fromkeys(_rule(d, key, found) for d in details))
+        yield Problem(
+            code="config_" + CODES.get(details[0]["type"], "value"),
+            message=": ".join(part for part in (path, shown, rule) if part),
+            path=path,
+            column=name,
+            value=value,
+        )
+
+
+def _key_in_file(
+    location: Sequence[int | str], content: Mapping[str, object]
+) -> tuple[str, ...]:
+    """Path of the key that the user wrote, without list indices and union branches."""
+    path: list[str] = []
+    node: object = content
+    for part in location:
+        if not isinstance(node, Mapping):
+            break
+        path.append(str(part))
+        node = node.get(path[-1])
+    return tuple(path)
+
+
+def _value_at(key: tuple[str, ...], content: Mapping[str, object]) -> object:
+    """What the file has at a key; None where it has nothing."""
+    node: object = content
+    for part in key:
+        node = node.get(part) if isinstance(node, Mapping) else None
+    return node
+
+
+def _rule(detail: ErrorDetails, key: tuple[str, ...], found: object) -> str:
+    """What the value should have been, in the words of a sentence."""
+    match detail["type"]:
+        case "extra_forbidden":
+            return f"unknown key; {_suggestion(key)}"
+        case "missing":
+            return "is missing; add it" if found is None else "has too few values"
+        case "value_error":
+            return str(detail.get("ctx", {})["error"])
+        case "model_type" | "dict_type":
+            return "must be a table, { key = value }"
+        case _:
+            rule = detail["msg"].replace("Input should be", "must be")
+            return rule.replace("a valid number", "a number")
+
+
+def _suggestion(key: tuple[str, ...]) -> str:
+    """The key that was probably meant, or all that there are."""
+    model: type[BaseModel] = GraspConfig
+    for part in key[:-1]:
+        model = _section_of(model.model_fields[part].annotation)
+    names = list(model.model_fields)
+    close = difflib.get_close_matches(key[-1], names, n=1)
+    if close:
+        return f"did you mean {close[0]}?"
+    return f"known here: {', '.join(names)}"
+
+
+def _section_of(annotation: object) -> type[BaseModel]:
+    """The section in an annotation such as ``PositivePrior | None``."""
+    candidates = get_args(annotation) or (annotation,)
+    return next(a for a in candidates if isinstance(a, type) and issubclass(a, Section))
+
+
+def _as_toml(value: object) -> str:
+    """One value as TOML writes it."""
+    match value:
+        case str() | bool():
+            return json.dumps(value, ensure_ascii=False)
+        case Mapping():
+            pairs = (f"{key} = {_as_toml(item)}" for key, item in value.items())
+            return f"{{ {', '.join(pairs)} }}"
+        case list() | tuple():
+            return f"[{', '.join(_as_toml(item) for item in value)}]"
+        case _:
+            return str(value)

@@ -1,0 +1,258 @@
+"""What `grasp.toml` may say about a grasp and how its pushes are to be analysed.
+
+The field descriptions are the documentation of the file: the template and the
+reference page are made from them. Excluded: the text of the file
+(`pushfit.config.file`) and the default priors (`pushfit.fit.priors`).
+"""
+
+import hashlib
+import json
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from pushfit.config.parameters import ParametersSection
+from pushfit.config.section import (
+    NotNegative,
+    Number,
+    Positive,
+    Probability,
+    Section,
+    Sharpness,
+)
+from pushfit.config.sensor import SensorSection
+from pushfit.errors import ConfigError
+
+Estimate = Literal["estimate"]
+Preload = NotNegative | Estimate | None
+
+
+class PushSection(Section):
+    """How far the finger pushes."""
+
+    length_mm: Positive | None = Field(
+        default=None,
+        description="length of the push vector; without it stiffness is not quoted",
+        examples=[5.0],
+    )
+    length_known: bool = Field(
+        default=True,
+        description="false: the length is nominal, heights compare directions only",
+    )
+
+    @property
+    def is_length_known(self) -> bool:
+        """Whether stiffnesses may be quoted."""
+        return self.length_known and self.length_mm is not None
+
+
+class GraspSection(Section):
+    """How the object is held."""
+
+    mechanics: Literal["linear", "tilting"] = Field(
+        default="linear",
+        description='"linear" (the paper) or "tilting" (large tilts; needs L)',
+    )
+    preload_n: Preload = Field(
+        default=None,
+        description='normal force before the push [N], or "estimate"; absent: 0',
+        examples=[2.0],
+    )
+    preload_kpa: Preload = Field(
+        default=None, description="the same as a pressure", examples=[12.0]
+    )
+    preload_counts: Preload = Field(
+        default=None, description="the same in sensor counts", examples=[330.0]
+    )
+    preload_au: Preload = Field(
+        default=None, description="the same in arbitrary units", examples=["estimate"]
+    )
+    support_span_mm: Positive | None = Field(
+        default=None,
+        description="distance between two supports; absent: one rolling limit",
+        examples=[40.0],
+    )
+    reference_alpha_deg: Number | None = Field(
+        default=None,
+        description="azimuth at which theta_c is quoted; absent: the most pushed one",
+        examples=[90.0],
+    )
+
+    @model_validator(mode="after")
+    def check_one_preload(self) -> "GraspSection":
+        """Refuse two statements of the same force."""
+        given = [unit for unit in PRELOAD_UNITS if self._preload_as(unit) is not None]
+        if len(given) > 1:
+            keys = " and ".join(f"preload_{unit}" for unit in given)
+            raise ValueError(f"{keys} are given; keep one of them")
+        return self
+
+    @property
+    def preload(self) -> tuple[float | Estimate, str | None]:
+        """Preload and its unit, as stated; (0, None) where nothing is."""
+        for unit in PRELOAD_UNITS:
+            value = self._preload_as(unit)
+            if value is not None:
+                return value, unit
+        return 0.0, None
+
+    def _preload_as(self, unit: str) -> float | Estimate | None:
+        """Value of the key of one unit."""
+        return getattr(self, f"preload_{unit}")
+
+
+PRELOAD_UNITS = ("n", "kpa", "counts", "au")
+
+
+class ReachSection(Section):
+    """Which directions the finger can push in."""
+
+    alpha_deg: tuple[Number, Number] = Field(
+        default=(0.0, 180.0),
+        description="range of azimuths in which alpha* is sought",
+    )
+
+    @model_validator(mode="after")
+    def check_range(self) -> "ReachSection":
+        """Refuse a range that is empty or goes round more than once."""
+        low, high = self.alpha_deg
+        if not low < high <= low + 360:
+            raise ValueError("give [low, high] with low < high <= low + 360")
+        return self
+
+
+class TransitionSection(Section):
+    """How the contact passes from rolling to elastic."""
+
+    sharpness: Literal["hard"] | Sharpness = Field(
+        default="hard",
+        description='"hard" (the paper) or p >= 1 of the soft minimum',
+    )
+
+
+class NoiseSection(Section):
+    """How heights scatter."""
+
+    sigma: Literal["auto", "given", "pooled", "sampled"] = Field(
+        default="auto",
+        description='"given" (sd columns), "pooled" (from repeats), "sampled" '
+        '(a parameter) or "auto" (the first of them that the table allows)',
+    )
+    likelihood: Literal["normal", "student_t"] = Field(
+        default="normal",
+        description='"normal" or "student_t" (outlying pushes weigh less)',
+    )
+
+
+class PeaksSection(Section):
+    """How the height of each push is taken from a recording."""
+
+    channel: str | None = Field(
+        default=None,
+        description="channel that shows the pushes; absent: the only one",
+        examples=["pressure"],
+    )
+    invert: bool = Field(default=False, description="true: pushes go downwards")
+    height: Literal["auto", "apex", "plateau"] = Field(
+        default="auto",
+        description='"apex" (pointed), "plateau" (held) or "auto" (by the shape)',
+    )
+
+
+class RecordingSection(Section):
+    """How recordings are laid out, where the file itself does not say."""
+
+    format: str = Field(
+        default="auto", description="dialect; `pushfit validate` names the one found"
+    )
+    columns: tuple[str, ...] | None = Field(
+        default=None,
+        description="column names of files without a header",
+        examples=[["time_s", "pressure_counts"]],
+    )
+    map: dict[str, str] = Field(
+        default={},
+        description='column of each quantity, as { pressure = "pdc" }',
+        examples=[{"pressure": "pdc"}],
+    )
+    unit: dict[str, str] = Field(
+        default={},
+        description='unit of each quantity, as { pressure = "counts" }',
+        examples=[{"pressure": "counts"}],
+    )
+    theta_from: Literal["surface", "normal"] = Field(
+        default="surface",
+        description='"surface", or "normal": theta = 90 deg - recorded angle',
+    )
+    gaps: Literal["error", "split", "interpolate"] = Field(
+        default="error", description="what to do where samples are missing"
+    )
+
+
+class ReportSection(Section):
+    """What is quoted."""
+
+    prob: Probability = Field(
+        default=0.9, description="probability of the intervals and sets"
+    )
+
+
+class GraspConfig(Section):
+    """All of `grasp.toml`."""
+
+    push: PushSection = PushSection()
+    grasp: GraspSection = GraspSection()
+    sensor: SensorSection = SensorSection()
+    reach: ReachSection = ReachSection()
+    transition: TransitionSection = TransitionSection()
+    parameters: ParametersSection = ParametersSection()
+    noise: NoiseSection = NoiseSection()
+    peaks: PeaksSection = PeaksSection()
+    recording: RecordingSection = RecordingSection()
+    report: ReportSection = ReportSection()
+
+    @model_validator(mode="after")
+    def check_sections_agree(self) -> "GraspConfig":
+        """Refuse sections that need each other and do not fit."""
+        if self.grasp.mechanics == "tilting" and not self.push.is_length_known:
+            raise ValueError(
+                'mechanics = "tilting" depends on the push length; give push.length_mm'
+            )
+        if self.parameters.F_0 is not None and self.grasp.preload[0] != "estimate":
+            raise ValueError(
+                "parameters.F_0 is a prior of an estimated preload; "
+                'set grasp.preload_n = "estimate" or remove it'
+            )
+        return self
+
+    def preload_in(self, unit: str) -> float | Estimate:
+        """Preload in the unit of the heights.
+
+        Args:
+            unit: Unit of the heights: n, kpa, counts or au.
+
+        Returns:
+            The preload in that unit, or "estimate".
+
+        Raises:
+            ConfigError: The file does not say how the two units convert.
+        """
+        value, given = self.grasp.preload
+        if given is None or value == "estimate":
+            return value
+        factor = self.sensor.factor(given, unit)
+        if factor is None:
+            raise ConfigError(
+                f"grasp.preload_{given} = {value:g}: the heights are in {unit} and "
+                f"[sensor] does not say how {given} converts; "
+                f"give preload_{unit} or add the factor to [sensor]",
+                code="preload_unit",
+            )
+        return value * factor
+
+    def digest(self) -> str:
+        """Sha256 of the settings in canonical JSON, defaults included."""
+        text = json.dumps(
+            self.model_dump(mode="json"), sort_keys=True, separators=(",", ":")
+        )
+        return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,18 @@
+"""What all sections of `grasp.toml` have in common."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+# TOML tells numbers, strings and booleans apart, so "5" and true are no numbers here.
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+Sharpness = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1)]
+Probability = Annotated[float, Field(strict=True, gt=0, lt=1)]
+
+
+class Section(BaseModel):
+    """A table of the file: unknown keys are errors, values never change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

@@ -1,0 +1,86 @@
+"""Conversions between what a sensor reads and newtons, as far as they are known."""
+
+from collections.abc import Sequence
+
+from pydantic import Field, model_validator
+
+from pushfit.config.section import Positive, Section
+
+SINGULAR = {"count": "counts"}
+
+
+class SensorSection(Section):
+    """How sensor readings convert; absent: everything stays in the sensor's unit.
+
+    Factors chain: `kpa_per_count` and `n_per_kpa` together turn counts into newtons.
+    """
+
+    counts_per_n: Positive | None = Field(
+        default=None, description="counts for one newton", examples=[200.0]
+    )
+    n_per_count: Positive | None = Field(
+        default=None, description="newtons for one count", examples=[0.005]
+    )
+    kpa_per_n: Positive | None = Field(
+        default=None, description="kilopascals for one newton", examples=[7.3]
+    )
+    n_per_kpa: Positive | None = Field(
+        default=None, description="newtons for one kilopascal", examples=[0.137]
+    )
+    counts_per_kpa: Positive | None = Field(
+        default=None, description="counts for one kilopascal", examples=[27.4]
+    )
+    kpa_per_count: Positive | None = Field(
+        default=None, description="kilopascals for one count", examples=[0.0365]
+    )
+    au_per_n: Positive | None = Field(
+        default=None, description="arbitrary units for one newton", examples=[1.5]
+    )
+    n_per_au: Positive | None = Field(
+        default=None, description="newtons for one arbitrary unit", examples=[0.67]
+    )
+
+    @model_validator(mode="after")
+    def check_no_contradiction(self) -> "SensorSection":
+        """Refuse a factor that follows from the others, or contradicts them."""
+        given = self._factors()
+        for name, (source, target, _) in given.items():
+            others = [step for key, step in given.items() if key != name]
+            if _convert(others, source).get(target) is not None:
+                raise ValueError(f"{name} follows from the other factors; remove it")
+        return self
+
+    def factor(self, source: str, target: str) -> float | None:
+        """Number by which a value in one unit becomes a value in the other.
+
+        Args:
+            source: Unit of the value: n, kpa, counts or au.
+            target: Unit wanted.
+
+        Returns:
+            The factor; None where the file does not say.
+        """
+        return _convert(list(self._factors().values()), source).get(target)
+
+    def _factors(self) -> dict[str, tuple[str, str, float]]:
+        """Keys that are given, each as (from, to, factor)."""
+        given = {}
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            if value is not None:
+                target, source = (
+                    SINGULAR.get(unit, unit) for unit in name.split("_per_")
+                )
+                given[name] = (source, target, value)
+        return given
+
+
+def _convert(steps: Sequence[tuple[str, str, float]], source: str) -> dict[str, float]:
+    """Factors from one unit to every unit that the steps can reach."""
+    both_ways = [*steps, *((b, a, 1 / factor) for a, b, factor in steps)]
+    reached = {source: 1.0}
+    for _ in steps:
+        for start, end, factor in both_ways:
+            if start in reached and end not in reached:
+                reached[end] = reached[start] * factor
+    return reached

@@ -1,0 +1,218 @@
+"""`grasp.toml`: what is accepted, what is said of what is not, and the template."""
+
+import contextlib
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pushfit.config import GraspConfig, parse_config, read_config, template
+from pushfit.errors import ConfigError
+
+# The contract that other people's files rely on: every line stays valid.
+CONTRACT = """
+[push]
+length_mm = 5.0
+[grasp]
+mechanics = "linear"
+preload_n = 0.0
+support_span_mm = 40.0
+[sensor]
+counts_per_n = 200.0
+[reach]
+alpha_deg = [0, 150]
+[transition]
+sharpness = "hard"
+[parameters.L]
+fixed = 0.04
+[parameters.K_sn]
+lognormal = { median = 800.0, sd_log = 0.5 }
+"""
+
+
+def parse(text: str) -> GraspConfig:
+    return parse_config(text, path="grasp.toml")
+
+
+def test_the_published_contract_is_read():
+    config = parse(CONTRACT)
+    assert config.push.length_mm == 5.0
+    assert config.reach.alpha_deg == (0.0, 150.0)
+    assert config.parameters.L is not None
+    assert config.parameters.L.fixed == 0.04
+    assert config.parameters.K_sn is not None
+    assert config.parameters.K_sn.lognormal is not None
+    assert config.parameters.K_sn.lognormal.sd_log == 0.5
+
+
+def test_the_template_means_the_same_as_no_file():
+    assert parse(template()) == read_config(None)
+
+
+def test_the_template_names_every_key():
+    for name, section in GraspConfig.model_fields.items():
+        text = template().split(f"[{name}]\n")[1].split("\n[")[0]
+        keys = re.findall(r"^#?(\w+) = ", text, flags=re.MULTILINE)
+        assert keys == list(section.default.__class__.model_fields)
+
+
+def example_lines() -> list[tuple[str, str]]:
+    """Each inactive key of the template with its section."""
+    found, section = [], ""
+    for line in template().splitlines():
+        if line.startswith("["):
+            section = line
+        elif re.match(r"#\w+ = ", line):
+            found.append((section, line[1:]))
+    return found
+
+
+@pytest.mark.parametrize(("section", "line"), example_lines())
+def test_every_example_of_the_template_is_valid(section, line):
+    needed = '[grasp]\npreload_n = "estimate"\n' if line.startswith("F_0") else ""
+    assert parse(f"{needed}{section}\n{line}\n") != GraspConfig()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[push]\nlenght_mm = 5.0", "push.lenght_mm = 5.0: unknown key; did you mean"),
+        ("[pushh]", "pushh: unknown key; did you mean push?"),
+        ("[push]\nlength_mm = -5", "push.length_mm = -5: must be greater than 0"),
+        ('[push]\nlength_mm = "5"', 'push.length_mm = "5": must be a number'),
+        ("[push]\nlength_mm = nan", "push.length_mm = nan: must be a finite number"),
+        ("[push]\nlength_mm = true", "push.length_mm = true: must be a number"),
+        ("push = 3", "push = 3: must be a table"),
+        ("[parameters.Q]\nfixed = 1.0", "parameters.Q: unknown key; known here: K_sn"),
+        (
+            '[grasp]\npreload_n = "est"',
+            "grasp.preload_n = \"est\": must be a number or must be 'estimate'",
+        ),
+        (
+            "[grasp]\npreload_n = 1\npreload_kpa = 1",
+            "grasp: preload_n and preload_kpa are given; keep one",
+        ),
+        ("[parameters.K_sn]", "parameters.K_sn: give exactly one of"),
+        (
+            "[parameters.L]\nfixed = 1\nuniform = { low = 0, high = 1 }",
+            "parameters.L: give exactly one of fixed, normal, uniform, lognormal, not "
+            "fixed and uniform",
+        ),
+        ("[parameters.L]\nfixed = -1", "parameters.L: fixed = -1 must be above 0"),
+        ("[parameters.L]\nnormal = { mean = 1 }", "parameters.L.normal.sd: is missing"),
+        (
+            "[parameters.e1]\nlognormal = { median = 1, sd_log = 1 }",
+            "parameters.e1.lognormal: unknown key",
+        ),
+        (
+            "[parameters.L]\nuniform = { low = 2, high = 1 }",
+            "parameters.L.uniform: low = 2 must be below high = 1",
+        ),
+        ("[parameters.F_0]\nfixed = 1", "parameters.F_0 is a prior of an estimated"),
+        ("[transition]\nsharpness = 0.5", "sharpness = 0.5: must be 'hard' or must be"),
+        ("[reach]\nalpha_deg = [0]", "reach.alpha_deg = [0]: has too few values"),
+        ("[reach]\nalpha_deg = [9, 0]", "reach: give [low, high] with low < high"),
+        ('[grasp]\nmechanics = "tilting"', "give push.length_mm"),
+        (
+            "[sensor]\nn_per_kpa = 1\nkpa_per_count = 1\ncounts_per_n = 1",
+            "follows from the other factors; remove it",
+        ),
+        ("[push\n", "not valid TOML:"),
+        ("a = 1\na = 2\n", "line 2"),
+    ],
+)
+def test_every_refusal_names_file_key_value_and_rule(text, expected):
+    with pytest.raises(ConfigError) as caught:
+        parse(text)
+    assert str(caught.value).startswith("grasp.toml: ")
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_all_problems_of_a_file_are_reported_at_once():
+    with pytest.raises(ConfigError, match="and 1 more") as caught:
+        parse("[push]\nlength_mm = -1\n[report]\nprob = 90\n")
+    assert [p.column for p in caught.value.problems] == [
+        "push.length_mm",
+        "report.prob",
+    ]
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.toml: cannot be read: No such file"):
+        read_config(tmp_path / "none.toml")
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path):
+    (tmp_path / "grasp.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        read_config(tmp_path / "grasp.toml")
+
+
+def test_factors_chain_from_counts_to_newtons():
+    sensor = parse("[sensor]\nkpa_per_count = 0.5\nn_per_kpa = 0.25\n").sensor
+    assert sensor.factor("counts", "n") == 0.125
+    assert sensor.factor("n", "counts") == 8.0
+    assert sensor.factor("n", "n") == 1.0
+    assert sensor.factor("n", "au") is None
+
+
+def test_a_preload_is_converted_into_the_unit_of_the_heights():
+    config = parse("[grasp]\npreload_n = 2\n[sensor]\ncounts_per_n = 200\n")
+    assert config.preload_in("counts") == 400.0
+
+
+def test_a_preload_without_a_conversion_is_refused():
+    with pytest.raises(ConfigError, match="give preload_counts or add the factor"):
+        parse("[grasp]\npreload_n = 2\n").preload_in("counts")
+
+
+def test_no_preload_is_zero_in_every_unit():
+    assert GraspConfig().preload_in("au") == 0.0
+
+
+def test_an_estimated_preload_stays_a_word():
+    assert parse('[grasp]\npreload_kpa = "estimate"').preload_in("n") == "estimate"
+
+
+def test_a_length_is_known_only_if_it_is_given():
+    assert not GraspConfig().push.is_length_known
+    assert parse("[push]\nlength_mm = 5").push.is_length_known
+    assert not parse("[push]\nlength_mm = 5\nlength_known = false").push.is_length_known
+
+
+def test_the_digest_sees_values_and_not_their_order():
+    ab = parse("[push]\nlength_mm = 5\n[report]\nprob = 0.8\n")
+    ba = parse("[report]\nprob = 0.8\n[push]\nlength_mm = 5.0\n")
+    assert ab.digest() == ba.digest()
+    assert ab.digest() != GraspConfig().digest()
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_a_config_or_a_refusal(text):
+    with contextlib.suppress(ConfigError):
+        parse(text)
+
+
+TOML = st.recursive(
+    st.one_of(
+        st.integers(-5, 500), st.floats(), st.booleans(), st.sampled_from(["hard", "x"])
+    ),
+    lambda children: st.lists(children, max_size=2),
+    max_leaves=3,
+)
+
+
+@given(st.sampled_from(sorted(GraspConfig.model_fields)), st.data())
+def test_any_value_of_any_key_is_taken_or_refused(section, data):
+    model = GraspConfig.model_fields[section].default.__class__
+    key = data.draw(st.sampled_from(sorted(model.model_fields)))
+    value = data.draw(TOML)
+    text = (
+        str(value).replace("'", '"').replace("True", "true").replace("False", "false")
+    )
+    if text in {"hard", "x"}:
+        text = f'"{text}"'
+    with contextlib.suppress(ConfigError):
+        parse(f"[{section}]\n{key} = {text}\n")
