@@ -1,0 +1,56 @@
+"""The grasp and sensor of the model, from a configuration and the unit of the heights.
+
+Heights in a sensor's own unit need no calibration: gain is then 1 and every force,
+the preload included, is counted in that unit.
+"""
+
+import math
+
+from pushfit.config import GraspConfig
+from pushfit.model import Grasp
+
+# Stands in for a push length that is not known; no stiffness is quoted with it.
+NOMINAL_LENGTH_MM = 5.0
+
+
+def is_calibrated(config: GraspConfig, unit: str) -> bool:
+    """Whether stiffness comes out in N/m rather than sensor units per metre.
+
+    Args:
+        config: Configuration in force.
+        unit: Unit of the heights.
+
+    Returns:
+        True if heights convert to newtons.
+    """
+    return config.sensor.factor("n", unit) is not None
+
+
+def make_grasp(config: GraspConfig, unit: str) -> Grasp:
+    """Grasp of the model for heights in one unit.
+
+    Args:
+        config: Configuration in force.
+        unit: Unit of the heights.
+
+    Returns:
+        Grasp with the preload in newtons, or in the unit of uncalibrated heights; 0
+        where it is to be estimated.
+
+    Raises:
+        ConfigError: If the preload is given in a unit that cannot be converted.
+    """
+    gain = config.sensor.factor("n", unit)
+    gain = 1.0 if gain is None else gain
+    preload = config.preload_in(unit)
+    sharpness = config.transition.sharpness
+    span = config.grasp.support_span_mm
+    length = config.push.length_mm or NOMINAL_LENGTH_MM
+    return Grasp(
+        push_length=length * 1e-3,
+        preload=0.0 if preload == "estimate" else float(preload) / gain,
+        gain=gain,
+        sharpness=math.inf if sharpness == "hard" else float(sharpness),
+        support_span=None if span is None else span * 1e-3,
+        mechanics=config.grasp.mechanics,
+    )

@@ -1,0 +1,217 @@
+"""Least squares: every basin that the scan sees, polished by Levenberg-Marquardt.
+
+The solver is optimistix; what decides whether its answer may be used is here: finite
+residuals, the rank of the Jacobian, the best of all modes rather than the first.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Bool, Float
+from scipy import optimize
+
+from pushfit.directions import critical_angle
+from pushfit.errors import FitError
+from pushfit.fit.problem import Problem
+from pushfit.fit.results import FitResult, FitStatus, Mode
+from pushfit.fit.scan import starting_points
+from pushfit.fit.setup import Setup
+
+# Far below any standard error that real heights allow, and above rounding.
+RTOL = ATOL = 1e-10
+MAX_STEPS = 200
+# Modes closer than this in every coordinate are one mode found twice [log units].
+SAME_MODE = 1e-3
+# Modes worse than the best by more than this never matter to a 99.9 % set.
+KEPT_DELTA_CHI_SQUARE = 30.0
+# Below this ratio a singular value is rounding, not information.
+RANK_TOLERANCE = 1e-8
+
+
+def fit_least_squares(
+    setup: Setup, *, reference_alpha: float, throw: bool = True
+) -> FitResult:
+    """Best fit of the data coordinates, with every other mode beside it.
+
+        minimise Σ ((prediction - height) / sigma)²   over (ln A, ln B, ln C_rr, ...)
+
+    Args:
+        setup: Problem and its provenance; where its noise is sampled, sigma is set so
+            that the reduced chi-square is 1.
+        reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
+        throw: Raise instead of returning a result whose status is not OK.
+
+    Returns:
+        Fit with all modes.
+
+    Raises:
+        FitError: If no start has finite residuals and `throw` is set.
+    """
+    problem = weighted_problem(setup)
+    points, costs, is_done = polish(problem, starting_points(problem))
+    status = FitStatus.OK if is_done[0] else FitStatus.MAX_STEPS
+    if not np.isfinite(costs[0]):
+        status = FitStatus.NO_FINITE_START
+    if throw and status is not FitStatus.OK:
+        raise FitError(status.value, code=status.name.lower())
+    best = jnp.asarray(points[0])
+    mask = np.asarray(problem.mask)
+    jacobian = np.asarray(_jacobian(problem, best))[mask.ravel()]
+    singular_values = np.linalg.svd(jacobian, compute_uv=False)
+    channel_index, column = np.nonzero(mask)
+    predicted = np.asarray(problem.predict(problem.data_state(best)))
+    return FitResult(
+        names=problem.data_names,
+        estimate=points[0],
+        covariance=_covariance(jacobian, singular_values),
+        jacobian=jacobian,
+        singular_values=singular_values,
+        modes=_modes(problem, points, costs, reference_alpha),
+        chi_square=float(costs[0]),
+        n_data=int(mask.sum()),
+        n_free=len(problem.data_names),
+        sigma=np.asarray(problem.reference_sigma)[mask],
+        predicted=predicted[mask],
+        channel=tuple(problem.channels[i] for i in channel_index),
+        row=tuple(setup.rows[i] for i in column),
+        status=status,
+    )
+
+
+def polish(
+    problem: Problem, starts: Float[np.ndarray, "k q"]
+) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
+    """Local optima reached from each start, best first.
+
+    Args:
+        problem: Problem.
+        starts: Data coordinates.
+
+    Returns:
+        Points, sums of squared residuals, and whether the solver met its tolerance.
+    """
+    points, costs, is_done = (
+        np.asarray(a) for a in _polish(problem, jnp.asarray(starts))
+    )
+    costs = np.where(np.isfinite(costs), costs, np.inf)
+    order = np.argsort(costs, kind="stable")
+    return points[order], costs[order], is_done[order]
+
+
+def weighted_problem(setup: Setup) -> Problem:
+    """The problem with weights for least squares, sigma estimated where it is sampled.
+
+    Args:
+        setup: Problem and its provenance.
+
+    Returns:
+        The problem; unchanged where sigma was given or pooled. Otherwise each channel's
+        sigma solves Σ r² / (sd² + sigma²) = n - p at the best fit.
+    """
+    problem = setup.problem
+    if setup.noise.kind != "sampled" or not problem.data_names:
+        return problem
+    # Sigma and the fit depend on each other only through the relative weights of
+    # channels and rows; three rounds settle that far below sigma's own error.
+    for _ in range(3):
+        points, _, _ = polish(problem, starting_points(problem))
+        problem = _with_sigma(problem, jnp.asarray(points[0]))
+    return problem
+
+
+def _with_sigma(problem: Problem, y: Float[Array, " q"]) -> Problem:
+    """The problem with sigma of each channel estimated from the residuals at y."""
+    mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
+    errors = np.asarray(problem.predict(problem.data_state(y)) - problem.observed)
+    share = max(1.0 - len(problem.data_names) / mask.sum(), 1.0 / mask.sum())
+    sigma = np.array(problem.reference_sigma)
+    for c in range(len(problem.channels)):
+        r, s = errors[c, mask[c]], sd[c, mask[c]]
+        target = share * r.size
+        # Noise-free heights: keep weights finite at a sigma too small to matter.
+        floor = 1e-9 * np.max(np.abs(problem.observed[c]))
+        high = np.sqrt(np.sum(r**2) / target) + floor
+
+        def excess(extra: float, r=r, s=s, target=target) -> float:
+            return float(np.sum(r**2 / (s**2 + extra**2)) - target)
+
+        extra = high
+        if excess(high) < 0 < excess(floor):
+            extra = optimize.brentq(excess, floor, high)
+        elif excess(floor) <= 0:
+            extra = floor
+        sigma[c, mask[c]] = np.hypot(s, extra)
+    return eqx.tree_at(lambda p: p.reference_sigma, problem, jnp.asarray(sigma))
+
+
+@eqx.filter_jit
+def _polish(
+    problem: Problem, starts: Float[Array, "k q"]
+) -> tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]:
+    solver = optx.LevenbergMarquardt(rtol=RTOL, atol=ATOL)
+
+    def solve(
+        start: Float[Array, " q"],
+    ) -> tuple[Float[Array, " q"], Float[Array, ""], Bool[Array, ""]]:
+        solution = optx.least_squares(
+            lambda y, _: problem.data_residuals(y),
+            solver,
+            start,
+            options={"jac": "fwd"},
+            max_steps=MAX_STEPS,
+            throw=False,
+        )
+        cost = jnp.sum(problem.data_residuals(solution.value) ** 2)
+        is_done = solution.result == optx.RESULTS.successful
+        return solution.value, cost, is_done
+
+    return jax.vmap(solve)(starts)
+
+
+@eqx.filter_jit
+def _jacobian(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "m q"]:
+    return jax.jacfwd(problem.data_residuals)(y)
+
+
+def _covariance(
+    jacobian: Float[np.ndarray, "n p"], singular_values: Float[np.ndarray, " p"]
+) -> Float[np.ndarray, "p p"]:
+    """Inverse of JᵀJ, or NaN throughout: a pseudo-inverse would print small errors."""
+    p = jacobian.shape[1]
+    is_singular = (
+        jacobian.shape[0] < p
+        or not np.all(np.isfinite(jacobian))
+        or singular_values[-1] <= RANK_TOLERANCE * singular_values[0]
+    )
+    if is_singular:
+        return np.full((p, p), np.nan)
+    return np.linalg.inv(jacobian.T @ jacobian)
+
+
+def _modes(
+    problem: Problem,
+    points: Float[np.ndarray, "k q"],
+    costs: Float[np.ndarray, " k"],
+    reference_alpha: float,
+) -> tuple[Mode, ...]:
+    """Distinct optima that could matter, best first."""
+    modes, kept = [], []
+    for point, cost in zip(points, costs, strict=True):
+        if not cost <= costs[0] + KEPT_DELTA_CHI_SQUARE:
+            continue
+        if any(np.max(np.abs(point - other)) < SAME_MODE for other in kept):
+            continue
+        kept.append(point)
+        state = problem.data_state(jnp.asarray(point))
+        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+        angle = float(critical_angle(state.params, grasp, jnp.asarray(reference_alpha)))
+        modes.append(
+            Mode(
+                coordinates=dict(zip(problem.data_names, point.tolist(), strict=True)),
+                theta_c_deg=None if np.isnan(angle) else float(np.degrees(angle)),
+                chi_square=float(cost),
+            )
+        )
+    return tuple(modes)

@@ -1,0 +1,167 @@
+"""Priors of the parameters, on the scale on which they are sampled.
+
+A positive parameter is sampled in its log, so `log_prob` here is the density of the
+log: a normal prior on K_sn carries the factor K_sn of that change of variable. The
+ellipse numbers e1 and e2 have any sign and are sampled as they are.
+"""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.stats import norm
+from jaxtyping import Array, Float
+from scipy import stats
+
+from pushfit.config import GraspConfig, PositivePrior
+from pushfit.model import Scalar, as_float
+
+POSITIVE = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0")
+UNITS = {
+    "K_sn": "N/m",
+    "K_dn": "N/m",
+    "K_st": "N/m",
+    "C_rr": "1",
+    "C_d": "N·m/rad",
+    "L": "m",
+    "e1": "1",
+    "e2": "1",
+    "F_0": "N",
+}
+
+
+class Prior(eqx.Module):
+    """Distribution of one parameter.
+
+    Args:
+        kind: "normal", "lognormal" or "uniform", all restricted to positive values
+            for a positive parameter.
+        first: Mean, median or lower bound [unit of the parameter].
+        second: Standard deviation, standard deviation of the log, or upper bound.
+        is_positive: Whether the parameter is sampled in its log.
+    """
+
+    kind: str = eqx.field(static=True)
+    first: Scalar = eqx.field(converter=as_float)
+    second: Scalar = eqx.field(converter=as_float)
+    is_positive: bool = eqx.field(static=True, default=True)
+
+    def log_prob(self, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
+        """Normalised log density of u, the log of a positive parameter or its value.
+
+        Args:
+            u: Where to evaluate [ln unit, or unit for e1 and e2].
+
+        Returns:
+            Log density; -inf outside the bounds of a uniform prior.
+        """
+        if self.kind == "lognormal":
+            return norm.logpdf(u, jnp.log(self.first), self.second)
+        value = jnp.exp(u) if self.is_positive else u
+        # dK = K d(ln K)
+        log_slope = u if self.is_positive else jnp.zeros_like(u)
+        if self.kind == "uniform":
+            is_inside = (value >= self.first) & (value <= self.second)
+            density = -jnp.log(self.second - self.first) + log_slope
+            return jnp.where(is_inside, density, -jnp.inf)
+        density = norm.logpdf(value, self.first, self.second) + log_slope
+        if self.is_positive:
+            density = density - norm.logcdf(self.first / self.second)
+        return density
+
+    def sample(self, rng: np.random.Generator, n: int) -> Float[np.ndarray, " n"]:
+        """Independent draws of u.
+
+        Args:
+            rng: Source of randomness.
+            n: Number of draws.
+
+        Returns:
+            Draws of the log of a positive parameter, or of the value of e1 or e2.
+        """
+        first, second = float(self.first), float(self.second)
+        if self.kind == "lognormal":
+            return rng.normal(np.log(first), second, n)
+        if self.kind == "uniform":
+            value = rng.uniform(first, second, n)
+        else:
+            low = -first / second if self.is_positive else -np.inf
+            value = stats.truncnorm.rvs(
+                low, np.inf, loc=first, scale=second, size=n, random_state=rng
+            )
+        return np.log(value) if self.is_positive else np.asarray(value)
+
+    def describe(self) -> str:
+        """The prior in words, for reports."""
+        first, second = float(self.first), float(self.second)
+        if self.kind == "lognormal":
+            return f"lognormal, median {first:g}, sd_log {second:g}"
+        if self.kind == "uniform":
+            return f"uniform from {first:g} to {second:g}"
+        return f"normal, mean {first:g}, sd {second:g}"
+
+
+def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:
+    """Priors used where `grasp.toml` names none: wide, for fingers and hand-held boxes.
+
+    The medians of the stiffnesses are those of a compliant finger (K_sn 800, K_dn 2000,
+    K_st 400 N/m, C_d 0.5 N·m/rad, L 40 mm) and put θ_c near the middle of its range. A
+    standard deviation of 0.8 in the log spans a factor 14 between the 5 % and 95 %
+    points; L spans a factor 2.7 (24 to 66 mm).
+
+    Args:
+        stiffness_scale: Normal series stiffness that the tallest height suggests, for
+            heights in sensor units, where no stiffness in N/m can be guessed
+            [sensor units per m]; None for heights in newtons.
+
+    Returns:
+        One prior per parameter.
+    """
+    series = 800 * 2000 / 2800
+    scale = 1.0 if stiffness_scale is None else stiffness_scale / series
+    # A scale read off the data itself is only good to a factor of a few.
+    spread = 0.8 if stiffness_scale is None else 1.2
+    return {
+        "K_sn": Prior("lognormal", 800.0 * scale, spread),
+        "K_dn": Prior("lognormal", 2000.0 * scale, spread),
+        "K_st": Prior("lognormal", 400.0 * scale, spread),
+        "C_rr": Prior("lognormal", 0.3, 0.8),
+        "C_d": Prior("lognormal", 0.5 * scale, spread),
+        "L": Prior("lognormal", 0.04, 0.3),
+        "e1": Prior("normal", 0.0, 1.0, is_positive=False),
+        "e2": Prior("normal", 0.0, 1.0, is_positive=False),
+    }
+
+
+def priors_from_config(
+    config: GraspConfig, defaults: Mapping[str, Prior]
+) -> tuple[dict[str, Prior], dict[str, float]]:
+    """Priors and fixed values in force.
+
+    Args:
+        config: Configuration with a `parameters` table.
+        defaults: Priors of the parameters that it does not name.
+
+    Returns:
+        Priors of the free parameters and values of the fixed ones.
+    """
+    priors = dict(defaults)
+    fixed = {}
+    for name, choice in config.parameters:
+        if choice is None:
+            continue
+        is_positive = name in POSITIVE
+        if choice.fixed is not None:
+            fixed[name] = float(choice.fixed)
+            priors.pop(name, None)
+        elif isinstance(choice, PositivePrior) and choice.lognormal is not None:
+            median, sd_log = choice.lognormal.median, choice.lognormal.sd_log
+            priors[name] = Prior("lognormal", median, sd_log)
+        elif choice.normal is not None:
+            mean, sd = choice.normal.mean, choice.normal.sd
+            priors[name] = Prior("normal", mean, sd, is_positive)
+        elif choice.uniform is not None:
+            low, high = choice.uniform.low, choice.uniform.high
+            priors[name] = Prior("uniform", low, high, is_positive)
+    return priors, fixed
