@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+import tomllib
 
 import pytest
 from hypothesis import given
@@ -71,7 +72,9 @@ def example_lines() -> list[tuple[str, str]]:
 @pytest.mark.parametrize(("section", "line"), example_lines())
 def test_every_example_of_the_template_is_valid(section, line):
     needed = '[grasp]\npreload_n = "estimate"\n' if line.startswith("F_0") else ""
-    assert parse(f"{needed}{section}\n{line}\n") != GraspConfig()
+    text = f"{needed}{section}\n{line}\n"
+    assert tomllib.loads(text)
+    parse(text)
 
 
 @pytest.mark.parametrize(
@@ -96,20 +99,21 @@ def test_every_example_of_the_template_is_valid(section, line):
         ("[parameters.K_sn]", "parameters.K_sn: give exactly one of"),
         (
             "[parameters.L]\nfixed = 1\nuniform = { low = 0, high = 1 }",
-            "parameters.L: give exactly one of fixed, normal, uniform, lognormal, not "
+            "parameters.L: give exactly one of fixed, normal, lognormal, uniform, not "
             "fixed and uniform",
         ),
         ("[parameters.L]\nfixed = -1", "parameters.L: fixed = -1 must be above 0"),
         ("[parameters.L]\nnormal = { mean = 1 }", "parameters.L.normal.sd: is missing"),
         (
             "[parameters.e1]\nlognormal = { median = 1, sd_log = 1 }",
-            "parameters.e1.lognormal: unknown key",
+            "parameters.e1: lognormal is for positive numbers; use normal",
         ),
         (
             "[parameters.L]\nuniform = { low = 2, high = 1 }",
             "parameters.L.uniform: low = 2 must be below high = 1",
         ),
         ("[parameters.F_0]\nfixed = 1", "parameters.F_0 is a prior of an estimated"),
+        ("[push]\nlength_known = true", "length_known = true needs length_mm"),
         ("[transition]\nsharpness = 0.5", "sharpness = 0.5: must be 'hard' or must be"),
         ("[reach]\nalpha_deg = [0]", "reach.alpha_deg = [0]: has too few values"),
         ("[reach]\nalpha_deg = [9, 0]", "reach: give [low, high] with low < high"),
@@ -177,9 +181,9 @@ def test_an_estimated_preload_stays_a_word():
 
 
 def test_a_length_is_known_only_if_it_is_given():
-    assert not GraspConfig().push.is_length_known
-    assert parse("[push]\nlength_mm = 5").push.is_length_known
-    assert not parse("[push]\nlength_mm = 5\nlength_known = false").push.is_length_known
+    assert not GraspConfig().push.length_known
+    assert parse("[push]\nlength_mm = 5").push.length_known
+    assert not parse("[push]\nlength_mm = 5\nlength_known = false").push.length_known
 
 
 def test_the_digest_sees_values_and_not_their_order():
@@ -216,3 +220,8 @@ def test_any_value_of_any_key_is_taken_or_refused(section, data):
         text = f'"{text}"'
     with contextlib.suppress(ConfigError):
         parse(f"[{section}]\n{key} = {text}\n")
+
+
+def test_only_the_parameters_that_a_file_names_are_listed():
+    config = parse("[parameters]\nL.fixed = 0.04\ne1.fixed = 0.0\n")
+    assert [name for name, _ in config.parameters.items()] == ["L", "e1"]

@@ -1,14 +1,13 @@
 """Settings of an analysis: what `grasp.toml` may say."""
 
 from pushfit.config.file import parse_config, read_config, template
-from pushfit.config.parameters import Lognormal, Normal, PositivePrior, Prior, Uniform
+from pushfit.config.parameters import Lognormal, Normal, Prior, Uniform
 from pushfit.config.schema import GraspConfig
 
 __all__ = [
     "GraspConfig",
     "Lognormal",
     "Normal",
-    "PositivePrior",
     "Prior",
     "Uniform",
     "parse_config",

@@ -17,8 +17,8 @@ from pushfit.config.section import Section
 from pushfit.errors import ConfigError, Problem
 
 HEADER = """\
-# What is known about the grasp and the sensor. Every key has a default except
-# push.length_mm; a key behind a '#' is an example and has no effect.
+# What is known about the grasp and the sensor. Keys that take effect show their
+# defaults; a key behind a '#' is an example and has no effect.
 """
 
 CODES = {"extra_forbidden": "unknown_key", "missing": "missing_key"}
@@ -84,8 +84,7 @@ def template() -> str:
     """Text of a commented `grasp.toml` that means the same as no file at all.
 
     Returns:
-        TOML: active keys carry the defaults; keys without one stand behind a '#' with
-        an example.
+        TOML: keys carry their defaults, or stand behind a '#' with an example.
     """
     lines = [HEADER]
     for name, section in GraspConfig.model_fields.items():
@@ -93,9 +92,8 @@ def template() -> str:
         lines += [*_comment(model.__doc__ or ""), f"[{name}]"]
         for key, field in model.model_fields.items():
             lines += _comment(field.description or "")
-            has_default = field.default not in (None, {})
-            value = field.default if has_default else (field.examples or [None])[0]
-            lines.append(f"{'' if has_default else '#'}{key} = {_as_toml(value)}")
+            value = field.examples[0] if field.examples else field.default
+            lines.append(f"{'#' if field.examples else ''}{key} = {_as_toml(value)}")
         lines.append("")
     return "\n".join(lines)
 

@@ -1,5 +1,7 @@
 """Priors as `[parameters.NAME]` states them, in SI or sensor units per metre."""
 
+from collections.abc import Iterator
+
 from pydantic import Field, model_validator
 
 from pushfit.config.section import Number, Positive, Section
@@ -34,10 +36,11 @@ class Uniform(Section):
 
 
 class Prior(Section):
-    """What is known of a number of any sign: one of a value or a distribution."""
+    """What is known of a number: exactly one of a value or a distribution."""
 
     fixed: Number | None = None
     normal: Normal | None = None
+    lognormal: Lognormal | None = None
     uniform: Uniform | None = None
 
     @model_validator(mode="after")
@@ -52,9 +55,7 @@ class Prior(Section):
 
 
 class PositivePrior(Prior):
-    """What is known of a positive number: one of a value or a distribution."""
-
-    lognormal: Lognormal | None = None
+    """What is known of a positive number."""
 
     @model_validator(mode="after")
     def check_sign(self) -> "PositivePrior":
@@ -65,6 +66,17 @@ class PositivePrior(Prior):
             raise ValueError(f"mean = {self.normal.mean:g} must be above 0")
         if self.uniform is not None and self.uniform.low < 0:
             raise ValueError(f"low = {self.uniform.low:g} must not be below 0")
+        return self
+
+
+class SignedPrior(Prior):
+    """What is known of a number of any sign."""
+
+    @model_validator(mode="after")
+    def check_kind(self) -> "SignedPrior":
+        """Refuse the distribution that knows only positive numbers."""
+        if self.lognormal is not None:
+            raise ValueError("lognormal is for positive numbers; use normal or uniform")
         return self
 
 
@@ -106,12 +118,12 @@ class ParametersSection(Section):
         description="distance between the push contact and the support contact [m]",
         examples=[{"fixed": 0.04}],
     )
-    e1: Prior | None = Field(
+    e1: SignedPrior | None = Field(
         default=None,
         description="log ratio of the support's tangential axes, part along x [-]",
         examples=[{"normal": {"mean": 0.0, "sd": 0.5}}],
     )
-    e2: Prior | None = Field(
+    e2: SignedPrior | None = Field(
         default=None,
         description="log ratio of the support's tangential axes, part at 45 deg [-]",
         examples=[{"fixed": 0.0}],
@@ -121,3 +133,10 @@ class ParametersSection(Section):
         description="preload [N], where it is estimated",
         examples=[{"lognormal": {"median": 2.0, "sd_log": 0.5}}],
     )
+
+    def items(self) -> Iterator[tuple[str, Prior]]:
+        """Name and prior of every parameter that the file mentions."""
+        for name in type(self).model_fields:
+            prior = getattr(self, name)
+            if prior is not None:
+                yield name, prior

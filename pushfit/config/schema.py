@@ -30,20 +30,33 @@ Preload = NotNegative | Estimate | None
 class PushSection(Section):
     """How far the finger pushes."""
 
-    length_mm: Positive | None = Field(
-        default=None,
-        description="length of the push vector; without it stiffness is not quoted",
+    length_mm: Positive = Field(
+        default=5.0,
+        description="length of the push vector; absent: unknown, and stiffness is "
+        "not quoted",
         examples=[5.0],
     )
     length_known: bool = Field(
-        default=True,
-        description="false: the length is nominal, heights compare directions only",
+        default=False,
+        description="false beside a length: it is nominal, and heights compare "
+        "directions only",
+        examples=[False],
     )
 
-    @property
-    def is_length_known(self) -> bool:
-        """Whether stiffnesses may be quoted."""
-        return self.length_known and self.length_mm is not None
+    @model_validator(mode="before")
+    @classmethod
+    def know_a_given_length(cls, content: object) -> object:
+        """Take a length for known unless the file says otherwise."""
+        if isinstance(content, dict):
+            return {"length_known": "length_mm" in content} | content
+        return content
+
+    @model_validator(mode="after")
+    def check_known_is_given(self) -> "PushSection":
+        """Refuse to call a length known that is only the default."""
+        if self.length_known and "length_mm" not in self.model_fields_set:
+            raise ValueError("length_known = true needs length_mm")
+        return self
 
 
 class GraspSection(Section):
@@ -214,16 +227,21 @@ class GraspConfig(Section):
     @model_validator(mode="after")
     def check_sections_agree(self) -> "GraspConfig":
         """Refuse sections that need each other and do not fit."""
-        if self.grasp.mechanics == "tilting" and not self.push.is_length_known:
+        if self.grasp.mechanics == "tilting" and not self.push.length_known:
             raise ValueError(
                 'mechanics = "tilting" depends on the push length; give push.length_mm'
             )
-        if self.parameters.F_0 is not None and self.grasp.preload[0] != "estimate":
+        if self.parameters.F_0 is not None and not self.preload_is_estimated:
             raise ValueError(
                 "parameters.F_0 is a prior of an estimated preload; "
                 'set grasp.preload_n = "estimate" or remove it'
             )
         return self
+
+    @property
+    def preload_is_estimated(self) -> bool:
+        """Whether the preload is a parameter of the fit."""
+        return self.grasp.preload[0] == "estimate"
 
     def preload_in(self, unit: str) -> float | Estimate:
         """Preload in the unit of the heights.
