@@ -1,0 +1,185 @@
+"""Figures for judging a fit and a chain: residuals, traces, autocorrelation."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from pushfit.report.figures.style import (
+    ALARM,
+    BLACK,
+    DASHES,
+    DATA,
+    MARKERS,
+    PAGE,
+    SERIES,
+    channel_label,
+    drawable,
+    math_symbol,
+    new_figure,
+    place_legend,
+    styled,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Residuals that are shown as an alarm; the same limit as in the goodness of fit.
+OUTLIER_SIGMA = 5.0
+MAX_TRACES = 24
+
+
+def _draw_residuals(
+    axes: "Axes",
+    x: Float[np.ndarray, " n"],
+    residuals: Float[np.ndarray, " n"],
+    channels: Sequence[str],
+) -> None:
+    """Residuals in sigmas with the ±2 sigma stripe and outliers marked."""
+    axes.axhspan(-2, 2, color=BLACK, alpha=0.06, lw=0)
+    axes.axhline(0, color=BLACK, lw=0.8)
+    for index, channel in enumerate(dict.fromkeys(channels)):
+        mine = np.array([name == channel for name in channels])
+        axes.plot(
+            x[mine],
+            residuals[mine],
+            MARKERS[index],
+            color=SERIES[index],
+            mfc="white",
+            ms=4,
+            label=drawable(channel.replace("_", " ")),
+        )
+    far = np.abs(residuals) > OUTLIER_SIGMA
+    axes.plot(x[far], residuals[far], "o", color=ALARM, ms=8, mfc="none", mew=1.2)
+
+
+@styled
+def residual_figure(
+    residuals: Float[np.ndarray, " n"],
+    predicted: Float[np.ndarray, " n"],
+    *,
+    theta_deg: Float[np.ndarray, " n"],
+    alpha_deg: Float[np.ndarray, " n"],
+    row: Int[np.ndarray, " n"],
+    channels: Sequence[str],
+    unit: str,
+) -> "Figure":
+    """Residuals in units of sigma against direction, height and the normal law.
+
+    Args:
+        residuals: (observation - prediction)/sigma.
+        predicted: Predicted heights.
+        theta_deg: Elevation of each residual [deg].
+        alpha_deg: Azimuth of each residual [deg].
+        row: Row of the table of each residual, the order in time.
+        channels: Channel of each residual.
+        unit: Unit of the heights.
+    """
+    from scipy.special import ndtri
+
+    figure = new_figure(width=PAGE, height=4.6)
+    panels = figure.subplots(2, 2)
+    directions = (
+        ("push elevation θ [°]", theta_deg),
+        ("push azimuth α [°]", alpha_deg),
+    )
+    columns = [(label, x) for label, x in directions if np.ptp(x) > 0]
+    columns += [
+        (channel_label("height", unit).replace("peak", "predicted"), predicted),
+        ("row of the table", row),
+    ]
+    for axes, (label, x) in zip(panels.flat[:3], columns, strict=False):
+        _draw_residuals(axes, x, residuals, channels)
+        axes.set_xlabel(label)
+    if len(set(channels)) > 1:
+        place_legend(panels[0, 0], loc="best")
+    n = residuals.size
+    # Blom's plotting positions: expected normal order statistics to about 1 %.
+    expected = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))
+    last = panels[1, 1]
+    last.plot(expected, expected, color=BLACK, lw=0.8)
+    last.plot(expected, np.sort(residuals), "o", color=DATA, ms=3, mfc="white")
+    last.set_xlabel("normal quantile [σ]")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("residual [σ]")
+    return figure
+
+
+def autocorrelation(chain: Float[np.ndarray, "e t w"]) -> Float[np.ndarray, " t"]:
+    """Normalised autocorrelation of one coordinate, averaged over walkers.
+
+    Args:
+        chain: Kept states by ensemble, step and walker.
+    """
+    from emcee.autocorr import function_1d
+
+    walkers = np.moveaxis(chain, 1, -1).reshape(-1, chain.shape[1])
+    moving = [walker for walker in walkers if np.ptp(walker) > 0]
+    if not moving:
+        return np.ones(chain.shape[1])
+    return np.mean([function_1d(walker) for walker in moving], axis=0)
+
+
+@styled
+def trace_figure(
+    chain: Float[np.ndarray, "e t w p"],
+    names: Sequence[str],
+    *,
+    thin: int,
+    autocorr_time: Mapping[str, float],
+) -> "Figure":
+    """Walkers against step, and how fast they forget, for each coordinate.
+
+    Args:
+        chain: Kept states.
+        names: Coordinates, the last axis of the chain.
+        thin: Steps between kept states.
+        autocorr_time: Integrated autocorrelation time by name [steps].
+    """
+    n_ensembles, n_kept, n_walkers, n_names = chain.shape
+    figure = new_figure(width=PAGE, height=0.7 + 1.05 * n_names)
+    panels = figure.subplots(n_names, 2, width_ratios=(3, 1), squeeze=False)
+    steps = thin * np.arange(n_kept)
+    shown = max(1, -(-n_walkers * n_ensembles // MAX_TRACES))
+    for index, name in enumerate(names):
+        trace, lag = panels[index]
+        for ensemble in range(n_ensembles):
+            trace.plot(
+                steps,
+                chain[ensemble, :, ::shown, index],
+                color=SERIES[ensemble % len(SERIES)],
+                ls=DASHES[0],
+                lw=0.4,
+                alpha=0.6,
+                rasterized=True,
+            )
+        trace.set_ylabel(math_symbol(name), parse_math=True)
+        rho = autocorrelation(chain[..., index])
+        tau = autocorr_time.get(name, np.nan)
+        last = int(np.clip(5 * tau / thin, 20, n_kept)) if np.isfinite(tau) else n_kept
+        lag.plot(steps[:last], rho[:last], color=DATA)
+        lag.axhline(0, color=BLACK, lw=0.6)
+        words = f"τ = {tau:.0f} steps" if np.isfinite(tau) else "τ unknown"
+        lag.annotate(
+            words,
+            (0.97, 0.92),
+            xycoords="axes fraction",
+            ha="right",
+            va="top",
+            fontsize=8,
+        )
+        lag.set_ylim(-0.25, 1.05)
+        for axes in (trace, lag):
+            axes.tick_params(labelbottom=index == n_names - 1)
+    # Every lag axis has its own range, so each keeps its numbers.
+    for lag in panels[:, 1]:
+        lag.tick_params(labelbottom=True, labelsize=7)
+    panels[-1, 0].set_xlabel("step")
+    panels[-1, 1].set_xlabel("lag [steps]")
+    panels[0, 0].set_title(
+        f"{n_ensembles} ensembles of {n_walkers} walkers", fontsize=9
+    )
+    panels[0, 1].set_title("autocorrelation", fontsize=9)
+    return figure

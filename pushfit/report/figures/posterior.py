@@ -1,0 +1,340 @@
+"""What the posterior says against what the prior said, and against the likelihood alone.
+
+Priors are always drawn behind, in grey: where blue repeats grey, the data added nothing.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.report.figures.style import (
+    ALARM,
+    BLACK,
+    COLUMN,
+    DATA,
+    PALE,
+    PRIOR,
+    drawable,
+    math_symbol,
+    new_figure,
+    place_legend,
+    styled,
+)
+from pushfit.report.figures.sweeps import Marker, Pieces
+from pushfit.report.strings import unit_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+N_BINS = 90
+# More draws change no pixel of a corner plot and cost a second each.
+MAX_DRAWS = 20_000
+# Largest Δχ² shown: 3.3 sigma, beyond every usual level.
+MAX_DELTA = 11.0
+
+
+def shade(axes: "Axes", pieces: Pieces, colour: str) -> None:
+    """Shade a set along x, open ends up to the border.
+
+    Args:
+        axes: Axes whose limits are set.
+        pieces: The set; None for an open end.
+        colour: Of the shade.
+    """
+    low, high = axes.get_xlim()
+    for start, end in pieces:
+        left = low if start is None else start
+        right = high if end is None else end
+        axes.axvspan(left, right, color=colour, alpha=0.15, lw=0, zorder=0)
+    axes.set_xlim(low, high)
+
+
+def draw_profile(
+    axes: "Axes",
+    values: Float[np.ndarray, " g"],
+    delta_chi_square: Float[np.ndarray, " g"],
+    *,
+    pieces: Pieces,
+    level: float,
+    prob: float,
+) -> None:
+    """Draw a likelihood profile with its level and set.
+
+    Args:
+        axes: Where to.
+        values: Grid of the quantity.
+        delta_chi_square: Profile on it.
+        pieces: Likelihood set.
+        level: Δχ² of the set.
+        prob: Its probability.
+    """
+    axes.plot(values, delta_chi_square, color=DATA)
+    axes.axhline(level, color=BLACK, lw=0.8, ls="--")
+    axes.annotate(
+        f"{100 * prob:g} %",
+        (1, level),
+        xycoords=("axes fraction", "data"),
+        xytext=(-2, 2),
+        textcoords="offset points",
+        ha="right",
+        fontsize=8,
+    )
+    axes.set_ylim(0, MAX_DELTA)
+    axes.set_xlim(float(values[0]), float(values[-1]))
+    axes.set_ylabel("Δχ² of the profile")
+    shade(axes, pieces, DATA)
+
+
+def draw_posterior(
+    axes: "Axes",
+    samples: Float[np.ndarray, " n"],
+    prior: Float[np.ndarray, " m"],
+    *,
+    marker: Marker,
+    limits: tuple[float, float],
+) -> None:
+    """Draw the density of draws over that of the prior, the set and the estimates.
+
+    Args:
+        axes: Where to.
+        samples: Posterior draws; NaN where the quantity does not exist.
+        prior: Prior draws.
+        marker: Estimates and credible set.
+        limits: Range of the quantity.
+    """
+    bins = np.linspace(*limits, N_BINS + 1)
+    for draws, colour, label, filled in (
+        (prior, PRIOR, "prior", True),
+        (samples, DATA, "posterior", False),
+    ):
+        finite = draws[np.isfinite(draws)]
+        if finite.size:
+            # Weighted by all draws: what is outside or does not exist lowers the curve.
+            weight = np.full(finite.size, 1 / (draws.size * (bins[1] - bins[0])))
+            style = {"histtype": "stepfilled" if filled else "step"}
+            axes.hist(
+                finite,
+                bins,
+                weights=weight,
+                color=PALE if filled else colour,
+                lw=1.6,
+                label=label,
+                **style,
+            )
+    axes.set_xlim(*limits)
+    axes.set_yticks([])
+    axes.set_ylabel("density")
+    shade(axes, marker.pieces, DATA)
+    for value in marker.estimates:
+        axes.axvline(value, color=BLACK, lw=1.1, ls=(0, (4, 2)))
+    place_legend(axes, loc="best")
+
+
+@styled
+def quantity_figure(
+    profile: tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]] | None,
+    samples: Float[np.ndarray, " n"],
+    prior: Float[np.ndarray, " m"],
+    *,
+    marker: Marker,
+    likelihood_pieces: Pieces,
+    level: float,
+    prob: float,
+    unit: str = "deg",
+    modes: Sequence[float] = (),
+) -> "Figure":
+    """Profile likelihood above, posterior over prior below, all modes marked.
+
+    Args:
+        profile: Grid and Δχ² on it; None leaves the upper panel out.
+        samples: Posterior draws.
+        prior: Prior draws.
+        marker: Name, estimates and credible set.
+        likelihood_pieces: Set of the profile.
+        level: Δχ² of the likelihood set.
+        prob: Probability of both sets.
+        unit: Unit of the quantity.
+        modes: Values at the local optima of the likelihood.
+    """
+    limits = _limits(profile, samples)
+    n_rows = 2 if profile is not None else 1
+    figure = new_figure(width=1.5 * COLUMN, height=0.8 + 1.5 * n_rows)
+    panels = np.atleast_1d(figure.subplots(n_rows, 1, sharex=True))
+    draw_posterior(panels[-1], samples, prior, marker=marker, limits=limits)
+    if profile is not None:
+        draw_profile(
+            panels[0], *profile, pieces=likelihood_pieces, level=level, prob=prob
+        )
+        panels[0].set_xlim(*limits)
+        inside = [mode for mode in modes if limits[0] <= mode <= limits[1]]
+        panels[0].plot(
+            inside, np.full(len(inside), 0.35), "v", color=ALARM, ms=6, label="optimum"
+        )
+        place_legend(panels[0], loc="best")
+    label = unit_label(unit)
+    panels[-1].set_xlabel(
+        f"{math_symbol(marker.name)} [{drawable(label)}]" if label else marker.name,
+        parse_math=True,
+    )
+    panels[0].set_title(
+        f"{math_symbol(marker.name)}  {drawable(marker.text)}",
+        fontweight="normal",
+        fontsize=9,
+        parse_math=True,
+    )
+    return figure
+
+
+def _limits(
+    profile: tuple[np.ndarray, np.ndarray] | None, samples: np.ndarray
+) -> tuple[float, float]:
+    """Range to show: the grid of the profile, else the draws."""
+    if profile is not None:
+        return float(profile[0][0]), float(profile[0][-1])
+    finite = samples[np.isfinite(samples)]
+    if finite.size == 0:
+        return 0.0, 1.0
+    low, high = np.quantile(finite, [0.001, 0.999])
+    margin = max(0.05 * (high - low), 1e-3 * abs(high), 1e-12)
+    return float(low - margin), float(high + margin)
+
+
+@styled
+def corner_figure(
+    samples: Mapping[str, Float[np.ndarray, " n"]],
+    prior: Mapping[str, Float[np.ndarray, " m"]],
+    *,
+    units: Mapping[str, str],
+) -> "Figure":
+    """Posterior draws in pairs, the prior behind in grey.
+
+    Positive quantities that the prior leaves open over more than a factor of ten are on
+    a logarithmic axis.
+
+    Args:
+        samples: Posterior draws by name, none of them constant.
+        prior: Prior draws, same names.
+        units: Unit by name.
+    """
+    import corner
+    from matplotlib.lines import Line2D
+
+    names = list(samples)
+    limits = {name: _corner_range(samples[name], prior[name]) for name in names}
+    scales = ["log" if _is_wide(*limits[name]) else "linear" for name in names]
+    size = max(3.2, 1.45 * len(names) + 0.6)
+    # corner places its panels itself and refuses a layout engine.
+    figure = new_figure(width=size, height=size, layout=None)
+    for draws, colour, order in ((prior, PRIOR, 1), (samples, DATA, 2)):
+        table = np.column_stack([draws[name] for name in names])
+        table = table[np.isfinite(table).all(axis=1)][:MAX_DRAWS]
+        corner.corner(
+            table,
+            fig=figure,
+            bins=30,
+            range=[limits[name] for name in names],
+            axes_scale=scales,
+            color=colour,
+            levels=(0.5, 0.9),
+            plot_datapoints=False,
+            plot_density=False,
+            no_fill_contours=True,
+            smooth=1.0,
+            smooth1d=1.0,
+            weights=np.full(len(table), 1 / len(table)),
+            hist_kwargs={"zorder": order},
+            contour_kwargs={"linewidths": 1.2 if colour == DATA else 0.8},
+            max_n_ticks=3,
+        )
+    _label_corner(figure, names, units)
+    margin = 0.75 / size
+    figure.subplots_adjust(left=margin, bottom=margin, right=0.98, top=0.98)
+    figure.legend(
+        [Line2D([], [], color=DATA), Line2D([], [], color=PRIOR)],
+        ["posterior, 50 % and 90 %", "prior"],
+        loc="upper right",
+        fontsize=9,
+    )
+    return figure
+
+
+def _corner_range(
+    samples: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
+) -> tuple[float, float]:
+    """Range that holds the posterior and the bulk of the prior."""
+    low, high = np.nanquantile(samples, [0.002, 0.998])
+    prior_low, prior_high = np.nanquantile(prior, [0.05, 0.95])
+    low, high = min(low, prior_low), max(high, prior_high)
+    margin = 0.03 * (high - low) + 1e-12 * max(abs(high), 1.0)
+    return float(low if low > 0 else low - margin), float(high + margin)
+
+
+def _is_wide(low: float, high: float) -> bool:
+    """Whether a range calls for a logarithmic axis."""
+    return low > 0 and high / low > 10
+
+
+def _label_corner(
+    figure: "Figure", names: Sequence[str], units: Mapping[str, str]
+) -> None:
+    """Names with units along the left and lower border, ticks in plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    n = len(names)
+    grid = np.array(figure.axes).reshape(n, n)
+    for axes in figure.axes:
+        axes.grid(visible=False)
+        axes.tick_params(labelsize=7)
+        for axis in (axes.xaxis, axes.yaxis):
+            if axis.get_scale() == "log":
+                axis.set_minor_formatter(NullFormatter())
+                axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+    for index, name in enumerate(names):
+        unit = drawable(unit_label(units.get(name, "")))
+        label = math_symbol(name) + (f" [{unit}]" if unit else "")
+        outer = [(grid[-1, index].xaxis, (0.5, -0.36))]
+        outer += [(grid[index, 0].yaxis, (-0.36, 0.5))] if index else []
+        for axis, place in outer:
+            axis.set_label_text(label, parse_math=True)
+            axis.set_label_coords(*place)
+            # The default formatter writes powers of ten as mathematics.
+            if axis.get_scale() == "log":
+                axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
+@styled
+def learned_figure(
+    names: Sequence[str],
+    contraction: Float[np.ndarray, " p"],
+    *,
+    verdicts: Sequence[str],
+) -> "Figure":
+    """How much of each parameter came from the data and how much was assumed.
+
+    Args:
+        names: Of the parameters.
+        contraction: 1 - var_posterior / var_prior; NaN where there is no such number.
+        verdicts: "learned", "partly", "assumed" or "fixed" for each.
+    """
+    figure = new_figure(width=1.5 * COLUMN, height=0.9 + 0.28 * len(names))
+    axes = figure.subplots()
+    rows = np.arange(len(names))[::-1]
+    axes.barh(rows, np.ones(len(names)), color=PALE, height=0.6, label="assumed")
+    share = np.clip(np.nan_to_num(contraction), 0, 1)
+    axes.barh(rows, share, color=DATA, height=0.6, label="learned")
+    for row, verdict, value in zip(rows, verdicts, contraction, strict=True):
+        number = f" ({100 * max(value, 0.0):.0f} %)" if np.isfinite(value) else ""
+        axes.text(
+            1.02, row, f"{verdict.replace('_', ' ')}{number}", va="center", fontsize=8
+        )
+    axes.set_yticks(rows, [math_symbol(name) for name in names], parse_math=True)
+    axes.set_xlim(0, 1)
+    axes.set_xlabel("share of the prior variance that the data removed")
+    axes.grid(visible=False)
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    return figure

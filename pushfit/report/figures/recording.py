@@ -1,0 +1,265 @@
+"""A recording with its pushes: the paper's Figures 9 and 11, and the check of peaks.
+
+Every number that peak extraction took from the signal is drawn where it was taken, so
+that a reader can disagree with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from pushfit.report.figures.style import (
+    ALARM,
+    BLACK,
+    DATA,
+    GREY,
+    PAGE,
+    axis_label,
+    drawable,
+    new_figure,
+    styled,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# What one row shows legibly, and what fits a page.
+PUSHES_PER_ROW = 30
+MAX_ROWS = 6
+# Two per pixel of a page at 300 dpi; a longer signal is drawn as its envelope.
+MAX_POINTS = 4000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PushMarks:
+    """Where and how each push was measured; NaN is unknown.
+
+    Args:
+        push: Number of the push.
+        theta_deg: Elevation [deg].
+        alpha_deg: Azimuth [deg].
+        t_start: First sample of the push [s].
+        t_end: Last sample of the push [s].
+        t_peak: Where the height was taken [s].
+        baseline: Level before the push [unit of the signal].
+        height: Height above it [unit of the signal].
+        flags: Words of doubt for each push; empty for none.
+    """
+
+    push: Int[np.ndarray, " p"]
+    theta_deg: Float[np.ndarray, " p"]
+    alpha_deg: Float[np.ndarray, " p"]
+    t_start: Float[np.ndarray, " p"]
+    t_end: Float[np.ndarray, " p"]
+    t_peak: Float[np.ndarray, " p"]
+    baseline: Float[np.ndarray, " p"]
+    height: Float[np.ndarray, " p"]
+    flags: tuple[str, ...]
+
+
+def envelope(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Signal thinned for drawing, with the extremes of every stretch kept.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+
+    Returns:
+        Times and samples, at most `MAX_POINTS`, unchanged if there are few.
+    """
+    if time.size <= MAX_POINTS:
+        return time, signal
+    stretches = np.array_split(np.arange(time.size), MAX_POINTS // 2)
+    filled = np.nan_to_num(signal, nan=0.0)
+    keep = [
+        extreme
+        for stretch in stretches
+        for extreme in sorted(
+            {
+                int(stretch[np.argmin(filled[stretch])]),
+                int(stretch[np.argmax(filled[stretch])]),
+            }
+        )
+    ]
+    return time[keep], signal[keep]
+
+
+def direction_labels(
+    theta_deg: Float[np.ndarray, " p"], alpha_deg: Float[np.ndarray, " p"]
+) -> list[str]:
+    """Shortest label of each direction: an angle that never changes is left out.
+
+    Args:
+        theta_deg: Elevations [deg].
+        alpha_deg: Azimuths [deg].
+    """
+    vary_theta = np.unique(theta_deg).size > 1
+    vary_alpha = np.unique(alpha_deg).size > 1
+    labels = []
+    for theta, alpha in zip(theta_deg, alpha_deg, strict=True):
+        parts = [f"{theta:g}°"] if vary_theta or not vary_alpha else []
+        parts += [f"{alpha:g}°"] if vary_alpha else []
+        labels.append(" / ".join(parts))
+    return labels
+
+
+def label_words(
+    theta_deg: Float[np.ndarray, " p"], alpha_deg: Float[np.ndarray, " p"]
+) -> str:
+    """What the labels of `direction_labels` mean, for the title.
+
+    Args:
+        theta_deg: Elevations [deg].
+        alpha_deg: Azimuths [deg].
+    """
+    if theta_deg.size == 0:
+        return ""
+    vary_theta = np.unique(theta_deg).size > 1
+    vary_alpha = np.unique(alpha_deg).size > 1
+    if vary_theta and vary_alpha:
+        return "labels: θ / α"
+    if vary_alpha:
+        return f"labels: α at θ = {theta_deg[0]:g}°"
+    return f"labels: θ at α = {alpha_deg[0]:g}°"
+
+
+def draw_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
+    """Draw baseline, height and doubt of some pushes.
+
+    Args:
+        axes: Axes with time in seconds along x.
+        marks: All pushes.
+        rows: Which to draw.
+    """
+    for row in rows:
+        is_doubtful = bool(marks.flags[row])
+        colour = ALARM if is_doubtful else GREY
+        start, end, peak = marks.t_start[row], marks.t_end[row], marks.t_peak[row]
+        if np.isfinite(start) and np.isfinite(end):
+            axes.axvspan(start, end, color=colour, alpha=0.12, lw=0, zorder=0)
+        base, height = marks.baseline[row], marks.height[row]
+        if not np.isfinite(base):
+            continue
+        ends = (start, end) if np.isfinite(start) and np.isfinite(end) else (peak, peak)
+        axes.plot(ends, (base, base), color=BLACK, lw=0.9, zorder=3)
+        if np.isfinite(peak) and np.isfinite(height):
+            axes.plot(
+                (peak, peak), (base, base + height), color=colour, lw=0.9, zorder=3
+            )
+            axes.plot(
+                peak,
+                base + height,
+                "x" if is_doubtful else "_",
+                color=colour,
+                ms=6,
+                zorder=4,
+            )
+
+
+def label_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
+    """Write directions above the pushes, once for consecutive repeats, and the doubts.
+
+    Args:
+        axes: Axes with time in seconds along x.
+        marks: All pushes.
+        rows: Which to label, in the order of time.
+    """
+    labels = direction_labels(marks.theta_deg, marks.alpha_deg)
+    groups: list[list[int]] = []
+    for row in rows:
+        if groups and labels[groups[-1][-1]] == labels[row]:
+            groups[-1].append(row)
+        else:
+            groups.append([row])
+    rotation = 90 if len(groups) > 14 else 0
+    for group in groups:
+        centre = float(np.nanmean(marks.t_peak[group])) if len(group) else np.nan
+        if np.isfinite(centre):
+            axes.annotate(
+                labels[group[0]],
+                (centre, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(0, 2),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                fontsize=7,
+                rotation=rotation,
+            )
+    for row in rows:
+        if marks.flags[row] and np.isfinite(marks.t_peak[row]):
+            axes.annotate(
+                drawable(marks.flags[row].replace(";", ", ")),
+                (marks.t_peak[row], 0.98),
+                xycoords=("data", "axes fraction"),
+                ha="right",
+                va="top",
+                fontsize=6.5,
+                color=ALARM,
+                rotation=90,
+                bbox={"fc": "white", "ec": "none", "alpha": 0.75, "pad": 0.6},
+            )
+
+
+@styled
+def recording_figure(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    marks: PushMarks,
+    *,
+    unit: str,
+    channel: str,
+) -> "Figure":
+    """Signal with every push, its baseline, its height and the doubtful places.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples; gaps are NaN.
+        marks: The pushes, in the order of time.
+        unit: Unit of the signal.
+        channel: Name of the signal.
+    """
+    n_pushes = marks.push.size
+    n_rows = int(np.clip(-(-n_pushes // PUSHES_PER_ROW), 1, MAX_ROWS))
+    figure = new_figure(width=PAGE, height=0.6 + 1.9 * n_rows)
+    panels = np.atleast_1d(figure.subplots(n_rows, 1, sharey=True))
+    order = np.argsort(np.nan_to_num(marks.t_peak, nan=np.inf), kind="stable")
+    chunks = np.array_split(order, n_rows)
+    edges = _row_edges(time, [marks.t_peak[chunk] for chunk in chunks])
+    for axes, chunk, (start, end) in zip(panels, chunks, edges, strict=True):
+        inside = (time >= start) & (time <= end)
+        axes.plot(*envelope(time[inside], signal[inside]), color=DATA, lw=0.8, zorder=2)
+        rows = [int(row) for row in chunk]
+        draw_pushes(axes, marks, rows)
+        label_pushes(axes, marks, rows)
+        axes.set_ylabel(axis_label(channel, unit))
+        axes.margins(x=0.01, y=0.08)
+        axes.grid(visible=False, axis="x")
+    panels[-1].set_xlabel("time [s]")
+    words = label_words(marks.theta_deg, marks.alpha_deg)
+    doubtful = sum(bool(flag) for flag in marks.flags)
+    doubt = f", {doubtful} doubtful" if doubtful else ""
+    figure.suptitle(
+        f"{n_pushes} pushes{doubt}; {words}".rstrip("; "),
+        x=0.01,
+        ha="left",
+        fontsize=9,
+    )
+    return figure
+
+
+def _row_edges(
+    time: Float[np.ndarray, " n"], peaks: Sequence[Float[np.ndarray, " _"]]
+) -> list[tuple[float, float]]:
+    """Stretch of time for each row, cut halfway between its pushes and the next."""
+    cuts = [float(time[0])]
+    for before, after in zip(peaks, peaks[1:], strict=False):
+        cuts.append(float((np.nanmax(before) + np.nanmin(after)) / 2))
+    cuts.append(float(time[-1]))
+    return list(zip(cuts, cuts[1:], strict=False))

@@ -1,0 +1,175 @@
+"""How figures look: one palette, one set of rules, no pyplot state.
+
+Colours are those of Okabe and Ito, told apart by readers with any colour vision and, by
+lightness, in grey print. Text is never parsed as mathematics unless a figure asks for
+it, so a `$` in a column name cannot stop a report.
+"""
+
+import functools
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+from pushfit.report.strings import SYMBOLS, printable, unit_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+BLUE, VERMILLION, GREEN = "#0072B2", "#D55E00", "#009E73"
+ORANGE, PURPLE, SKY, BLACK = "#E69F00", "#CC79A7", "#56B4E9", "#1A1A1A"
+GREY, PALE = "#6E6E6E", "#D9D9D9"
+# Neighbours differ in hue and in lightness.
+SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+DASHES = ("-", "--", "-.", ":")
+
+# What data say, what priors say, and what asks for attention, in every figure.
+DATA, PRIOR, ALARM = BLUE, GREY, VERMILLION
+
+STYLE = {
+    "axes.grid": True,
+    "axes.labelcolor": BLACK,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "figure.dpi": 100,
+    "figure.facecolor": "white",
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "grid.color": "#E6E6E6",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+    "mathtext.fontset": "dejavusans",
+    "savefig.dpi": 200,
+    "svg.fonttype": "path",
+    # Element names from the content: the same figure is the same file.
+    "svg.hashsalt": "pushfit",
+    "text.parse_math": False,
+}
+
+# Full width of a page and of one column of a two-column page [inch].
+PAGE, COLUMN = 7.2, 3.5
+
+
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
+    """Decorator: run a drawing function under the style of this module.
+
+    Args:
+        draw: Function that makes or saves a figure.
+    """
+
+    @functools.wraps(draw)
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
+        import matplotlib
+
+        with matplotlib.rc_context():
+            matplotlib.rcParams.update(STYLE)
+            return draw(*args, **kwargs)
+
+    return wrapper
+
+
+def new_figure(
+    *, width: float, height: float, layout: str | None = "constrained"
+) -> "Figure":
+    """Empty figure that belongs to no window.
+
+    Args:
+        width: [inch].
+        height: [inch].
+        layout: Layout engine of matplotlib.
+    """
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout=layout)
+
+
+@functools.cache
+def _font_characters() -> frozenset[int]:
+    """Code points that the font of the figures can draw."""
+    from matplotlib.font_manager import findfont, get_font
+
+    return frozenset(get_font(findfont(STYLE["font.family"])).get_charmap())
+
+
+def drawable(text: str) -> str:
+    """Text of a user, safe to draw: characters the font lacks become "?".
+
+    Args:
+        text: For example the name of a column.
+    """
+    known = _font_characters()
+    return "".join(char if ord(char) in known else "?" for char in printable(text))
+
+
+def math_symbol(name: str) -> str:
+    """Letter of a quantity as mathtext; needs `parse_math=True` where it is drawn.
+
+    Args:
+        name: Stable name, perhaps of its logarithm; an unknown one is drawn as it is.
+    """
+    if name.startswith("ln "):
+        return f"ln {math_symbol(name.removeprefix('ln '))}"
+    if name in SYMBOLS:
+        return SYMBOLS[name][1]
+    return drawable(name).replace("$", r"\$").replace("_", " ")
+
+
+def axis_label(name: str, unit: str) -> str:
+    """Label with its unit in brackets, "height [kPa]".
+
+    Args:
+        name: Words for the quantity.
+        unit: As in a table; a pure number gets no bracket.
+    """
+    label = drawable(unit_label(unit))
+    return f"{drawable(name)} [{label}]" if label else drawable(name)
+
+
+def channel_label(channel: str, unit: str) -> str:
+    """Axis label of a height channel, "normal height [N]".
+
+    Args:
+        channel: "height", "height_normal" or "height_tangential".
+        unit: Unit of the table.
+    """
+    kind = channel.removeprefix("height").strip("_")
+    return axis_label(f"{kind} height".strip() if kind else "peak height", unit)
+
+
+def place_legend(axes: "Axes", **options: object) -> None:
+    """Legend, if anything has a label.
+
+    Args:
+        axes: Where to.
+        **options: Passed on to matplotlib.
+    """
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(**options)  # pyright: ignore[reportArgumentType]
+
+
+# No date: a figure of the same numbers is the same file.
+METADATA: Mapping[str, Mapping[str, str | None]] = {
+    "svg": {"Date": None, "Creator": None},
+    "png": {"Software": None},
+}
+
+
+@styled
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Write a figure; the suffix decides the format.
+
+    Args:
+        figure: Any figure of this package.
+        path: For example `theta.png` or `theta.svg`.
+    """
+    suffix = path.suffix.removeprefix(".")
+    figure.savefig(path, format=suffix, metadata=dict(METADATA.get(suffix, {})))

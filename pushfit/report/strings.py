@@ -1,0 +1,190 @@
+"""Words and numbers as a reader sees them: units, symbols, significant digits.
+
+Text that came from a user (paths, notes, column names) passes through `printable` before
+it reaches a terminal, a page or a figure. Nothing here knows what a result is.
+"""
+
+import math
+import unicodedata
+
+# Units of the tables and of `Quantity.unit` on the left, as printed on the right.
+UNITS = {
+    "deg": "°",
+    "n": "N",
+    "kpa": "kPa",
+    "counts": "counts",
+    "au": "a.u.",
+    "n/m": "N/m",
+    "kpa/m": "kPa/m",
+    "counts/m": "counts/m",
+    "au/m": "a.u./m",
+}
+NO_UNIT = frozenset({"", "-", "–", "1"})
+
+# Letters for prose and, as mathtext, for figures.
+SYMBOLS = {
+    "theta_c": ("θ_c", r"$\theta_c$"),
+    "alpha_star": ("α*", r"$\alpha^*$"),
+    "K_sn": ("K_sn", r"$K_{sn}$"),
+    "K_dn": ("K_dn", r"$K_{dn}$"),
+    "K_st": ("K_st", r"$K_{st}$"),
+    "C_rr": ("C_rr", r"$C_{rr}$"),
+    "C_d": ("C_d", r"$C_d$"),
+    "L": ("L", r"$L$"),
+    "A": ("A", r"$A$"),
+    "B": ("B", r"$B$"),
+    "F_0": ("F_0", r"$F_0$"),
+    "e1": ("e1", r"$e_1$"),
+    "e2": ("e2", r"$e_2$"),
+    "f1": ("f1", r"$f_1$"),
+    "f2": ("f2", r"$f_2$"),
+}
+
+# Control, format (bidirectional overrides among them), surrogate and private characters
+# can rewrite a terminal line or break an encoder.
+UNSAFE_CATEGORIES = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})
+
+
+def printable(text: str) -> str:
+    r"""Text in which nothing can move the cursor, change colour or hide itself.
+
+    Args:
+        text: Anything, for example a file name.
+
+    Returns:
+        The text with every control or format character as its escape, on one line.
+
+    Examples:
+        >>> printable("a\x1b[31mb")
+        'a\\x1b[31mb'
+    """
+    return "".join(
+        ascii(char)[1:-1] if unicodedata.category(char) in UNSAFE_CATEGORIES else char
+        for char in text
+    )
+
+
+def unit_label(unit: str) -> str:
+    """Unit as printed; empty for a pure number.
+
+    Args:
+        unit: As in a table or a `Quantity`.
+
+    Returns:
+        For example "kPa/m" for "kpa/m"; an unknown unit as it is.
+    """
+    return "" if unit in NO_UNIT else UNITS.get(unit.lower(), printable(unit))
+
+
+def symbol(name: str) -> str:
+    """Letter of a quantity in prose, the name itself if it has none.
+
+    Args:
+        name: Stable name of the quantity.
+    """
+    return SYMBOLS[name][0] if name in SYMBOLS else printable(name)
+
+
+def decimals_for(spread: float) -> int:
+    """Decimals that keep two significant digits of an uncertainty.
+
+    Args:
+        spread: Width of an interval, or a standard error, in the unit of the number.
+
+    Returns:
+        Digits after the point; negative where even units are uncertain.
+
+    Raises:
+        ValueError: If the spread is not a positive finite number.
+    """
+    if not (math.isfinite(spread) and spread > 0):
+        raise ValueError(f"spread = {spread} must be positive and finite")
+    # The spread is rounded first, so that 0.996 counts as 1.0 and not as 0.99.
+    return 1 - math.floor(math.log10(float(f"{spread:.1e}")))
+
+
+def format_number(value: float | None, *, spread: float | None = None) -> str:
+    """Number with the digits that its uncertainty justifies.
+
+    Args:
+        value: The number.
+        spread: Its uncertainty in the same unit; three digits if there is none.
+
+    Returns:
+        Plain decimals, powers of ten beyond six places, "unknown" for None and NaN.
+
+    Examples:
+        >>> format_number(40.1234, spread=4.5)
+        '40.1'
+        >>> format_number(52341.0, spread=3000.0)
+        '52300'
+    """
+    if value is None or math.isnan(value):
+        return "unknown"
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    if spread is None or not (math.isfinite(spread) and spread > 0):
+        spread = max(abs(value), 1e-300) / 10
+    decimals = decimals_for(spread)
+    rounded = round(value, decimals) + 0.0  # + 0.0: never "-0"
+    size = abs(rounded)
+    if size != 0 and not 1e-4 <= size < 1e7:
+        # Digits before the point of the mantissa plus those that the spread allows.
+        digits = max(0, math.floor(math.log10(size)) + decimals)
+        return f"{rounded:.{digits}e}"
+    return f"{rounded:.{max(decimals, 0)}f}"
+
+
+def with_unit(number: str, unit: str) -> str:
+    """Number and unit, "40°" without and "3 N" with a space.
+
+    Args:
+        number: Formatted number.
+        unit: As in a table or a `Quantity`.
+    """
+    label = unit_label(unit)
+    if not label:
+        return number
+    return f"{number}{label}" if label == "°" else f"{number} {label}"
+
+
+def format_range(lower: float | None, upper: float | None, unit: str) -> str:
+    """Interval or half-open set in words: "38° to 42°", "above 61°", "below 20°".
+
+    Args:
+        lower: Lower end; None if open.
+        upper: Upper end; None if open.
+        unit: Unit of both.
+    """
+    if lower is None and upper is None:
+        return "anything"
+    if upper is None:
+        return f"above {with_unit(format_bound(lower, unit), unit)}"
+    if lower is None:
+        return f"below {with_unit(format_bound(upper, unit), unit)}"
+    spread = upper - lower
+    low, high = (format_number(end, spread=spread) for end in (lower, upper))
+    if unit_label(unit) == "°":
+        return f"{low}° to {high}°"
+    return with_unit(f"{low} to {high}", unit)
+
+
+def format_bound(value: float | None, unit: str) -> str:
+    """One-sided bound: whole degrees, otherwise three digits.
+
+    Args:
+        value: The bound.
+        unit: Its unit.
+    """
+    return format_number(value, spread=10.0 if unit_label(unit) == "°" else None)
+
+
+def join_or(items: list[str]) -> str:
+    """Alternatives in a sentence: "a", "a or b", "a, b or c".
+
+    Args:
+        items: At least one alternative.
+    """
+    if len(items) == 1:
+        return items[0]
+    return f"{', '.join(items[:-1])} or {items[-1]}"
