@@ -16,11 +16,12 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from pushfit.atomic import atomic_path
+from pushfit.data.columns import Origin
 from pushfit.data.recording import Source
+from pushfit.data.rows import read_rows
 from pushfit.data.table_rules import (
     CHANNELS,
     EXCLUDING_FLAGS,
-    Origin,
     canonical_frame,
 )
 from pushfit.errors import ConfigError, DataError
@@ -226,20 +227,10 @@ def read_table(path: str | Path) -> PeakTable:
         ConfigError: Parquet is asked for and its library is not installed.
     """
     file = Path(path)
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise DataError(
-            f"{path}: cannot be read: {error.strerror}; check the name",
-            code="file_unreadable",
-        ) from error
-    digest = hashlib.sha256(content).hexdigest()
     if file.suffix.lower() in _PARQUET:
-        return _read_parquet(file, digest)
-    raw = pd.read_csv(file, dtype=str, keep_default_na=False)
-    source = Source(path=str(path), sha256=digest, dialect="peak table, csv")
-    origin = Origin(path=str(path), lines=np.arange(2, len(raw) + 2))
-    return PeakTable.from_frame(raw, origin=origin, sources=(source,))
+        return _read_parquet(file)
+    rows = read_rows(path, kind="peak table")
+    return PeakTable.from_frame(rows.frame, origin=rows.origin, sources=(rows.source,))
 
 
 def write_table(table: PeakTable, path: str | Path) -> None:
@@ -269,15 +260,16 @@ def write_table(table: PeakTable, path: str | Path) -> None:
             raise _no_parquet(path) from error
 
 
-def _read_parquet(path: Path, digest: str) -> PeakTable:
+def _read_parquet(path: Path) -> PeakTable:
     """Read a table with the sources and notes it was written with."""
     try:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
         frame = pd.read_parquet(path, engine="pyarrow")
     except ImportError as error:
         raise _no_parquet(path) from error
     except (OSError, ValueError) as error:
         raise DataError(
-            f"{path}: not a Parquet file: {error}; write it again or give the CSV",
+            f"{path}: cannot be read as Parquet: {error}; write it again or give the CSV",
             code="not_parquet",
         ) from error
     kept = json.loads(frame.attrs.pop("pushfit", "{}"))

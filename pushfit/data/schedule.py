@@ -1,0 +1,96 @@
+"""The plan of an exploration: which pushes were asked for, in which order.
+
+Excluded: finding the pushes in a recording (`pushfit.data.peaks`) and pairing them with
+the plan (`pushfit.data.alignment`).
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+
+from pushfit.data.column_rules import check_columns
+from pushfit.data.columns import Layout, Origin, read_columns
+from pushfit.data.recording import Source
+from pushfit.data.rows import read_rows
+
+LAYOUT = Layout(times=("time",))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PushSchedule:
+    """Planned pushes in the order of their execution.
+
+    Args:
+        theta: Elevation of every push [rad].
+        alpha: Azimuth of every push [rad].
+        repeat: Repeat number of every push in its direction, from 1.
+        push: Number of every push.
+        time: When every push was planned, from any origin; None where unknown [s].
+        source: File behind the plan.
+    """
+
+    theta: Float[np.ndarray, " n"]
+    alpha: Float[np.ndarray, " n"]
+    repeat: Int[np.ndarray, " n"]
+    push: Int[np.ndarray, " n"]
+    time: Float[np.ndarray, " n"] | None = None
+    source: Source | None = None
+
+    @property
+    def n_pushes(self) -> int:
+        """Number of planned pushes."""
+        return len(self.push)
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: pd.DataFrame,
+        *,
+        origin: Origin | None = None,
+        source: Source | None = None,
+    ) -> "PushSchedule":
+        """Check and convert a frame whose columns state their units.
+
+        Args:
+            frame: `theta_deg`, `alpha_deg`, and where known `push`, `repeat`, `time_s`.
+            origin: Where the rows come from, for messages.
+            source: File behind the rows.
+
+        Returns:
+            The schedule, its rows in the order given.
+
+        Raises:
+            DataError: A column or a cell breaks a rule.
+        """
+        origin = origin or Origin()
+        columns = read_columns(frame, LAYOUT, origin)
+        check_columns(columns, {}, origin)
+        rows = columns.frame
+        return cls(
+            theta=np.radians(rows["theta_deg"].to_numpy(dtype=float)),
+            alpha=np.radians(rows["alpha_deg"].to_numpy(dtype=float)),
+            repeat=rows["repeat"].to_numpy(dtype=int),
+            push=rows["push"].to_numpy(dtype=int),
+            time=rows["time_s"].to_numpy(dtype=float) if "time_s" in rows else None,
+            source=source,
+        )
+
+
+def read_schedule(path: str | Path) -> PushSchedule:
+    """Read a schedule from CSV.
+
+    Args:
+        path: File with columns `theta_deg`, `alpha_deg` and, where they are not simply
+            counted, `push` and `repeat`; `time_s` if the pushes were timed.
+
+    Returns:
+        The schedule.
+
+    Raises:
+        DataError: The file cannot be read or breaks a rule.
+    """
+    rows = read_rows(path, kind="schedule")
+    return PushSchedule.from_frame(rows.frame, origin=rows.origin, source=rows.source)
