@@ -1,0 +1,44 @@
+# Needs Python 3.11 or later, pip and make; everything else goes into .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# The exact versions that this release was tested with.
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+DEMO := demo_result
+
+.PHONY: demo test test-slow lint bench docs clean
+
+demo: .stamps/run                ## The example grasp, from recordings to theta_c and alpha*
+	$(BIN)/pushfit demo --out $(DEMO) --force
+
+test: lint                       ## Everything that gates a change; about five minutes
+	$(BIN)/pytest -q -n 2 --dist loadfile -m "not slow"
+
+test-slow: .stamps/test          ## Statistical calibration and other long tests
+	$(BIN)/pytest -q -n 2 --dist loadfile -m slow
+
+lint: .stamps/test
+	$(BIN)/ruff check --quiet
+	$(BIN)/ruff format --check --quiet
+	$(BIN)/pyright --warnings
+
+bench: .stamps/bench             ## Speed against lmfit and SciPy
+	$(BIN)/pytest -q -p no:xdist --doctest-modules benchmarks
+
+docs: .stamps/docs               ## The documentation as web pages, in site/
+	$(BIN)/mkdocs build --strict --quiet
+
+clean:
+	rm -rf .stamps $(DEMO) site dist build .pytest_cache .ruff_cache .hypothesis
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+.stamps/run: $(BIN)/python pyproject.toml constraints.txt
+	$(INSTALL) -e .
+	mkdir -p .stamps && touch $@
+
+.stamps/%: $(BIN)/python pyproject.toml constraints.txt
+	$(INSTALL) -e '.[$*]'
+	mkdir -p .stamps && touch $@

@@ -1,0 +1,64 @@
+"""The application: every command, and the way in."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+import pushfit
+from pushfit.cli import doctor, init
+from pushfit.cli.session import command
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    # Plain help and usage errors: readable in logs, and rich stays unloaded.
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+def _print_version(wanted: bool) -> None:
+    """Answer --version."""
+    if wanted:
+        print(f"pushfit {pushfit.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def pushfit_command(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Show it and exit.",
+        ),
+    ] = False,
+) -> None:
+    """From recordings of slight pushes to contact parameters, theta_c and alpha*.
+
+    Exit codes: 0 ok, 1 a bug, 2 usage or config, 3 input rejected, 4 a result not to
+    be trusted, 130 interrupted.
+    """
+
+
+command(app)(init.init)
+command(app)(doctor.doctor)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        arguments: Words after `pushfit`; None takes them from the process.
+
+    Returns:
+        Exit code.
+    """
+    try:
+        app(args=arguments, prog_name="pushfit")
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+    return 0

@@ -1,0 +1,50 @@
+"""Arguments and options that several commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Recordings = Annotated[
+    list[Path],
+    typer.Argument(metavar="RECORDING...", help="Recordings, one for each sweep."),
+]
+RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording.")]
+TableFile = Annotated[
+    Path, typer.Argument(metavar="TABLE", help="Peak heights, as `peaks` writes them.")
+]
+Schedules = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--schedule",
+        "-s",
+        metavar="S.csv",
+        help="Directions of the pushes in their order; once for each recording.",
+    ),
+]
+ScheduleFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--schedule", "-s", metavar="S.csv", help="Directions of the pushes, in order."
+    ),
+]
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        "-c",
+        metavar="grasp.toml",
+        help="What is known of grasp and sensor; `pushfit init` writes one.",
+    ),
+]
+OutFolder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder for result and figures."),
+]
+OutFile = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="File instead of stdout."),
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all randomness.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.")]

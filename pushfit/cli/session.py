@@ -1,0 +1,200 @@
+"""What all commands share: messages, exit codes, and the options that steer them.
+
+Data go to standard output and nothing else does; messages go to standard error, with
+colour only on a terminal. An error is one line, a traceback only under --debug.
+"""
+
+import functools
+import inspect
+import json
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated
+
+import typer
+
+from pushfit.errors import PushfitError
+
+BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE, TERMINATED = 1, 2, 130, 141, 143
+ERROR_SCHEMA = "pushfit.error/1"
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only errors on stderr.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Say what is done.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Session:
+    """One run of one command.
+
+    Args:
+        is_quiet: Whether only errors are shown.
+        is_verbose: Whether steps are shown.
+        is_debug: Whether an error shows its traceback.
+        is_json: Whether standard output is one JSON document.
+    """
+
+    is_quiet: bool
+    is_verbose: bool
+    is_debug: bool
+    is_json: bool
+
+    def say(self, text: str, *, style: str = "") -> None:
+        """Show a message, unless the user wants quiet.
+
+        Args:
+            text: What to say.
+            style: Colour and weight on a terminal, as rich names them.
+        """
+        if not self.is_quiet:
+            _print_message(text, style)
+
+    def say_more(self, text: str) -> None:
+        """Show a message that only --verbose asks for.
+
+        Args:
+            text: What to say.
+        """
+        if self.is_verbose:
+            self.say(text, style="dim")
+
+    def print_json(self, document: Mapping[str, object]) -> None:
+        """Write the one document of --json to standard output.
+
+        Args:
+            document: Content, without NaN or infinities.
+        """
+        print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
+
+    @contextmanager
+    def progress(self, title: str) -> Iterator[Callable[[int, int], None]]:
+        """Show a bar while work is done, on a terminal only.
+
+        Args:
+            title: What is being done.
+
+        Yields:
+            Function to call with the number of steps done and their total.
+        """
+        if self.is_quiet or not sys.stderr.isatty():
+            yield lambda done, total: None
+            return
+        from rich.console import Console
+        from rich.progress import Progress
+
+        with Progress(console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(title, total=None)
+            yield lambda done, total: bar.update(task, completed=done, total=total)
+
+    def run(self, work: Callable[[], int | None]) -> int:
+        """Do the work of a command and turn what goes wrong into an exit code.
+
+        Args:
+            work: The command with its arguments.
+
+        Returns:
+            Exit code.
+        """
+        signal.signal(signal.SIGTERM, _terminate)
+        level = logging.INFO if self.is_verbose else logging.ERROR
+        logging.basicConfig(level=logging.DEBUG if self.is_debug else level)
+        try:
+            return work() or 0
+        except PushfitError as error:
+            self._report(str(error), error)
+            return error.exit_code
+        except KeyboardInterrupt:
+            _print_message("interrupted; nothing was written", "yellow")
+            return INTERRUPTED
+        except BrokenPipeError:  # the reader, for example `head`, has seen enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return CLOSED_PIPE
+        except OSError as error:
+            self._report(f"{error.filename or 'output'}: {error.strerror}", error)
+            return CANNOT_WRITE
+        except Exception as error:  # the border: every other failure is ours
+            name = type(error).__name__
+            self._report(f"this is a bug ({name}: {error}); --debug says more", error)
+            return BUG
+
+    def _report(self, message: str, error: Exception) -> None:
+        """One line on standard error, and a document where one was promised."""
+        if self.is_debug:
+            raise error
+        _print_message(f"error: {message}", "bold red")
+        if self.is_json:
+            problems = getattr(error, "problems", ())
+            self.print_json(
+                {
+                    "schema": ERROR_SCHEMA,
+                    "status": getattr(error, "code", "bug"),
+                    "message": message,
+                    "problems": [problem.message for problem in problems],
+                }
+            )
+
+
+def command(
+    app: typer.Typer, name: str | None = None
+) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
+    """Register a function as a command that also takes --quiet, --verbose and --debug.
+
+    Args:
+        app: Application to extend.
+        name: Name of the command, if not that of the function.
+
+    Returns:
+        Decorator. The function gets a `Session` first and may return an exit code.
+    """
+
+    def register(function: Callable[..., int | None]) -> Callable[..., int | None]:
+        _, *own = inspect.signature(function).parameters.values()
+
+        @functools.wraps(function)
+        def start(
+            *, quiet: bool, verbose: bool, debug: bool, **arguments: object
+        ) -> None:
+            session = Session(
+                is_quiet=quiet,
+                is_verbose=verbose,
+                is_debug=debug,
+                is_json=bool(arguments.get("json")),
+            )
+            work = functools.partial(function, session, **arguments)
+            raise typer.Exit(session.run(work))
+
+        shared = {"quiet": Quiet, "verbose": Verbose, "debug": Debug}
+        added = [
+            inspect.Parameter(
+                option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind
+            )
+            for option, kind in shared.items()
+        ]
+        keyword = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own]
+        parameters = [*keyword, *added]
+        start.__signature__ = inspect.Signature(parameters)  # pyright: ignore
+        start.__annotations__ = {p.name: p.annotation for p in parameters}
+        app.command(name)(start)
+        return function
+
+    return register
+
+
+def _print_message(text: str, style: str) -> None:
+    """One message on standard error; whatever came from files cannot steer it."""
+    from rich.console import Console
+    from rich.text import Text
+
+    from pushfit.report.strings import printable
+
+    Console(stderr=True, soft_wrap=True).print(Text(printable(text), style=style))
+
+
+def _terminate(number: int, frame: object) -> None:
+    """Leave by an exception, so that temporary files are removed."""
+    raise SystemExit(TERMINATED)

@@ -1,0 +1,97 @@
+"""Layers import one way only, and starting up loads nothing heavy."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pushfit
+
+PACKAGE = Path(pushfit.__file__).parent
+LAYERS = ("errors", "config", "model", "data", "fit", "report", "cli")
+# The other modules at the top level belong to the model.
+MEMBERS = {"atomic": "errors", "cache": "cli", "__init__": "errors"}
+# What a layer must know nothing of, however deep inside a function.
+FORBIDDEN = {
+    "errors": {"numpy", "jax", "pandas", "pydantic"},
+    "config": {"numpy", "jax", "pandas"},
+    "model": {"pandas", "pathlib", "emcee", "matplotlib"},
+    "data": {"emcee", "optimistix", "matplotlib", "typer", "rich"},
+    "fit": {"matplotlib", "typer", "rich", "jinja2"},
+    "report": {"optimistix", "typer"},
+    "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},
+}
+HEAVY = ("jax", "pandas", "matplotlib", "scipy", "emcee", "numpy", "optimistix")
+# What the package itself defines, apart from its lazy names.
+FACADE = {"pushfit.__version__"}
+FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE]
+FILES += [path for path in sorted(PACKAGE.glob("*.py")) if path.stem != "__init__"]
+
+
+def layer(module: str) -> str:
+    """Layer of a dotted module name inside the package."""
+    name = module.split(".")[1]
+    return name if name in LAYERS else MEMBERS.get(name, "model")
+
+
+def imported_modules(path: Path) -> list[str]:
+    """Absolute names of all modules that a file imports, at any depth."""
+    names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    return names
+
+
+def module_name(path: Path) -> str:
+    """Dotted name of a file of the package."""
+    return ".".join(("pushfit", *path.relative_to(PACKAGE).with_suffix("").parts))
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_imports_run_one_way(path):
+    own = layer(module_name(path))
+    for name in imported_modules(path):
+        if name.startswith("pushfit.") and name not in FACADE:
+            assert LAYERS.index(layer(name)) <= LAYERS.index(own), name
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_a_layer_does_not_know_what_is_none_of_its_business(path):
+    roots = {name.split(".")[0] for name in imported_modules(path)}
+    assert not roots & FORBIDDEN[layer(module_name(path))]
+
+
+def run_python(code: str) -> str:
+    """Standard output of a fresh interpreter."""
+    return subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    ).stdout
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        "import pushfit",
+        "import pushfit.cli",
+        "from pushfit.cli import main; main(['--help'])",
+        "from pushfit.cli import main; main(['identify', '--help'])",
+    ],
+)
+def test_starting_up_loads_nothing_heavy(start):
+    code = f"import sys; {start}; print(set({HEAVY}) & set(sys.modules))"
+    assert run_python(code).endswith("set()\n")
+
+
+def test_every_public_name_can_be_imported():
+    code = "import pushfit; [getattr(pushfit, name) for name in pushfit.__all__]"
+    assert run_python(code) == ""
+
+
+def test_the_public_names_are_listed_once():
+    assert len(pushfit.__all__) == len(set(pushfit.__all__)) > 0
