@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pushfit.model import (
+    Contact,
     Grasp,
     Parameters,
     Pushes,
@@ -26,7 +27,7 @@ N_AZIMUTHS = 361
 
 
 def critical_angle(
-    params: Parameters, grasp: Grasp, alpha: Float[Array, "*n"]
+    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
     """Elevation below which the object rolls.
 

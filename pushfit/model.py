@@ -160,7 +160,7 @@ def support_stiffness(params: Parameters) -> Float[Array, "2 2"]:
     return params.K_st * _expm_traceless(params.e1, params.e2)
 
 
-def contact(params: Parameters) -> Contact:
+def contact(params: Parameters | Contact) -> Contact:
     """Combinations of the parameters that the linear forces depend on.
 
         A = K_sn K_dn / (K_sn + K_dn),   B = (K⁻¹ + (L²/C_d) I)⁻¹
@@ -168,7 +168,7 @@ def contact(params: Parameters) -> Contact:
     Without an ellipse B = K_st C_d / (L² K_st + C_d).
 
     Args:
-        params: Parameters.
+        params: Parameters, or the combinations themselves, which pass unchanged.
 
     Returns:
         Contact combinations.
@@ -176,6 +176,8 @@ def contact(params: Parameters) -> Contact:
     References:
         Eqs. (6), (10).
     """
+    if isinstance(params, Contact):
+        return params
     s = params.K_st * params.L**2 / params.C_d
     half = norm2(params.e1, params.e2) / 2
     root = jnp.sqrt(1 + 2 * s * jnp.cosh(half) + s * s)
@@ -228,7 +230,7 @@ def rolling_limits(contact: Contact, support_span: float) -> tuple[Scalar, Scala
     return contact.C_rr + support_span / (2 * contact.L), contact.C_rr
 
 
-def linear_forces(params: Parameters, pushes: Pushes, grasp: Grasp) -> Forces:
+def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
     """Contact forces of small pushes.
 
         F_n = |F_0 + A S_p sin θ|
@@ -274,7 +276,7 @@ def linear_forces(params: Parameters, pushes: Pushes, grasp: Grasp) -> Forces:
 MECHANICS = {"linear": linear_forces}
 
 
-def forces(params: Parameters, pushes: Pushes, grasp: Grasp) -> Forces:
+def forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
     """Contact forces by the mechanics that the grasp names.
 
     Args:
@@ -288,7 +290,7 @@ def forces(params: Parameters, pushes: Pushes, grasp: Grasp) -> Forces:
     return MECHANICS[grasp.mechanics](params, pushes, grasp)
 
 
-def forward(params: Parameters, pushes: Pushes, grasp: Grasp) -> Channels:
+def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Channels:
     """What the sensors report: the one way from parameters to predictions.
 
         height = gain (sqrt(F_pt² + F_n²) - F_0) + offset

@@ -14,7 +14,7 @@ from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 from scipy import stats
 
-from pushfit.config import GraspConfig, PositivePrior
+from pushfit.config import GraspConfig
 from pushfit.model import Scalar, as_float
 
 POSITIVE = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0")
@@ -155,7 +155,7 @@ def priors_from_config(
         if choice.fixed is not None:
             fixed[name] = float(choice.fixed)
             priors.pop(name, None)
-        elif isinstance(choice, PositivePrior) and choice.lognormal is not None:
+        elif choice.lognormal is not None:
             median, sd_log = choice.lognormal.median, choice.lognormal.sd_log
             priors[name] = Prior("lognormal", median, sd_log)
         elif choice.normal is not None:

@@ -15,7 +15,15 @@ from jaxtyping import Array, Bool, Float
 
 from pushfit.coordinates import Coordinates, log_volume, parameters
 from pushfit.fit.priors import Prior
-from pushfit.model import Grasp, Parameters, Pushes, Scalar, as_float, forward
+from pushfit.model import (
+    Contact,
+    Grasp,
+    Parameters,
+    Pushes,
+    Scalar,
+    as_float,
+    forward,
+)
 from pushfit.numerics import norm2
 
 # Degrees of freedom of the Student-t likelihood: heavy tails with a finite variance.
@@ -26,13 +34,13 @@ class State(eqx.Module):
     """A point at which the model can be evaluated.
 
     Args:
-        params: The parameters.
+        params: The parameters, or the combinations alone where the fibre is unknown.
         preload: F_0 [N].
         sigma: Sampled noise of each channel [table unit]; 0 where it is not sampled.
         log_volume: Log |det| of the map from the coordinates to the prior's scale.
     """
 
-    params: Parameters
+    params: Parameters | Contact
     preload: Scalar
     sigma: Float[Array, " c"]
     log_volume: Scalar
@@ -153,32 +161,26 @@ class Problem(eqx.Module):
         )
 
     def data_state(self, y: Float[Array, " q"]) -> State:
-        """The point that a vector of data coordinates names, on a nominal fibre.
-
-        Linear forces do not depend on the fibre; only A, B, C_rr, f1, f2, L and F_0 of
-        the result mean anything, and sigma is 0.
+        """The point that a vector of data coordinates names; its sigma is 0.
 
         Args:
             y: Values in the order of `data_names`.
 
         Returns:
-            A point with these data coordinates.
+            Contact combinations and preload.
         """
         w = dict(zip(self.data_names, y, strict=True))
         zero = jnp.zeros(())
-        ln_L = w.get("ln_L", jnp.log(self.fixed.get("L", 1.0)))
-        coords = Coordinates(
-            ln_A=w["ln_A"] if "ln_A" in w else jnp.log(_fixed_A(self.fixed)),
-            ln_B=w["ln_B"] if "ln_B" in w else jnp.log(_fixed_B(self.fixed)),
-            ln_C_rr=w["ln_C_rr"] if "ln_C_rr" in w else jnp.log(self.fixed["C_rr"]),
+        group = Contact(
+            A=jnp.exp(w["ln_A"]) if "ln_A" in w else _fixed_A(self.fixed),
+            B=jnp.exp(w["ln_B"]) if "ln_B" in w else _fixed_B(self.fixed),
+            C_rr=jnp.exp(w["ln_C_rr"]) if "ln_C_rr" in w else self.fixed["C_rr"],
             f1=w.get("f1", zero),
             f2=w.get("f2", zero),
-            ln_r=zero,
-            ln_s=zero,
-            ln_L=ln_L,
+            L=jnp.exp(w["ln_L"]) if "ln_L" in w else self.fixed.get("L", zero + 1),
         )
         preload = jnp.exp(w["ln_F_0"]) if "ln_F_0" in w else self.grasp.preload
-        return State(parameters(coords), preload, jnp.zeros(len(self.channels)), zero)
+        return State(group, preload, jnp.zeros(len(self.channels)), zero)
 
 
 def _normal_pair(

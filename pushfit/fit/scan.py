@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from scipy import ndimage
 
 from pushfit.fit.problem import Problem
+from pushfit.model import contact
 
 # Nodes of the grid. tan ψ = B / (A C_rr), so ψ is θ_c without preload; in C_rr and A
 # the basins are decades wide.
@@ -108,8 +109,7 @@ def _points(problem: Problem, cells: dict[str, np.ndarray]) -> Float[np.ndarray,
         values["ln_A"] = ln_scale + cells["ln_A"]
     else:
         state = problem.data_state(jnp.zeros(len(problem.data_names)))
-        p = state.params
-        ln_A = float(jnp.log(p.K_sn * p.K_dn / (p.K_sn + p.K_dn)))
+        ln_A = float(jnp.log(contact(state.params).A))
         values["ln_A"] = np.full(ln_ratio.size, ln_A)
     values["ln_B"] = values["ln_A"] + ln_ratio
     points = np.stack([values[name] for name in problem.data_names], axis=1)
