@@ -1,4 +1,4 @@
-"""A recording: time, sensor channels and push angles of one session, with provenance."""
+"""A recording: time, channels and push angles of one session, with provenance."""
 
 from dataclasses import dataclass
 

@@ -123,8 +123,8 @@ def parse_unit(text: str, *, quantities: Sequence[Quantity] = ()) -> Unit:
         )
     if unit.name not in allowed:
         raise ConfigError(
-            f"unit {text!r} measures {unit.quantity}; a unit of {' or '.join(quantities)} "
-            f"is needed: {', '.join(allowed)}",
+            f"unit {text!r} measures {unit.quantity}; needed is a unit of "
+            f"{' or '.join(quantities)}: {', '.join(allowed)}",
             code="wrong_unit",
         )
     return unit
@@ -220,7 +220,7 @@ def implausible_angles(
     }
     for name, (top, unit) in largest.items():
         if unit == "deg" and top > 360.0:
-            return f"{name} reaches {top:g} degrees, more than a full turn; check the column"
+            return f"{name} reaches {top:g} degrees, over a full turn; check the column"
         if unit == "rad" and top > 2.0 * np.pi * 1.001:
             return (
                 f"{name} reaches {top:g} rad, more than a full turn; state the unit deg"
