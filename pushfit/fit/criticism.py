@@ -1,0 +1,167 @@
+"""Whether the model describes the data at all, said before any parameter is quoted.
+
+Three questions that fail apart: is the scatter about the fit larger than the noise, do
+residuals follow their neighbours in direction, and does the fit explain the heights.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+from scipy.spatial import cKDTree
+
+from pushfit.data.table import PeakTable
+from pushfit.fit.noise import Noise
+from pushfit.fit.results import FitResult, GoodnessOfFit
+
+# Chance of faulting a model that is right, per test.
+LEVEL = 1e-3
+# A fit that explains less of the heights' variance than this describes them badly
+# whatever sigma is assumed.
+MIN_R_SQUARED = 0.8
+OUTLIER_SIGMA = 5.0
+N_PERMUTATIONS = 4999
+
+
+def goodness_of_fit(
+    table: PeakTable, fit: FitResult, noise: Noise, *, seed: int
+) -> GoodnessOfFit:
+    """Compare the residuals of a fit with the noise, with repeats and with each other.
+
+    Args:
+        table: Peak heights.
+        fit: Best fit.
+        noise: Noise model of the fit.
+        seed: Seed of the permutation test.
+
+    Returns:
+        Tests and a sentence.
+    """
+    rows = np.asarray(fit.row)
+    observed = np.array(
+        [table.heights(c)[r] for c, r in zip(fit.channel, fit.row, strict=True)]
+    )
+    residuals = (fit.predicted - observed) / fit.sigma
+    r_squared = _r_squared(observed, fit.predicted, np.asarray(fit.channel))
+    p_value = _chi_square_p_value(fit, noise)
+    lack_of_fit = _lack_of_fit_p_value(table, fit, residuals)
+    pattern = _pattern_p_value(table, fit, residuals, seed=seed)
+    outliers = np.unique(rows[np.abs(residuals) > OUTLIER_SIGMA])
+    failed = [
+        name
+        for name, p in (
+            ("the scatter about the fit exceeds the noise", p_value),
+            ("the fit misses the means of repeated pushes", lack_of_fit),
+            ("residuals follow their neighbours in direction", pattern),
+        )
+        if p is not None and p < LEVEL
+    ]
+    if r_squared < MIN_R_SQUARED:
+        failed.insert(0, f"it explains only {max(r_squared, 0):.0%} of the variation")
+    return GoodnessOfFit(
+        chi_square=fit.chi_square,
+        degrees_of_freedom=fit.degrees_of_freedom,
+        p_value=p_value,
+        r_squared=r_squared,
+        lack_of_fit_p_value=lack_of_fit,
+        pattern_p_value=pattern,
+        outliers=tuple(label(table, int(row)) for row in outliers),
+        is_adequate=not failed,
+        sentence=_sentence(failed, r_squared),
+    )
+
+
+def label(table: PeakTable, row: int) -> str:
+    """Name of a push by its number and direction."""
+    push = table.frame["push"].iloc[row]
+    theta, alpha = np.degrees(table.theta[row]), np.degrees(table.alpha[row])
+    return f"push {push} (θ = {theta:g}°, α = {alpha:g}°)"
+
+
+def _sentence(failed: list[str], r_squared: float) -> str:
+    if not failed:
+        return "The model describes the heights within their noise."
+    reasons = "; ".join(failed)
+    if r_squared < MIN_R_SQUARED:
+        return f"The model does not describe these heights: {reasons}."
+    return (
+        f"The model does not describe these heights within their noise: {reasons}. "
+        f"It still explains {r_squared:.1%} of their variation."
+    )
+
+
+def _r_squared(
+    observed: Float[np.ndarray, " n"],
+    predicted: Float[np.ndarray, " n"],
+    channel: np.ndarray,
+) -> float:
+    """1 - SSE / SST about each channel's mean; 1 for heights that do not vary."""
+    total = 0.0
+    for name in np.unique(channel):
+        values = observed[channel == name]
+        total += float(np.sum((values - values.mean()) ** 2))
+    errors = float(np.sum((observed - predicted) ** 2))
+    return 1.0 - errors / total if total > 0 else 1.0
+
+
+def _chi_square_p_value(fit: FitResult, noise: Noise) -> float | None:
+    """Chance of a larger chi-square; None where sigma was made to fit it."""
+    if noise.kind != "given" or fit.degrees_of_freedom < 1:
+        return None
+    return float(stats.chi2.sf(fit.chi_square, fit.degrees_of_freedom))
+
+
+def _lack_of_fit_p_value(
+    table: PeakTable, fit: FitResult, residuals: Float[np.ndarray, " n"]
+) -> float | None:
+    """F test of the group means of repeated pushes against their own scatter."""
+    group = table.groups[np.asarray(fit.row)]
+    keys = np.unique(np.asarray(fit.channel), return_inverse=True)[1]
+    _, inverse, counts = np.unique(
+        np.stack([keys, group]), axis=1, return_inverse=True, return_counts=True
+    )
+    means = np.bincount(inverse.ravel(), residuals) / counts
+    pure = float(np.sum((residuals - means[inverse.ravel()]) ** 2))
+    pure_dof = residuals.size - counts.size
+    lack_dof = counts.size - fit.n_free
+    if pure_dof < 1 or lack_dof < 1 or pure == 0:
+        return None
+    lack = float(np.sum(counts * means**2))
+    return float(stats.f.sf(lack / lack_dof / (pure / pure_dof), lack_dof, pure_dof))
+
+
+def _pattern_p_value(
+    table: PeakTable, fit: FitResult, residuals: Float[np.ndarray, " n"], *, seed: int
+) -> float | None:
+    """Permutation test of residuals against the nearest other direction.
+
+    The mean residual of each direction is multiplied by that of its nearest neighbour
+    on the sphere; a model that misses a trend makes the products positive.
+    """
+    channel = np.asarray(fit.channel)
+    is_first = channel == channel[0]
+    rows = np.asarray(fit.row)[is_first]
+    group, inverse = np.unique(table.groups[rows], return_inverse=True)
+    if group.size < 8:
+        return None
+    counts = np.bincount(inverse)
+    means = np.bincount(inverse, residuals[is_first]) / np.sqrt(counts)
+    theta, alpha = table.theta[rows], table.alpha[rows]
+    vectors = np.stack(
+        [np.cos(theta) * np.cos(alpha), np.cos(theta) * np.sin(alpha), np.sin(theta)]
+    )
+    points = np.stack([np.bincount(inverse, v) / counts for v in vectors], axis=1)
+    neighbour = cKDTree(points).query(points, k=2)[1][:, 1]
+    rng = np.random.default_rng(seed)
+
+    def statistic(values: Float[np.ndarray, " *s"]) -> Float[np.ndarray, "*t"]:
+        return np.sum(values * values[..., neighbour], axis=-1)
+
+    # In blocks: all permutations of a large table at once would fill the memory.
+    block = max(1, 2_000_000 // group.size)
+    n_larger, n_done = 0, 0
+    while n_done < N_PERMUTATIONS:
+        n = min(block, N_PERMUTATIONS - n_done)
+        shuffled = rng.permuted(np.tile(means, (n, 1)), axis=1)
+        n_larger += int(np.sum(statistic(shuffled) >= statistic(means)))
+        n_done += n
+    return (n_larger + 1) / (N_PERMUTATIONS + 1)
