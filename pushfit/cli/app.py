@@ -18,11 +18,12 @@ app = typer.Typer(
 )
 
 
-def _print_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> bool:
     """Answer --version."""
     if wanted:
         print(f"pushfit {pushfit.__version__}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()

@@ -1,0 +1,174 @@
+"""The command line, as a shell sees it: streams, exit codes, files."""
+
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+
+import pytest
+
+from pushfit import cache
+from pushfit.cli import main
+from pushfit.cli.session import Session
+from pushfit.config import read_config
+from pushfit.errors import ConfigError, DataError, FitError, Problem
+
+
+def session(**options: bool) -> Session:
+    flags = {"is_quiet": False, "is_verbose": False, "is_debug": False}
+    return Session(**(flags | {"is_json": False} | options))
+
+
+def raising(error: BaseException):
+    def work() -> None:
+        raise error
+
+    return work
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (ConfigError("a", code="x"), 2),
+        (DataError("a", code="x"), 3),
+        (FitError("a", code="x"), 4),
+        (KeyboardInterrupt(), 130),
+        (ZeroDivisionError("a"), 1),
+        (PermissionError(13, "Permission denied", "out"), 2),
+    ],
+)
+def test_every_failure_has_its_exit_code_and_one_line(error, code, capsys):
+    assert session().run(raising(error)) == code
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+
+
+def test_a_failure_under_json_is_a_document(capsys):
+    problem = Problem(code="bad", message="line 3: bad")
+    error = DataError("a.csv: bad", code="bad_cell", problems=(problem,))
+    session(is_json=True).run(raising(error))
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "pushfit.error/1"
+    assert document["status"] == "bad_cell"
+    assert document["problems"] == ["line 3: bad"]
+
+
+def test_debug_shows_the_traceback():
+    with pytest.raises(ZeroDivisionError):
+        session(is_debug=True).run(raising(ZeroDivisionError()))
+
+
+def test_quiet_says_nothing_but_errors(capsys):
+    session(is_quiet=True).say("hello")
+    assert capsys.readouterr().err == ""
+
+
+def test_text_from_files_cannot_steer_the_terminal(capsys):
+    session().run(raising(DataError("cell '\x1b[31m'", code="x")))
+    assert "\x1b[31m" not in capsys.readouterr().err
+
+
+def test_help_lists_every_command(capsys):
+    assert main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    for name in ("init", "doctor"):
+        assert f"  {name} " in shown
+
+
+def test_an_unknown_option_is_a_usage_error(capsys):
+    assert main(["init", "--no-such"]) == 2
+    assert "--no-such" in capsys.readouterr().err
+
+
+def test_init_writes_a_config_that_can_be_read(tmp_path, capsys):
+    path = tmp_path / "grasp.toml"
+    assert main(["init", str(path)]) == 0
+    assert read_config(path) == read_config(None)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "length_mm" in captured.err
+
+
+def test_init_overwrites_only_by_force(tmp_path, capsys):
+    path = tmp_path / "grasp.toml"
+    path.write_text("[push]\nlength_mm = 4.0\n")
+    assert main(["init", str(path)]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert read_config(path).push.length_mm == 4.0
+    assert main(["init", str(path), "--force"]) == 0
+    assert not read_config(path).push.length_known
+
+
+def test_init_can_print(capsys):
+    assert main(["init", "-"]) == 0
+    assert capsys.readouterr().out.startswith("# What is known")
+
+
+def test_doctor_prints_one_document(capsys):
+    assert main(["doctor", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "pushfit.doctor/1"
+    assert document["status"] == "ok"
+    assert document["versions"]["jax"]
+
+
+@pytest.fixture
+def no_cache_set(monkeypatch, tmp_path):
+    """Environment without a compile cache, in a home of its own."""
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+    monkeypatch.delenv(cache.SWITCH, raising=False)
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
+    return tmp_path / "compiled"
+
+
+def test_the_compile_cache_belongs_to_the_user_alone(no_cache_set):
+    assert cache.enable_compile_cache() == str(no_cache_set)
+    assert stat.S_IMODE(no_cache_set.stat().st_mode) == 0o700
+    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(no_cache_set)
+
+
+def test_a_cache_open_to_others_is_not_used(no_cache_set):
+    no_cache_set.mkdir(mode=0o755)
+    assert "open to others" in cache.enable_compile_cache()
+    assert "JAX_COMPILATION_CACHE_DIR" not in os.environ
+
+
+def test_a_cache_that_is_a_link_is_not_used(no_cache_set, tmp_path):
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    no_cache_set.symlink_to(tmp_path / "elsewhere")
+    assert cache.enable_compile_cache().startswith("off")
+
+
+def test_the_cache_can_be_turned_off(no_cache_set, monkeypatch):
+    monkeypatch.setenv(cache.SWITCH, "off")
+    assert cache.enable_compile_cache().startswith("off")
+    assert not no_cache_set.exists()
+
+
+def test_termination_ends_with_143():
+    code = (
+        "import sys, time; from pushfit.cli.session import Session\n"
+        "s = Session(is_quiet=False, is_verbose=False, is_debug=False, is_json=False)\n"
+        "def work(): print('ready', flush=True); time.sleep(60)\n"
+        "sys.exit(s.run(work))"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    with process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(signal.SIGTERM)
+    assert process.returncode == 143
+
+
+def test_a_closed_pipe_is_no_bug():
+    command = (
+        f'{sys.executable} -c \'from pushfit.cli import main; main(["init", "-"])\''
+    )
+    result = subprocess.run(
+        f"{command} | true", shell=True, capture_output=True, text=True, check=False
+    )
+    assert "bug" not in result.stderr
+    assert "Traceback" not in result.stderr
