@@ -1,11 +1,12 @@
 """Words and numbers as a reader sees them: units, symbols, significant digits.
 
-Text that came from a user (paths, notes, column names) passes through `printable` before
-it reaches a terminal, a page or a figure. Nothing here knows what a result is.
+Text that came from a user (paths, notes, column names) passes through `printable`
+before it reaches a terminal, a page or a figure. Nothing here knows of results.
 """
 
 import math
 import unicodedata
+from collections.abc import Sequence
 
 # Units of the tables and of `Quantity.unit` on the left, as printed on the right.
 UNITS = {
@@ -39,6 +40,10 @@ SYMBOLS = {
     "f1": ("f1", r"$f_1$"),
     "f2": ("f2", r"$f_2$"),
 }
+
+# The largest uncertainty that still shows whole degrees (two digits of it).
+COARSE_DEG = 99.0
+HALF_TURN_DEG = 180.0
 
 # Control, format (bidirectional overrides among them), surrogate and private characters
 # can rewrite a terminal line or break an encoder.
@@ -148,6 +153,16 @@ def with_unit(number: str, unit: str) -> str:
     return f"{number}{label}" if label == "°" else f"{number} {label}"
 
 
+def format_angle(value: float, *, spread: float = 10.0) -> str:
+    """Angle in degrees with the digits that its uncertainty justifies.
+
+    Args:
+        value: The angle [deg].
+        spread: Its uncertainty [deg]; never coarser than whole degrees.
+    """
+    return f"{format_number(value, spread=min(spread, COARSE_DEG))}°"
+
+
 def format_range(lower: float | None, upper: float | None, unit: str) -> str:
     """Interval or half-open set in words: "38° to 42°", "above 61°", "below 20°".
 
@@ -156,35 +171,57 @@ def format_range(lower: float | None, upper: float | None, unit: str) -> str:
         upper: Upper end; None if open.
         unit: Unit of both.
     """
-    if lower is None and upper is None:
-        return "anything"
-    if upper is None:
-        return f"above {with_unit(format_bound(lower, unit), unit)}"
-    if lower is None:
-        return f"below {with_unit(format_bound(upper, unit), unit)}"
-    spread = upper - lower
-    low, high = (format_number(end, spread=spread) for end in (lower, upper))
+    if lower is None or upper is None:
+        end = lower if upper is None else upper
+        if end is None:
+            return "any value"
+        return f"{'above' if upper is None else 'below'} {format_bound(end, unit)}"
     if unit_label(unit) == "°":
-        return f"{low}° to {high}°"
+        spread = upper - lower
+        return f"{format_angle(lower, spread=spread)} to {_format_end(upper, spread)}"
+    low, high = (format_number(end, spread=upper - lower) for end in (lower, upper))
     return with_unit(f"{low} to {high}", unit)
 
 
-def format_bound(value: float | None, unit: str) -> str:
+def _format_end(upper: float, spread: float) -> str:
+    """Upper end of a range of angles; beyond a half turn an axis starts again."""
+    if upper <= HALF_TURN_DEG:
+        return format_angle(upper, spread=spread)
+    return f"180° and on to {format_angle(upper - HALF_TURN_DEG, spread=spread)}"
+
+
+def format_bound(value: float, unit: str) -> str:
     """One-sided bound: whole degrees, otherwise three digits.
 
     Args:
         value: The bound.
         unit: Its unit.
     """
-    return format_number(value, spread=10.0 if unit_label(unit) == "°" else None)
+    if unit_label(unit) == "°":
+        return format_angle(value)
+    return with_unit(format_number(value), unit)
 
 
-def join_or(items: list[str]) -> str:
+def join_or(items: Sequence[str]) -> str:
     """Alternatives in a sentence: "a", "a or b", "a, b or c".
 
     Args:
-        items: At least one alternative.
+        items: The alternatives.
     """
-    if len(items) == 1:
-        return items[0]
-    return f"{', '.join(items[:-1])} or {items[-1]}"
+    return _join(items, "or")
+
+
+def join_and(items: Sequence[str]) -> str:
+    """List in a sentence: "a", "a and b", "a, b and c".
+
+    Args:
+        items: The members.
+    """
+    return _join(items, "and")
+
+
+def _join(items: Sequence[str], word: str) -> str:
+    """Commas between all but the last two."""
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} {word} {items[-1]}"

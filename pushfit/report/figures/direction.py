@@ -1,7 +1,8 @@
 """The stiffness ellipse: how much the contact resists in each tangential direction.
 
 An ellipse is the geometric mean K and two numbers (e1, e2) of the symmetric matrix
-K expm(½ [[e1, e2], [e2, -e1]]): semi-axes K exp(±|e|/2), the stiff one at ½ atan2(e2, e1).
+K expm(½ [[e1, e2], [e2, -e1]]): semi-axes K exp(±|e|/2), the stiff one at the azimuth
+½ atan2(e2, e1).
 """
 
 from dataclasses import dataclass
@@ -10,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.report.figures.sweeps import Marker
 from pushfit.report.figures.style import (
     BLACK,
     COLUMN,
@@ -20,6 +20,7 @@ from pushfit.report.figures.style import (
     new_figure,
     styled,
 )
+from pushfit.report.figures.sweeps import Marker
 from pushfit.report.strings import unit_label
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
-"""What the posterior says against what the prior said, and against the likelihood alone.
+"""What the posterior says against what the prior and the likelihood alone say.
 
-Priors are always drawn behind, in grey: where blue repeats grey, the data added nothing.
+Priors are always drawn behind, in grey: where blue repeats grey, data added nothing.
 """
 
 from collections.abc import Mapping, Sequence

@@ -4,6 +4,7 @@ Every number that peak extraction took from the signal is drawn where it was tak
 that a reader can disagree with it.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -259,7 +260,7 @@ def _row_edges(
 ) -> list[tuple[float, float]]:
     """Stretch of time for each row, cut halfway between its pushes and the next."""
     cuts = [float(time[0])]
-    for before, after in zip(peaks, peaks[1:], strict=False):
+    for before, after in itertools.pairwise(peaks):
         cuts.append(float((np.nanmax(before) + np.nanmin(after)) / 2))
     cuts.append(float(time[-1]))
-    return list(zip(cuts, cuts[1:], strict=False))
+    return list(itertools.pairwise(cuts))

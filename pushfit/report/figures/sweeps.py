@@ -1,7 +1,7 @@
 """Peak height against push elevation and azimuth: the paper's Figures 10 and 8.
 
-Each sweep is drawn as measured pushes, the best fit and the credible band of the height
-without noise. The quantity asked for (θ_c, α*) is marked with its set, all pieces of it.
+Each sweep is drawn as measured pushes, the best fit and the credible band of the
+height without noise. The quantity asked for (θ_c, α*) is marked with its whole set.
 """
 
 from collections.abc import Sequence

@@ -1,0 +1,312 @@
+"""What may be said of θ_c and α*: the words, the values to mark and the sentence.
+
+Text, page and figures take the two answers from here, so they cannot disagree. The
+rules: no number from numerics that are not to be trusted, no interval around what is
+not determined, all pieces of a set and never their hull, no interval of zero width.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.fit.results import (
+    FitStatus,
+    Identification,
+    Piece,
+    Quantity,
+    Verdict,
+)
+from pushfit.report.strings import (
+    format_angle,
+    format_range,
+    join_or,
+    printable,
+)
+
+# Proportional to the unknown where the push length is unknown.
+STIFFNESSES = frozenset({"K_sn", "K_dn", "K_st", "C_d", "A", "B"})
+# Verdicts under which an estimate would pretend to knowledge.
+UNQUOTABLE = frozenset(
+    {
+        Verdict.NOT_DETERMINED,
+        Verdict.ASSUMED,
+        Verdict.ONE_SIDED,
+        Verdict.SEVERAL_MODES,
+    }
+)
+HALF_TURN = 180.0
+# Below this share of draws without a critical angle nothing is said about them.
+MIN_SHARE = 0.01
+# An estimate this close to the end of the reach is the end of the reach [deg].
+REACH_TOLERANCE = 0.5
+
+Pieces = tuple[Piece, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """One angle, ready to be printed and drawn.
+
+    Args:
+        name: "theta_c" or "alpha_star".
+        short: The answer in a few words, without the symbol.
+        sentence: The answer in one plain sentence, remarks behind it.
+        values: Values to mark [deg]; none where nothing may be quoted.
+        pieces: Set to shade [deg].
+    """
+
+    name: str
+    short: str
+    sentence: str
+    values: tuple[float, ...] = ()
+    pieces: Pieces = ()
+
+
+def is_trusted(identification: Identification) -> bool:
+    """Whether numbers of the posterior may be quoted at all.
+
+    Args:
+        identification: The result.
+    """
+    return (
+        identification.status is FitStatus.OK
+        and identification.posterior.status is FitStatus.OK
+    )
+
+
+def quoted(quantity: Quantity, identification: Identification) -> Quantity:
+    """Quantity without the numbers that must not leave the house.
+
+    Args:
+        quantity: One of the result's.
+        identification: The result it belongs to.
+
+    Returns:
+        The same, with None for what is not to be quoted: everything from a posterior
+        that is not to be trusted, stiffness where the push length is unknown, an
+        interval of zero width, and numbers that are not finite.
+    """
+    is_stiffness = quantity.name in STIFFNESSES
+    if is_stiffness and not identification.config.push.length_known:
+        return replace(
+            quantity, estimate=None, interval=None, sets=(), likelihood_sets=()
+        )
+    has_fit = identification.fit.status is FitStatus.OK
+    likelihood_sets = quantity.likelihood_sets if has_fit else ()
+    if quantity.verdict is Verdict.FIXED:
+        return replace(quantity, interval=None, sets=(), likelihood_sets=())
+    if not is_trusted(identification):
+        return replace(
+            quantity,
+            estimate=None,
+            interval=None,
+            sets=(),
+            likelihood_sets=likelihood_sets,
+            contraction=None,
+        )
+    interval = quantity.interval
+    if interval is not None and not (
+        np.isfinite(interval).all() and interval[0] < interval[1]
+    ):
+        interval = None
+    estimate = quantity.estimate
+    if estimate is not None and not np.isfinite(estimate):
+        estimate = None
+    return replace(
+        quantity,
+        estimate=estimate,
+        interval=interval,
+        likelihood_sets=likelihood_sets,
+    )
+
+
+def theta_c_answer(identification: Identification) -> Answer:
+    """What may be said of the critical angle.
+
+    Args:
+        identification: The result.
+    """
+    quantity = quoted(identification.theta_c, identification)
+    subject = _theta_c_subject(identification)
+    if not is_trusted(identification):
+        return _unquoted("theta_c", subject, identification)
+    draws = _draws(identification, "theta_c")
+    none_share = float(np.mean(np.isnan(draws))) if draws.size else 0.0
+    if none_share >= quantity.prob:
+        answer = Answer(
+            name="theta_c",
+            short="does not exist",
+            sentence=f"{subject} does not exist: this contact never rolls.",
+        )
+    else:
+        answer = _angle_answer("theta_c", quantity, draws=draws, subject=subject)
+        if none_share >= MIN_SHARE and answer.values:
+            more = (
+                f"With probability {100 * none_share:.0f} % it does not exist: "
+                "the contact never rolls."
+            )
+            answer = _with_remarks(answer, [more])
+    return _with_caution(answer, identification)
+
+
+def alpha_star_answer(identification: Identification) -> Answer:
+    """What may be said of the best push direction.
+
+    Args:
+        identification: The result.
+    """
+    quantity = quoted(identification.alpha_star, identification)
+    subject = "The best push direction α*"
+    if not is_trusted(identification):
+        return _unquoted("alpha_star", subject, identification)
+    draws = _draws(identification, "alpha_star")
+    answer = _angle_answer("alpha_star", quantity, draws=draws, subject=subject)
+    remarks = [
+        _reach_remark(answer, identification.config.reach.alpha_deg),
+        _model_free_remark(quantity, identification.alpha_star_model_free),
+    ]
+    return _with_caution(_with_remarks(answer, remarks), identification)
+
+
+def _draws(identification: Identification, name: str) -> Float[np.ndarray, " n"]:
+    """Posterior draws of a quantity, none if there are none."""
+    return np.asarray(identification.posterior.samples.get(name, np.empty(0)))
+
+
+def _theta_c_subject(identification: Identification) -> str:
+    """The critical angle with the circumstances that it depends on."""
+    words = ["The critical angle θ_c"]
+    if np.unique(identification.table.alpha).size > 1:
+        words.append(f"for pushes at α = {identification.reference_alpha_deg:g}°")
+    if identification.config.grasp.mechanics == "tilting":
+        words.append(f"and {identification.config.push.length_mm:g} mm")
+    return " ".join(words)
+
+
+def _angle_answer(
+    name: str, quantity: Quantity, *, draws: Float[np.ndarray, " n"], subject: str
+) -> Answer:
+    """Answer by the verdict of a quantity whose numerics are trusted."""
+    prob = f"{100 * quantity.prob:g} %"
+    verdict, estimate = quantity.verdict, quantity.estimate
+    pieces = _pieces_for(quantity)
+    ranges = join_or([format_range(*piece, "deg") for piece in pieces])
+    if verdict is Verdict.SEVERAL_MODES and len(pieces) > 1:
+        values = tuple(_typical(piece, draws) for piece in pieces)
+        spread = 10 * min(_width(piece) for piece in pieces)
+        short = join_or([format_angle(value, spread=spread) for value in values])
+        which = "both fit" if len(values) == 2 else "all fit"
+        sentence = f"{subject} is {short} ({prob} set: {ranges}); {which} the data."
+    elif verdict is Verdict.ONE_SIDED and pieces:
+        values, short = (), ranges
+        sentence = f"{subject} is {ranges} ({prob}); the data bound it no further."
+    elif verdict in UNQUOTABLE or estimate is None:
+        reason = printable(quantity.note) or "every angle fits them"
+        values, pieces, short = (), (), "not determined by these data"
+        sentence = f"{subject} is {short}: {reason.rstrip('.')}."
+    elif quantity.interval is None:
+        values, short = (estimate,), format_angle(estimate)
+        is_fixed = verdict is Verdict.FIXED
+        sentence = f"{subject} is {short}{', as configured' if is_fixed else ''}."
+    else:
+        low, high = quantity.interval
+        values, pieces = (estimate,), pieces or (quantity.interval,)
+        number, interval = (
+            format_angle(estimate, spread=high - low),
+            format_range(low, high, "deg"),
+        )
+        short = f"{number} ({interval})"
+        sentence = f"{subject} is {number} ({prob} interval: {interval})."
+    return Answer(
+        name=name, values=values, pieces=pieces, short=short, sentence=sentence
+    )
+
+
+def _pieces_for(quantity: Quantity) -> Pieces:
+    """The set that shows the verdict: the credible one, else that of the likelihood."""
+    if quantity.verdict is Verdict.SEVERAL_MODES and len(quantity.sets) < 2:
+        return quantity.likelihood_sets
+    if quantity.verdict is Verdict.ONE_SIDED:
+        for pieces in (quantity.sets, quantity.likelihood_sets):
+            # Open at both ends is no bound.
+            if any((low is None) != (high is None) for low, high in pieces):
+                return pieces
+        return ()
+    return quantity.sets
+
+
+def _typical(piece: Piece, draws: Float[np.ndarray, " n"]) -> float:
+    """Median of the draws in a piece, its middle or its only end without draws."""
+    low = -np.inf if piece[0] is None else piece[0]
+    high = np.inf if piece[1] is None else piece[1]
+    # A piece across the seam of an axis holds draws from just above 0 as well.
+    turned = (
+        np.where(draws < low, draws + HALF_TURN, draws) if high > HALF_TURN else draws
+    )
+    inside = turned[(turned >= low) & (turned <= high)]
+    ends = [end for end in piece if end is not None]
+    middle = float(np.median(inside) if inside.size else np.mean(ends))
+    return middle % HALF_TURN if high > HALF_TURN else middle
+
+
+def _width(piece: Piece) -> float:
+    """Width of a piece; a right angle where it is open."""
+    low, high = piece
+    return 90.0 if low is None or high is None else high - low
+
+
+def _reach_remark(answer: Answer, reach: tuple[float, float]) -> str:
+    """What to add where the best direction is the last one that can be reached."""
+    if len(answer.values) != 1 or reach[1] - reach[0] >= HALF_TURN:
+        return ""
+    distance = min(abs(answer.values[0] - end) for end in reach)
+    if distance > REACH_TOLERANCE:
+        return ""
+    return "It is the end of the reach; resistance may fall further beyond."
+
+
+def _model_free_remark(quantity: Quantity, free: Quantity | None) -> str:
+    """Whether a cosine through the heights alone gives the same direction."""
+    if free is None or free.estimate is None or quantity.estimate is None:
+        return ""
+    number = format_angle(free.estimate % HALF_TURN)
+    if free.interval is None or quantity.interval is None:
+        return f"A cosine through the heights alone gives {number}."
+    low, high = free.interval
+    spread = high - low
+    number = format_angle(free.estimate % HALF_TURN, spread=spread)
+    gap = abs(free.estimate - quantity.estimate) % HALF_TURN
+    gap = min(gap, HALF_TURN - gap)
+    # Half the sum of the widths: the intervals just touch.
+    reach = (spread + quantity.interval[1] - quantity.interval[0]) / 2
+    word = "agrees" if gap <= reach else "disagrees"
+    return f"A cosine through the heights alone {word}: {number}."
+
+
+def _with_remarks(answer: Answer, remarks: list[str]) -> Answer:
+    """Answer with further sentences."""
+    return replace(answer, sentence=" ".join([answer.sentence, *filter(None, remarks)]))
+
+
+def _with_caution(answer: Answer, identification: Identification) -> Answer:
+    """Answer that says first if the model does not describe the data."""
+    if identification.goodness_of_fit.is_adequate:
+        return answer
+    sentence = answer.sentence[0].lower() + answer.sentence[1:]
+    return replace(
+        answer,
+        sentence=f"Not to be relied on, because the model does not fit: {sentence}",
+    )
+
+
+def _unquoted(name: str, subject: str, identification: Identification) -> Answer:
+    """Answer where the numerics are not to be trusted."""
+    status = identification.status
+    if status is FitStatus.OK:
+        status = identification.posterior.status
+    return Answer(
+        name=name,
+        short=f"not quoted ({status.name.lower().replace('_', ' ')})",
+        sentence=f"{subject} is not quoted: {status.value}.",
+    )

@@ -1,0 +1,229 @@
+"""What the reports state besides the two answers, as rows of words.
+
+Text and page lay out the same rows, so that neither says more than the other.
+"""
+
+import numpy as np
+
+from pushfit.fit.results import Identification, Quantity, Verdict
+from pushfit.report.answers import (
+    alpha_star_answer,
+    is_trusted,
+    quoted,
+    theta_c_answer,
+)
+from pushfit.report.frames import correlations
+from pushfit.report.strings import (
+    format_angle,
+    format_number,
+    format_range,
+    join_and,
+    join_or,
+    printable,
+    symbol,
+    unit_label,
+    with_unit,
+)
+
+MAX_CORRELATIONS = 8
+
+WORDS = {
+    Verdict.LEARNED: "learned",
+    Verdict.PARTLY: "partly learned",
+    Verdict.ASSUMED: "prior-dominated",
+    Verdict.SEVERAL_MODES: "several values",
+    Verdict.ONE_SIDED: "one-sided",
+    Verdict.NOT_DETERMINED: "not determined",
+}
+
+
+def verdict_word(verdict: Verdict) -> str:
+    """Verdict as printed.
+
+    Args:
+        verdict: What may be said.
+    """
+    return WORDS.get(verdict, verdict.value)
+
+
+def fit_rows(identification: Identification) -> list[tuple[str, str]]:
+    """Statistics of the fit as pairs of words.
+
+    Args:
+        identification: The result.
+    """
+    fit, quality = identification.fit, identification.goodness_of_fit
+    unit = unit_label(identification.table.unit)
+    channels = join_and([c.replace("_", " ") for c in identification.table.channels])
+    rows = [
+        ("data", f"{fit.n_data} values ({channels} in {unit}), {fit.n_free} free"),
+        (
+            "chi-square",
+            f"{format_number(quality.chi_square)} for {quality.degrees_of_freedom} "
+            f"degrees of freedom{_p_value(quality.p_value)}",
+        ),
+        ("R²", f"{quality.r_squared:.4f}" if np.isfinite(quality.r_squared) else ""),
+        ("lack of fit", _p_value(quality.lack_of_fit_p_value).strip(", ")),
+        ("pattern", _p_value(quality.pattern_p_value).strip(", ")),
+        ("outliers", ", ".join(quality.outliers)),
+        ("noise", _noise(identification)),
+        ("optima", _optima(identification)),
+        ("posterior", _posterior(identification)),
+        ("seed", str(identification.seed)),
+    ]
+    return [(name, printable(text)) for name, text in rows if text]
+
+
+def cannot_say(identification: Identification) -> list[str]:
+    """What the data leave open and which measurement would close it, in sentences.
+
+    Args:
+        identification: The result.
+    """
+    result, sentences = identification.identifiability, []
+    parameters = identification.parameters if is_trusted(identification) else ()
+    by_verdict = {
+        verdict: [
+            symbol(quantity.name)
+            for quantity in parameters
+            if quantity.verdict is verdict
+        ]
+        for verdict in (Verdict.ASSUMED, Verdict.PARTLY)
+    }
+    if by_verdict[Verdict.ASSUMED]:
+        names = join_and(by_verdict[Verdict.ASSUMED])
+        sentences.append(f"{names}: the values are those of the prior.")
+    if by_verdict[Verdict.PARTLY]:
+        names = join_and(by_verdict[Verdict.PARTLY])
+        sentences.append(f"{names}: the values lean on the prior.")
+    if result.rank < result.n_parameters:
+        sentences.append(
+            f"The heights fix {result.rank} of {result.n_parameters} directions in the "
+            "space of the parameters."
+        )
+    if not identification.config.push.length_known:
+        sentences.append(
+            "The push length is unknown: heights compare directions, and no stiffness "
+            "is quoted. Measure it and give push.length_mm."
+        )
+    sentences += [printable(advice) for advice in result.advice]
+    return sentences
+
+
+def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
+    """Value, interval, unit, verdict and note of a quantity, as printed.
+
+    Args:
+        quantity: Already without what is not to be quoted.
+    """
+    interval, spread = "", None
+    if quantity.interval is not None:
+        low, high = quantity.interval
+        spread = high - low
+        interval = format_range(low, high, "")
+    value = "not quoted"
+    if quantity.estimate is not None and quantity.verdict is Verdict.FIXED:
+        value = f"{quantity.estimate:.6g}"
+    elif quantity.estimate is not None:
+        value = format_number(quantity.estimate, spread=spread)
+    return (
+        value,
+        interval,
+        unit_label(quantity.unit),
+        verdict_word(quantity.verdict) if quantity.estimate is not None else "",
+        printable(quantity.note),
+    )
+
+
+def _p_value(p_value: float | None) -> str:
+    """Clause such as "p = 0.46" after a comma, or nothing."""
+    if p_value is None or not np.isfinite(p_value):
+        return ""
+    return ", p < 0.001" if p_value < 1e-3 else f", p = {p_value:.2g}"
+
+
+def _noise(identification: Identification) -> str:
+    """Standard deviations of the heights that the fit worked with."""
+    sigma = identification.fit.sigma
+    sigma = sigma[np.isfinite(sigma)]
+    if not sigma.size:
+        return ""
+    low, high = float(np.min(sigma)), float(np.max(sigma))
+    unit = identification.table.unit
+    if high - low <= 1e-3 * high:
+        return f"σ = {with_unit(format_number(high), unit)}"
+    ends = f"{format_number(low)} to {format_number(high)}"
+    return f"σ = {with_unit(ends, unit)}"
+
+
+def _optima(identification: Identification) -> str:
+    """All optima of the likelihood, where there are several."""
+    modes = identification.fit.modes
+    if len(modes) < 2:
+        return ""
+    shown = []
+    for mode in modes:
+        angle = mode.theta_c_deg
+        where = "none" if angle is None else format_angle(angle, spread=1.0)
+        shown.append(f"θ_c {where} (χ² {mode.chi_square:.1f})")
+    return f"{len(modes)}: {', '.join(shown)}"
+
+
+def _posterior(identification: Identification) -> str:
+    """Engine and convergence in one line."""
+    posterior = identification.posterior
+    diagnostics = posterior.diagnostics
+    if diagnostics is None:
+        return f"{posterior.engine}, {posterior.log_prob.size} draws"
+    worst = {
+        "τ ≤": (diagnostics.autocorr_time, np.max, ".0f"),
+        "ESS ≥": (diagnostics.ess, np.min, ".0f"),
+        "R-hat ≤": (diagnostics.rhat, np.max, ".3f"),
+    }
+    parts = [
+        f"{label} {pick(list(values.values())):{form}}"
+        for label, (values, pick, form) in worst.items()
+        if values
+    ]
+    size = (
+        f"{diagnostics.n_ensembles} ensembles × {diagnostics.n_walkers} walkers × "
+        f"{diagnostics.n_steps} steps"
+    )
+    return ", ".join([posterior.engine, size, *parts, *diagnostics.problems])
+
+
+def angle_rows(identification: Identification) -> list[tuple[str, str]]:
+    """Both angles in short, the likelihood's sets beside them.
+
+    Args:
+        identification: The result.
+    """
+    rows = []
+    for quantity, answer in (
+        (identification.theta_c, theta_c_answer(identification)),
+        (identification.alpha_star, alpha_star_answer(identification)),
+    ):
+        text = answer.short
+        sets = quoted(quantity, identification).likelihood_sets
+        if sets and is_trusted(identification):
+            ranges = join_or([format_range(*piece, "deg") for piece in sets])
+            text += f"; likelihood alone: {ranges}"
+        rows.append((symbol(answer.name), text))
+    return rows
+
+
+def correlation_rows(identification: Identification) -> list[tuple[str, str]]:
+    """The strongest correlations.
+
+    Args:
+        identification: The result.
+    """
+    found = correlations(identification)
+    rows = [
+        (f"{symbol(c.first)}, {symbol(c.second)}", f"{c.value:+.2f}")
+        for c in found[:MAX_CORRELATIONS]
+    ]
+    left = len(found) - MAX_CORRELATIONS
+    if left > 0:
+        rows.append(("…", f"{left} weaker ones in summary.json"))
+    return rows

@@ -1,0 +1,100 @@
+"""Results as tables: parameters for a notebook, correlations for the reports."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pushfit.fit.results import Identification, Verdict
+from pushfit.report.answers import STIFFNESSES, is_trusted, quoted
+
+# Weaker correlations change no reading of the intervals.
+MIN_CORRELATION = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Correlation:
+    """Correlation of two quantities over the posterior draws.
+
+    Args:
+        first: Name of one.
+        second: Name of the other.
+        value: Pearson's, of the logs where both are positive [-].
+    """
+
+    first: str
+    second: str
+    value: float
+
+
+def parameters_frame(identification: Identification) -> pd.DataFrame:
+    """Parameters and combinations, one row each.
+
+    Args:
+        identification: The result.
+
+    Returns:
+        Indexed by name: `kind` ("parameter" or "combination"), `estimate`, `lower`,
+        `upper`, `prob`, `unit`, `verdict`, `contraction` and `note`. NaN is unknown or
+        not to be quoted.
+    """
+    kinds = (
+        ("parameter", identification.parameters),
+        ("combination", identification.combinations),
+    )
+    rows = []
+    for kind, quantities in kinds:
+        for quantity in quantities:
+            shown = quoted(quantity, identification)
+            lower, upper = shown.interval or (np.nan, np.nan)
+            rows.append(
+                {
+                    "name": shown.name,
+                    "kind": kind,
+                    "estimate": shown.estimate,
+                    "lower": lower,
+                    "upper": upper,
+                    "prob": shown.prob,
+                    "unit": shown.unit,
+                    "verdict": shown.verdict.value,
+                    "contraction": shown.contraction,
+                    "note": shown.note,
+                }
+            )
+    numbers = ("estimate", "lower", "upper", "prob", "contraction")
+    frame = pd.DataFrame(rows).set_index("name")
+    return frame.astype(dict.fromkeys(numbers, float))
+
+
+def correlations(identification: Identification) -> tuple[Correlation, ...]:
+    """Strong correlations among the parameters, and among the combinations.
+
+    A combination is a function of the parameters, so pairs across the two groups say
+    nothing and are left out.
+
+    Args:
+        identification: The result.
+
+    Returns:
+        Strongest first; none from a posterior that is not to be trusted.
+    """
+    if not is_trusted(identification):
+        return ()
+    found = []
+    for group in (identification.parameters, identification.combinations):
+        names = [q.name for q in group if q.verdict is not Verdict.FIXED]
+        if not identification.config.push.length_known:
+            names = [name for name in names if name not in STIFFNESSES]
+        scaled = {}
+        for name in names:
+            draws = identification.posterior.samples.get(name)
+            if draws is not None and np.isfinite(draws).all() and np.ptp(draws) > 0:
+                scaled[name] = np.log(draws) if np.all(draws > 0) else draws
+        for first, second in itertools.combinations(scaled, 2):
+            value = float(np.corrcoef(scaled[first], scaled[second])[0, 1])
+            if abs(value) >= MIN_CORRELATION:
+                found.append(Correlation(first=first, second=second, value=value))
+    # A parameter may also count as a combination (C_rr does); its pairs come once.
+    unique = {(c.first, c.second): c for c in found}
+    return tuple(sorted(unique.values(), key=lambda c: -abs(c.value)))
