@@ -14,7 +14,7 @@ SERIES_LIMIT = 1e-3
 
 
 def norm2(x: Float[Array, "*s"], y: Float[Array, "*s"]) -> Float[Array, "*s"]:
-    """Euclidean length of (x, y), with gradient 0 instead of NaN at the origin."""
+    """Euclidean length of (x, y), with subgradient 0 instead of NaN at the origin."""
     square = x * x + y * y
     is_zero = square == 0
     return jnp.where(is_zero, 0.0, jnp.sqrt(jnp.where(is_zero, 1.0, square)))

@@ -1,0 +1,131 @@
+"""Functions that are safe where their textbook form is not."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pushfit.numerics import SERIES_LIMIT, asinhc, norm2, sinhc, softclip, softmin
+
+EXACT = 1e-13  # a few ulp per float64 operation
+DIFFERENCE = 1e-6  # autodiff against a central difference
+STEP = np.finfo(float).eps ** (1 / 3)
+
+# The first example compiles, which no deadline should judge.
+relaxed = settings(deadline=None, max_examples=30)
+
+positive = st.floats(1e-6, 1e6).map(jnp.float64)
+signed = st.floats(-1e6, 1e6).map(jnp.float64)
+sharpness = st.sampled_from([1.0, 2.0, 7.5, 40.0])
+
+
+@relaxed
+@given(a=positive, b=positive, p=sharpness)
+def test_soft_minimum_is_the_printed_formula(a, b, p):
+    # The printed powers overflow unless the smaller argument is scaled out.
+    scale = min(a, b)
+    printed = scale * ((a / scale) ** -p + (b / scale) ** -p) ** (-1 / p)
+    np.testing.assert_allclose(softmin(a, b, p), printed, rtol=EXACT)
+
+
+@relaxed
+@given(a=positive, b=positive, p=sharpness)
+def test_soft_minimum_is_symmetric_and_between_its_bounds(a, b, p):
+    value = float(softmin(a, b, p))
+    assert value == float(softmin(b, a, p))
+    assert 2 ** (-1 / p) * min(a, b) * (1 - EXACT) <= value <= min(a, b)
+
+
+@relaxed
+@given(a=positive, b=positive)
+def test_soft_minimum_approaches_the_minimum(a, b):
+    """Its relative gap is at most ln 2 / p."""
+    p = 1e6
+    np.testing.assert_allclose(softmin(a, b, p), min(a, b), rtol=np.log(2) / p)
+    assert float(softmin(a, b, np.inf)) == min(a, b)
+
+
+@pytest.mark.parametrize("p", [1.0, 3.5, 20.0])
+def test_both_arguments_share_the_gradient_at_the_tie(p):
+    """By symmetry and homogeneity of degree 1, each gets half of 2^(-1/p)."""
+    gradient = jax.grad(softmin, argnums=(0, 1))(3.0, 3.0, p)
+    np.testing.assert_allclose(gradient, [2 ** (-1 / p - 1)] * 2, rtol=EXACT)
+
+
+@pytest.mark.parametrize("p", [2.0, 3.5, 20.0, np.inf])
+def test_soft_minimum_follows_its_zero_argument(p):
+    value, gradient = jax.value_and_grad(softmin, argnums=(0, 1))(0.0, 2.0, p)
+    assert float(value) == 0.0
+    np.testing.assert_array_equal(gradient, [1.0, 0.0])
+
+
+@pytest.mark.parametrize("p", [2.0, 3.5, np.inf])
+def test_soft_minimum_is_finite_at_two_zeros(p):
+    value, gradient = jax.value_and_grad(softmin, argnums=(0, 1))(0.0, 0.0, p)
+    assert float(value) == 0.0
+    assert np.isfinite(gradient).all()
+
+
+@pytest.mark.parametrize("p", [2.0, 7.5, np.inf])
+def test_a_number_far_below_its_limit_passes_with_slope_one(p):
+    for value in (-1e-9, 0.0, 1e-9):
+        clipped, slope = jax.value_and_grad(softclip)(value, jnp.float64(1), p)
+        assert float(clipped) == value
+        np.testing.assert_allclose(slope, 1.0, rtol=EXACT)
+
+
+@relaxed
+@given(value=positive, limit=positive, p=sharpness)
+def test_clipping_is_odd(value, limit, p):
+    assert float(softclip(-value, limit, p)) == -float(softclip(value, limit, p))
+
+
+@relaxed
+@given(x=signed, y=signed)
+def test_length_is_the_library_one(x, y):
+    # Squares below the smallest float are lost: lengths under 1e-150 are 0.
+    np.testing.assert_allclose(norm2(x, y), np.hypot(x, y), rtol=EXACT, atol=1e-150)
+
+
+def test_length_has_zero_gradient_at_the_origin():
+    value, gradient = jax.value_and_grad(norm2, argnums=(0, 1))(0.0, 0.0)
+    assert float(value) == 0.0
+    np.testing.assert_array_equal(gradient, [0.0, 0.0])
+
+
+QUOTIENTS = [(sinhc, np.sinh), (asinhc, np.arcsinh)]
+
+
+@pytest.mark.parametrize(("function", "numerator"), QUOTIENTS)
+def test_quotients_match_extended_precision_on_both_branches(function, numerator):
+    edge = np.sqrt(SERIES_LIMIT)
+    x = np.array([1e-8, 1e-3, 0.5 * edge, 0.999 * edge, 1.001 * edge, 0.3, 2.0, 20.0])
+    wide = x.astype(np.longdouble)
+    expected = (numerator(wide) / wide).astype(float)
+    np.testing.assert_allclose(function(jnp.asarray(x)), expected, rtol=EXACT)
+    np.testing.assert_allclose(function(jnp.asarray(-x)), expected, rtol=EXACT)
+
+
+@pytest.mark.parametrize(("function", "numerator"), QUOTIENTS)
+def test_slopes_of_quotients_match_differences_on_both_branches(function, numerator):
+    x = np.array([0.5, 0.9, 1.1, 30.0]) * np.sqrt(SERIES_LIMIT)
+    step = np.longdouble(STEP)
+
+    def quotient(z):
+        return numerator(z) / z
+
+    wide = x.astype(np.longdouble)
+    slope = (quotient(wide + step) - quotient(wide - step)) / (2 * step)
+    gradient = jax.vmap(jax.grad(function))(jnp.asarray(x))
+    np.testing.assert_allclose(gradient, slope.astype(float), rtol=DIFFERENCE)
+
+
+@pytest.mark.parametrize(("function", "numerator"), QUOTIENTS)
+def test_quotients_are_one_and_flat_at_the_origin(function, numerator):
+    value, slope = jax.value_and_grad(function)(0.0)
+    assert (float(value), float(slope)) == (1.0, 0.0)
+    # The curvature is twice the quadratic coefficient of the series of the quotient.
+    sixth = 1 / 3 if numerator is np.sinh else -1 / 3
+    np.testing.assert_allclose(jax.hessian(function)(0.0), sixth, rtol=EXACT)
