@@ -11,6 +11,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from pushfit.config.inputs import PeaksSection, RecordingSection
 from pushfit.config.parameters import ParametersSection
 from pushfit.config.section import (
     NotNegative,
@@ -57,6 +58,11 @@ class PushSection(Section):
         if self.length_known and "length_mm" not in self.model_fields_set:
             raise ValueError("length_known = true needs length_mm")
         return self
+
+    @property
+    def is_length_known(self) -> bool:
+        """Whether stiffness may be quoted."""
+        return self.length_known
 
 
 class GraspSection(Section):
@@ -154,51 +160,6 @@ class NoiseSection(Section):
     likelihood: Literal["normal", "student_t"] = Field(
         default="normal",
         description='"normal" or "student_t" (outlying pushes weigh less)',
-    )
-
-
-class PeaksSection(Section):
-    """How the height of each push is taken from a recording."""
-
-    channel: str | None = Field(
-        default=None,
-        description="channel that shows the pushes; absent: the only one",
-        examples=["pressure"],
-    )
-    invert: bool = Field(default=False, description="true: pushes go downwards")
-    height: Literal["auto", "apex", "plateau"] = Field(
-        default="auto",
-        description='"apex" (pointed), "plateau" (held) or "auto" (by the shape)',
-    )
-
-
-class RecordingSection(Section):
-    """How recordings are laid out, where the file itself does not say."""
-
-    format: str = Field(
-        default="auto", description="dialect; `pushfit validate` names the one found"
-    )
-    columns: tuple[str, ...] | None = Field(
-        default=None,
-        description="column names of files without a header",
-        examples=[["time_s", "pressure_counts"]],
-    )
-    map: dict[str, str] = Field(
-        default={},
-        description='column of each quantity, as { pressure = "pdc" }',
-        examples=[{"pressure": "pdc"}],
-    )
-    unit: dict[str, str] = Field(
-        default={},
-        description='unit of each quantity, as { pressure = "counts" }',
-        examples=[{"pressure": "counts"}],
-    )
-    theta_from: Literal["surface", "normal"] = Field(
-        default="surface",
-        description='"surface", or "normal": theta = 90 deg - recorded angle',
-    )
-    gaps: Literal["error", "split", "interpolate"] = Field(
-        default="error", description="what to do where samples are missing"
     )
 
 
