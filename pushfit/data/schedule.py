@@ -11,12 +11,17 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
+from pushfit.atomic import atomic_path
 from pushfit.data.column_rules import check_columns
 from pushfit.data.columns import Layout, Origin, read_columns
 from pushfit.data.recording import Source
 from pushfit.data.rows import read_rows
 
 LAYOUT = Layout(times=("time",))
+
+# Angles of a plan are round numbers of degrees; so many digits survive the way to
+# radians and back.
+_DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +48,32 @@ class PushSchedule:
     def n_pushes(self) -> int:
         """Number of planned pushes."""
         return len(self.push)
+
+    @classmethod
+    def planned(
+        cls,
+        theta: Float[np.ndarray, "*n"] | float,
+        alpha: Float[np.ndarray, "*n"] | float,
+        *,
+        repeats: int,
+    ) -> "PushSchedule":
+        """Plan pushes direction by direction, each repeated in a row.
+
+        Args:
+            theta: Elevations [rad]; broadcast against `alpha`.
+            alpha: Azimuths [rad].
+            repeats: Pushes per direction.
+
+        Returns:
+            The schedule.
+        """
+        theta, alpha = (np.ravel(a) for a in np.broadcast_arrays(theta, alpha))
+        return cls(
+            theta=np.repeat(theta, repeats).astype(float),
+            alpha=np.repeat(alpha, repeats).astype(float),
+            repeat=np.tile(np.arange(1, repeats + 1), len(theta)),
+            push=np.arange(1, repeats * len(theta) + 1),
+        )
 
     @classmethod
     def from_frame(
@@ -94,3 +125,22 @@ def read_schedule(path: str | Path) -> PushSchedule:
     """
     rows = read_rows(path, kind="schedule")
     return PushSchedule.from_frame(rows.frame, origin=rows.origin, source=rows.source)
+
+
+def write_schedule(schedule: PushSchedule, path: str | Path) -> None:
+    """Write a schedule as CSV; the file is complete or absent.
+
+    Args:
+        schedule: Plan to write.
+        path: File to write or replace.
+    """
+    columns = {
+        "push": schedule.push,
+        "theta_deg": np.degrees(schedule.theta).round(_DECIMALS),
+        "alpha_deg": np.degrees(schedule.alpha).round(_DECIMALS),
+        "repeat": schedule.repeat,
+    }
+    if schedule.time is not None:
+        columns["time_s"] = schedule.time
+    with atomic_path(path) as temporary:
+        pd.DataFrame(columns).to_csv(temporary, index=False, lineterminator="\n")

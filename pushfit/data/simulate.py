@@ -1,0 +1,307 @@
+"""Tables and whole recordings of pushes whose truth is known.
+
+Forces come from `pushfit.model.forward`; what is added here is what stands between a
+force and a file: joints that reach whole degrees only, the shape of a push in time,
+drift, sensor noise, counts and the end of the sensor's range. Excluded: randomness
+other than by the generator that the caller passes.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from pushfit.atomic import atomic_path
+from pushfit.data.recording import Recording
+from pushfit.data.schedule import PushSchedule
+from pushfit.data.table import PeakTable
+from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
+
+# The paper's two protocols (section 5): three pushes per direction.
+THETA_SWEEP = PushSchedule.planned(
+    np.radians(np.arange(-60.0, 61.0, 15.0)), np.radians(90.0), repeats=3
+)
+ALPHA_SWEEP = PushSchedule.planned(
+    np.radians(15.0), np.radians(np.arange(0.0, 151.0, 30.0)), repeats=3
+)
+
+
+def simulate_table(
+    params: Parameters,
+    grasp: Grasp,
+    *,
+    theta: Float[np.ndarray, "*n"] | float,
+    alpha: Float[np.ndarray, "*n"] | float,
+    repeats: int,
+    noise: float | Float[np.ndarray, " pushes"],
+    rng: np.random.Generator,
+    channels: tuple[str, ...] = ("height",),
+    unit: str = "n",
+    state_sd: bool = False,
+) -> PeakTable:
+    """Draw a table of peak heights from the model.
+
+        height = forward(θ, α) + noise · N(0, 1)
+
+    Args:
+        params: True parameters.
+        grasp: Grasp and sensor.
+        theta: Elevations, broadcast against `alpha` [rad].
+        alpha: Azimuths [rad].
+        repeats: Pushes per direction, in a row.
+        noise: Standard deviation of a height, one or per push [unit].
+        rng: Source of the noise.
+        channels: Which of `height`, `height_normal`, `height_tangential` to give.
+        unit: Unit that the sensor's `gain` gives.
+        state_sd: Whether the table states `noise` as the sd of its heights.
+
+    Returns:
+        The table; pushes that lift the finger off are flagged `lost_contact`.
+    """
+    plan = PushSchedule.planned(theta, alpha, repeats=repeats)
+    truth = _forward(params, grasp, plan)
+    heights = {
+        name: np.asarray(getattr(truth, name))
+        + noise * rng.standard_normal(plan.n_pushes)
+        for name in channels
+    }
+    per_push = np.broadcast_to(noise, plan.n_pushes).astype(float)
+    return PeakTable.from_arrays(
+        theta=plan.theta,
+        alpha=plan.alpha,
+        heights=heights,
+        unit=unit,
+        sd=dict.fromkeys(channels, per_push) if state_sd else None,
+        repeat=plan.repeat,
+        flags=tuple("" if c else "lost_contact" for c in np.asarray(truth.in_contact)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Session:
+    """How pushes are executed in time, and what the sensor makes of them.
+
+    Args:
+        shape: Course of a push: `triangle` (forth and back at constant speed),
+            `sine` (half a period) or `plateau` (held at the end).
+        rise: Time to the end of the push; the way back takes as long [s].
+        hold: Time held at the end, for `plateau` [s].
+        rest: Time between two pushes [s].
+        rate: Samples per second [Hz].
+        jitter: Standard deviation of a sampling step, relative to the step.
+        level: Reading at rest [unit].
+        drift: Change of the reading at rest [unit/s].
+        noise: Standard deviation of a sample [unit].
+        step: Share of the height reached at once on contact.
+        undershoot: Share of the height by which the reading falls below rest on
+            release, recovering within a second.
+        limit: Largest reading of the sensor; None for no limit [unit].
+        quantum: Resolution of the reading; None for continuous [unit].
+        angle_resolution: Directions are reached within half of it, and recorded in
+            multiples of it [rad].
+        forces: Whether the three force components are recorded instead of a pressure.
+        channel: Name of the pressure channel.
+        unit: Unit of the readings.
+    """
+
+    shape: Literal["triangle", "sine", "plateau"] = "triangle"
+    rise: float = 1.0
+    hold: float = 1.0
+    rest: float = 1.5
+    rate: float = 100.0
+    jitter: float = 0.0
+    level: float = 0.0
+    drift: float = 0.0
+    noise: float = 0.0
+    step: float = 0.0
+    undershoot: float = 0.0
+    limit: float | None = None
+    quantum: float | None = None
+    angle_resolution: float = field(default=float(np.radians(1.0)))
+    forces: bool = False
+    channel: str = "pressure"
+    unit: str = "n"
+
+    @property
+    def duration(self) -> float:
+        """Time from contact to release [s]."""
+        return 2 * self.rise + (self.hold if self.shape == "plateau" else 0.0)
+
+
+# A BioTac's fluid pressure as in public recordings: idle near 2440 counts, some 500
+# counts per push, a few counts lost on release, slow drift, hardly any noise.
+BIOTAC = Session(
+    level=2440.0,
+    drift=0.3,
+    noise=0.7,
+    step=0.1,
+    undershoot=0.012,
+    limit=4095.0,
+    quantum=1.0,
+    unit="counts",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedRecording:
+    """A recording with what is true of it.
+
+    Args:
+        recording: What a reader would give.
+        schedule: Planned pushes.
+        theta: Elevation that each push really had [rad].
+        alpha: Azimuth that each push really had [rad].
+        truth: Heights of the pushes before noise and saturation.
+        t_start: Contact of each push [s].
+        t_peak: Middle of each push [s].
+    """
+
+    recording: Recording
+    schedule: PushSchedule
+    theta: Float[np.ndarray, " n"]
+    alpha: Float[np.ndarray, " n"]
+    truth: Channels
+    t_start: Float[np.ndarray, " n"]
+    t_peak: Float[np.ndarray, " n"]
+
+
+def simulate_recording(
+    params: Parameters,
+    grasp: Grasp,
+    schedule: PushSchedule,
+    *,
+    session: Session,
+    rng: np.random.Generator,
+) -> SimulatedRecording:
+    """Execute a schedule and record it.
+
+    Args:
+        params: True parameters.
+        grasp: Grasp and sensor; its gain gives the unit of the session.
+        schedule: Planned pushes.
+        session: Course of the pushes and the sensor.
+        rng: Source of all randomness.
+
+    Returns:
+        The recording, with the angles of the joints as channels, and the truth.
+    """
+    n = schedule.n_pushes
+    half = session.angle_resolution / 2
+    theta = np.clip(schedule.theta + rng.uniform(-half, half, n), -np.pi / 2, np.pi / 2)
+    alpha = schedule.alpha + rng.uniform(-half, half, n)
+    truth = forward(params, Pushes(theta=theta, alpha=alpha), grasp)
+    period = session.duration + session.rest
+    t_start = session.rest + period * np.arange(n)
+    time = _clock(t_start[-1] + period, session, rng)
+    # Which push a moment belongs to: the rest before a push is already its own.
+    index = np.clip(((time - session.rest / 2) // period).astype(int), 0, n - 1)
+    course = _course(time - t_start[index], session)
+    recording = Recording(
+        time=time,
+        channels={
+            name: _sensed(time, course * amplitude[index], session, rng)
+            for name, amplitude in _amplitudes(truth, alpha, session).items()
+        },
+        units=dict.fromkeys(_amplitudes(truth, alpha, session), session.unit),
+        theta=_to_resolution(theta, session)[index],
+        alpha=_to_resolution(alpha, session)[index],
+        notes=("simulated",),
+    )
+    return SimulatedRecording(
+        recording=recording,
+        schedule=schedule,
+        theta=theta,
+        alpha=alpha,
+        truth=truth,
+        t_start=t_start,
+        t_peak=t_start + session.duration / 2,
+    )
+
+
+def write_recording(recording: Recording, path: str | Path) -> None:
+    """Write a recording as native CSV; the file is complete or absent.
+
+    Args:
+        recording: What to write.
+        path: File to write or replace.
+    """
+    columns: dict[str, Float[np.ndarray, " n"]] = {"time_s": recording.time}
+    for name, values in recording.channels.items():
+        columns[f"{name}_{recording.units[name]}"] = values
+    for name in ("theta", "alpha"):
+        angle = getattr(recording, name)
+        if angle is not None:
+            columns[f"{name}_deg"] = np.degrees(angle)
+    with atomic_path(path) as temporary:
+        pd.DataFrame(columns).to_csv(temporary, index=False, lineterminator="\n")
+
+
+def _forward(params: Parameters, grasp: Grasp, plan: PushSchedule) -> Channels:
+    """Noise-free heights of planned pushes."""
+    return forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
+
+
+def _clock(
+    end: float, session: Session, rng: np.random.Generator
+) -> Float[np.ndarray, " n"]:
+    """Sample times, even or with random steps."""
+    n = int(np.ceil(end * session.rate))
+    steps = 1 + session.jitter * rng.standard_normal(n)
+    # A step of a tenth is the shortest: time never stands still.
+    return np.cumsum(np.maximum(steps, 0.1)) / session.rate
+
+
+def _course(
+    since: Float[np.ndarray, " n"], session: Session
+) -> Float[np.ndarray, " n"]:
+    """Share of the height, by the time since contact."""
+    rise, duration = session.rise, session.duration
+    distance = np.minimum(since, duration - since) / rise
+    pushed = np.clip(distance, 0.0, 1.0)
+    if session.shape == "sine":
+        pushed = np.sin(np.pi / 2 * pushed)
+    touching = (since >= 0) & (since <= duration)
+    course = np.where(touching, session.step + (1 - session.step) * pushed, 0.0)
+    released = np.maximum(since - duration, 0.0)
+    recovery = session.undershoot * np.exp(-released / 0.4)
+    return course - np.where(since > duration, recovery, 0.0)
+
+
+def _amplitudes(
+    truth: Channels, alpha: Float[np.ndarray, " n"], session: Session
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Change of each channel at the end of each push."""
+    if not session.forces:
+        return {session.channel: np.asarray(truth.height)}
+    tangential = np.asarray(truth.height_tangential)
+    return {
+        "fx": tangential * np.cos(alpha),
+        "fy": tangential * np.sin(alpha),
+        "fz": np.asarray(truth.height_normal),
+    }
+
+
+def _sensed(
+    time: Float[np.ndarray, " n"],
+    change: Float[np.ndarray, " n"],
+    session: Session,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, " n"]:
+    """Reading of a sensor: level, drift, noise, range and resolution."""
+    reading = session.level + session.drift * time + change
+    reading = reading + session.noise * rng.standard_normal(len(time))
+    if session.limit is not None:
+        reading = np.minimum(reading, session.limit)
+    if session.quantum is not None:
+        reading = np.rint(reading / session.quantum) * session.quantum
+    return reading
+
+
+def _to_resolution(
+    angle: Float[np.ndarray, " n"], session: Session
+) -> Float[np.ndarray, " n"]:
+    """Angle as the joints report it."""
+    return np.rint(angle / session.angle_resolution) * session.angle_resolution
