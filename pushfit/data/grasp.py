@@ -9,9 +9,6 @@ import math
 from pushfit.config import GraspConfig
 from pushfit.model import Grasp
 
-# Stands in for a push length that is not known; no stiffness is quoted with it.
-NOMINAL_LENGTH_MM = 5.0
-
 
 def is_calibrated(config: GraspConfig, unit: str) -> bool:
     """Whether stiffness comes out in N/m rather than sensor units per metre.
@@ -45,7 +42,7 @@ def make_grasp(config: GraspConfig, unit: str) -> Grasp:
     preload = config.preload_in(unit)
     sharpness = config.transition.sharpness
     span = config.grasp.support_span_mm
-    length = config.push.length_mm or NOMINAL_LENGTH_MM
+    length = config.push.length_mm
     return Grasp(
         push_length=length * 1e-3,
         preload=0.0 if preload == "estimate" else float(preload) / gain,

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from pushfit.data.table import PeakTable
 from pushfit.fit.problem import Problem
@@ -55,7 +55,7 @@ def prediction_bands(
         other = np.full(N_GRID, fixed_deg)
         theta, alpha = (grid, other) if swept == "theta" else (other, grid)
         pushes = Pushes(np.radians(theta), np.radians(alpha))
-        curves = np.asarray(_curves(problem, _thinned(samples), pushes))
+        _, curves = predicted_heights(problem, samples, pushes)
         best = np.asarray(_best_curve(problem, jnp.asarray(fit.estimate), pushes))
         quantiles = np.quantile(curves, [(1 - prob) / 2, 0.5, (1 + prob) / 2], axis=0)
         for c, channel in enumerate(problem.channels):
@@ -95,14 +95,24 @@ def _sweeps(table: PeakTable) -> list[tuple[str, float, tuple[int, ...]]]:
     return [(swept, value, rows) for _, swept, value, rows in kept]
 
 
-def _thinned(
-    samples: Mapping[str, Float[np.ndarray, " n"]],
-) -> dict[str, Float[Array, " m"]]:
-    """Evenly spaced draws of what the forces depend on."""
+def predicted_heights(
+    problem: Problem, samples: Mapping[str, Float[np.ndarray, " n"]], pushes: Pushes
+) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, "m c g"]]:
+    """Noise-free heights of given pushes for evenly spaced posterior draws.
+
+    Args:
+        problem: Problem.
+        samples: Posterior draws by name.
+        pushes: Directions to predict.
+
+    Returns:
+        Index of each draw used, and its heights by channel and push [table unit].
+    """
     n = samples["A"].size
     index = np.unique(np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int))
     names = (*Parameters.__dataclass_fields__, "F_0")
-    return {k: jnp.asarray(samples[k][index]) for k in names if k in samples}
+    draws = {k: jnp.asarray(samples[k][index]) for k in names if k in samples}
+    return index, np.asarray(_curves(problem, draws, pushes))
 
 
 @eqx.filter_jit

@@ -7,7 +7,7 @@ residuals follow their neighbours in direction, and does the fit explain the hei
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from pushfit.data.table import PeakTable
 from pushfit.fit.noise import Noise
@@ -150,7 +150,8 @@ def _pattern_p_value(
         [np.cos(theta) * np.cos(alpha), np.cos(theta) * np.sin(alpha), np.sin(theta)]
     )
     points = np.stack([np.bincount(inverse, v) / counts for v in vectors], axis=1)
-    neighbour = cKDTree(points).query(points, k=2)[1][:, 1]
+    _, nearest = KDTree(points).query(points, k=2)
+    neighbour = np.asarray(nearest)[:, 1]
     rng = np.random.default_rng(seed)
 
     def statistic(values: Float[np.ndarray, " *s"]) -> Float[np.ndarray, "*t"]:

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from arviz_stats.base import array_stats
+from arviz_stats.base.array import array_stats
 from jaxtyping import Array, Float
 from scipy import stats
 
@@ -162,7 +162,7 @@ def _unwrapped(
     degrees: Float[np.ndarray, " n"],
 ) -> tuple[float, Float[np.ndarray, " n"]]:
     """Circular mean of axes and the signed distance of each from it [deg]."""
-    centre = float(stats.circmean(degrees, high=HALF_TURN, low=0.0))
+    centre = float(stats.circmean(degrees, high=HALF_TURN, low=0))
     half = HALF_TURN / 2
     return centre, np.mod(degrees - centre + half, HALF_TURN) - half
 

@@ -138,10 +138,10 @@ def _with_sigma(problem: Problem, y: Float[Array, " q"]) -> Problem:
             return float(np.sum(r**2 / (s**2 + extra**2)) - target)
 
         extra = high
-        if excess(high) < 0 < excess(floor):
-            extra = optimize.brentq(excess, floor, high)
-        elif excess(floor) <= 0:
+        if excess(floor) <= 0:
             extra = floor
+        elif excess(high) < 0:
+            extra = float(np.asarray(optimize.brentq(excess, floor, high)))
         sigma[c, mask[c]] = np.hypot(s, extra)
     return eqx.tree_at(lambda p: p.reference_sigma, problem, jnp.asarray(sigma))
 

@@ -61,11 +61,10 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             repeats.
     """
     choice = config.noise.sigma
-    sds = {name: table.sd(name) for name in table.channels}
     pooled = {name: table.pooled_sd(name) for name in table.channels}
-    has_sd = all(sd is not None for sd in sds.values())
+    sds = _given(table)
     dof = min(int(p[1]) for p in pooled.values())
-    if choice == "given" and not has_sd:
+    if choice == "given" and sds is None:
         raise ConfigError(
             '[noise] sigma = "given", but the table lacks a height_sd_ column for '
             'every channel; add the columns or set sigma = "auto"',
@@ -79,19 +78,18 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         )
     kind, notices = choice, ()
     if choice == "auto":
-        kind, notices = _choose(table, sds if has_sd else None, dof)
-    known = {
-        n: sd if sd is not None else np.zeros(table.n_pushes) for n, sd in sds.items()
-    }
+        kind, notices = _choose(table, sds, dof)
+    no_sd = {n: np.zeros(table.n_pushes) for n in table.channels}
+    known = no_sd if sds is None else sds
     if kind == "given":
         return Noise(kind=kind, sd=known, sigma=known, degrees_of_freedom=np.inf)
-    floor = {n: SMALLEST_SHARE * np.max(np.abs(table.heights(n))) for n in known}
+    used = table.is_used
+    floor = {n: SMALLEST_SHARE * np.max(np.abs(table.heights(n)[used])) for n in known}
     constant = {
         n: np.full(table.n_pushes, max(p[0] if p[1] else 0.0, floor[n]))
         for n, p in pooled.items()
     }
     if kind == "pooled":
-        no_sd = {n: np.zeros(table.n_pushes) for n in known}
         return Noise(
             kind=kind, sd=no_sd, sigma=constant, degrees_of_freedom=dof, notices=notices
         )
@@ -99,6 +97,17 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     return Noise(
         kind=kind, sd=known, sigma=first, degrees_of_freedom=np.nan, notices=notices
     )
+
+
+def _given(table: PeakTable) -> dict[str, Float[np.ndarray, " n"]] | None:
+    """Standard deviations of every channel; None if one lacks them."""
+    sds = {}
+    for name in table.channels:
+        sd = table.sd(name)
+        if sd is None:
+            return None
+        sds[name] = sd
+    return sds
 
 
 def _choose(

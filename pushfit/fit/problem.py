@@ -7,6 +7,7 @@ Excluded: searching and sampling.
 """
 
 from collections.abc import Mapping
+from typing import Generic, TypeVar
 
 import equinox as eqx
 import jax
@@ -30,7 +31,10 @@ from pushfit.numerics import norm2
 STUDENT_DOF = 4.0
 
 
-class State(eqx.Module):
+P = TypeVar("P", Parameters, Contact)
+
+
+class State(eqx.Module, Generic[P]):
     """A point at which the model can be evaluated.
 
     Args:
@@ -40,7 +44,7 @@ class State(eqx.Module):
         log_volume: Log |det| of the map from the coordinates to the prior's scale.
     """
 
-    params: Parameters | Contact
+    params: P
     preload: Scalar
     sigma: Float[Array, " c"]
     log_volume: Scalar
@@ -138,7 +142,7 @@ class Problem(eqx.Module):
         value = self.log_prior(x) + self.log_likelihood(self.state(x))
         return jnp.where(jnp.isnan(value), -jnp.inf, value)
 
-    def state(self, x: Float[Array, " p"]) -> State:
+    def state(self, x: Float[Array, " p"]) -> State[Parameters]:
         """The point that a vector of sampling coordinates names.
 
         Args:
@@ -160,7 +164,7 @@ class Problem(eqx.Module):
             volume,
         )
 
-    def data_state(self, y: Float[Array, " q"]) -> State:
+    def data_state(self, y: Float[Array, " q"]) -> State[Contact]:
         """The point that a vector of data coordinates names; its sigma is 0.
 
         Args:
@@ -234,7 +238,9 @@ def _tangential_group(
     return K_st, K_st * L**2 / s, L, as_float(e1), as_float(e2), zero
 
 
-def _prior_scale(state: State, channels: tuple[str, ...]) -> dict[str, Scalar]:
+def _prior_scale(
+    state: State[Parameters], channels: tuple[str, ...]
+) -> dict[str, Scalar]:
     """Every quantity that may have a prior, on the scale of that prior."""
     p = state.params
     scale = {

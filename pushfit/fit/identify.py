@@ -1,0 +1,298 @@
+"""One table through every question: fit, profiles, posterior, criticism, advice.
+
+This is the only place that knows the order of things; commands, batches and reports
+all start from `identify_table`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from pushfit.config import GraspConfig
+from pushfit.data.table import PeakTable
+from pushfit.errors import ConfigError
+from pushfit.fit.advice import measurements, next_push
+from pushfit.fit.bands import prediction_bands
+from pushfit.fit.criticism import goodness_of_fit
+from pushfit.fit.exact import exact_posterior, why_not_exact
+from pushfit.fit.identifiability import identifiability
+from pushfit.fit.least_squares import fit_least_squares, weighted_problem
+from pushfit.fit.model_free import model_free_direction
+from pushfit.fit.notices import (
+    contact_notice,
+    contradiction_notice,
+    lost_contact_rows,
+    result_notices,
+    scatter_notice,
+    table_notices,
+)
+from pushfit.fit.posterior import sample_posterior
+from pushfit.fit.profiles import likelihood_profiles
+from pushfit.fit.quantities import (
+    angle_quantity,
+    combination_quantities,
+    parameter_quantities,
+)
+from pushfit.fit.results import (
+    FitResult,
+    IdentifiabilityResult,
+    Identification,
+    Notice,
+    PosteriorResult,
+    Quantity,
+    Verdict,
+)
+from pushfit.fit.setup import Setup, build_problem
+
+Progress = Callable[[str, float], None]
+PACKAGES = ("pushfit", "jax", "optimistix", "emcee", "numpy", "scipy", "pandas")
+# Draws of the exact engine: quantiles good to about 0.02 standard deviations.
+N_EXACT_DRAWS = 8000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A table as fitted: what precedes any sampling.
+
+    Args:
+        table: Peak heights, with pushes flagged that had lost contact.
+        config: Configuration in force.
+        setup: Problem, its noise weights settled.
+        fit: Least squares.
+        reference_alpha: Azimuth at which θ_c is quoted [rad].
+        notices: What came up on the way.
+    """
+
+    table: PeakTable
+    config: GraspConfig
+    setup: Setup
+    fit: FitResult
+    reference_alpha: float
+    notices: tuple[Notice, ...]
+
+
+def identify_table(
+    table: PeakTable,
+    config: GraspConfig,
+    *,
+    seed: int,
+    engine: str = "emcee",
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+) -> Identification:
+    """Everything that a table of peak heights can tell.
+
+    Args:
+        table: Peak heights.
+        config: Configuration in force.
+        seed: Seed of every random number.
+        engine: "emcee", or "exact" for quadrature.
+        progress: Called with a stage and the share of it that is done.
+        checkpoint: File in which a run of emcee is kept, to be resumed.
+
+    Returns:
+        The identification; its status says whether intervals may be believed.
+
+    Raises:
+        DataError: If no usable push is left.
+        ConfigError: If the configuration does not fit the table or the engine.
+        FitError: If no start gives finite residuals.
+    """
+    fitted = fit_table(table, config)
+    prob = config.report.prob
+    reach = _reach(config)
+    profiles = likelihood_profiles(
+        fitted.setup,
+        fitted.fit,
+        reference_alpha=fitted.reference_alpha,
+        prob=prob,
+        reach=reach,
+    )
+    posterior = _posterior(fitted, seed, engine, progress, checkpoint)
+    theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
+    alpha_star = angle_quantity(
+        "alpha_star", posterior, profiles.get("alpha_star"), prob=prob
+    )
+    words = {
+        "prob": prob,
+        "unit": fitted.table.unit,
+        "is_length_known": config.push.length_known,
+    }
+    problem = fitted.setup.problem
+    criticism = goodness_of_fit(fitted.table, fitted.fit, fitted.setup.noise, seed=seed)
+    model_free = model_free_direction(fitted.table, prob=prob, seed=seed)
+    return Identification(
+        table=fitted.table,
+        used=fitted.table.is_used,
+        config=config,
+        fit=fitted.fit,
+        posterior=posterior,
+        theta_c=theta_c,
+        reference_alpha_deg=float(np.degrees(fitted.reference_alpha)),
+        alpha_star=alpha_star,
+        alpha_star_model_free=model_free,
+        parameters=parameter_quantities(fitted.setup, posterior, profiles, **words),
+        combinations=combination_quantities(fitted.setup, posterior, profiles, **words),
+        profiles=profiles,
+        identifiability=_identifiability(fitted, posterior, theta_c, alpha_star),
+        goodness_of_fit=criticism,
+        bands=prediction_bands(
+            fitted.table, problem, fitted.fit, posterior.samples, prob=prob
+        ),
+        warnings=(
+            *fitted.notices,
+            *result_notices(
+                fitted.setup, posterior, criticism, (theta_c, alpha_star), model_free
+            ),
+        ),
+        status=posterior.status,
+        seed=seed,
+        versions={name: version(name) for name in PACKAGES},
+    )
+
+
+def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:
+    """Least squares of a table, with the noise model settled.
+
+    Args:
+        table: Peak heights.
+        config: Configuration in force.
+
+    Returns:
+        The fit and everything a posterior needs.
+
+    Raises:
+        DataError: If no usable push is left.
+        ConfigError: If the configuration does not fit the table.
+        FitError: If no start gives finite residuals.
+    """
+    notices = list(table_notices(table, config))
+    if not config.push.length_known and config.noise.sigma == "auto":
+        # Unequal pushes scatter by more than any sensor noise.
+        config = _with_sigma(config, "sampled")
+    reference_alpha = _reference_alpha(table, config)
+    setup, fit = _fit(table, config, reference_alpha)
+    lost = lost_contact_rows(setup, fit)
+    if lost:
+        table = table.with_flag(lost, "lost_contact")
+        notices.append(contact_notice(table, lost))
+        setup, fit = _fit(table, config, reference_alpha)
+    excess = scatter_notice(setup, fit) if config.noise.sigma == "auto" else None
+    if excess is not None:
+        config = _with_sigma(config, "sampled")
+        setup, fit = _fit(table, config, reference_alpha)
+    found = (excess, contradiction_notice(setup, fit))
+    return Fitted(
+        table=table,
+        config=config,
+        setup=setup,
+        fit=fit,
+        reference_alpha=reference_alpha,
+        notices=(*notices, *setup.noise.notices, *(n for n in found if n)),
+    )
+
+
+def _fit(
+    table: PeakTable, config: GraspConfig, reference_alpha: float
+) -> tuple[Setup, FitResult]:
+    """Problem with its noise weights settled, and its best fit."""
+    setup = build_problem(table, config)
+    fit = fit_least_squares(setup, reference_alpha=reference_alpha, throw=True)
+    return replace(setup, problem=weighted_problem(setup)), fit
+
+
+def _posterior(
+    fitted: Fitted,
+    seed: int,
+    engine: str,
+    progress: Progress | None,
+    checkpoint: Path | None,
+) -> PosteriorResult:
+    """Draws by the engine asked for."""
+    reach = _reach(fitted.config)
+    if engine == "emcee":
+        return sample_posterior(
+            fitted.setup,
+            fitted.fit,
+            seed=seed,
+            reference_alpha=fitted.reference_alpha,
+            reach=reach,
+            progress=progress,
+            checkpoint=checkpoint,
+        )
+    if engine != "exact":
+        raise ConfigError(
+            f"engine = {engine!r} is not known; choose emcee or exact",
+            code="unknown_engine",
+        )
+    reason = why_not_exact(fitted.setup.problem)
+    if reason is not None:
+        raise ConfigError(
+            f"the exact engine does not apply: {reason}; use --engine emcee",
+            code="no_exact_engine",
+        )
+    return exact_posterior(
+        fitted.setup,
+        fitted.fit,
+        n_draws=N_EXACT_DRAWS,
+        seed=seed,
+        reference_alpha=fitted.reference_alpha,
+        reach=reach,
+    )
+
+
+def _identifiability(
+    fitted: Fitted, posterior: PosteriorResult, theta_c: Quantity, alpha_star: Quantity
+) -> IdentifiabilityResult:
+    """Combinations that the data fix, and what would help where they do not."""
+    problem = fitted.setup.problem
+    advice = []
+    for quantity in (theta_c, alpha_star):
+        is_asked = quantity.name in posterior.samples
+        if is_asked and quantity.verdict is not Verdict.DETERMINED:
+            advice.append(
+                next_push(
+                    problem,
+                    fitted.table,
+                    posterior.samples,
+                    quantity=quantity.name,
+                    reference_alpha=fitted.reference_alpha,
+                    reach=_reach(fitted.config),
+                )
+            )
+    advice += measurements(
+        problem,
+        verdicts={q.name: q.verdict for q in (theta_c, alpha_star)},
+        is_calibrated=fitted.setup.is_calibrated,
+        has_direction=fitted.setup.has_direction,
+    )
+    return identifiability(
+        problem,
+        posterior.samples,
+        posterior.prior_samples,
+        advice=tuple(sentence for sentence in advice if sentence),
+    )
+
+
+def _reference_alpha(table: PeakTable, config: GraspConfig) -> float:
+    """Azimuth with the most distinct elevations, unless the configuration names one."""
+    if config.grasp.reference_alpha_deg is not None:
+        return float(np.radians(config.grasp.reference_alpha_deg))
+    used = table.frame[table.is_used]
+    if used.empty:
+        return 0.0
+    counts = used.groupby("alpha_deg")["theta_deg"].nunique()
+    return float(np.radians(counts.index[counts.argmax()]))
+
+
+def _reach(config: GraspConfig) -> tuple[float, float]:
+    low, high = config.reach.alpha_deg
+    return float(np.radians(low)), float(np.radians(high))
+
+
+def _with_sigma(config: GraspConfig, sigma: str) -> GraspConfig:
+    noise = config.noise.model_copy(update={"sigma": sigma})
+    return config.model_copy(update={"noise": noise})
