@@ -7,8 +7,8 @@ are measured (`pushfit.data.peaks`) and what they mean (`pushfit.fit`).
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +184,22 @@ class PeakTable:
         return pd.MultiIndex.from_arrays([nano[:, 0], nano[:, 1] % 360e9]).factorize()[
             0
         ]
+
+    def with_flag(self, rows: Sequence[int], flag: str) -> "PeakTable":
+        """The table with one more flag on some rows.
+
+        Args:
+            rows: Positions of the rows.
+            flag: One word.
+
+        Returns:
+            A new table; this one stays as it is.
+        """
+        words = [
+            ";".join(sorted(w | {flag})) if i in rows else ";".join(sorted(w))
+            for i, w in enumerate(self.flags)
+        ]
+        return replace(self, frame=self.frame.assign(flags=words))
 
     def pooled_sd(self, channel: str) -> tuple[float, int]:
         """Scatter of repeated pushes about the mean of their direction.
