@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import pushfit
-from pushfit.cli import doctor, init
+from pushfit.cli import analysis, doctor, files, init
 from pushfit.cli.session import command
 
 app = typer.Typer(
@@ -45,8 +45,18 @@ def pushfit_command(
     """
 
 
-command(app)(init.init)
-command(app)(doctor.doctor)
+for function in (
+    analysis.identify,
+    files.validate,
+    files.peaks,
+    analysis.fit,
+    analysis.sample,
+    files.simulate,
+    analysis.demo,
+    init.init,
+    doctor.doctor,
+):
+    command(app)(function)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -16,7 +16,7 @@ DOUBLE_PRECISION = 1e-14
 
 
 def doctor(session: Session, json: options.Json = False) -> None:
-    """Check the installation and name every version in use."""
+    """Check the installation and list its versions."""
     cache = enable_compile_cache()
     check_arithmetic()
     facts = {

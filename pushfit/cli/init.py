@@ -17,7 +17,7 @@ def init(
     ] = Path("grasp.toml"),
     force: options.Force = False,
 ) -> None:
-    """Write a commented grasp.toml in which everything has its default."""
+    """Write a commented grasp.toml with all defaults."""
     from pushfit.atomic import atomic_path
     from pushfit.config import template
 

@@ -1,7 +1,7 @@
 """Arguments and options that several commands share."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -44,6 +44,10 @@ OutFolder = Annotated[
 OutFile = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="File instead of stdout."),
+]
+Engine = Annotated[
+    Literal["emcee", "exact"],
+    typer.Option(help="Sample the posterior, or integrate it on a grid."),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all randomness.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]

@@ -72,24 +72,23 @@ class Session:
         print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
     @contextmanager
-    def progress(self, title: str) -> Iterator[Callable[[int, int], None]]:
+    def progress(self) -> Iterator[Callable[[str, float], None]]:
         """Show a bar while work is done, on a terminal only.
 
-        Args:
-            title: What is being done.
-
         Yields:
-            Function to call with the number of steps done and their total.
+            Function to call with the stage of the work and the share of it done.
         """
         if self.is_quiet or not sys.stderr.isatty():
-            yield lambda done, total: None
+            yield lambda stage, share: None
             return
         from rich.console import Console
         from rich.progress import Progress
 
         with Progress(console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(title, total=None)
-            yield lambda done, total: bar.update(task, completed=done, total=total)
+            task = bar.add_task("", total=1.0)
+            yield lambda stage, share: bar.update(
+                task, description=stage, completed=share
+            )
 
     def run(self, work: Callable[[], int | None]) -> int:
         """Do the work of a command and turn what goes wrong into an exit code.

@@ -1,0 +1,167 @@
+"""`identify`, `sample`, `fit` and `demo`: from recordings or peaks to a report."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pushfit.cache import enable_compile_cache
+from pushfit.cli import options
+from pushfit.cli.inputs import load_peaks
+from pushfit.cli.output import refuse_existing
+from pushfit.cli.session import Session
+from pushfit.errors import FitError
+
+if TYPE_CHECKING:
+    from pushfit.config import GraspConfig
+    from pushfit.data.table import PeakTable
+
+
+def identify(
+    session: Session,
+    recordings: options.Recordings,
+    schedules: options.Schedules = None,
+    config: options.ConfigFile = None,
+    out: options.OutFolder = None,
+    engine: options.Engine = "emcee",
+    seed: options.Seed = 0,
+    json: options.Json = False,
+    force: options.Force = False,
+) -> int:
+    """From recordings of pushes to theta_c and alpha*."""
+
+    def load(settings: "GraspConfig") -> "PeakTable":
+        return load_peaks(session, recordings, schedules or [], settings)
+
+    request = Request(out=out, engine=engine, seed=seed, json=json, force=force)
+    return analyse(session, load, config, request)
+
+
+def sample(
+    session: Session,
+    table: options.TableFile,
+    config: options.ConfigFile = None,
+    out: options.OutFolder = None,
+    engine: options.Engine = "emcee",
+    seed: options.Seed = 0,
+    json: options.Json = False,
+    force: options.Force = False,
+) -> int:
+    """The same from a table of peaks."""
+
+    def load(settings: "GraspConfig") -> "PeakTable":
+        from pushfit.data.table import read_table
+
+        return read_table(table)
+
+    request = Request(out=out, engine=engine, seed=seed, json=json, force=force)
+    return analyse(session, load, config, request)
+
+
+def fit(
+    session: Session,
+    table: options.TableFile,
+    config: options.ConfigFile = None,
+    engine: options.Engine = "exact",
+    seed: options.Seed = 0,
+    json: options.Json = False,
+) -> int:
+    """The same, quickly: by quadrature and without files."""
+    return sample(session, table, config, engine=engine, seed=seed, json=json)
+
+
+def demo(
+    session: Session,
+    out: options.OutFolder = None,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+    force: options.Force = False,
+) -> int:
+    """Identify the simulated foam box."""
+    folder = example_folder()
+    sweeps = ("theta", "alpha")
+    return identify(
+        session,
+        [folder / f"{sweep}_sweep.csv" for sweep in sweeps],
+        [folder / f"{sweep}_schedule.csv" for sweep in sweeps],
+        folder / "grasp.toml",
+        out=out,
+        seed=seed,
+        json=json,
+        force=force,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What the user wants of an analysis.
+
+    Args:
+        out: Folder of the result.
+        engine: How the posterior is found.
+        seed: Seed of all randomness.
+        json: Whether to print the summary instead of the report.
+        force: Whether the folder may be replaced.
+    """
+
+    out: Path | None
+    engine: str
+    seed: int
+    json: bool
+    force: bool
+
+
+def analyse(
+    session: Session,
+    load: Callable[["GraspConfig"], "PeakTable"],
+    config: Path | None,
+    request: Request,
+) -> int:
+    """Load, identify, write and print.
+
+    Args:
+        session: Where messages go.
+        load: What makes the table under a configuration.
+        config: Configuration file.
+        request: What is wanted.
+
+    Returns:
+        Exit code: that of a `FitError` if the numerics are not to be trusted.
+    """
+    # Before the work, so that a name already taken costs nothing.
+    if request.out is not None:
+        refuse_existing(request.out, force=request.force)
+    cache = enable_compile_cache()
+    from pushfit.config import read_config
+    from pushfit.fit.identify import identify_table
+    from pushfit.fit.results import FitStatus
+    from pushfit.report.folder import write_result_folder
+    from pushfit.report.summary import summary_dict
+    from pushfit.report.text import render_text
+
+    session.say_more(f"compiled programs: {cache}")
+    settings = read_config(config)
+    table = load(settings)
+    with session.progress() as progress:
+        found = identify_table(
+            table,
+            settings,
+            seed=request.seed,
+            engine=request.engine,
+            progress=progress,
+        )
+    if request.out is not None:
+        write_result_folder(found, request.out, force=request.force)
+        session.say(f"wrote {request.out}")
+    if request.json:
+        session.print_json(summary_dict(found))
+    else:
+        print(render_text(found))
+    return 0 if found.status is FitStatus.OK else FitError.exit_code
+
+
+def example_folder() -> Path:
+    """Folder of the example, in an installed package or in a checkout."""
+    package = Path(__file__).parents[1]
+    installed = package / "examples" / "foam_box"
+    return installed if installed.is_dir() else package.parent / "examples" / "foam_box"

@@ -1,0 +1,87 @@
+"""From the files that a command names to settings and tables, with a word on each."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pushfit.cli.session import Session
+from pushfit.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pushfit.config import GraspConfig
+    from pushfit.data.recording import Recording
+    from pushfit.data.table import PeakTable
+
+
+def load_recording(session: Session, path: Path, config: "GraspConfig") -> "Recording":
+    """Read one recording as the configuration describes it.
+
+    Args:
+        session: Where notes go.
+        path: File.
+        config: Settings in force.
+
+    Returns:
+        The recording.
+    """
+    from pushfit.data.recording import read_recording
+
+    layout = config.recording
+    recording = read_recording(
+        path,
+        format=layout.format,
+        mapping=layout.map,
+        units=layout.unit,
+        columns=layout.columns,
+        theta_from=layout.theta_from,
+        gaps=layout.gaps,
+        tail=layout.tail,
+        missing=layout.missing,
+        encoding=layout.encoding,
+        trust_units=layout.trust_units,
+    )
+    for note in recording.notes:
+        session.say_more(f"{path}: {note}")
+    return recording
+
+
+def load_peaks(
+    session: Session,
+    recordings: Sequence[Path],
+    schedules: Sequence[Path],
+    config: "GraspConfig",
+) -> "PeakTable":
+    """Peak heights of one or several recordings of one grasp.
+
+    Args:
+        session: Where notes go.
+        recordings: Files.
+        schedules: Their schedules, in the same order; none if the recordings have
+            angle columns.
+        config: Settings in force.
+
+    Returns:
+        One table.
+
+    Raises:
+        ConfigError: The schedules do not go with the recordings.
+    """
+    from pushfit.data.peaks import extract_peaks
+    from pushfit.data.schedule import read_schedule
+    from pushfit.data.table import concatenate
+
+    if schedules and len(schedules) != len(recordings):
+        raise ConfigError(
+            f"{len(recordings)} recordings and {len(schedules)} schedules; give "
+            "--schedule once for each recording, in the same order",
+            code="schedule_count",
+        )
+    tables = []
+    for index, path in enumerate(recordings):
+        recording = load_recording(session, path, config)
+        schedule = read_schedule(schedules[index]) if schedules else None
+        table = extract_peaks(recording, schedule, settings=config.peaks)
+        for note in table.notes:
+            session.say_more(f"{path}: {note}")
+        tables.append(table)
+    return concatenate(tables)

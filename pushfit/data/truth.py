@@ -1,0 +1,89 @@
+"""A simulation as a configuration states it: parameters, grasp and sensor."""
+
+import numpy as np
+
+from pushfit.config import GraspConfig, Prior
+from pushfit.data.grasp import make_grasp
+from pushfit.data.records import Recording
+from pushfit.data.schedule import PushSchedule
+from pushfit.data.simulate import Session, simulate_recording
+from pushfit.errors import ConfigError
+from pushfit.model import Parameters
+
+
+def simulate_from_config(
+    schedule: PushSchedule,
+    config: GraspConfig,
+    *,
+    unit: str,
+    noise: float,
+    seed: int,
+) -> Recording:
+    """Record a schedule with the grasp and the parameters of a configuration.
+
+    Args:
+        schedule: Planned pushes.
+        config: Settings; `[parameters]` is the truth and the preload the reading at
+            rest.
+        unit: Unit of the sensor.
+        noise: Standard deviation of a sample [unit].
+        seed: Seed of the noise.
+
+    Returns:
+        The recording, with the angles of the joints as channels.
+
+    Raises:
+        ConfigError: A parameter is missing, or the preload cannot be converted.
+    """
+    preload = config.preload_in(unit)
+    if isinstance(preload, str):
+        raise ConfigError(
+            "the preload is to be estimated; a simulation needs a number for "
+            f"[grasp] preload_{unit}",
+            code="no_truth",
+        )
+    return simulate_recording(
+        stated_parameters(config),
+        make_grasp(config, unit),
+        schedule,
+        session=Session(unit=unit, noise=noise, level=preload),
+        rng=np.random.default_rng(seed),
+    ).recording
+
+
+def stated_parameters(config: GraspConfig) -> Parameters:
+    """Parameters at the centre of what `[parameters]` says.
+
+    Args:
+        config: Settings with an entry for each of the six parameters; e1 and e2 may be
+            missing, which is a round ellipse.
+
+    Returns:
+        The `fixed` value, the mean, the median or the middle of the range of each.
+
+    Raises:
+        ConfigError: A parameter is missing: a simulation has no default truth.
+    """
+    values = {name: _centre(prior) for name, prior in config.parameters.items()}
+    values.pop("F_0", None)
+    missing = {"K_sn", "K_dn", "K_st", "C_rr", "C_d", "L"} - set(values)
+    if missing:
+        names = ", ".join(sorted(missing))
+        raise ConfigError(
+            f"[parameters] says nothing about {names}; a simulation needs every "
+            "parameter: add NAME = { fixed = value }",
+            code="no_truth",
+        )
+    return Parameters(**values)
+
+
+def _centre(prior: Prior) -> float:
+    """The number that stands for a prior."""
+    if prior.normal is not None:
+        return prior.normal.mean
+    if prior.lognormal is not None:
+        return prior.lognormal.median
+    if prior.uniform is not None:
+        return (prior.uniform.low + prior.uniform.high) / 2
+    assert prior.fixed is not None  # the schema demands one of the four
+    return prior.fixed

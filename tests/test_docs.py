@@ -1,0 +1,88 @@
+"""What the documents show is run, and what they repeat is compared."""
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from pushfit.cli.app import app, main
+from pushfit.config import template
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+# Commands that fit or sample; the rest take a second at most.
+SLOW = {"identify", "fit", "sample", "demo"}
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Fenced blocks of one language."""
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+
+
+def commands(page: Path) -> list[list[str]]:
+    """Arguments of every `pushfit` command that a page shows."""
+    shown = "".join(blocks(page, "console")).replace("\\\n", " ")
+    lines = [line[2:] for line in shown.splitlines() if line.startswith("$ ")]
+    words = [shlex.split(line, comments=True) for line in lines]
+    return [w[1:] for w in words if Path(w[0]).name == "pushfit"]
+
+
+PAGES_WITH_COMMANDS = [page for page in PAGES if commands(page)]
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch) -> Path:
+    """A folder that looks like a checkout to the commands."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES_WITH_COMMANDS, ids=lambda p: p.name)
+def test_the_quick_commands_of_a_page_work(page, workplace, capsys):
+    for arguments in commands(page):
+        if arguments[0] not in SLOW:
+            assert main(arguments) == 0, (arguments, capsys.readouterr().err)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES_WITH_COMMANDS, ids=lambda p: p.name)
+def test_all_commands_of_a_page_work(page, workplace, capsys):
+    for arguments in commands(page):
+        assert main(arguments) == 0, (arguments, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_the_python_of_a_page_runs(page, workplace, capsys):
+    for block in blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), {})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_file_that_a_page_links_to_exists(page):
+    targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8"))
+    missing = [target for target in targets if not (page.parent / target).exists()]
+    assert missing == []
+
+
+def test_the_reference_of_the_config_is_the_template():
+    page = ROOT / "docs" / "configuration.md"
+    assert blocks(page, "toml")[0] == template()
+
+
+def test_every_command_is_documented():
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
+    documented = {name for heading in headings for name in heading.split(" and ")}
+    assert {command.callback.__name__ for command in app.registered_commands} == (
+        documented
+    )
+
+
+def test_the_names_of_the_version_agree():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    code = (ROOT / "pushfit" / "__init__.py").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.*)$", citation, re.M)[1] in code
