@@ -52,6 +52,7 @@ class Layout:
         decimal: Decimal mark of the numbers.
         names: Column names, cleaned.
         unit_row: Units given in a row below the names, else empty.
+        first_row: Cells of the first data row.
         has_trailing: Whether each data row ends in one more, empty field.
         header_line: Line of the names, counted from 1; None if the user gave them.
         data_line: First line of data, counted from 1.
@@ -64,6 +65,7 @@ class Layout:
     decimal: str
     names: tuple[str, ...]
     unit_row: tuple[str, ...]
+    first_row: tuple[str, ...]
     has_trailing: bool
     header_line: int | None
     data_line: int
@@ -152,6 +154,8 @@ def find_layout(
         if unit_line is not None:
             unit_row = tuple(_unit_cells(split_line(unit_line, guess.delimiter)))
             notes.append(f"took the units from the row below line {guess.header + 1}")
+    if guess.has_trailing:
+        notes.append("each row ends in an empty field more than there are names")
     first = guess.data if guess.header is None else guess.header
     n_preamble = sum(bool(line.strip()) for line in lines[:first])
     if n_preamble:
@@ -162,6 +166,7 @@ def find_layout(
         decimal=guess.decimal,
         names=names,
         unit_row=unit_row,
+        first_row=tuple(split_line(lines[guess.data], guess.delimiter)),
         has_trailing=guess.has_trailing,
         header_line=None if guess.header is None else guess.header + 1,
         data_line=guess.data + 1,

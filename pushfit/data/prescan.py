@@ -12,6 +12,7 @@ import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO, cast
 
 import numpy as np
 import pandas as pd
@@ -19,9 +20,9 @@ from jaxtyping import Int
 
 from pushfit.data.dialects import STAMP, Layout, find_layout
 from pushfit.data.explain import Kind, missing_tokens, slow_scan
-from pushfit.data.recording import Source
+from pushfit.data.records import Source
 from pushfit.data.scan import Extent, Scan, Tail, fast_scan, find_extent
-from pushfit.data.textfile import TextFile, data_error, open_text, refuse
+from pushfit.data.textfile import BlockReader, TextFile, data_error, open_text, refuse
 
 MAX_BYTES = 1 << 30
 _CHUNK_ROWS = 1 << 18
@@ -139,8 +140,9 @@ def _parse(
             if stop > n_rows:
                 return None
             for i, kind in kinds.items():
-                cells = frame[i]
-                values = _nanoseconds(cells) if kind == "stamp" else cells.to_numpy()
+                values = np.asarray(frame[i])
+                if kind == "stamp":
+                    values = _nanoseconds(values.tolist())
                 if kind == "float" and np.isinf(values).any():
                     return None
                 if kind == "float" and np.isin(values, (0.0, 1.0)).all():
@@ -164,35 +166,33 @@ def _chunks(
 ) -> Iterator[pd.DataFrame]:
     """Parse the rows, without their header, some at a time."""
     tokens = list(missing_tokens(missing))
-    with (
-        text.stream(extent.start, extent.end) as stream,
-        pd.read_csv(
-            stream,
-            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-            decimal=layout.decimal,
-            header=None,
-            names=list(range(layout.n_fields)),
-            index_col=False,
-            usecols=sorted(kinds),
-            dtype={i: _PARSED[kind] for i, kind in kinds.items()},
-            na_values={i: tokens for i, kind in kinds.items() if kind == "float"},
-            keep_default_na=False,
-            skipinitialspace=True,
-            quoting=csv.QUOTE_MINIMAL if extent.has_quotes else csv.QUOTE_NONE,
-            on_bad_lines="error",
-            encoding="utf-8",
-            chunksize=_CHUNK_ROWS,
-        ) as frames,
-    ):
+    with pd.read_csv(
+        cast(IO[bytes], BlockReader(text.blocks(extent.start, extent.end))),
+        sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+        decimal=layout.decimal,
+        header=None,
+        names=list(range(layout.n_fields)),
+        index_col=False,
+        usecols=sorted(kinds),
+        dtype={i: _PARSED[kind] for i, kind in kinds.items()},
+        na_values={i: tokens for i, kind in kinds.items() if kind == "float"},
+        keep_default_na=False,
+        skipinitialspace=extent.has_padding,
+        quoting=csv.QUOTE_MINIMAL if extent.has_quotes else csv.QUOTE_NONE,
+        on_bad_lines="error",
+        encoding="utf-8",
+        chunksize=_CHUNK_ROWS,
+    ) as frames:
         yield from frames
 
 
-def _nanoseconds(cells: pd.Series) -> Int[np.ndarray, " n"]:
+def _nanoseconds(texts: list[str]) -> Int[np.ndarray, " n"]:
     """Read RFC 3339 times as nanoseconds since 1970, exactly."""
-    if not cells.str.fullmatch(STAMP).all():
+    # pandas alone would also take a date without time or zone.
+    if not all(map(STAMP.fullmatch, texts)):
         raise ValueError("not an RFC 3339 time")
-    times = pd.to_datetime(cells, utc=True, format="ISO8601")
-    return times.dt.as_unit("ns").astype(np.int64).to_numpy()
+    times = pd.DatetimeIndex(pd.to_datetime(texts, utc=True, format="ISO8601"))
+    return times.as_unit("ns").asi8
 
 
 def read_csv_strict(

@@ -1,45 +1,146 @@
-"""A recording: time, channels and push angles of one session, with provenance."""
+"""Read a recording in any known dialect.
 
-from dataclasses import dataclass
+Bytes become clean text (`textfile`), whose layout is recognised (`dialects`) and held
+against every line (`scan`, `explain`); the columns get their roles (`roles`), only the
+needed ones are parsed (`prescan`), and the samples must make sense as a recording
+(`samples`). Bags enter at the last step (`bags`).
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
-from jaxtyping import Float
+
+from pushfit.data.bags import read_bag
+from pushfit.data.dialects import Format, Layout, find_layout
+from pushfit.data.explain import Kind
+from pushfit.data.prescan import MAX_BYTES, Cells, read_cells
+from pushfit.data.records import Recording, Source
+from pushfit.data.roles import Role, Roles, assign_roles
+from pushfit.data.samples import Gaps, Samples, ThetaFrom, build_recording
+from pushfit.data.scan import Tail
+from pushfit.data.textfile import TextFile, existing_file, is_bag, open_text
+from pushfit.data.units import Unit
+
+__all__ = ["Recording", "Source", "read_recording"]
+
+_NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
-    """Where data came from.
+def read_recording(
+    path: str | Path,
+    *,
+    format: Format = "auto",
+    mapping: Mapping[str, str] = _NOTHING,
+    units: Mapping[str, str] = _NOTHING,
+    columns: Sequence[str] = (),
+    theta_from: ThetaFrom = "tangential",
+    gaps: Gaps = "error",
+    tail: Tail = "drop",
+    missing: Sequence[str] = (),
+    encoding: str | None = None,
+    trust_units: bool = False,
+    max_bytes: int = MAX_BYTES,
+) -> Recording:
+    """Read a recording, or say everything that is wrong with it.
+
+    Every column that states a signal unit (`force_n`, `pressure_kpa`), is mapped, or
+    has a unit stated in `units` becomes a channel; `theta` and `alpha` become the push
+    angles. Other columns are ignored with a note.
 
     Args:
-        path: File as the user named it.
-        sha256: Digest of the file's bytes, hexadecimal.
-        dialect: What the reader recognised.
+        path: CSV file, plain or compressed by gzip, or a ROS bag.
+        format: Dialect; `auto` recognises it.
+        mapping: Column name by channel name, and by `time`, `theta` and `alpha`; for
+            bags `/topic.field.path`.
+        units: Unit by channel or column name, where the name states none.
+        columns: Column names in order, for a file without a header.
+        theta_from: What a recorded theta is measured from.
+        gaps: What to do about missing samples: an `error`, or leave them NaN for peaks
+            to be `split` there, or `interpolate` those within five usual steps.
+        tail: What to do about a last line without a line end: `drop` it, `keep` it, or
+            call it an `error`; `salvage` also drops zero bytes at the end.
+        missing: Further texts that stand for a missing sample, such as a sentinel.
+        encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
+        trust_units: Accept units that the samples make implausible.
+        max_bytes: Most memory that the samples may take.
+
+    Returns:
+        The recording, in canonical units.
+
+    Raises:
+        ConfigError: If the path cannot be read or the options do not fit it.
+        DataError: If the file breaks a rule; `.problems` lists all that were found.
     """
+    given = existing_file(path)
+    if format == "bag" or (format == "auto" and is_bag(given)):
+        samples = read_bag(given, mapping=mapping, units=units, max_bytes=max_bytes)
+    else:
+        text = open_text(given, encoding=encoding)
+        layout = find_layout(text, format=format, columns=columns)
+        roles = assign_roles(layout, mapping=mapping, units=units, path=text.path)
+        cells = read_cells(
+            text,
+            layout,
+            _kinds(layout, roles),
+            tail=tail,
+            missing=missing,
+            max_bytes=max_bytes,
+        )
+        samples = _samples(text, layout, roles, cells)
+    return build_recording(
+        samples, theta_from=theta_from, gaps=gaps, trust_units=trust_units
+    )
 
-    path: str
-    sha256: str
-    dialect: str
+
+def _kinds(layout: Layout, roles: Roles) -> dict[int, Kind]:
+    """Give what the cells of each needed column must be."""
+    kinds: dict[int, Kind] = {}
+    for clock in roles.clocks:
+        kind: Kind = "stamp" if clock.is_stamp else "float"
+        # Nanoseconds since 1970 have 19 digits, three more than a float64 holds.
+        if clock.unit.name == "ns" and not clock.is_stamp:
+            kind = "int"
+        kinds |= dict.fromkeys(clock.columns, kind)
+    for role in (*roles.channels, *roles.angles):
+        kinds[role.columns[0]] = "float"
+    return kinds
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
-    """Samples of one session on one clock.
+def _samples(text: TextFile, layout: Layout, roles: Roles, cells: Cells) -> Samples:
+    """Sort parsed columns by their roles."""
 
-    Args:
-        time: Sample times, strictly increasing [s].
-        channels: Samples by channel name without unit suffix, each in its canonical
-            unit. NaN only where the declared gap policy left a missing sample.
-        units: Canonical unit of each channel: `n`, `kpa`, `counts` or `au`.
-        theta: Elevation of the push out of the tangential plane, if recorded [rad].
-        alpha: Azimuth of the push in the tangential plane, if recorded [rad].
-        sources: Files behind the samples.
-        notes: What the reader recognised, dropped or filled in, for the user.
-    """
+    def series(role: Role) -> tuple[np.ndarray, Unit]:
+        return cells.values[role.columns[0]], role.unit
 
-    time: Float[np.ndarray, " n"]
-    channels: dict[str, Float[np.ndarray, " n"]]
-    units: dict[str, str]
-    theta: Float[np.ndarray, " n"] | None = None
-    alpha: Float[np.ndarray, " n"] | None = None
-    sources: tuple[Source, ...] = ()
-    notes: tuple[str, ...] = ()
+    clock, time = _first_filled_clock(roles, cells)
+    names = [layout.names[i] for i in clock.columns]
+    source = Source(path=text.path, sha256=text.sha256, dialect=layout.description)
+    return Samples(
+        path=text.path,
+        time=time,
+        time_unit=clock.unit,
+        channels={role.name: series(role) for role in roles.channels},
+        angles={role.name: series(role) for role in roles.angles},
+        is_union=layout.writer == "plotjuggler",
+        lines=cells.scan.lines,
+        sources=(source,),
+        notes=(
+            f"recognised {layout.description}; time from {' and '.join(names)}",
+            *layout.notes,
+            *roles.notes,
+            *cells.notes,
+        ),
+    )
+
+
+def _first_filled_clock(roles: Roles, cells: Cells) -> tuple[Role, np.ndarray]:
+    """Choose the first clock whose stamps were filled in."""
+    for clock in roles.clocks:
+        time = cells.values[clock.columns[0]]
+        if len(clock.columns) == 2:
+            time = time * 1_000_000_000 + cells.values[clock.columns[1]]
+        if time.any():
+            return clock, time
+    return clock, time

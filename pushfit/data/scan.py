@@ -28,12 +28,14 @@ class Extent:
         start: Byte where the first row begins.
         end: Byte where the last accepted row ends.
         has_quotes: Whether fields may be quoted.
+        has_padding: Whether fields may begin with blanks.
         notes: What was left out, for the user.
     """
 
     start: int
     end: int
     has_quotes: bool
+    has_padding: bool
     notes: tuple[str, ...]
 
 
@@ -74,7 +76,8 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
             (`no_final_newline`), or there is no line end at all (`no_line_ends`).
     """
     start = position = last_end = layout.data_start
-    has_quotes = False
+    has_quotes = has_padding = False
+    padding = (layout.delimiter.encode() + b" ", b"\n ")
     notes: list[str] = []
     for block in text.blocks(start):
         zero = block.find(b"\0")
@@ -85,6 +88,7 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
             )
             block = block[:zero]
         has_quotes = has_quotes or b'"' in block
+        has_padding = has_padding or any(pad in block for pad in padding)
         last = block.rfind(b"\n") + 1
         last_end = position + last if last else last_end
         position += len(block)
@@ -101,7 +105,13 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
         n_lines = sum(block.count(b"\n") for block in text.blocks(0, last_end))
         notes.append(_judge_last_line(text, n_lines + 1, tail))
         end = position if tail == "keep" else last_end
-    return Extent(start=start, end=end, has_quotes=has_quotes, notes=tuple(notes))
+    return Extent(
+        start=start,
+        end=end,
+        has_quotes=has_quotes,
+        has_padding=has_padding,
+        notes=tuple(notes),
+    )
 
 
 def _refuse_nul(text: TextFile, first: int, tail: Tail) -> None:

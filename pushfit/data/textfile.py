@@ -9,13 +9,12 @@ import codecs
 import difflib
 import gzip
 import hashlib
-import io
 import os
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO
 
 from pushfit.errors import ConfigError, DataError, Problem
 
@@ -216,10 +215,6 @@ class TextFile:
         """Give the first bytes of the clean text."""
         return b"".join(self.blocks(end=size))
 
-    def stream(self, start: int, end: int) -> io.BufferedReader:
-        """Open the clean text between two of its byte offsets as a file."""
-        return io.BufferedReader(_BlockStream(self.blocks(start, end)), BLOCK)
-
     def _decoded(self) -> Iterator[bytes]:
         """Give the text as UTF-8 without a byte-order mark."""
         decoder = codecs.getincrementaldecoder(self.encoding)()
@@ -239,8 +234,8 @@ class TextFile:
         except UnicodeDecodeError as error:
             raise refuse(
                 "bad_encoding",
-                f"byte {position - pending + error.start} is not {self.encoding}; name "
-                'the encoding, for example encoding="latin-1", or save the file as UTF-8',
+                f"byte {position - pending + error.start} is not {self.encoding}; "
+                'name the encoding, such as encoding="latin-1", or save it as UTF-8',
                 path=self.path,
             ) from error
 
@@ -273,23 +268,27 @@ class TextFile:
             ) from error
 
 
-class _BlockStream(io.RawIOBase):
-    """An iterator of blocks as a readable file."""
+class BlockReader:
+    """Blocks of clean text as a file of bytes.
+
+    Not an `io` class on purpose: pandas decodes and encodes again what those give it.
+    """
 
     def __init__(self, blocks: Iterator[bytes]) -> None:
+        """Read from the blocks in turn."""
         self._blocks = blocks
         self._rest = memoryview(b"")
 
-    def readable(self) -> Literal[True]:
-        return True
+    def __iter__(self) -> Iterator[bytes]:
+        """Give what is left, block by block."""
+        return iter(lambda: self.read(BLOCK), b"")
 
-    def readinto(self, buffer: memoryview, /) -> int:  # pyright: ignore
+    def read(self, size: int) -> bytes:
+        """Give the next bytes, at most `size` of them; none at the end."""
         if not self._rest:
             self._rest = memoryview(next(self._blocks, b""))
-        n = min(len(buffer), len(self._rest))
-        buffer[:n] = self._rest[:n]
-        self._rest = self._rest[n:]
-        return n
+        taken, self._rest = self._rest[:size], self._rest[size:]
+        return taken.tobytes()
 
 
 def _unified_line_ends(blocks: Iterator[bytes]) -> Iterator[bytes]:

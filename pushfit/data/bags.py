@@ -1,0 +1,362 @@
+"""Read recordings from ROS bags: ROS 1 `.bag`, ROS 2 `.db3` and `.mcap`.
+
+Message types are decoded by the definitions that the bag carries. The time of a sample
+is the stamp in its header, or where that was never filled in, when it was received.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterator, Mapping, Sequence, Set
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from pushfit.data.dialects import NUMBER
+from pushfit.data.records import Source
+from pushfit.data.roles import ANGLES
+from pushfit.data.samples import Samples
+from pushfit.data.textfile import FileStamp, refuse
+from pushfit.data.units import UNITS, Unit, parse_unit, split_unit
+from pushfit.errors import ConfigError, PushfitError
+
+# What messages of known types hold, in units that their definitions fix.
+_TACTILE = (
+    ("biotac_sensors/msg/BioTacHand", "bt_data", "pdc_data"),
+    ("sr_robot_msgs/msg/BiotacAll", "tactiles", "pdc"),
+)
+_WRENCH = "geometry_msgs/msg/WrenchStamped"
+_KNOWN = (*(known[0] for known in _TACTILE), _WRENCH)
+_GLUED_INDEX = re.compile(r"(?P<name>.*?\D)(?P<index>\d+)")
+
+
+@dataclass(slots=True, kw_only=True)
+class _Field:
+    """One number of each message of a topic."""
+
+    name: str
+    topic: str
+    path: tuple[str, ...]
+    unit: Unit
+    values: list[float] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Clock:
+    """When the messages of a topic were stamped and received [ns]."""
+
+    stamped: list[int] = field(default_factory=list)
+    received: list[int] = field(default_factory=list)
+
+    def times(self) -> tuple[Int[np.ndarray, " n"], str]:
+        """Give the better of the two, and its name."""
+        # A stamp of 0 means, by ROS convention, that nobody filled it in.
+        if any(self.stamped):
+            return np.array(self.stamped, dtype=np.int64), "header stamp"
+        return np.array(self.received, dtype=np.int64), "time of receipt"
+
+
+def read_bag(
+    path: str,
+    *,
+    mapping: Mapping[str, str],
+    units: Mapping[str, str],
+    max_bytes: int,
+) -> Samples:
+    """Read the mapped fields of a bag, or the signals of a message type that is known.
+
+    Known are BioTac hands (`pdc0`, `pdc1`, … in counts) and wrenches (`force_x` … in
+    newtons). A mapped field is named `/topic.field.path`; an element of an array as
+    `bt_data[0]`, of a joint state as `effort[joint_name]`, of a text with numbers as
+    `data[5]`.
+
+    Args:
+        path: Bag file, or folder of a ROS 2 bag.
+        mapping: Field by channel name, `theta` and `alpha`.
+        units: Unit by channel name.
+        max_bytes: Most memory that the samples may take.
+
+    Returns:
+        The samples; several topics are merged to the union of their times.
+
+    Raises:
+        ConfigError: If rosbags is not installed, or the mapping does not fit.
+        DataError: If the bag is damaged, or holds no such fields.
+    """
+    stamp = FileStamp.of(path)
+    with closing(_open_reader(path)) as reader:
+        fields = _mapped_fields(path, mapping, units, reader)
+        fields = fields or _known_fields(path, reader)
+        _refuse_too_large(path, fields, reader, max_bytes)
+        types = {f.topic: reader.topics[f.topic].msgtype for f in fields}
+        clocks = _collect(path, reader, fields)
+    stamp.check()
+    time, series, notes = _merged(path, fields, clocks)
+    files = _storage_files(path)
+    kind = (
+        "ROS 1 bag" if files[0].suffix == ".bag" else f"ROS 2 bag ({files[0].suffix})"
+    )
+    dialect = f"{kind}: {', '.join(f'{t} ({types[t]})' for t in sorted(types))}"
+    pairs = {f.name: (series[f.name], f.unit) for f in fields}
+    return Samples(
+        path=path,
+        time=time,
+        time_unit=UNITS["ns"],
+        channels={name: pair for name, pair in pairs.items() if name not in ANGLES},
+        angles={name: pair for name, pair in pairs.items() if name in ANGLES},
+        is_union=len(types) > 1,
+        sources=tuple(
+            Source(path=str(file), sha256=_digest(file), dialect=dialect)
+            for file in files
+        ),
+        notes=(f"recognised {dialect}", *notes),
+    )
+
+
+def _open_reader(path: str) -> Any:
+    """Open a bag by rosbags' reader for all kinds."""
+    try:
+        rosbags = import_module("rosbags.highlevel")
+        types = import_module("rosbags.typesys")
+    except ImportError as error:
+        raise ConfigError(
+            f"{path}: bags need the library rosbags; install pushfit[ros]",
+            code="ros_not_installed",
+        ) from error
+    with _library_errors(path):
+        # Bags from before ROS 2 Iron carry no definitions; the standard types have
+        # stayed the same.
+        store = types.get_typestore(types.Stores.ROS2_HUMBLE)
+        reader = rosbags.AnyReader([Path(path)], default_typestore=store)
+        reader.open()
+    return reader
+
+
+@contextmanager
+def _library_errors(path: str) -> Iterator[None]:
+    """Turn whatever the library raises on a damaged bag into a `DataError`."""
+    try:
+        yield
+    # A cut or damaged file surfaces as errors of sqlite, struct, YAML and more.
+    except Exception as error:
+        raise refuse(
+            "bad_bag",
+            f"the bag cannot be read ({type(error).__name__}: {error}); if it was cut "
+            "short, repair it by `rosbag reindex`, `ros2 bag reindex` or `mcap recover`",
+            path=path,
+        ) from error
+
+
+def _messages(
+    path: str, reader: Any, topics: Set[str]
+) -> Iterator[tuple[str, int, Any]]:
+    """Give topic, time of receipt [ns] and content of each message."""
+    with _library_errors(path):
+        wanted = [c for c in reader.connections if c.topic in topics]
+        messages = reader.messages(wanted)
+    while True:
+        with _library_errors(path):
+            item = next(messages, None)
+            if item is None:
+                return
+            connection, received, raw = item
+            message = reader.deserialize(raw, connection.msgtype)
+        yield connection.topic, received, message
+
+
+def _mapped_fields(
+    path: str, mapping: Mapping[str, str], units: Mapping[str, str], reader: Any
+) -> list[_Field]:
+    """Resolve the mapped fields against the bag's topics."""
+    fields = []
+    for key, target in mapping.items():
+        name, suffix = split_unit(key)
+        topic, _, rest = target.partition(".")
+        if name == "time":
+            raise ConfigError(
+                f"{path}: the time of a bag comes from its stamps; map channels only",
+                code="time_in_bag",
+            )
+        if topic not in reader.topics or not rest:
+            raise refuse(
+                "missing_column",
+                f"mapping[{key!r}] names {target!r}; needed is /topic.field, and there "
+                f"are the topics {_described(reader)}",
+                path=path,
+            )
+        stated = {u.name: u for u in (suffix, *_stated(units, name, key)) if u}
+        quantity = "angle" if name in ANGLES else "signal"
+        unit = next(iter(stated.values()), None)
+        if len(stated) != 1 or unit is None or unit.quantity != quantity:
+            found = " and ".join(stated) or "none"
+            example = "deg" if quantity == "angle" else "counts"
+            raise ConfigError(
+                f"{path}: {name} needs one {quantity} unit, stated is {found}; state "
+                f"units={{{name!r}: {example!r}}}",
+                code="missing_unit",
+            )
+        steps = tuple(filter(None, re.split(r"[.\[\]]+", rest)))
+        fields.append(_Field(name=name, topic=topic, path=steps, unit=unit))
+    return fields
+
+
+def _stated(units: Mapping[str, str], *names: str) -> list[Unit]:
+    return [parse_unit(units[name]) for name in names if name in units]
+
+
+def _described(reader: Any) -> str:
+    return ", ".join(f"{t} ({info.msgtype})" for t, info in reader.topics.items())
+
+
+def _known_fields(path: str, reader: Any) -> list[_Field]:
+    """Find the signals of the one topic whose message type is known."""
+    topics = [t for t, info in reader.topics.items() if info.msgtype in _KNOWN]
+    if len(topics) != 1:
+        count = "no topic" if not topics else f"{len(topics)} topics"
+        raise refuse(
+            "no_channel" if not topics else "ambiguous_topic",
+            f"{count} of a known type among {_described(reader)}; state "
+            "mapping={'pressure': '/topic.field'} with units={'pressure': 'counts'}",
+            path=path,
+        )
+    topic = topics[0]
+    msgtype = reader.topics[topic].msgtype
+    if msgtype == _WRENCH:
+        return [
+            _Field(
+                name=f"force_{axis}",
+                topic=topic,
+                path=("wrench", "force", axis),
+                unit=UNITS["n"],
+            )
+            for axis in "xyz"
+        ]
+    _, array, number = next(known for known in _TACTILE if known[0] == msgtype)
+    first = next(_messages(path, reader, {topic}), None)
+    n_fingers = len(getattr(first[2], array)) if first else 0
+    return [
+        _Field(
+            name=f"{number.removesuffix('_data')}{i}",
+            topic=topic,
+            path=(array, str(i), number),
+            unit=UNITS["counts"],
+        )
+        for i in range(n_fingers)
+    ]
+
+
+def _refuse_too_large(
+    path: str, fields: Sequence[_Field], reader: Any, max_bytes: int
+) -> None:
+    n = sum(reader.topics[topic].msgcount for topic in {f.topic for f in fields})
+    needed = n * 8 * (len(fields) + 1)
+    if not fields or n == 0:
+        raise refuse("no_rows", "the bag holds no messages of these topics", path=path)
+    if needed > max_bytes:
+        raise refuse(
+            "too_large",
+            f"{n} messages need {needed / 1e9:.3g} GB, over the limit of "
+            f"{max_bytes / 1e9:.3g} GB; split the bag, or raise max_bytes",
+            path=path,
+        )
+
+
+def _collect(path: str, reader: Any, fields: Sequence[_Field]) -> dict[str, _Clock]:
+    """Read all messages of the fields' topics."""
+    clocks = {f.topic: _Clock() for f in fields}
+    for topic, received, message in _messages(path, reader, clocks.keys()):
+        clock = clocks[topic]
+        clock.received.append(received)
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        clock.stamped.append(stamp.sec * 10**9 + stamp.nanosec if stamp else 0)
+        for item in fields:
+            if item.topic == topic:
+                try:
+                    value = _number(message, item.path)
+                except (LookupError, AttributeError, TypeError, ValueError) as error:
+                    raise _bad_field(
+                        path, item, message, len(clock.received)
+                    ) from error
+                item.values.append(value)
+    return clocks
+
+
+def _number(message: Any, path: Sequence[str]) -> float:
+    """Follow the steps of a path into a message."""
+    value, parent = message, message
+    for step in path:
+        if isinstance(value, str):
+            value = NUMBER["."].findall(value)[int(step)]
+            continue
+        if hasattr(value, "__len__"):
+            names = list(getattr(parent, "name", ()))
+            value = value[int(step) if step.isdigit() else names.index(step)]
+            continue
+        parent = value
+        glued = _GLUED_INDEX.fullmatch(step)
+        if not hasattr(value, step) and glued:
+            value = getattr(value, glued["name"])[int(glued["index"])]
+        else:
+            value = getattr(value, step)
+    return float(value)
+
+
+def _bad_field(path: str, item: _Field, message: Any, count: int) -> PushfitError:
+    names = ", ".join(
+        n for n in vars(type(message)).get("__slots__", ()) or vars(message)
+    )
+    return refuse(
+        "missing_column",
+        f"message {count} of {item.topic} has no number {'.'.join(item.path)}; its "
+        f"fields are {names.replace('__msgtype__', '').strip(', ')}",
+        path=path,
+    )
+
+
+def _merged(
+    path: str, fields: Sequence[_Field], clocks: Mapping[str, _Clock]
+) -> tuple[Int[np.ndarray, " n"], dict[str, Float[np.ndarray, " n"]], tuple[str, ...]]:
+    """Bring the topics to the union of their times, NaN where one has no sample."""
+    times, notes = {}, []
+    for topic, clock in clocks.items():
+        times[topic], origin = clock.times()
+        notes.append(f"{topic}: time from the {origin}")
+    if len(times) == 1:
+        time = next(iter(times.values()))
+        return (
+            time,
+            {f.name: np.array(f.values, dtype=float) for f in fields},
+            (*notes,),
+        )
+    for topic, own in times.items():
+        wrong = np.flatnonzero(np.diff(own) <= 0)
+        if wrong.size:
+            raise refuse(
+                "time_not_increasing",
+                f"the time of {topic} does not increase at its message {wrong[0] + 2}; "
+                "split the bag there",
+                path=path,
+            )
+    time = np.unique(np.concatenate(list(times.values())))
+    series = {}
+    for item in fields:
+        series[item.name] = np.full(time.size, np.nan)
+        series[item.name][np.searchsorted(time, times[item.topic])] = item.values
+    return time, series, tuple(notes)
+
+
+def _storage_files(path: str) -> list[Path]:
+    """Give the bag's own file, or the files in its folder that hold messages."""
+    given = Path(path)
+    if not given.is_dir():
+        return [given]
+    return sorted(p for p in given.iterdir() if p.suffix in (".db3", ".mcap"))
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
