@@ -5,7 +5,7 @@ all start from `identify_table`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from pushfit.fit.bands import prediction_bands
 from pushfit.fit.criticism import goodness_of_fit
 from pushfit.fit.exact import exact_posterior, why_not_exact
 from pushfit.fit.identifiability import identifiability
-from pushfit.fit.least_squares import fit_least_squares, weighted_problem
+from pushfit.fit.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.model_free import model_free_direction
 from pushfit.fit.notices import (
     contact_notice,
@@ -199,9 +199,8 @@ def _fit(
     table: PeakTable, config: GraspConfig, reference_alpha: float
 ) -> tuple[Setup, FitResult]:
     """Problem with its noise weights settled, and its best fit."""
-    setup = build_problem(table, config)
-    fit = fit_least_squares(setup, reference_alpha=reference_alpha, throw=True)
-    return replace(setup, problem=weighted_problem(setup)), fit
+    setup = settle_noise(build_problem(table, config))
+    return setup, fit_least_squares(setup, reference_alpha=reference_alpha)
 
 
 def _posterior(

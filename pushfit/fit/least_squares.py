@@ -4,6 +4,8 @@ The solver is optimistix; what decides whether its answer may be used is here: f
 residuals, the rank of the Jacobian, the best of all modes rather than the first.
 """
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -38,8 +40,7 @@ def fit_least_squares(
         minimise Σ ((prediction - height) / sigma)²   over (ln A, ln B, ln C_rr, ...)
 
     Args:
-        setup: Problem and its provenance; where its noise is sampled, sigma is set so
-            that the reduced chi-square is 1.
+        setup: Problem and its provenance, its noise settled.
         reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
         throw: Raise instead of returning a result whose status is not OK.
 
@@ -49,7 +50,7 @@ def fit_least_squares(
     Raises:
         FitError: If no start has finite residuals and `throw` is set.
     """
-    problem = weighted_problem(setup)
+    problem = setup.problem
     points, costs, is_done = polish(problem, starting_points(problem))
     status = FitStatus.OK if is_done[0] else FitStatus.MAX_STEPS
     if not np.isfinite(costs[0]):
@@ -100,25 +101,27 @@ def polish(
     return points[order], costs[order], is_done[order]
 
 
-def weighted_problem(setup: Setup) -> Problem:
-    """The problem with weights for least squares, sigma estimated where it is sampled.
+def settle_noise(setup: Setup) -> Setup:
+    """The setup with weights for least squares, sigma estimated where it is sampled.
 
     Args:
         setup: Problem and its provenance.
 
     Returns:
-        The problem; unchanged where sigma was given or pooled. Otherwise each channel's
+        The setup; unchanged where sigma was given or pooled. Otherwise each channel's
         sigma solves Σ r² / (sd² + sigma²) = n - p at the best fit.
     """
     problem = setup.problem
     if setup.noise.kind != "sampled" or not problem.data_names:
-        return problem
+        return setup
+    points = starting_points(problem)
     # Sigma and the fit depend on each other only through the relative weights of
     # channels and rows; three rounds settle that far below sigma's own error.
-    for _ in range(3):
-        points, _, _ = polish(problem, starting_points(problem))
+    has_weights = len(problem.channels) > 1 or bool(np.any(problem.sd > 0))
+    for _ in range(3 if has_weights else 1):
+        points, _, _ = polish(problem, points)
         problem = _with_sigma(problem, jnp.asarray(points[0]))
-    return problem
+    return replace(setup, problem=problem)
 
 
 def _with_sigma(problem: Problem, y: Float[Array, " q"]) -> Problem:
