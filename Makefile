@@ -27,7 +27,7 @@ bench: .stamps/bench             ## Speed against lmfit and SciPy
 	$(BIN)/pytest -q -p no:xdist --doctest-modules benchmarks
 
 docs: .stamps/docs               ## The documentation as web pages, in site/
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 clean:
 	rm -rf .stamps $(DEMO) site dist build .pytest_cache .ruff_cache .hypothesis

@@ -44,8 +44,12 @@ THETA_SWEEP = PushSchedule.planned(
 )
 
 
-def main() -> None:
-    """Write a recording and a schedule for each sweep."""
+def main(folder: Path = HERE) -> None:
+    """Write a recording and a schedule for each sweep.
+
+    Args:
+        folder: Where to write.
+    """
     rng = np.random.default_rng(SEED)
     config = read_config(HERE / "truth.toml")
     params, grasp = stated_parameters(config), make_grasp(config, "kpa")
@@ -57,8 +61,8 @@ def main() -> None:
         recording = replace(
             simulated, channels={"pressure": pressure}, theta=None, alpha=None
         )
-        write_recording(recording, HERE / f"{name}_sweep.csv")
-        write_schedule(schedule, HERE / f"{name}_schedule.csv")
+        write_recording(recording, folder / f"{name}_sweep.csv")
+        write_schedule(schedule, folder / f"{name}_schedule.csv")
 
 
 if __name__ == "__main__":
