@@ -145,8 +145,8 @@ def _library_errors(path: str) -> Iterator[None]:
     except Exception as error:
         raise refuse(
             "bad_bag",
-            f"the bag cannot be read ({type(error).__name__}: {error}); if it was cut "
-            "short, repair it by `rosbag reindex`, `ros2 bag reindex` or `mcap recover`",
+            f"the bag cannot be read ({type(error).__name__}: {error}); if it was "
+            "cut short, try `rosbag reindex`, `ros2 bag reindex` or `mcap recover`",
             path=path,
         ) from error
 

@@ -23,6 +23,7 @@ from pushfit.data.explain import Kind, missing_tokens, slow_scan
 from pushfit.data.records import Source
 from pushfit.data.scan import Extent, Scan, Tail, fast_scan, find_extent
 from pushfit.data.textfile import BlockReader, TextFile, data_error, open_text, refuse
+from pushfit.errors import DataError, Problem
 
 MAX_BYTES = 1 << 30
 _CHUNK_ROWS = 1 << 18
@@ -91,6 +92,26 @@ def read_cells(
         )
     text.stamp.check()
     return Cells(values=values, scan=scan, notes=extent.notes)
+
+
+def row_problems(text: TextFile, layout: Layout, *, tail: Tail) -> list[Problem]:
+    """Find the rows that do not fit a layout, whatever their cells hold.
+
+    Args:
+        text: The file.
+        layout: Its layout.
+        tail: As for `read_cells`.
+
+    Returns:
+        The problems.
+    """
+    try:
+        extent = find_extent(text, layout, tail)
+    except DataError as error:
+        return list(error.problems)
+    if fast_scan(text, layout, extent) is not None:
+        return []
+    return slow_scan(text, layout, extent, kinds={})[1]
 
 
 def _slow(

@@ -15,13 +15,20 @@ import numpy as np
 from pushfit.data.bags import read_bag
 from pushfit.data.dialects import Format, Layout, find_layout
 from pushfit.data.explain import Kind
-from pushfit.data.prescan import MAX_BYTES, Cells, read_cells
+from pushfit.data.prescan import MAX_BYTES, Cells, read_cells, row_problems
 from pushfit.data.records import Recording, Source
 from pushfit.data.roles import Role, Roles, assign_roles
 from pushfit.data.samples import Gaps, Samples, ThetaFrom, build_recording
 from pushfit.data.scan import Tail
-from pushfit.data.textfile import TextFile, existing_file, is_bag, open_text
+from pushfit.data.textfile import (
+    TextFile,
+    data_error,
+    existing_file,
+    is_bag,
+    open_text,
+)
 from pushfit.data.units import Unit
+from pushfit.errors import DataError
 
 __all__ = ["Recording", "Source", "read_recording"]
 
@@ -79,7 +86,12 @@ def read_recording(
     else:
         text = open_text(given, encoding=encoding)
         layout = find_layout(text, format=format, columns=columns)
-        roles = assign_roles(layout, mapping=mapping, units=units, path=text.path)
+        try:
+            roles = assign_roles(layout, mapping=mapping, units=units, path=text.path)
+        except DataError as error:
+            # The rows may be wrong as well: the user is to mend all in one go.
+            rows = row_problems(text, layout, tail=tail)
+            raise data_error([*error.problems, *rows]) from error
         cells = read_cells(
             text,
             layout,
