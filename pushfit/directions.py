@@ -31,11 +31,11 @@ def critical_angle(
 ) -> Float[Array, "*n"]:
     """Elevation below which the object rolls.
 
-        θ_c = arccos(C_rr F_0 / (S_p R)) - ψ
-        R = sqrt(B² + (A C_rr)²),   ψ = atan(A C_rr / B)
+        θ_c = atan(B / (A C_rr)) - arcsin(C_rr F_0 / (S_p R))
+        R = sqrt(B² + (A C_rr)²)
 
-    With F_0 = 0 this is tan θ_c = B / (A C_rr). With two supports it is the larger of
-    the angles about the two axes: below it one of them rolls.
+    The first term is the paper's, the second moves it by the preload. With two supports
+    it is the larger of the angles about the two axes: below it one of them rolls.
 
     Args:
         params: Parameters.
@@ -147,8 +147,9 @@ def _switch_angle(
 ) -> Float[Array, "*n"]:
     """Elevation at which the unrolled force equals the rolling limit."""
     radius = jnp.sqrt(stiffness**2 + (A * limit) ** 2)
-    cosine = limit * grasp.preload / (grasp.push_length * radius)
-    never_rolls = cosine > 1
+    sine = limit * grasp.preload / (grasp.push_length * radius)
+    never_rolls = sine > 1
+    lowered = jnp.arcsin(jnp.where(never_rolls, 0.0, sine))
     # arctan2, not arctan of the ratio: finite value and gradient at C_rr = 0.
-    angle = jnp.arccos(jnp.where(never_rolls, 0.0, cosine))
-    return jnp.where(never_rolls, jnp.nan, angle - jnp.arctan2(A * limit, stiffness))
+    angle = jnp.arctan2(stiffness, A * limit) - lowered
+    return jnp.where(never_rolls, jnp.nan, angle)

@@ -61,11 +61,15 @@ def unrolled_resistance(p, theta):
     )
 
 
+def support_tensor(p):
+    """Stiffness ellipse of the support finger, section 3.1."""
+    exponent = 0.5 * np.array([[p.e1, p.e2], [p.e2, -p.e1]])
+    return p.K_st * scipy.linalg.expm(exponent)
+
+
 def series_tensor(p):
     """Support stiffness ellipse in series with the rolling compliance."""
-    exponent = 0.5 * np.array([[p.e1, p.e2], [p.e2, -p.e1]])
-    stiffness = p.K_st * scipy.linalg.expm(exponent)
-    compliance = np.linalg.inv(stiffness) + p.L**2 / p.C_d * np.eye(2)
+    compliance = np.linalg.inv(support_tensor(p)) + p.L**2 / p.C_d * np.eye(2)
     return np.linalg.inv(compliance)
 
 

@@ -68,7 +68,7 @@ def ellipse(ratio: float, stiff_axis_deg: float) -> dict[str, float]:
 
 PUSH = 0.005
 PLAIN = Grasp(push_length=PUSH)
-# F_0 = √2 N makes C_rr F_0 / (S_p R) one half, hence θ_c = 60° - 45°.
+# F_0 = √2 N makes C_rr F_0 / (S_p R) one half, hence θ_c = 45° - 30°.
 HALF_PRELOAD = math.sqrt(2)
 # Axes of K at 600 and 150 N/m, of B at 120 and 75 N/m.
 TILTED_ELLIPSE = ellipse(4.0, 30.0)
