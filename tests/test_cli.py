@@ -1,18 +1,27 @@
 """The command line, as a shell sees it: streams, exit codes, files."""
 
+import inspect
 import json
 import os
 import signal
 import stat
 import subprocess
 import sys
+from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from pushfit import cache
 from pushfit.cli import main
+from pushfit.cli.inputs import reader_options
 from pushfit.cli.session import Session
-from pushfit.config import read_config
+from pushfit.config import GraspConfig, read_config
+from pushfit.config.inputs import RecordingSection
+from pushfit.data.dialects import Format
+from pushfit.data.recording import read_recording
+from pushfit.data.samples import Gaps, ThetaFrom
+from pushfit.data.scan import Tail
 from pushfit.errors import ConfigError, DataError, FitError, Problem
 
 
@@ -172,3 +181,65 @@ def test_a_closed_pipe_is_no_bug():
     )
     assert "bug" not in result.stderr
     assert "Traceback" not in result.stderr
+
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "foam_box"
+
+
+def test_validate_says_what_each_file_is(capsys):
+    files = ["theta_sweep.csv", "alpha_schedule.csv"]
+    assert main(["validate", "--json", *(str(EXAMPLE / name) for name in files)]) == 0
+    recording, schedule = json.loads(capsys.readouterr().out)["files"]
+    assert recording["kind"] == "recording"
+    assert recording["channels"] == ["pressure_kpa"]
+    assert (schedule["kind"], schedule["pushes"]) == ("schedule", 18)
+
+
+def test_validate_lists_all_problems_of_all_files(tmp_path, capsys):
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("time_s,force_n\n0.0,1.0\n0.1,x\n0.2,2.0\n")
+    files = [str(tmp_path / name) for name in ("a.csv", "b.csv")]
+    assert main(["validate", "--json", *files]) == 3
+    captured = capsys.readouterr()
+    problems = json.loads(captured.out)["problems"]
+    assert [Path(p["path"]).name for p in problems] == ["a.csv", "b.csv"]
+    assert captured.err.count("\n") == len(problems)
+
+
+def test_a_missing_input_is_a_usage_error(tmp_path, capsys):
+    assert main(["validate", str(tmp_path / "none.csv")]) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+def test_simulate_is_reproducible(tmp_path):
+    plan, truth = EXAMPLE / "alpha_schedule.csv", EXAMPLE / "truth.toml"
+    options = ["--config", str(truth), "--unit", "kpa", "--noise", "0.1", "--seed", "3"]
+    for name in ("one.csv", "two.csv"):
+        arguments = ["simulate", str(plan), *options, "-o", str(tmp_path / name)]
+        assert main(arguments) == 0
+    assert (tmp_path / "one.csv").read_bytes() == (tmp_path / "two.csv").read_bytes()
+    assert main(["validate", str(tmp_path / "one.csv")]) == 0
+
+
+def test_simulate_does_not_overwrite(tmp_path, capsys):
+    target = tmp_path / "there.csv"
+    target.write_text("mine")
+    plan, truth = EXAMPLE / "alpha_schedule.csv", EXAMPLE / "truth.toml"
+    assert main(["simulate", str(plan), "-c", str(truth), "-o", str(target)]) == 2
+    assert target.read_text() == "mine"
+
+
+def test_the_reader_and_its_section_of_the_config_agree():
+    """Config knows no data, so `[recording]` repeats what `read_recording` takes."""
+    parameters = inspect.signature(read_recording).parameters
+    for name, value in reader_options(GraspConfig()).items():
+        assert parameters[name].default == value, name
+
+
+@pytest.mark.parametrize(
+    ("key", "choices"),
+    [("format", Format), ("gaps", Gaps), ("theta_from", ThetaFrom), ("tail", Tail)],
+)
+def test_the_choices_of_the_reader_and_the_config_agree(key, choices):
+    field = RecordingSection.model_fields[key]
+    assert get_args(field.annotation) == get_args(choices)

@@ -1,8 +1,10 @@
 """Layers import one way only, and starting up loads nothing heavy."""
 
 import ast
+import re
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,8 @@ FORBIDDEN = {
     "report": {"optimistix", "typer"},
     "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},
 }
+# Parts of declared libraries that are imported under their own name.
+VENDORED = {"pydantic_core", "markupsafe"}
 HEAVY = ("jax", "pandas", "matplotlib", "scipy", "emcee", "numpy", "optimistix")
 # What the package itself defines, apart from its lazy names.
 FACADE = {"pushfit.__version__"}
@@ -65,6 +69,14 @@ def test_imports_run_one_way(path):
 def test_a_layer_does_not_know_what_is_none_of_its_business(path):
     roots = {name.split(".")[0] for name in imported_modules(path)}
     assert not roots & FORBIDDEN[layer(module_name(path))]
+
+
+def test_every_library_that_is_imported_is_declared():
+    used = {name.split(".")[0] for path in FILES for name in imported_modules(path)}
+    requirements = metadata.requires("pushfit") or []
+    declared = {re.split(r"[^\w.-]", r, maxsplit=1)[0] for r in requirements}
+    modules = {name.replace("-", "_").lower() for name in declared}
+    assert used - modules - set(sys.stdlib_module_names) - {"pushfit"} <= VENDORED
 
 
 def run_python(code: str) -> str:

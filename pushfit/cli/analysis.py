@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks
-from pushfit.cli.output import refuse_existing
 from pushfit.cli.session import Session
 from pushfit.errors import FitError
 
@@ -128,17 +127,17 @@ def analyse(
     Returns:
         Exit code: that of a `FitError` if the numerics are not to be trusted.
     """
-    # Before the work, so that a name already taken costs nothing.
-    if request.out is not None:
-        refuse_existing(request.out, force=request.force)
     cache = enable_compile_cache()
     from pushfit.config import read_config
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus
-    from pushfit.report.folder import write_result_folder
+    from pushfit.report.folder import check_target, write_result_folder
     from pushfit.report.summary import summary_dict
     from pushfit.report.text import render_text
 
+    # Before the work, so that a name already taken costs nothing.
+    if request.out is not None:
+        check_target(request.out, force=request.force)
     session.say_more(f"compiled programs: {cache}")
     settings = read_config(config)
     table = load(settings)

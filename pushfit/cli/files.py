@@ -1,45 +1,59 @@
 """`validate`, `peaks` and `simulate`: what happens before anything is fitted."""
 
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.inputs import load_peaks, load_recording
+from pushfit.cli.inputs import load_peaks, reader_options
 from pushfit.cli.output import refuse_existing
 from pushfit.cli.session import Session
+from pushfit.errors import DataError
+from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
 
 SCHEMA = "pushfit.validate/1"
-Kind = Literal["recording", "schedule", "peaks"]
 Unit = Literal["n", "kpa", "counts", "au"]
 
 
 def validate(
     session: Session,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Files.")],
-    kind: Annotated[
-        Kind, typer.Option("--as", help="What the files are meant to be.")
-    ] = "recording",
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Recordings, schedules, peak tables."),
+    ],
     config: options.ConfigFile = None,
     json: options.Json = False,
-) -> None:
+) -> int:
     """Say what files hold, or what is wrong with them."""
     from pushfit.config import read_config
+    from pushfit.data.check import check_files
+    from pushfit.data.textfile import existing_file
 
     settings = read_config(config)
-    found = [describe(session, path, kind, settings) for path in files]
+    for path in files:
+        existing_file(path)
+    problems = check_files(files, **reader_options(settings))
+    found = [] if problems else [describe(path, settings) for path in files]
+    for problem in problems:
+        session.complain(problem.message)
     if json:
-        session.print_json({"schema": SCHEMA, "status": "ok", "files": found})
-        return
-    for facts in found:
-        for name, value in facts.items():
-            shown = value if isinstance(value, list) else [value]
-            for item in shown:
-                print(f"{name:<10} {item}")
+        session.print_json(
+            {
+                "schema": SCHEMA,
+                "status": "rejected" if problems else "ok",
+                "problems": [asdict(problem) for problem in problems],
+                "files": found,
+            }
+        )
+    elif found:
+        print("\n\n".join(map(as_text, found)))
+    return DataError.exit_code if problems else 0
 
 
 def peaks(
@@ -95,52 +109,59 @@ def simulate(
     session.say(f"wrote {output}: simulated")
 
 
-def describe(
-    session: Session, path: Path, kind: Kind, config: "GraspConfig"
-) -> dict[str, object]:
+def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
     """What was recognised in one file.
 
     Args:
-        session: Where notes go.
         path: File.
-        kind: What it is meant to be.
         config: Settings in force.
 
     Returns:
         Facts by name, as JSON knows them.
     """
+    from pushfit.data.check import file_kind
+    from pushfit.data.recording import read_recording
     from pushfit.data.schedule import read_schedule
     from pushfit.data.table import read_table
 
+    layout = reader_options(config)
+    kind = file_kind(path, **layout)
+    facts: dict[str, object] = {"path": str(path), "kind": kind}
     if kind == "recording":
-        recording = load_recording(session, path, config)
-        sources, notes = recording.sources, recording.notes
-        facts = {
+        recording = read_recording(path, **layout)
+        angles = (recording.theta, recording.alpha)
+        return facts | {
             "samples": len(recording.time),
-            "from_s": float(recording.time[0]),
-            "to_s": float(recording.time[-1]),
+            "time_s": [float(recording.time[0]), float(recording.time[-1])],
             "channels": [f"{name}_{unit}" for name, unit in recording.units.items()],
-            "angles": [
-                n for n in ("theta", "alpha") if getattr(recording, n) is not None
-            ],
+            "has_angles": all(angle is not None for angle in angles),
+            "notes": list(recording.notes),
+            "sources": [asdict(source) for source in recording.sources],
         }
-    elif kind == "peaks":
+    if kind == "table":
         table = read_table(path)
-        sources, notes = table.sources, table.notes
-        facts = {
+        return facts | {
             "pushes": table.n_pushes,
             "used": int(table.is_used.sum()),
             "channels": [f"{name}_{table.unit}" for name in table.channels],
+            "notes": list(table.notes),
+            "sources": [asdict(source) for source in table.sources],
         }
-    else:
-        schedule = read_schedule(path)
-        sources, notes = [schedule.source], []
-        facts = {"pushes": schedule.n_pushes}
-    source = next(s for s in sources if s is not None)
-    return {
-        "path": str(path),
-        "dialect": source.dialect,
-        "sha256": source.sha256,
-        **facts,
-        "notes": list(notes),
-    }
+    return facts | {"pushes": read_schedule(path).n_pushes}
+
+
+def as_text(facts: Mapping[str, object]) -> str:
+    """Facts one below the other, as `print` is to show them.
+
+    Args:
+        facts: What `describe` found.
+
+    Returns:
+        Lines.
+    """
+    lines = []
+    for name, value in facts.items():
+        if name != "sources":
+            shown = ", ".join(map(str, value)) if isinstance(value, list) else value
+            lines.append(printable(f"{name:<10} {shown}"))
+    return "\n".join(lines)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError
@@ -11,6 +11,22 @@ if TYPE_CHECKING:
     from pushfit.config import GraspConfig
     from pushfit.data.recording import Recording
     from pushfit.data.table import PeakTable
+
+# Where `[recording]` and `read_recording` have different words.
+READER_NAMES = {"map": "mapping", "unit": "units"}
+
+
+def reader_options(config: "GraspConfig") -> dict[str, Any]:
+    """Keywords of `read_recording` that a configuration asks for.
+
+    Args:
+        config: Settings in force.
+
+    Returns:
+        Keywords.
+    """
+    layout = config.recording.model_dump()
+    return {READER_NAMES.get(key, key): value for key, value in layout.items()}
 
 
 def load_recording(session: Session, path: Path, config: "GraspConfig") -> "Recording":
@@ -26,20 +42,7 @@ def load_recording(session: Session, path: Path, config: "GraspConfig") -> "Reco
     """
     from pushfit.data.recording import read_recording
 
-    layout = config.recording
-    recording = read_recording(
-        path,
-        format=layout.format,
-        mapping=layout.map,
-        units=layout.unit,
-        columns=layout.columns,
-        theta_from=layout.theta_from,
-        gaps=layout.gaps,
-        tail=layout.tail,
-        missing=layout.missing,
-        encoding=layout.encoding,
-        trust_units=layout.trust_units,
-    )
+    recording = read_recording(path, **reader_options(config))
     for note in recording.notes:
         session.say_more(f"{path}: {note}")
     return recording

@@ -54,6 +54,14 @@ class Session:
         if not self.is_quiet:
             _print_message(text, style)
 
+    def complain(self, text: str) -> None:
+        """Show what is wrong, also to a user who wants quiet.
+
+        Args:
+            text: One problem.
+        """
+        _print_message(f"error: {text}", "bold red")
+
     def say_more(self, text: str) -> None:
         """Show a message that only --verbose asks for.
 
@@ -125,7 +133,7 @@ class Session:
         """One line on standard error, and a document where one was promised."""
         if self.is_debug:
             raise error
-        _print_message(f"error: {message}", "bold red")
+        self.complain(message)
         if self.is_json:
             problems = getattr(error, "problems", ())
             self.print_json(
