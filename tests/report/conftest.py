@@ -473,7 +473,7 @@ def hostile(make_identification, determined) -> Identification:
         parameters=parameters,
         versions={"pushfit": HOSTILE},
         config=GraspConfig(
-            push={"length_mm": 5.0}, recording={"format": "<img src=x onerror=y>"}
+            push={"length_mm": 5.0}, peaks={"channel": "<img src=x onerror=y>"}
         ),
     )
 

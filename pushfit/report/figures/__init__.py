@@ -1,1 +1,33 @@
 """Figures: functions from arrays to matplotlib figures, and those of a result."""
+
+from pushfit.report.figures.diagnostics import residual_figure, trace_figure
+from pushfit.report.figures.direction import Ellipses, ellipse_figure
+from pushfit.report.figures.identification import all_figures, main_figure
+from pushfit.report.figures.posterior import (
+    corner_figure,
+    learned_figure,
+    quantity_figure,
+)
+from pushfit.report.figures.recording import PushMarks, peaks_figure, recording_figure
+from pushfit.report.figures.style import save_figure
+from pushfit.report.figures.sweeps import Marker, Sweep, alpha_figure, theta_figure
+
+__all__ = [
+    "Ellipses",
+    "Marker",
+    "PushMarks",
+    "Sweep",
+    "all_figures",
+    "alpha_figure",
+    "corner_figure",
+    "ellipse_figure",
+    "learned_figure",
+    "main_figure",
+    "peaks_figure",
+    "quantity_figure",
+    "recording_figure",
+    "residual_figure",
+    "save_figure",
+    "theta_figure",
+    "trace_figure",
+]

@@ -88,7 +88,7 @@ def residual_figure(
     columns = [(label, x) for label, x in directions if np.ptp(x) > 0]
     columns += [
         (channel_label("height", unit).replace("peak", "predicted"), predicted),
-        ("row of the table", row),
+        ("row of the table", row.astype(float)),
     ]
     for axes, (label, x) in zip(panels.flat[:3], columns, strict=False):
         _draw_residuals(axes, x, residuals, channels)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Enough to show the spread, few enough to see single ellipses.
-N_SHOWN = 120
+N_SHOWN = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class Ellipses:
 
 
 def ellipse_points(
-    mean: float, e1: float, e2: float, *, n_points: int = 181
+    mean: float, e1: float, e2: float, *, n_points: int = 91
 ) -> Float[np.ndarray, "2 k"]:
     """Closed outline of a stiffness ellipse.
 

@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
+from pushfit.data.recording import Recording
+from pushfit.data.table import PeakTable
+from pushfit.errors import ConfigError
 from pushfit.report.figures.style import (
     ALARM,
     BLACK,
@@ -264,3 +267,50 @@ def _row_edges(
         cuts.append(float((np.nanmax(before) + np.nanmin(after)) / 2))
     cuts.append(float(time[-1]))
     return list(itertools.pairwise(cuts))
+
+
+def peaks_figure(
+    recording: Recording, table: PeakTable, *, channel: str | None = None
+) -> "Figure":
+    """A recording with the pushes that were taken from it.
+
+    Args:
+        recording: The recording.
+        table: Peaks extracted from it, with their times.
+        channel: Channel to draw; None is the first in the unit of the heights.
+
+    Raises:
+        ConfigError: The recording has no such channel.
+    """
+    named = [c for c in recording.channels if recording.units[c] == table.unit]
+    chosen = channel or (named or list(recording.channels))[0]
+    if chosen not in recording.channels:
+        raise ConfigError(
+            f"channel {chosen!r} is not in the recording; it has "
+            f"{', '.join(recording.channels)}; name one of them",
+            code="unknown_channel",
+        )
+    frame = table.frame
+    unknown = np.full(table.n_pushes, np.nan)
+
+    def column(name: str) -> Float[np.ndarray, " p"]:
+        return frame[name].to_numpy(dtype=float) if name in frame else unknown
+
+    marks = PushMarks(
+        push=frame["push"].to_numpy(dtype=int),
+        theta_deg=column("theta_deg"),
+        alpha_deg=column("alpha_deg"),
+        t_start=column("t_start_s"),
+        t_end=column("t_end_s"),
+        t_peak=column("t_peak_s"),
+        baseline=column(f"baseline_{table.unit}"),
+        height=table.heights(table.channels[0]),
+        flags=tuple(";".join(sorted(words)) for words in table.flags),
+    )
+    return recording_figure(
+        recording.time,
+        recording.channels[chosen],
+        marks,
+        unit=recording.units[chosen],
+        channel=chosen,
+    )

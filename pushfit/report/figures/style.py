@@ -6,6 +6,7 @@ it, so a `$` in a column name cannot stop a report.
 """
 
 import functools
+import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
@@ -48,13 +49,13 @@ STYLE = {
     "legend.frameon": False,
     "lines.linewidth": 1.6,
     "mathtext.fontset": "dejavusans",
-    "savefig.dpi": 200,
     "svg.fonttype": "path",
     # Element names from the content: the same figure is the same file.
     "svg.hashsalt": "pushfit",
     "text.parse_math": False,
 }
 
+PRINT_DPI, SCREEN_DPI = 200.0, 120.0
 # Full width of a page and of one column of a two-column page [inch].
 PAGE, COLUMN = 7.2, 3.5
 
@@ -163,7 +164,6 @@ METADATA: Mapping[str, Mapping[str, str | None]] = {
 }
 
 
-@styled
 def save_figure(figure: "Figure", path: Path) -> None:
     """Write a figure; the suffix decides the format.
 
@@ -171,5 +171,27 @@ def save_figure(figure: "Figure", path: Path) -> None:
         figure: Any figure of this package.
         path: For example `theta.png` or `theta.svg`.
     """
-    suffix = path.suffix.removeprefix(".")
-    figure.savefig(path, format=suffix, metadata=dict(METADATA.get(suffix, {})))
+    with path.open("wb") as stream:
+        write_figure(figure, stream, suffix=path.suffix.removeprefix("."))
+
+
+@styled
+def write_figure(
+    figure: "Figure",
+    stream: io.BufferedIOBase,
+    *,
+    suffix: str,
+    dpi: float = PRINT_DPI,
+) -> None:
+    """Write a figure to an open file.
+
+    Args:
+        figure: Any figure of this package.
+        stream: Where to.
+        suffix: "png", "svg" or "pdf".
+        dpi: Resolution of what is made of pixels [1/inch].
+    """
+    metadata = dict(METADATA.get(suffix, {}))
+    figure.savefig(stream, format=suffix, metadata=metadata, dpi=dpi)
+    # The layout is found by the first drawing; each further one would solve it again.
+    figure.set_layout_engine("none")

@@ -48,8 +48,8 @@ class Sweep:
         sd: Their standard deviations; NaN where unknown.
         is_used: False for pushes that were left out of the fit.
         grid_deg: Swept angle of the predictions [deg]; empty if there are none.
-        lower: Lower end of the credible band.
-        upper: Upper end of the credible band.
+        lower: Lower end of the credible band; empty if there is none.
+        upper: Upper end of the credible band; empty if there is none.
         best_fit: Least-squares prediction.
     """
 
@@ -59,8 +59,8 @@ class Sweep:
     sd: Float[np.ndarray, " n"]
     is_used: Bool[np.ndarray, " n"]
     grid_deg: Float[np.ndarray, " g"]
-    lower: Float[np.ndarray, " g"]
-    upper: Float[np.ndarray, " g"]
+    lower: Float[np.ndarray, " b"]
+    upper: Float[np.ndarray, " b"]
     best_fit: Float[np.ndarray, " g"]
 
 
@@ -95,9 +95,10 @@ def draw_sweep(axes: "Axes", sweep: Sweep, *, index: int, label: str) -> None:
     dashes = DASHES[index % len(DASHES)]
     if sweep.grid_deg.size:
         grid = scale(sweep.grid_deg)
-        axes.fill_between(
-            grid, sweep.lower, sweep.upper, color=colour, alpha=0.18, lw=0
-        )
+        if sweep.lower.size:
+            axes.fill_between(
+                grid, sweep.lower, sweep.upper, color=colour, alpha=0.18, lw=0
+            )
         axes.plot(grid, sweep.best_fit, color=colour, ls=dashes)
     used = sweep.is_used
     axes.errorbar(
@@ -179,8 +180,11 @@ def draw_panel(
     axes.locator_params(axis="x", steps=[1, 1.5, 3, 4.5, 6, 9, 10], nbins=8)
     if marker is not None:
         draw_marker(axes, marker)
-    has_band = any(sweep.grid_deg.size for sweep in sweeps)
-    title = f"pushes, fit, {100 * prob:g} % band" if has_band else "pushes"
+    title = "pushes"
+    if any(sweep.grid_deg.size for sweep in sweeps):
+        title += ", fit"
+    if any(sweep.lower.size for sweep in sweeps):
+        title += f", {100 * prob:g} % band"
     place_legend(axes, loc="best", title=title, title_fontsize=8, alignment="left")
 
 
@@ -227,7 +231,7 @@ def draw_polar(axes: "PolarAxes", sweeps: Sequence[Sweep], marker: Marker) -> No
 
     for index, sweep in enumerate(sweeps):
         draw_sweep(axes, sweep, index=index, label="_")
-    top = 1.08 * max(float(np.max(s.height, initial=0.0)) for s in sweeps)
+    top = 1.08 * max(float(np.nanmax(s.height, initial=0.0)) for s in sweeps) or 1.0
     for start, end in marker.pieces:
         ends = np.radians(
             [0.0 if start is None else start, 180.0 if end is None else end]

@@ -1,0 +1,348 @@
+"""The figures of one identification: which arrays go where.
+
+Everything is drawn by the functions beside this module; here is only the choice of what
+to draw, so that text, page and figures mark the same answers.
+"""
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import chi2
+
+from pushfit.fit.results import FitStatus, Identification, Quantity, Verdict
+from pushfit.report.answers import (
+    HALF_TURN,
+    STIFFNESSES,
+    Answer,
+    Pieces,
+    alpha_star_answer,
+    is_trusted,
+    quoted,
+    theta_c_answer,
+)
+from pushfit.report.figures.diagnostics import residual_figure, trace_figure
+from pushfit.report.figures.direction import Ellipses, ellipse_figure
+from pushfit.report.figures.posterior import (
+    corner_figure,
+    learned_figure,
+    quantity_figure,
+)
+from pushfit.report.figures.style import COLUMN, new_figure, styled
+from pushfit.report.figures.sweeps import (
+    Marker,
+    Sweep,
+    alpha_figure,
+    draw_panel,
+    theta_figure,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Fewer directions than this are no sweep.
+MIN_DIRECTIONS = 3
+INFORMED = frozenset({Verdict.LEARNED, Verdict.PARTLY, Verdict.DETERMINED})
+OTHER = {"theta": "alpha", "alpha": "theta"}
+
+
+def sweeps_of(identification: Identification, swept: str, channel: str) -> list[Sweep]:
+    """Measured and predicted heights along one angle, one entry per other angle.
+
+    Args:
+        identification: The result.
+        swept: "theta" or "alpha".
+        channel: Height channel.
+
+    Returns:
+        Sweeps of at least three directions, by the other angle.
+    """
+    frame = identification.table.frame
+    angle = frame[f"{swept}_deg"].to_numpy(dtype=float)
+    other = frame[f"{OTHER[swept]}_deg"].to_numpy(dtype=float).round(3)
+    return [
+        _sweep(identification, swept, channel=channel, rows=rows)
+        for rows in (np.flatnonzero(other == value) for value in np.unique(other))
+        if np.unique(angle[rows].round(3)).size >= MIN_DIRECTIONS
+    ]
+
+
+def _sweep(
+    identification: Identification, swept: str, *, channel: str, rows: np.ndarray
+) -> Sweep:
+    """The pushes of some rows with the prediction that belongs to them."""
+    table, frame = identification.table, identification.table.frame
+    fixed = float(frame[f"{OTHER[swept]}_deg"].iloc[rows[0]])
+    band = next(
+        (
+            band
+            for band in identification.bands
+            if (band.swept, band.channel) == (swept, channel)
+            and abs(band.fixed_deg - fixed) < 1e-2
+        ),
+        None,
+    )
+    sd = table.sd(channel)
+    has_fit = band is not None and identification.fit.status is FitStatus.OK
+    # A band of an unconverged posterior would be an interval in disguise.
+    has_band = has_fit and is_trusted(identification)
+    return Sweep(
+        fixed_deg=fixed,
+        angle_deg=frame[f"{swept}_deg"].to_numpy(dtype=float)[rows],
+        height=table.heights(channel)[rows],
+        sd=np.full(rows.size, np.nan) if sd is None else sd[rows],
+        is_used=identification.used[rows],
+        grid_deg=band.angle_deg if band and has_fit else np.empty(0),
+        best_fit=band.best_fit if band and has_fit else np.empty(0),
+        lower=band.lower if band and has_band else np.empty(0),
+        upper=band.upper if band and has_band else np.empty(0),
+    )
+
+
+def marker_of(answer: Answer) -> Marker:
+    """What figures mark of an answer.
+
+    Args:
+        answer: θ_c or α*.
+    """
+    pieces = answer.pieces
+    if answer.name == "alpha_star":
+        pieces = _within_half_turn(pieces)
+    return Marker(
+        name=answer.name, estimates=answer.values, pieces=pieces, text=answer.short
+    )
+
+
+def _within_half_turn(pieces: Pieces) -> Pieces:
+    """Pieces of an axis with those across 180° cut there."""
+    cut = []
+    for low, high in pieces:
+        if low is None or high is None or high <= HALF_TURN:
+            cut.append((low, high))
+        else:
+            cut += [(low, HALF_TURN), (0.0, high - HALF_TURN)]
+    return tuple(cut)
+
+
+@styled
+def main_figure(
+    identification: Identification, *, is_stacked: bool = False
+) -> "Figure":
+    """Heights against elevation and against azimuth, with both answers marked.
+
+    Args:
+        identification: The result.
+        is_stacked: Panels below each other, for a narrow page.
+    """
+    answers = {
+        "theta": theta_c_answer(identification),
+        "alpha": alpha_star_answer(identification),
+    }
+    channels = identification.table.channels
+    swept = [s for s in answers if sweeps_of(identification, s, channels[0])]
+    swept = swept or ["theta"]
+    panels = [(channel, angle) for channel in channels for angle in swept]
+    n_columns = 1 if is_stacked else len(swept)
+    n_rows = len(panels) // n_columns
+    # One panel alone, or a stack, may be as wide as a column and a half.
+    width = 1.25 * COLUMN if is_stacked else COLUMN * max(1.5, n_columns) + 0.4
+    figure = new_figure(width=width, height=3.2 * n_rows)
+    grid = figure.subplots(n_rows, n_columns, squeeze=False)
+    for axes, (channel, angle) in zip(grid.flat, panels, strict=True):
+        draw_panel(
+            axes,
+            sweeps_of(identification, angle, channel),
+            swept=angle,
+            channel=channel,
+            unit=identification.table.unit,
+            marker=marker_of(answers[angle]),
+            prob=_band_prob(identification),
+        )
+    return figure
+
+
+def all_figures(identification: Identification) -> dict[str, "Figure"]:
+    """Every figure that a result supports, by the name of its file.
+
+    Args:
+        identification: The result.
+
+    Returns:
+        Figures; those of a posterior only where it is to be trusted, corner plots only
+        where the library `corner` is installed.
+    """
+    figures = {"main": main_figure(identification)}
+    figures |= sweep_figures(identification)
+    if identification.fit.status is FitStatus.OK:
+        figures["residuals"] = _residuals(identification)
+    if is_trusted(identification):
+        figures |= _posterior_figures(identification)
+    posterior = identification.posterior
+    if posterior.chain is not None:
+        diagnostics = posterior.diagnostics
+        figures["traces"] = trace_figure(
+            posterior.chain,
+            posterior.chain_names,
+            thin=posterior.thin,
+            autocorr_time=diagnostics.autocorr_time if diagnostics else {},
+        )
+    return figures
+
+
+def sweep_figures(identification: Identification) -> dict[str, "Figure"]:
+    """Heights against each angle that was swept, one figure per channel.
+
+    Args:
+        identification: The result.
+    """
+    figures, table = {}, identification.table
+    options = {"unit": table.unit, "prob": _band_prob(identification)}
+    for channel in table.channels:
+        suffix = channel.removeprefix("height")
+        thetas = sweeps_of(identification, "theta", channel)
+        if thetas:
+            marker = marker_of(theta_c_answer(identification))
+            figures[f"theta{suffix}"] = theta_figure(
+                thetas, channel=channel, theta_c=marker, **options
+            )
+        alphas = sweeps_of(identification, "alpha", channel)
+        if alphas:
+            marker = marker_of(alpha_star_answer(identification))
+            figures[f"alpha{suffix}"] = alpha_figure(
+                alphas, channel=channel, alpha_star=marker, **options
+            )
+    return figures
+
+
+def _band_prob(identification: Identification) -> float:
+    """Probability of the bands."""
+    bands = identification.bands
+    return bands[0].prob if bands else identification.theta_c.prob
+
+
+def _posterior_figures(identification: Identification) -> dict[str, "Figure"]:
+    """Figures of a posterior that is to be trusted."""
+    figures = {}
+    answers = (
+        (identification.theta_c, theta_c_answer(identification)),
+        (identification.alpha_star, alpha_star_answer(identification)),
+    )
+    for quantity, answer in answers:
+        if answer.name in identification.posterior.samples:
+            figures[answer.name] = _angle(identification, quantity, answer)
+    if "f1" in identification.posterior.samples:
+        figures["ellipse"] = _ellipse(identification)
+    if identification.parameters:
+        shown = [quoted(q, identification) for q in identification.parameters]
+        figures["learned"] = learned_figure(
+            [q.name for q in shown],
+            np.array([_or_nan(q.contraction) for q in shown]),
+            verdicts=[q.verdict.value for q in shown],
+        )
+    if find_spec("corner"):
+        groups = {
+            "corner_parameters": identification.parameters,
+            "corner_combinations": identification.combinations,
+        }
+        for name, quantities in groups.items():
+            figure = _corner(identification, quantities)
+            if figure is not None:
+                figures[name] = figure
+    return figures
+
+
+def _or_nan(value: float | None) -> float:
+    """None as NaN."""
+    return np.nan if value is None else value
+
+
+def _angle(
+    identification: Identification, quantity: Quantity, answer: Answer
+) -> "Figure":
+    """Profile and posterior of θ_c or α*."""
+    posterior = identification.posterior
+    profile = identification.profiles.get(answer.name)
+    modes = [m.theta_c_deg for m in identification.fit.modes if m.theta_c_deg]
+    return quantity_figure(
+        None if profile is None else (profile.values, profile.delta_chi_square),
+        posterior.samples[answer.name],
+        posterior.prior_samples.get(answer.name, np.empty(0)),
+        marker=marker_of(answer),
+        likelihood_pieces=() if profile is None else profile.pieces,
+        level=float(chi2.ppf(quantity.prob, 1)),
+        prob=quantity.prob,
+        modes=modes if answer.name == "theta_c" else (),
+    )
+
+
+def _ellipse(identification: Identification) -> "Figure":
+    """The stiffness ellipses that the heights meet and of the support finger."""
+    samples = identification.posterior.samples
+    quantities = {
+        q.name: q for q in (*identification.combinations, *identification.parameters)
+    }
+    is_known = identification.config.push.length_known
+    unit = quantities["B"].unit if is_known and "B" in quantities else "relative"
+    panels = []
+    for title, mean, e1, e2 in (
+        ("B: unrolled contact", "B", "f1", "f2"),
+        ("K: support finger", "K_st", "e1", "e2"),
+    ):
+        quantity = quantities.get(mean)
+        panels.append(
+            Ellipses(
+                title=title,
+                mean=samples[mean] / (1.0 if is_known else np.median(samples[mean])),
+                e1=samples[e1],
+                e2=samples[e2],
+                is_informed=quantity is not None and quantity.verdict in INFORMED,
+            )
+        )
+    marker = marker_of(alpha_star_answer(identification))
+    return ellipse_figure(panels, unit=unit, alpha_star=marker)
+
+
+def _corner(
+    identification: Identification, quantities: Sequence[Quantity]
+) -> "Figure | None":
+    """Corner plot of what varies and may be quoted; None for fewer than two."""
+    posterior = identification.posterior
+    is_known = identification.config.push.length_known
+    shown = [
+        q
+        for q in quantities
+        if (is_known or q.name not in STIFFNESSES)
+        and _varies(posterior.samples.get(q.name))
+        and _varies(posterior.prior_samples.get(q.name))
+    ]
+    if len(shown) < 2:
+        return None
+    return corner_figure(
+        {q.name: posterior.samples[q.name] for q in shown},
+        {q.name: posterior.prior_samples[q.name] for q in shown},
+        units={q.name: q.unit for q in shown},
+    )
+
+
+def _varies(draws: np.ndarray | None) -> bool:
+    """Whether there are draws and they differ."""
+    return draws is not None and bool(np.nanstd(draws) > 0)
+
+
+def _residuals(identification: Identification) -> "Figure":
+    """Residuals of the best fit."""
+    fit, table = identification.fit, identification.table
+    rows = np.array(fit.row, dtype=int)
+    observed = np.array(
+        [table.heights(c)[r] for c, r in zip(fit.channel, fit.row, strict=True)]
+    )
+    return residual_figure(
+        (observed - fit.predicted) / fit.sigma,
+        fit.predicted,
+        theta_deg=np.degrees(table.theta)[rows],
+        alpha_deg=np.degrees(table.alpha)[rows],
+        row=rows,
+        channels=fit.channel,
+        unit=table.unit,
+    )

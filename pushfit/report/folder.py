@@ -1,0 +1,166 @@
+"""A result folder: complete or absent.
+
+Everything is written beside the target under a hidden name, forced to disk and renamed.
+What stands there already is refused, or with `force` stays whole until its successor is
+complete. Nothing is ever written through a symbolic link, and nothing is removed that
+this module does not write.
+"""
+
+import json
+import os
+import secrets
+import shutil
+from importlib.util import find_spec
+from pathlib import Path
+
+from pushfit.data.table import write_table
+from pushfit.errors import ConfigError
+from pushfit.fit.results import Identification
+from pushfit.report.archive import posterior_tree
+from pushfit.report.figures import all_figures, save_figure
+from pushfit.report.html import render_html
+from pushfit.report.summary import summary_dict
+from pushfit.report.text import render_text
+
+CONTENT = frozenset(
+    {
+        "peaks.csv",
+        "result.nc",
+        "summary.json",
+        "report.txt",
+        "report.html",
+        "figures",
+    }
+)
+
+
+def write_result_folder(
+    identification: Identification, out: Path, *, force: bool
+) -> Path:
+    """Write tables, posterior, summary, reports and figures of a result.
+
+    Args:
+        identification: The result.
+        out: Folder to create; its parent exists.
+        force: Replace a result folder that stands there.
+
+    Returns:
+        The folder: `peaks.csv`, `result.nc`, `summary.json`, `report.txt`, `figures/`
+        as PNG and SVG, and `report.html` where Jinja2 is installed.
+
+    Raises:
+        ConfigError: Something stands there and is not to be replaced, or the parent
+            does not exist.
+    """
+    check_target(out, force=force)
+    token = secrets.token_hex(4)
+    fresh = out.with_name(f".{out.name}.{token}.partial")
+    fresh.mkdir()
+    try:
+        _write_content(identification, fresh)
+        _sync_tree(fresh)
+        _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)
+        raise
+    return out
+
+
+def check_target(out: Path, *, force: bool) -> None:
+    """Refuse a target before anything is computed for it.
+
+    Args:
+        out: Folder to create.
+        force: Replace a result folder that stands there.
+
+    Raises:
+        ConfigError: As in `write_result_folder`.
+    """
+    if not out.name:
+        raise ConfigError(
+            f"{out}: not the name of a folder; name one to create", code="output_name"
+        )
+    if out.is_symlink():
+        raise ConfigError(
+            f"{out}: is a symbolic link, which is never followed for writing; "
+            "name the folder itself",
+            code="output_symlink",
+        )
+    if not out.parent.is_dir():
+        raise ConfigError(
+            f"{out}: the folder {out.parent} does not exist; create it first",
+            code="output_parent",
+        )
+    if not out.exists():
+        return
+    if not force:
+        raise ConfigError(
+            f"{out}: exists and is not overwritten; choose another name or use --force",
+            code="output_exists",
+        )
+    strange = _strange_content(out)
+    if strange:
+        raise ConfigError(
+            f"{out}: {strange} is not part of a result, so --force does not remove it; "
+            "choose another name or move it away",
+            code="output_not_a_result",
+        )
+
+
+def _strange_content(out: Path) -> str:
+    """Name of something in the folder that no result has; empty if all is known."""
+    if not out.is_dir():
+        return out.name
+    entries = {entry.name for entry in out.iterdir()}
+    return min(entries - CONTENT, default="")
+
+
+def _write_content(identification: Identification, folder: Path) -> None:
+    """Write every file of a result."""
+    write_table(identification.table, folder / "peaks.csv")
+    posterior_tree(identification).to_netcdf(folder / "result.nc", engine="h5netcdf")
+    summary = json.dumps(
+        summary_dict(identification), indent=2, ensure_ascii=False, allow_nan=False
+    )
+    (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
+    (folder / "report.txt").write_text(render_text(identification), encoding="utf-8")
+    figures = all_figures(identification)
+    (folder / "figures").mkdir()
+    for name, figure in figures.items():
+        for suffix in ("png", "svg"):
+            save_figure(figure, folder / "figures" / f"{name}.{suffix}")
+    if find_spec("jinja2"):
+        page = render_html(identification, figures=figures)
+        (folder / "report.html").write_text(page, encoding="utf-8")
+
+
+def _take_place(fresh: Path, out: Path, old: Path) -> None:
+    """Rename the finished folder to its name, the old one aside for that moment."""
+    had_old = out.exists()
+    if had_old:
+        os.rename(out, old)
+    try:
+        os.rename(fresh, out)
+    except BaseException:
+        if had_old:
+            os.rename(old, out)
+        raise
+    _sync(out.parent)
+    if had_old:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _sync_tree(folder: Path) -> None:
+    """Force every file and folder below to disk, the folder itself last."""
+    for path in sorted(folder.rglob("*"), reverse=True):
+        _sync(path)
+    _sync(folder)
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

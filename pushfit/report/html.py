@@ -1,0 +1,193 @@
+"""The report as one HTML file that needs nothing else and runs nothing.
+
+Styles and figures are inside; a content security policy allows no script, no address,
+and only the one style sheet, by its hash. Every value passes Jinja2's autoescape, and
+text from users also loses its control characters.
+"""
+
+import base64
+import hashlib
+import io
+import json
+import re
+from collections.abc import Mapping
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pushfit.errors import ConfigError
+from pushfit.fit.results import FitStatus, Identification, Quantity
+from pushfit.report.answers import alpha_star_answer, quoted, theta_c_answer
+from pushfit.report.facts import (
+    angle_rows,
+    cannot_say,
+    correlation_rows,
+    fit_rows,
+    quantity_cells,
+)
+from pushfit.report.figures.identification import all_figures, main_figure
+from pushfit.report.figures.style import SCREEN_DPI, write_figure
+from pushfit.report.strings import SYMBOLS, printable, symbol
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from matplotlib.figure import Figure
+
+# Dense figures, smaller as pixels than as paths.
+AS_PIXELS = frozenset({"corner_parameters", "corner_combinations", "traces"})
+MIME = {"svg": "image/svg+xml", "png": "image/png"}
+
+# Letters with an index, as they occur in prose: K_sn, θ_c, F_0.
+INDEXED = re.compile(
+    r"(?<!\w)("
+    + "|".join(re.escape(prose) for prose, _ in SYMBOLS.values() if "_" in prose)
+    + r")(?!\w)"
+)
+
+
+def render_html(
+    identification: Identification, *, figures: Mapping[str, "Figure"] | None = None
+) -> str:
+    """The whole report as one page.
+
+    Args:
+        identification: The result.
+        figures: Figures as `all_figures` makes them; None makes them here.
+
+    Returns:
+        HTML. First the two answers, the main figure and the warnings.
+
+    Raises:
+        ConfigError: Jinja2 is not installed.
+    """
+    try:
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+        from markupsafe import Markup
+    except ImportError as error:
+        raise ConfigError(
+            "the HTML report needs Jinja2, which is not installed; "
+            "install pushfit[report] or use the text report",
+            code="html_unavailable",
+        ) from error
+    environment = Environment(
+        loader=PackageLoader("pushfit.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    environment.filters["letters"] = letters
+    style = resources.files("pushfit.report").joinpath("templates/report.css")
+    css = style.read_text(encoding="utf-8")
+    digest = hashlib.sha256(css.encode()).digest()
+    page = environment.get_template("report.html.j2").render(
+        style=Markup(css),
+        style_hash=base64.b64encode(digest).decode(),
+        images=_images(identification, figures or all_figures(identification)),
+        **_content(identification),
+    )
+    return page + "\n"
+
+
+def letters(text: str) -> "Markup":
+    """Escaped text in which indices are set as such, θ_c as θ with a low c.
+
+    Args:
+        text: Anything; only what is escaped is searched for letters.
+    """
+    from markupsafe import Markup, escape
+
+    def lowered(match: re.Match[str]) -> str:
+        letter, _, index = match.group().partition("_")
+        return f"{letter}<sub>{index}</sub>"
+
+    return Markup(INDEXED.sub(lowered, str(escape(text))))
+
+
+def _images(
+    identification: Identification, figures: Mapping[str, "Figure"]
+) -> dict[str, str]:
+    """Figures as data addresses, by name; the main one also for narrow screens."""
+    stacked = main_figure(identification, is_stacked=True)
+    return {
+        name: _data_address(figure, "png" if name in AS_PIXELS else "svg")
+        for name, figure in {**figures, "main_stacked": stacked}.items()
+    }
+
+
+def _data_address(figure: "Figure", suffix: str) -> str:
+    """A figure as the text of an image's address."""
+    stream = io.BytesIO()
+    write_figure(figure, stream, suffix=suffix, dpi=SCREEN_DPI)
+    content = base64.b64encode(stream.getvalue()).decode("ascii")
+    return f"data:{MIME[suffix]};base64,{content}"
+
+
+def _content(identification: Identification) -> dict[str, object]:
+    """Everything that the template prints, as plain text."""
+    quality, status = identification.goodness_of_fit, identification.status
+    table = identification.table
+    names = [printable(source.path) for source in table.sources]
+    heading = ", ".join(names) or "Push exploration"
+    answers = (theta_c_answer(identification), alpha_star_answer(identification))
+    return {
+        "title": f"pushfit: {heading}",
+        "heading": heading,
+        "n_pushes": table.n_pushes,
+        "n_used": int(np.sum(identification.used)),
+        "status_text": "" if status is FitStatus.OK else status.value,
+        "is_adequate": quality.is_adequate,
+        "quality": printable(quality.sentence),
+        "answers": [
+            {"symbol": symbol(a.name), "short": a.short, "sentence": a.sentence}
+            for a in answers
+        ],
+        "main_caption": _main_caption(identification),
+        "warnings": [
+            {"code": printable(n.code), "text": printable(n.text)}
+            for n in identification.warnings
+        ],
+        "cannot_say": cannot_say(identification),
+        "angles": angle_rows(identification),
+        "prob": f"{100 * identification.theta_c.prob:g} %",
+        "parameters": _rows(identification.parameters, identification),
+        "combinations": _rows(identification.combinations, identification),
+        "correlations": correlation_rows(identification),
+        "fit": fit_rows(identification),
+        "inputs": [
+            {
+                "path": printable(source.path),
+                "dialect": printable(source.dialect),
+                "sha256": printable(source.sha256),
+            }
+            for source in table.sources
+        ],
+        "notes": [printable(note) for note in table.notes],
+        "versions": [
+            (printable(name), printable(version))
+            for name, version in identification.versions.items()
+        ],
+        "config": json.dumps(
+            identification.config.model_dump(mode="json", exclude_defaults=True),
+            indent=2,
+            ensure_ascii=True,
+        ),
+    }
+
+
+def _rows(
+    quantities: tuple[Quantity, ...], identification: Identification
+) -> list[tuple[str, ...]]:
+    """Cells of the table of quantities."""
+    return [
+        (symbol(q.name), *quantity_cells(quoted(q, identification))) for q in quantities
+    ]
+
+
+def _main_caption(identification: Identification) -> str:
+    """What the main figure shows."""
+    parts = ["Peak heights of the pushes, the best fit and the credible band"]
+    parts.append("dashed and shaded: the answer and its set")
+    if identification.posterior.status is not FitStatus.OK:
+        parts = ["Peak heights of the pushes and the best fit"]
+    return "; ".join(parts) + "."
