@@ -69,9 +69,9 @@ def load_peaks(
     Raises:
         ConfigError: The schedules do not go with the recordings.
     """
+    from pushfit.data.merge import merge_tables
     from pushfit.data.peaks import extract_peaks
     from pushfit.data.schedule import read_schedule
-    from pushfit.data.table import concatenate
 
     if schedules and len(schedules) != len(recordings):
         raise ConfigError(
@@ -87,4 +87,4 @@ def load_peaks(
         for note in table.notes:
             session.say_more(f"{path}: {note}")
         tables.append(table)
-    return concatenate(tables)
+    return merge_tables(tables)

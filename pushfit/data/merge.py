@@ -1,0 +1,45 @@
+"""One table of peak heights from the tables of several recordings of one grasp."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from pushfit.data.table import PeakTable
+from pushfit.errors import DataError
+
+
+def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
+    """Put tables below each other and number the pushes through.
+
+    Args:
+        tables: At least one table; all heights in one unit.
+
+    Returns:
+        The pushes in the order given, with the sources and notes of all tables.
+
+    Raises:
+        DataError: The units differ.
+    """
+    if len(tables) == 1:
+        return tables[0]
+    units = sorted({table.unit for table in tables})
+    if len(units) > 1:
+        raise DataError(
+            f"the recordings have heights in {' and '.join(units)}; analyse one sensor "
+            "at a time, or record all of them in one unit",
+            code="mixed_units",
+        )
+    frame = pd.concat([table.frame for table in tables], ignore_index=True)
+    frame["push"] = np.arange(1, len(frame) + 1)
+    ends = np.cumsum([table.n_pushes for table in tables])
+    origins = [
+        f"pushes {end - table.n_pushes + 1} to {end} are from {table.sources[0].path}"
+        for table, end in zip(tables, ends, strict=True)
+        if table.sources
+    ]
+    return PeakTable.from_frame(
+        frame,
+        sources=tuple(source for table in tables for source in table.sources),
+        notes=(*origins, *(note for table in tables for note in table.notes)),
+    )

@@ -1,0 +1,43 @@
+"""Tables of several recordings as one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pushfit.data.merge import merge_tables
+from pushfit.data.recording import Source
+from pushfit.data.table import PeakTable
+from pushfit.errors import DataError
+
+
+def table(name: str, n: int, unit: str = "kpa") -> PeakTable:
+    made = PeakTable.from_arrays(
+        theta=np.linspace(0.1, 1.0, n),
+        alpha=np.zeros(n),
+        heights={"height": np.arange(n) + 1.0},
+        unit=unit,
+    )
+    return replace(made, sources=(Source(path=name, sha256="", dialect="x"),))
+
+
+def test_pushes_keep_their_order_and_are_numbered_through():
+    merged = merge_tables([table("a", 3), table("b", 2)])
+    assert merged.frame["push"].tolist() == [1, 2, 3, 4, 5]
+    np.testing.assert_array_equal(merged.heights("height"), [1, 2, 3, 1, 2])
+
+
+def test_the_origin_of_every_push_is_kept():
+    merged = merge_tables([table("a", 3), table("b", 2)])
+    assert [source.path for source in merged.sources] == ["a", "b"]
+    assert "pushes 4 to 5 are from b" in merged.notes
+
+
+def test_one_table_stays_as_it_is():
+    alone = table("a", 3)
+    assert merge_tables([alone]) is alone
+
+
+def test_units_are_not_mixed():
+    with pytest.raises(DataError, match="heights in counts and kpa"):
+        merge_tables([table("a", 3), table("b", 2, unit="counts")])
