@@ -5,6 +5,7 @@ here computes more than O(p²) algebra, and nothing is imported from the estimat
 """
 
 import enum
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -94,6 +95,8 @@ class LikelihoodProfile:
         pieces: The set at `prob`, ascending and disjoint; None for an open end.
         prob: Level of the set.
         verdict: Shape of the set in a word.
+        degrees_of_freedom: Of the estimate of sigma behind Δχ², which sets the
+            threshold; infinite where sigma is known.
     """
 
     name: str
@@ -103,6 +106,7 @@ class LikelihoodProfile:
     pieces: tuple[Piece, ...]
     prob: float
     verdict: Verdict
+    degrees_of_freedom: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,90 @@
+"""From a profile on a grid to the set at a level, and to the word for its shape.
+
+Excluded: how the profile was computed.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from pushfit.fit.results import LikelihoodProfile, Piece, Verdict
+
+
+def threshold(prob: float, degrees_of_freedom: float) -> float:
+    """Largest Δχ² inside the set of one quantity.
+
+    Args:
+        prob: Level of the set.
+        degrees_of_freedom: Of the estimate of sigma that weighted the residuals;
+            infinite where sigma is known.
+
+    Returns:
+        Quantile of chi-square with one degree of freedom, or of F(1, dof).
+    """
+    if math.isinf(degrees_of_freedom):
+        return float(stats.chi2.ppf(prob, 1))
+    return float(stats.f.ppf(prob, 1, max(degrees_of_freedom, 1.0)))
+
+
+def pieces_below(
+    values: Float[np.ndarray, " g"], delta: Float[np.ndarray, " g"], level: float
+) -> tuple[Piece, ...]:
+    """Intervals in which a profile stays at or below a level.
+
+    Args:
+        values: Grid, ascending.
+        delta: Δχ² on it; infinite where the value is impossible.
+        level: Largest Δχ² inside.
+
+    Returns:
+        Pieces, ascending. An end is None where the set runs to the end of the grid or
+        to values that are impossible: nothing measured bounds it there.
+    """
+    is_inside = np.concatenate([[False], delta <= level, [False]])
+    starts = np.flatnonzero(~is_inside[:-1] & is_inside[1:])
+    stops = np.flatnonzero(is_inside[:-1] & ~is_inside[1:]) - 1
+    # sqrt(Δχ²) is a straight line where the profile is a parabola.
+    root, target = np.sqrt(delta), math.sqrt(level)
+
+    def end(inside: int, outside: int) -> float | None:
+        if not 0 <= outside < values.size or not np.isfinite(root[outside]):
+            return None
+        share = (target - root[inside]) / (root[outside] - root[inside])
+        return float(values[inside] + share * (values[outside] - values[inside]))
+
+    return tuple(
+        (end(a, a - 1), end(b, b + 1)) for a, b in zip(starts, stops, strict=True)
+    )
+
+
+def verdict_of(pieces: tuple[Piece, ...]) -> Verdict:
+    """The word for the shape of a set.
+
+    Args:
+        pieces: Pieces of the set.
+
+    Returns:
+        DETERMINED for one closed interval, ONE_SIDED for one half-open interval,
+        SEVERAL_MODES for more than one piece, else NOT_DETERMINED.
+    """
+    if not pieces or pieces == ((None, None),):
+        return Verdict.NOT_DETERMINED
+    if len(pieces) > 1:
+        return Verdict.SEVERAL_MODES
+    return Verdict.ONE_SIDED if None in pieces[0] else Verdict.DETERMINED
+
+
+def profile_set(profile: LikelihoodProfile, prob: float) -> tuple[Piece, ...]:
+    """Set of a profile at any level.
+
+    Args:
+        profile: Profile; its grid is densest around the set at its own level.
+        prob: Level of the set.
+
+    Returns:
+        Pieces, ascending and disjoint; None for an open end.
+    """
+    level = threshold(prob, profile.degrees_of_freedom)
+    return pieces_below(profile.values, profile.delta_chi_square, level)
