@@ -26,16 +26,11 @@ from pushfit.report.strings import (
 
 # Proportional to the unknown where the push length is unknown.
 STIFFNESSES = frozenset({"K_sn", "K_dn", "K_st", "C_d", "A", "B"})
-# Verdicts under which an estimate would pretend to knowledge.
-UNQUOTABLE = frozenset(
-    {
-        Verdict.NOT_DETERMINED,
-        Verdict.ASSUMED,
-        Verdict.ONE_SIDED,
-        Verdict.SEVERAL_MODES,
-    }
-)
+# Verdicts under which an estimate, or an interval, would pretend to knowledge.
+UNBOUNDED = frozenset({Verdict.NOT_DETERMINED, Verdict.ONE_SIDED})
 HALF_TURN = 180.0
+# Fewer different angles than this leave the question open.
+MIN_DIRECTIONS = 3
 # Below this share of draws without a critical angle nothing is said about them.
 MIN_SHARE = 0.01
 # An estimate this close to the end of the reach is the end of the reach [deg].
@@ -84,8 +79,8 @@ def quoted(quantity: Quantity, identification: Identification) -> Quantity:
 
     Returns:
         The same, with None for what is not to be quoted: everything from a posterior
-        that is not to be trusted, stiffness where the push length is unknown, an
-        interval of zero width, and numbers that are not finite.
+        that is not to be trusted, stiffness where the push length is unknown, what the
+        verdict forbids, an interval of zero width, and numbers that are not finite.
     """
     is_stiffness = quantity.name in STIFFNESSES
     if is_stiffness and not identification.config.push.length_known:
@@ -105,12 +100,16 @@ def quoted(quantity: Quantity, identification: Identification) -> Quantity:
             likelihood_sets=likelihood_sets,
             contraction=None,
         )
-    interval = quantity.interval
+    interval, estimate = quantity.interval, quantity.estimate
+    if quantity.verdict in UNBOUNDED:
+        interval = None
+    if quantity.verdict in UNBOUNDED or quantity.verdict is Verdict.SEVERAL_MODES:
+        # With several modes the interval covers them all; a middle would lie between.
+        estimate = None
     if interval is not None and not (
         np.isfinite(interval).all() and interval[0] < interval[1]
     ):
         interval = None
-    estimate = quantity.estimate
     if estimate is not None and not np.isfinite(estimate):
         estimate = None
     return replace(
@@ -140,7 +139,18 @@ def theta_c_answer(identification: Identification) -> Answer:
             sentence=f"{subject} does not exist: this contact never rolls.",
         )
     else:
-        answer = _angle_answer("theta_c", quantity, draws=draws, subject=subject)
+        answer = _angle_answer(
+            "theta_c",
+            quantity,
+            draws=draws,
+            subject=subject,
+            reason=_reason(
+                quantity,
+                identification.table.theta[identification.used],
+                few="elevation",
+                many="the heights fit every critical angle about equally well",
+            ),
+        )
         if none_share >= MIN_SHARE and answer.values:
             more = (
                 f"With probability {100 * none_share:.0f} % it does not exist: "
@@ -161,7 +171,18 @@ def alpha_star_answer(identification: Identification) -> Answer:
     if not is_trusted(identification):
         return _unquoted("alpha_star", subject, identification)
     draws = _draws(identification, "alpha_star")
-    answer = _angle_answer("alpha_star", quantity, draws=draws, subject=subject)
+    answer = _angle_answer(
+        "alpha_star",
+        quantity,
+        draws=draws,
+        subject=subject,
+        reason=_reason(
+            quantity,
+            identification.table.alpha[identification.used],
+            few="azimuth",
+            many="the heights show no preferred direction",
+        ),
+    )
     remarks = [
         _reach_remark(answer, identification.config.reach.alpha_deg),
         _model_free_remark(quantity, identification.alpha_star_model_free),
@@ -185,12 +206,17 @@ def _theta_c_subject(identification: Identification) -> str:
 
 
 def _angle_answer(
-    name: str, quantity: Quantity, *, draws: Float[np.ndarray, " n"], subject: str
+    name: str,
+    quantity: Quantity,
+    *,
+    draws: Float[np.ndarray, " n"],
+    subject: str,
+    reason: str,
 ) -> Answer:
     """Answer by the verdict of a quantity whose numerics are trusted."""
     prob = f"{100 * quantity.prob:g} %"
     verdict, estimate = quantity.verdict, quantity.estimate
-    pieces = _pieces_for(quantity)
+    pieces = pieces_for(quantity)
     ranges = join_or([format_range(*piece, "deg") for piece in pieces])
     if verdict is Verdict.SEVERAL_MODES and len(pieces) > 1:
         values = tuple(_typical(piece, draws) for piece in pieces)
@@ -201,10 +227,9 @@ def _angle_answer(
     elif verdict is Verdict.ONE_SIDED and pieces:
         values, short = (), ranges
         sentence = f"{subject} is {ranges} ({prob}); the data bound it no further."
-    elif verdict in UNQUOTABLE or estimate is None:
-        reason = printable(quantity.note) or "every angle fits them"
+    elif estimate is None or verdict is Verdict.ASSUMED:
         values, pieces, short = (), (), "not determined by these data"
-        sentence = f"{subject} is {short}: {reason.rstrip('.')}."
+        sentence = f"{subject} is {short}: {reason}."
     elif quantity.interval is None:
         values, short = (estimate,), format_angle(estimate)
         is_fixed = verdict is Verdict.FIXED
@@ -223,8 +248,15 @@ def _angle_answer(
     )
 
 
-def _pieces_for(quantity: Quantity) -> Pieces:
-    """The set that shows the verdict: the credible one, else that of the likelihood."""
+def pieces_for(quantity: Quantity) -> Pieces:
+    """The set that shows the verdict: the credible one, else that of the likelihood.
+
+    Args:
+        quantity: Already without what is not to be quoted.
+
+    Returns:
+        Pieces; none where a one-sided quantity has no bound at all.
+    """
     if quantity.verdict is Verdict.SEVERAL_MODES and len(quantity.sets) < 2:
         return quantity.likelihood_sets
     if quantity.verdict is Verdict.ONE_SIDED:
@@ -234,6 +266,22 @@ def _pieces_for(quantity: Quantity) -> Pieces:
                 return pieces
         return ()
     return quantity.sets
+
+
+def _reason(
+    quantity: Quantity, angles: Float[np.ndarray, " n"], *, few: str, many: str
+) -> str:
+    """Why an angle is not determined."""
+    if quantity.note:
+        return printable(quantity.note).rstrip(".")
+    n_different = np.unique(angles.round(6)).size
+    if n_different < MIN_DIRECTIONS:
+        plural = "" if n_different == 1 else "s"
+        return (
+            f"the pushes have only {n_different} {few}{plural}, "
+            f"and at least {MIN_DIRECTIONS} are needed"
+        )
+    return many
 
 
 def _typical(piece: Piece, draws: Float[np.ndarray, " n"]) -> float:

@@ -109,7 +109,7 @@ def _add_units(tree: "DataTree", identification: Identification) -> None:
         ("observed_data", heights),
     ):
         for name in tree[group].data_vars:
-            tree[group][name].attrs["units"] = known.get(str(name), "1")
+            tree[group][str(name)].attrs["units"] = known.get(str(name), "1")
 
 
 def _ensembles(identification: Identification) -> "Dataset":

@@ -9,6 +9,7 @@ from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.report.answers import (
     alpha_star_answer,
     is_trusted,
+    pieces_for,
     quoted,
     theta_c_answer,
 )
@@ -26,6 +27,8 @@ from pushfit.report.strings import (
 )
 
 MAX_CORRELATIONS = 8
+# Quantities that are a set of several pieces or with an open end.
+SET_VERDICTS = frozenset({Verdict.ONE_SIDED, Verdict.SEVERAL_MODES})
 
 WORDS = {
     Verdict.LEARNED: "learned",
@@ -122,7 +125,11 @@ def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
         spread = high - low
         interval = format_range(low, high, "")
     value = "not quoted"
-    if quantity.estimate is not None and quantity.verdict is Verdict.FIXED:
+    is_set = quantity.verdict in SET_VERDICTS and bool(pieces_for(quantity))
+    if is_set:
+        value = "see set"
+        interval = join_or([format_range(*piece, "") for piece in pieces_for(quantity)])
+    elif quantity.estimate is not None and quantity.verdict is Verdict.FIXED:
         value = f"{quantity.estimate:.6g}"
     elif quantity.estimate is not None:
         value = format_number(quantity.estimate, spread=spread)
@@ -130,7 +137,9 @@ def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
         value,
         interval,
         unit_label(quantity.unit),
-        verdict_word(quantity.verdict) if quantity.estimate is not None else "",
+        verdict_word(quantity.verdict)
+        if is_set or quantity.estimate is not None
+        else "",
         printable(quantity.note),
     )
 

@@ -95,6 +95,4 @@ def correlations(identification: Identification) -> tuple[Correlation, ...]:
             value = float(np.corrcoef(scaled[first], scaled[second])[0, 1])
             if abs(value) >= MIN_CORRELATION:
                 found.append(Correlation(first=first, second=second, value=value))
-    # A parameter may also count as a combination (C_rr does); its pairs come once.
-    unique = {(c.first, c.second): c for c in found}
-    return tuple(sorted(unique.values(), key=lambda c: -abs(c.value)))
+    return tuple(sorted(found, key=lambda c: -abs(c.value)))

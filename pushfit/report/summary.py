@@ -116,7 +116,7 @@ def _encodable(text: str) -> str:
 
 def _quantity(quantity: Quantity, identification: Identification) -> dict[str, object]:
     """One quantity, without what is not to be quoted."""
-    shown = asdict(quoted(quantity, identification))
+    shown: dict[str, object] = asdict(quoted(quantity, identification))
     del shown["name"]
     return shown | {"verdict": quantity.verdict.value}
 
@@ -131,6 +131,10 @@ def _fit(identification: Identification) -> dict[str, object]:
         "n_data": fit.n_data,
         "n_free": fit.n_free,
         "singular_values": fit.singular_values,
+        "sigma": [
+            np.min(fit.sigma, initial=np.inf),
+            np.max(fit.sigma, initial=-np.inf),
+        ],
         "modes": [
             {
                 "theta_c_deg": mode.theta_c_deg,

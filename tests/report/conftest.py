@@ -50,11 +50,11 @@ def heights(theta_deg, alpha_deg):
 
 
 def make_table(*, with_alpha: bool) -> PeakTable:
-    """17 elevations x 3 repeats at 90°, and 6 azimuths x 3 at 15°."""
+    """17 elevations x 3 repeats at 90°, and 6 azimuths x 3 at 60°."""
     theta = np.repeat(np.arange(5.0, 86.0, 5.0), 3)
     alpha = np.full(theta.size, 90.0)
     if with_alpha:
-        theta = np.append(theta, np.full(18, 15.0))
+        theta = np.append(theta, np.full(18, 60.0))
         alpha = np.append(alpha, np.repeat(np.arange(0.0, 151.0, 30.0), 3))
     clean = heights(theta, alpha)
     noise = np.random.default_rng(7).normal(size=theta.size)
@@ -115,7 +115,7 @@ def make_bands(table: PeakTable) -> tuple[Band, ...]:
     bands = []
     for swept, other, fixed in (
         ("theta", "alpha", 90.0),
-        ("alpha", "theta", 15.0),
+        ("alpha", "theta", 60.0),
     ):
         rows = np.flatnonzero(frame[f"{other}_deg"].round(9) == fixed)
         angles = frame[f"{swept}_deg"].to_numpy()[rows]

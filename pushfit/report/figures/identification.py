@@ -9,8 +9,8 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
 
+from pushfit.fit.profile_sets import threshold
 from pushfit.fit.results import FitStatus, Identification, Quantity, Verdict
 from pushfit.report.answers import (
     HALF_TURN,
@@ -270,7 +270,9 @@ def _angle(
         posterior.prior_samples.get(answer.name, np.empty(0)),
         marker=marker_of(answer),
         likelihood_pieces=() if profile is None else profile.pieces,
-        level=float(chi2.ppf(quantity.prob, 1)),
+        level=threshold(
+            quantity.prob, np.inf if profile is None else profile.degrees_of_freedom
+        ),
         prob=quantity.prob,
         modes=modes if answer.name == "theta_c" else (),
     )

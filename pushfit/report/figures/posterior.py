@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-N_BINS = 90
+N_BINS = 60
 # More draws change no pixel of a corner plot and cost a second each.
 MAX_DRAWS = 20_000
 # Largest Δχ² shown: 3.3 sigma, beyond every usual level.
@@ -105,7 +105,7 @@ def draw_posterior(
         marker: Estimates and credible set.
         limits: Range of the quantity.
     """
-    bins = np.linspace(*limits, N_BINS + 1)
+    bins = list(np.linspace(*limits, N_BINS + 1))
     for draws, colour, label, filled in (
         (prior, PRIOR, "prior", True),
         (samples, DATA, "posterior", False),
@@ -114,7 +114,6 @@ def draw_posterior(
         if finite.size:
             # Weighted by all draws: what is outside or does not exist lowers the curve.
             weight = np.full(finite.size, 1 / (draws.size * (bins[1] - bins[0])))
-            style = {"histtype": "stepfilled" if filled else "step"}
             axes.hist(
                 finite,
                 bins,
@@ -122,7 +121,7 @@ def draw_posterior(
                 color=PALE if filled else colour,
                 lw=1.6,
                 label=label,
-                **style,
+                histtype="stepfilled" if filled else "step",
             )
     axes.set_xlim(*limits)
     axes.set_yticks([])
@@ -198,7 +197,7 @@ def _limits(
     if finite.size == 0:
         return 0.0, 1.0
     low, high = np.quantile(finite, [0.001, 0.999])
-    margin = max(0.05 * (high - low), 1e-3 * abs(high), 1e-12)
+    margin = max(0.5 * (high - low), 1e-3 * abs(high), 1e-12)
     return float(low - margin), float(high + margin)
 
 
@@ -236,7 +235,7 @@ def corner_figure(
             fig=figure,
             bins=30,
             range=[limits[name] for name in names],
-            axes_scale=scales,
+            axes_scale=scales,  # pyright: ignore[reportArgumentType]
             color=colour,
             levels=(0.5, 0.9),
             plot_datapoints=False,

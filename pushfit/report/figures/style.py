@@ -9,7 +9,7 @@ import functools
 import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar
 
 from pushfit.report.strings import SYMBOLS, printable, unit_label
 
@@ -71,15 +71,17 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
         import matplotlib
 
-        with matplotlib.rc_context():
-            matplotlib.rcParams.update(STYLE)
+        with matplotlib.rc_context(STYLE):  # pyright: ignore[reportArgumentType]
             return draw(*args, **kwargs)
 
     return wrapper
 
 
 def new_figure(
-    *, width: float, height: float, layout: str | None = "constrained"
+    *,
+    width: float,
+    height: float,
+    layout: Literal["constrained"] | None = "constrained",
 ) -> "Figure":
     """Empty figure that belongs to no window.
 
@@ -178,7 +180,7 @@ def save_figure(figure: "Figure", path: Path) -> None:
 @styled
 def write_figure(
     figure: "Figure",
-    stream: io.BufferedIOBase,
+    stream: io.BytesIO | io.BufferedWriter,
     *,
     suffix: str,
     dpi: float = PRINT_DPI,

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pushfit.report.figures.style import (
+    ALARM,
     BLACK,
     COLUMN,
     DASHES,
@@ -29,7 +30,6 @@ from pushfit.report.figures.style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.projections.polar import PolarAxes
 
 Pieces = Sequence[tuple[float | None, float | None]]
 
@@ -116,7 +116,12 @@ def draw_sweep(axes: "Axes", sweep: Sweep, *, index: int, label: str) -> None:
     )
     if not used.all():
         axes.plot(
-            scale(sweep.angle_deg[~used]), sweep.height[~used], "x", color=colour, ms=5
+            scale(sweep.angle_deg[~used]),
+            sweep.height[~used],
+            "x",
+            color=ALARM,
+            ms=6,
+            zorder=4,
         )
 
 
@@ -172,7 +177,10 @@ def draw_panel(
     for index, sweep in enumerate(sweeps):
         shown = f"{letter} = {sweep.fixed_deg:g}°" if index < MAX_LEGEND else "_"
         draw_sweep(axes, sweep, index=index, label=shown)
-    axes.axhline(0, color=BLACK, lw=0.6)
+    # Heights change sign with the elevation where the grasp is preloaded; along the
+    # azimuth zero would only flatten the curve.
+    if swept == "theta":
+        axes.axhline(0, color=BLACK, lw=0.6)
     words = {"theta": "push elevation θ [°]", "alpha": "push azimuth α [°]"}
     axes.set_xlabel(words[swept])
     axes.set_ylabel(channel_label(channel, unit))
@@ -185,6 +193,8 @@ def draw_panel(
         title += ", fit"
     if any(sweep.lower.size for sweep in sweeps):
         title += f", {100 * prob:g} % band"
+    if not all(sweep.is_used.all() for sweep in sweeps):
+        title += "; ×: left out"
     place_legend(axes, loc="best", title=title, title_fontsize=8, alignment="left")
 
 
@@ -219,7 +229,7 @@ def theta_figure(
     return figure
 
 
-def draw_polar(axes: "PolarAxes", sweeps: Sequence[Sweep], marker: Marker) -> None:
+def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
     """Draw heights as distance from the centre, so that the soft axis is seen as one.
 
     Args:
@@ -244,7 +254,7 @@ def draw_polar(axes: "PolarAxes", sweeps: Sequence[Sweep], marker: Marker) -> No
     axes.set_ylim(0, top)
     angles = np.concatenate([sweep.angle_deg for sweep in sweeps])
     if angles.min(initial=0.0) >= 0 and angles.max(initial=0.0) <= 180:
-        axes.set_thetalim(0, np.pi)
+        axes.set_xlim(0, np.pi)
     axes.yaxis.set_major_locator(MaxNLocator(4))
     axes.tick_params(labelsize=7)
 
