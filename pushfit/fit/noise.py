@@ -91,7 +91,11 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     }
     if kind == "pooled":
         return Noise(
-            kind=kind, sd=no_sd, sigma=constant, degrees_of_freedom=dof, notices=notices
+            kind=kind,
+            sd=no_sd,
+            sigma=constant,
+            degrees_of_freedom=float(dof),
+            notices=notices,
         )
     first = {n: np.hypot(constant[n], known[n]) for n in known}
     return Noise(

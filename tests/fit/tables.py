@@ -1,0 +1,61 @@
+"""Tables with known truth for the tests of the fit."""
+
+import numpy as np
+
+from pushfit.config import GraspConfig, parse_config
+from pushfit.data.simulate import simulate_table
+from pushfit.data.table import PeakTable
+from pushfit.fit.least_squares import settle_noise
+from pushfit.fit.setup import Setup, build_problem
+from pushfit.model import Parameters
+
+TOML = """
+[push]
+length_mm = 5.0
+"""
+
+
+def config(text: str = "") -> GraspConfig:
+    """A configuration with a push of 5 mm and more text."""
+    return parse_config(TOML + text, path="grasp.toml")
+
+
+def case_table(
+    case,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
+    repeats: int = 3,
+    channels: tuple[str, ...] = ("height",),
+    theta_deg=None,
+    alpha_deg=None,
+) -> PeakTable:
+    """Pushes of a case of `problems.CASES`, drawn from its truth."""
+    pushes = case.pushes() if theta_deg is None else case.pushes(theta_deg)
+    alpha = pushes.alpha if alpha_deg is None else np.radians(alpha_deg)
+    return simulate_table(
+        case.params,
+        case.grasp,
+        theta=np.asarray(pushes.theta),
+        alpha=np.asarray(alpha),
+        repeats=repeats,
+        noise=noise,
+        rng=np.random.default_rng(seed),
+        channels=channels,
+        state_sd=noise > 0,
+    )
+
+
+def setup_of(table: PeakTable, text: str = "") -> Setup:
+    """The problem that a table poses."""
+    return settle_noise(build_problem(table, config(text)))
+
+
+def log_contact(params: Parameters) -> dict[str, float]:
+    """ln A, ln B and ln C_rr by the printed formulas."""
+    p = {n: float(getattr(params, n)) for n in ("K_sn", "K_dn", "K_st", "C_d", "L")}
+    return {
+        "ln_A": np.log(p["K_sn"] * p["K_dn"] / (p["K_sn"] + p["K_dn"])),
+        "ln_B": np.log(p["K_st"] * p["C_d"] / (p["L"] ** 2 * p["K_st"] + p["C_d"])),
+        "ln_C_rr": np.log(float(params.C_rr)),
+    }

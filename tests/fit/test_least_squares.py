@@ -1,0 +1,143 @@
+"""Least squares against truth, against SciPy, and where there is no answer."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from pushfit.fit.least_squares import fit_least_squares, polish
+from pushfit.fit.scan import starting_points
+from pushfit.fit.setup import build_problem
+from tests.fit.tables import case_table, config, log_contact, setup_of
+from tests.problems import CASES
+
+# The solver's relative tolerance is 1e-10; ten times that.
+EXACT_DATA = 1e-9
+# Both solvers stop at a gradient of rounding; SciPy at its ftol of 1e-12.
+TWO_SOLVERS = 1e-6
+COMPONENTS = ("height_normal", "height_tangential")
+ISOTROPIC = ("paper", "firm", "soft", "preload", "blind_magnitude")
+
+
+def table_config(case) -> str:
+    sharpness = float(case.grasp.sharpness)
+    text = f"[grasp]\npreload_n = {float(case.grasp.preload)!r}\n"
+    return text + (f"[transition]\nsharpness = {sharpness}\n" if sharpness < 99 else "")
+
+
+def fit_of(table, text=""):
+    return fit_least_squares(setup_of(table, text), reference_alpha=np.pi / 2)
+
+
+@pytest.mark.parametrize("name", ISOTROPIC)
+def test_noise_free_heights_give_the_truth(name):
+    case = CASES[name]
+    fit = fit_of(case_table(case), table_config(case))
+    truth = log_contact(case.params)
+    expected = [truth[n] for n in fit.names]
+    np.testing.assert_allclose(fit.estimate, expected, rtol=0, atol=EXACT_DATA)
+    best = fit.modes[0].theta_c_deg
+    np.testing.assert_allclose(best, case.critical_angle_deg, rtol=EXACT_DATA)
+
+
+def test_noise_free_heights_over_azimuths_give_the_ellipse():
+    case = CASES["ellipse"]
+    fit = fit_of(case_table(case))
+    stiff = {"ln_A": case.A, "ln_B": case.B, "ln_C_rr": float(case.params.C_rr)}
+    found = dict(zip(fit.names, fit.estimate, strict=True))
+    for name, value in stiff.items():
+        np.testing.assert_allclose(found[name], np.log(value), atol=EXACT_DATA, rtol=0)
+    axis = np.degrees(np.arctan2(found["f2"], found["f1"])) / 2 % 180
+    np.testing.assert_allclose((axis + 90) % 180, case.soft_axis_deg, rtol=EXACT_DATA)
+
+
+@pytest.mark.parametrize(
+    "channels", [("height",), ("height_normal", "height_tangential")]
+)
+@pytest.mark.parametrize("name", ["paper", "soft"])
+def test_scipy_finds_the_same_optimum(name, channels):
+    case = CASES[name]
+    setup = setup_of(
+        case_table(case, noise=0.03, channels=channels, seed=3), table_config(case)
+    )
+    fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
+    problem = setup.problem
+
+    def residuals(y):
+        return np.asarray(problem.data_residuals(jnp.asarray(y)))
+
+    # From every start of the scan: one start would compare luck.
+    runs = [
+        least_squares(residuals, start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        for start in starting_points(problem)[:6]
+    ]
+    other = min(runs, key=lambda run: run.cost)
+    np.testing.assert_allclose(fit.chi_square, 2 * other.cost, rtol=TWO_SOLVERS)
+    np.testing.assert_allclose(fit.estimate, other.x, atol=100 * TWO_SOLVERS, rtol=0)
+
+
+def test_both_of_two_modes_are_found():
+    """Two basins: dense random starts of SciPy know no other."""
+    case = CASES["blind_magnitude"]
+    for seed in range(8):
+        setup = setup_of(case_table(case, noise=0.05, seed=seed))
+        fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
+        rng = np.random.default_rng(seed)
+        low, high = fit.estimate - 3, fit.estimate + 3
+        points, costs, _ = polish(setup.problem, rng.uniform(low, high, (200, 3)))
+        assert fit.chi_square <= costs[0] + 1e-6 * costs[0], f"seed {seed}"
+        best_away = [
+            cost
+            for point, cost in zip(points, costs, strict=True)
+            if np.max(np.abs(point - fit.estimate)) > 0.3
+        ]
+        if best_away and best_away[0] < costs[0] + 3:
+            others = [mode.chi_square for mode in fit.modes[1:]]
+            assert min(others) <= best_away[0] + 1e-3, f"seed {seed}"
+
+
+def test_covariance_is_nan_where_the_data_do_not_determine_every_coordinate():
+    """At one elevation A, B and C_rr cannot be told apart."""
+    case = CASES["paper"]
+    table = case_table(case, noise=0.02, theta_deg=np.array([30.0]), repeats=30)
+    fit = fit_of(table)
+    assert np.all(np.isnan(fit.covariance))
+    assert np.all(np.isnan(fit.standard_error))
+
+
+def test_standard_errors_scatter_as_they_say_where_the_likelihood_is_normal():
+    """Components determine all three coordinates: pulls have unit variance."""
+    case = CASES["firm"]
+    n_tables = 60
+    truth = log_contact(case.params)
+    pulls = []
+    for seed in range(n_tables):
+        table = case_table(case, noise=0.02, seed=seed, channels=COMPONENTS)
+        fit = fit_of(table)
+        expected = np.array([truth[n] for n in fit.names])
+        pulls.append((fit.estimate - expected) / fit.standard_error)
+    # n mean(pull²) is chi-square with n degrees of freedom; five of its sd.
+    tolerance = 5 * np.sqrt(2 / n_tables)
+    np.testing.assert_allclose(np.mean(np.square(pulls), axis=0), 1, atol=tolerance)
+
+
+def test_sampled_sigma_is_the_scatter_about_the_fit():
+    case = CASES["paper"]
+    table = case_table(case, noise=0.05, repeats=20, seed=1)
+    setup = setup_of(table, '[noise]\nsigma = "sampled"\n')
+    fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
+    # sd of a standard deviation from 337 degrees of freedom is 4 %; given sds are in
+    # the table, so the total must be what was simulated.
+    np.testing.assert_allclose(np.median(fit.sigma), 0.05, rtol=0.16)
+
+
+def test_padding_changes_nothing():
+    case = CASES["paper"]
+    table = case_table(case, noise=0.03, repeats=1)
+    setup = build_problem(table, config())
+    assert setup.problem.observed.shape == (1, 32)
+    fit = fit_least_squares(setup, reference_alpha=0.0)
+    assert fit.n_data == table.n_pushes
+    weights = 1 / table.sd("height")
+    residuals = (fit.predicted - table.heights("height")) * weights
+    np.testing.assert_allclose(np.sum(residuals**2), fit.chi_square, rtol=1e-12)
