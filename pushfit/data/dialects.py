@@ -139,6 +139,8 @@ def find_layout(
         lines.pop()
     lines = lines[:_HEAD_LINES]
     guess = _best_guess(lines, columns, text.path)
+    if columns:
+        _refuse_names_above(lines[: guess.data], guess.delimiter, columns, text.path)
     header = None if guess.header is None else lines[guess.header]
     names, notes = _clean_names(
         columns or split_line(_uncommented(header), guess.delimiter)
@@ -173,6 +175,19 @@ def find_layout(
         data_start=_byte_of_line(head, guess.data),
         notes=tuple(notes),
     )
+
+
+def _refuse_names_above(
+    lines: list[str], delimiter: str, columns: Sequence[str], path: str
+) -> None:
+    """Refuse columns from the user where the file has names of its own."""
+    filled = [i for i, line in enumerate(lines) if line.strip()]
+    if filled and len(split_line(lines[filled[-1]], delimiter)) == len(columns):
+        raise ConfigError(
+            f"{path}: columns were named, but line {filled[-1] + 1} seems to hold "
+            "names; leave out columns, or remove the line",
+            code="columns_and_header",
+        )
 
 
 def _byte_of_line(head: bytes, line: int) -> int:

@@ -1,0 +1,150 @@
+"""Strict tables: what pandas alone gets wrong, line numbers, bounded memory."""
+
+import time
+import tracemalloc
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pushfit.data import prescan, textfile
+from pushfit.data.prescan import read_csv_strict
+from pushfit.data.recording import read_recording
+from pushfit.errors import DataError
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text, name="table.csv"):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def is_label(name):
+    return name == "label"
+
+
+def test_a_table_keeps_names_text_and_line_numbers(write):
+    path = write(
+        "# made by hand\n\npush,label,height_n\n1,NA,2.5\n\n2,007,\n3,None,1e-3"
+    )
+    frame, source, notes = read_csv_strict(path, is_text=is_label)
+    assert list(frame.columns) == ["push", "label", "height_n"]
+    assert frame["label"].tolist() == ["NA", "007", "None"]
+    np.testing.assert_array_equal(frame["height_n"], [2.5, np.nan, 1e-3])
+    assert frame.index.name == "line"
+    assert frame.index.tolist() == [4, 6, 7]
+    assert source.dialect == "native csv: comma, header on line 3"
+    assert notes[-1].startswith("line 7 has no line end")
+
+
+def test_lines_are_counted_through_quoted_line_ends(write):
+    path = write('push,label,height_n\n1,"a\nb",2\n\n2,"c,d",3\n3,e,4\n')
+    frame, _, _ = read_csv_strict(path, is_text=is_label)
+    assert frame.index.tolist() == [2, 5, 6]
+    assert frame["label"].tolist() == ["a\nb", "c,d", "e"]
+
+
+def test_text_where_a_number_is_needed_names_its_line(write):
+    path = write("push,height_n\n1,2\n\n2,97x\n")
+    with pytest.raises(DataError) as caught:
+        read_csv_strict(path)
+    (problem,) = caught.value.problems
+    assert (problem.line, problem.column, problem.value) == (4, "height_n", "97x")
+    assert problem.message == (
+        f"{path}, line 4, column height_n: '97x' is not a number; a decimal number is "
+        "expected; mend the cell or remove the row"
+    )
+
+
+def test_a_long_text_is_kept_whole_and_shown_short(write):
+    long = "x" * 5000
+    frame, _, _ = read_csv_strict(write(f"a,label\n1,{long}\n"), is_text=is_label)
+    assert frame["label"].tolist() == [long]
+    with pytest.raises(DataError, match=r"'x{37}\.\.\.' is not a number"):
+        read_csv_strict(write(f"a,b\n1,2\n1,{long}\n"))
+
+
+# Rows that pandas reads into wrong numbers without a word.
+PANDAS_TRAPS = {
+    "shifted_columns": "time_s,force_n\n0,1,9\n1,2,9\n",
+    "one_column": "time_s;force_n\n0,01;1,5\n0,02;1,6\n",
+    "short_row": "time_s,force_n\n0,1\n0.01\n0.02,3\n",
+    "renamed_copy": "time_s,force_n,force_n\n0,1,2\n1,2,3\n",
+}
+
+
+@pytest.mark.parametrize("trap", PANDAS_TRAPS)
+def test_what_pandas_gets_wrong_silently_is_right_or_refused(trap, write):
+    path = write(PANDAS_TRAPS[trap])
+    naive = pd.read_csv(path)
+    try:
+        recording = read_recording(path)
+    except DataError:
+        return
+    np.testing.assert_array_equal(recording.time, [0.01, 0.02])
+    np.testing.assert_array_equal(recording.channels["force"], [1.5, 1.6])
+    assert naive.shape != (2, 2)
+
+
+@pytest.mark.parametrize("block", [1, 2, 7, 64])
+@pytest.mark.parametrize("delimiter", [",", " "])
+def test_block_borders_leave_no_trace(block, delimiter, write, monkeypatch):
+    """The file is scanned in blocks; where they end must not matter."""
+    rng = np.random.default_rng(7)
+    times, force = np.arange(200) / 100, rng.normal(size=200).round(6)
+    rows = [
+        f"{t:.2f}{delimiter}{f!r}" for t, f in zip(times, force.tolist(), strict=True)
+    ]
+    rows[50] += "\r\n"
+    text = f"time_s{delimiter}force_n\n" + "\n".join(rows) + "\n"
+    path = write(text)
+    monkeypatch.setattr(textfile, "BLOCK", block)
+    monkeypatch.setattr(prescan, "_CHUNK_ROWS", 13)
+    recording = read_recording(path)
+    np.testing.assert_array_equal(recording.time, times)
+    np.testing.assert_array_equal(recording.channels["force"], force)
+    path.write_text(text.replace(rows[150], "1.50" + delimiter + "x"))
+    with pytest.raises(DataError, match="line 153, column force_n: 'x'"):
+        read_recording(path)
+
+
+def test_memory_follows_the_needed_columns_not_the_file(write, monkeypatch):
+    """A wide file costs the scan's blocks and 8 bytes per needed cell."""
+    monkeypatch.setattr(textfile, "BLOCK", 1 << 16)
+    monkeypatch.setattr(prescan, "_CHUNK_ROWS", 1 << 10)
+    n_rows, wide = 40_000, ",1234567890" * 30
+    names = "".join(f",x{k}" for k in range(30))
+    rows = "".join(f"{k},{k % 7}{wide}\n" for k in range(n_rows))
+    path = write(f"time_ms,force_n{names}\n{rows}")
+    assert path.stat().st_size > 13e6
+    read_recording(path)
+    tracemalloc.start()
+    read_recording(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # Two columns, as parsed, as checked (differences, masks) and as canonical: below
+    # 16 copies of one column; the file itself would be 40.
+    assert peak < 16 * 8 * n_rows
+
+
+@pytest.mark.slow
+def test_an_hour_of_vibration_reads_within_three_times_bare_pandas(tmp_path):
+    """2.2 kHz for a tenth of an hour; see benchmarks for the whole."""
+    path = tmp_path / "pac.csv"
+    n = 792_000
+    with path.open("w") as file:
+        file.write("time_s,pac_counts\n")
+        file.writelines(f"{k / 2200:.6f},{k % 4096}\n" for k in range(n))
+
+    def seconds(read):
+        begin = time.perf_counter()
+        read(path)
+        return time.perf_counter() - begin
+
+    bare = min(seconds(pd.read_csv) for _ in range(5))
+    strict = min(seconds(read_recording) for _ in range(5))
+    assert strict < 3 * bare
