@@ -23,6 +23,7 @@ def identify(
     config: options.ConfigFile = None,
     out: options.OutFolder = None,
     engine: options.Engine = "emcee",
+    checkpoint: options.Checkpoint = None,
     seed: options.Seed = 0,
     json: options.Json = False,
     force: options.Force = False,
@@ -32,7 +33,14 @@ def identify(
     def load(settings: "GraspConfig") -> "PeakTable":
         return load_peaks(session, recordings, schedules or [], settings)
 
-    request = Request(out=out, engine=engine, seed=seed, json=json, force=force)
+    request = Request(
+        out=out,
+        engine=engine,
+        checkpoint=checkpoint,
+        seed=seed,
+        json=json,
+        force=force,
+    )
     return analyse(session, load, config, request)
 
 
@@ -42,6 +50,7 @@ def sample(
     config: options.ConfigFile = None,
     out: options.OutFolder = None,
     engine: options.Engine = "emcee",
+    checkpoint: options.Checkpoint = None,
     seed: options.Seed = 0,
     json: options.Json = False,
     force: options.Force = False,
@@ -53,7 +62,14 @@ def sample(
 
         return read_table(table)
 
-    request = Request(out=out, engine=engine, seed=seed, json=json, force=force)
+    request = Request(
+        out=out,
+        engine=engine,
+        checkpoint=checkpoint,
+        seed=seed,
+        json=json,
+        force=force,
+    )
     return analyse(session, load, config, request)
 
 
@@ -98,6 +114,7 @@ class Request:
     Args:
         out: Folder of the result.
         engine: How the posterior is found.
+        checkpoint: File of an unfinished chain.
         seed: Seed of all randomness.
         json: Whether to print the summary instead of the report.
         force: Whether the folder may be replaced.
@@ -105,6 +122,7 @@ class Request:
 
     out: Path | None
     engine: str
+    checkpoint: Path | None
     seed: int
     json: bool
     force: bool
@@ -148,6 +166,7 @@ def analyse(
             seed=request.seed,
             engine=request.engine,
             progress=progress,
+            checkpoint=request.checkpoint,
         )
     if request.out is not None:
         write_result_folder(found, request.out, force=request.force)

@@ -33,7 +33,7 @@ def validate(
     """Say what files hold, or what is wrong with them."""
     from pushfit.config import read_config
     from pushfit.data.check import check_files
-    from pushfit.data.textfile import existing_file
+    from pushfit.data.files import existing_file
 
     settings = read_config(config)
     for path in files:

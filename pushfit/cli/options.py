@@ -45,6 +45,13 @@ OutFile = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="File instead of stdout."),
 ]
+Checkpoint = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Keep the chain; the same command then goes on where it stopped.",
+    ),
+]
 Engine = Annotated[
     Literal["emcee", "exact"],
     typer.Option(help="Sample the posterior, or integrate it on a grid."),

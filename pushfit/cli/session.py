@@ -11,6 +11,7 @@ import logging
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -62,6 +63,14 @@ class Session:
         """
         _print_message(f"error: {text}", "bold red")
 
+    def warn(self, text: str) -> None:
+        """Show what the user may choose to ignore.
+
+        Args:
+            text: One warning.
+        """
+        self.say(f"warning: {text}", style="yellow")
+
     def say_more(self, text: str) -> None:
         """Show a message that only --verbose asks for.
 
@@ -107,11 +116,12 @@ class Session:
         Returns:
             Exit code.
         """
-        signal.signal(signal.SIGTERM, _terminate)
         level = logging.INFO if self.is_verbose else logging.ERROR
         logging.basicConfig(level=logging.DEBUG if self.is_debug else level)
         try:
-            return work() or 0
+            with _terminable(), warnings.catch_warnings():
+                warnings.showwarning = lambda text, *_, **__: self.warn(str(text))
+                return work() or 0
         except PushfitError as error:
             self._report(str(error), error)
             return error.exit_code
@@ -202,6 +212,15 @@ def _print_message(text: str, style: str) -> None:
     Console(stderr=True, soft_wrap=True).print(Text(printable(text), style=style))
 
 
-def _terminate(number: int, frame: object) -> None:
-    """Leave by an exception, so that temporary files are removed."""
-    raise SystemExit(TERMINATED)
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Turn SIGTERM into an exception, so that temporary files are removed."""
+
+    def leave(number: int, frame: object) -> None:
+        raise SystemExit(TERMINATED)
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
