@@ -57,33 +57,28 @@ def render_text(identification: Identification, *, width: int = 80) -> str:
         Lines no longer than the width, without colours or control characters.
     """
     width = max(width, MIN_WIDTH)
+    bodies = {
+        "Fit": _pairs(fit_rows(identification), width),
+        "Parameters": _quantities(identification.parameters, identification, width),
+        "Combinations that the heights depend on": _quantities(
+            identification.combinations, identification, width
+        ),
+        "Correlations of the posterior": _pairs(
+            correlation_rows(identification), width
+        ),
+        "Angles": _pairs(angle_rows(identification), width),
+        "What these data cannot say": _bullets(cannot_say(identification), width),
+        "Warnings": _bullets(
+            (f"{n.text} [{n.code}]" for n in identification.warnings), width
+        ),
+    }
     sections = [
         _heading(identification, width),
-        _section("Fit", _pairs(fit_rows(identification), width)),
-        _section(
-            "Parameters", _quantities(identification.parameters, identification, width)
-        ),
-        _section(
-            "Combinations that the heights depend on",
-            _quantities(identification.combinations, identification, width),
-        ),
-        _section(
-            "Correlations of the posterior",
-            _pairs(correlation_rows(identification), width),
-        ),
-        _section("Angles", _pairs(angle_rows(identification), width)),
-        _section(
-            "What these data cannot say",
-            _bullets(cannot_say(identification), width),
-        ),
-        _section(
-            "Warnings",
-            _bullets((f"{n.text} [{n.code}]" for n in identification.warnings), width),
-        ),
+        *(_section(title, body, width) for title, body in bodies.items() if body),
         _wrap(sentence_theta_c(identification), width),
         _wrap(sentence_alpha_star(identification), width),
     ]
-    return "\n\n".join(section for section in sections if section) + "\n"
+    return "\n\n".join(sections) + "\n"
 
 
 def _heading(identification: Identification, width: int) -> str:
@@ -166,9 +161,9 @@ def _bullets(sentences: Iterable[str], width: int) -> str:
     return "\n".join(_wrap(f"- {printable(text)}", width, "  ") for text in sentences)
 
 
-def _section(title: str, body: str) -> str:
-    """Title over an indented body; nothing without one."""
-    return f"{title}\n{'-' * len(title)}\n{body}" if body else ""
+def _section(title: str, body: str, width: int) -> str:
+    """Title over its body."""
+    return f"{_wrap(title, width)}\n{'-' * min(len(title), width)}\n{body}"
 
 
 def _wrap(text: str, width: int, indent: str = "") -> str:

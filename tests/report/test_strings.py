@@ -1,0 +1,88 @@
+"""Digits, units and the disarming of user text."""
+
+import math
+
+import pytest
+
+from pushfit.report.strings import (
+    decimals_for,
+    format_number,
+    format_range,
+    join_or,
+    printable,
+    unit_label,
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "text"),
+    [
+        (40.1234, 4.0, "40.1"),
+        (40.1234, 16.0, "40"),
+        (52341.0, 3000.0, "52300"),
+        (0.30049, 0.02, "0.300"),
+        (-0.0001, 1.0, "0.0"),
+        (1.5e-5, 2e-6, "1.50e-05"),
+        (2.34567e8, 1e7, "2.35e+08"),
+        (9.96, 0.996, "10.0"),
+    ],
+)
+def test_a_number_shows_two_digits_of_its_uncertainty(value, spread, text):
+    assert format_number(value, spread=spread) == text
+
+
+@pytest.mark.parametrize("value", [None, math.nan])
+def test_an_unknown_number_is_called_unknown_and_never_zero(value):
+    assert format_number(value) == "unknown"
+
+
+def test_a_zero_spread_is_no_spread():
+    assert format_number(12.3456, spread=0.0) == "12.3"
+
+
+@pytest.mark.parametrize("spread", [0.0, -1.0, math.inf, math.nan])
+def test_decimals_need_a_positive_spread(spread):
+    with pytest.raises(ValueError, match="positive"):
+        decimals_for(spread)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "unit", "text"),
+    [
+        (38.0, 42.0, "deg", "38.0° to 42.0°"),
+        (3.0, 170.0, "deg", "3° to 170°"),
+        (61.2, None, "deg", "above 61°"),
+        (None, 19.6, "deg", "below 20°"),
+        (None, None, "deg", "any value"),
+        (500.0, 1300.0, "N/m", "500 to 1300 N/m"),
+        (500.0, None, "kpa/m", "above 500 kPa/m"),
+        (171.0, 189.0, "deg", "171° to 180° and on to 9°"),
+    ],
+)
+def test_a_set_reads_as_words(lower, upper, unit, text):
+    assert format_range(lower, upper, unit) == text
+
+
+def test_alternatives_are_joined_as_in_a_sentence():
+    assert join_or(["38°", "42°", "61°"]) == "38°, 42° or 61°"
+
+
+@pytest.mark.parametrize(
+    "attack", ["\x1b[2J", "\r", "\u202e", "\u200b", "\x00", "\ud800", "\x9b31m", "\n"]
+)
+def test_no_character_that_moves_a_cursor_survives(attack):
+    assert printable(f"a{attack}b").isascii()
+    assert printable(f"a{attack}b").isprintable()
+
+
+def test_letters_of_any_script_survive():
+    assert printable("Größe 押す ☂") == "Größe 押す ☂"
+
+
+def test_units_of_tables_are_spelled_for_readers():
+    assert [unit_label(u) for u in ("kpa", "n", "1", "N·m/rad")] == [
+        "kPa",
+        "N",
+        "",
+        "N·m/rad",
+    ]
