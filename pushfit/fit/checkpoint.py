@@ -1,0 +1,114 @@
+"""Arrays of an unfinished run on disk: complete or absent, and never taken for another.
+
+A checkpoint names the question it belongs to by a fingerprint of data, model, priors
+and seed, and the version that wrote it. What cannot be used is kept under another
+name and said so. Excluded: what the arrays mean.
+"""
+
+import hashlib
+import json
+import os
+import warnings
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import jax
+import numpy as np
+
+import pushfit
+from pushfit.atomic import atomic_path
+
+# Raised whenever the meaning of the arrays changes.
+FORMAT = 1
+HEADER = "header"
+
+
+class CheckpointWarning(UserWarning):
+    """A checkpoint was set aside and the run starts anew."""
+
+
+def fingerprint(*trees: object) -> str:
+    """Digest of pytrees: every array bit by bit, and every setting.
+
+    Args:
+        trees: Containers of arrays; what is not an array is compared as text.
+
+    Returns:
+        Hexadecimal digest, equal only for equal questions.
+    """
+    digest = hashlib.sha256()
+    leaves, structure = jax.tree.flatten(trees)
+    digest.update(str(structure).encode())
+    for leaf in leaves:
+        array = np.asarray(leaf)
+        digest.update(f"{array.dtype}{array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None:
+    """Replace a checkpoint in one step.
+
+    Args:
+        path: File to write.
+        arrays: What to keep.
+        question: Fingerprint of the question that the arrays belong to.
+    """
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **{HEADER: np.array(json.dumps(_header(question)))}, **arrays)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def load(path: Path, *, question: str) -> dict[str, np.ndarray] | None:
+    """Arrays of a checkpoint of the same question.
+
+    Args:
+        path: File that `save` wrote.
+        question: Fingerprint of the question asked now.
+
+    Returns:
+        The arrays; None without a file, and, with a `CheckpointWarning`, for one
+        that is broken or belongs elsewhere: it is kept beside, with the ending .bad.
+    """
+    if not path.exists():
+        return None
+    try:
+        # allow_pickle stays False: a checkpoint must not be able to run code.
+        with np.load(path) as file:
+            arrays = {name: file[name] for name in file.files}
+        header = json.loads(str(arrays.pop(HEADER)))
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        _set_aside(path, f"cannot be read ({error})")
+        return None
+    expected = _header(question)
+    for key, what in (
+        ("format", "has another format"),
+        ("version", "was written by another version of pushfit"),
+        ("question", "belongs to other data, settings or another seed"),
+    ):
+        if header.get(key) != expected[key]:
+            _set_aside(path, f"{what} ({header.get(key)}, now {expected[key]})")
+            return None
+    return arrays
+
+
+def _header(question: str) -> dict[str, str | int]:
+    return {"format": FORMAT, "version": pushfit.__version__, "question": question}
+
+
+def _set_aside(path: Path, reason: str) -> None:
+    """Rename to the first free name with .bad, and say why."""
+    kept = path.with_name(f"{path.name}.bad")
+    count = 1
+    while kept.exists():
+        count += 1
+        kept = path.with_name(f"{path.name}.bad{count}")
+    path.rename(kept)
+    warnings.warn(
+        f"checkpoint {path} {reason}; it is kept as {kept.name} and sampling starts "
+        "anew",
+        CheckpointWarning,
+        stacklevel=3,
+    )

@@ -1,0 +1,195 @@
+"""Whether a chain of independent ensembles may be believed: numbers and a verdict.
+
+Walkers of one ensemble are not independent chains. R-hat across them raises false
+alarms (1.12 on a perfect Gaussian), and an effective sample size from the flattened
+chain is 40 to 200 times too large; so ensembles are compared with each other, and the
+sample size follows from the autocorrelation time. Pure functions of arrays.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from arviz_stats.base.array import array_stats
+from emcee import autocorr
+from jaxtyping import Float
+from scipy import stats
+
+from pushfit.fit.results import Diagnostics
+
+# Below 50 autocorrelation times emcee's estimate of that time is itself too short.
+MIN_AUTOCORR_TIMES = 50
+# One per cent above 1: ensemble means scatter by 0.14 standard deviations.
+MAX_RHAT = 1.01
+# Outside, a walker is stuck or the density is flat where it should not be.
+ACCEPTANCE = (0.05, 0.95)
+# Chance of a false alarm per name when ensembles are compared with the scatter that
+# the autocorrelation time predicts; it notices rare swaps between modes, to which
+# that time is blind.
+DISAGREEMENT_LEVEL = 1e-6
+# R-hat needs far fewer steps than are kept; ranking is what costs.
+MAX_RHAT_STEPS = 200
+
+Traces = Mapping[str, Float[np.ndarray, "t e w"]]
+
+
+def autocorr_time(trace: Float[np.ndarray, "t e w"]) -> float:
+    """Integrated autocorrelation time, averaged over all walkers [steps].
+
+    Args:
+        trace: One quantity by step, ensemble and walker.
+
+    Returns:
+        At least about 1; NaN if a walker never moves.
+    """
+    series = trace.reshape(trace.shape[0], -1)
+    # A walker that never moves has 0/0 for its autocorrelation: NaN is the answer.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # tol=0 keeps emcee from judging the length: `judge` does.
+        return float(np.squeeze(autocorr.integrated_time(series, tol=0)))
+
+
+def ess(trace: Float[np.ndarray, "t e w"], autocorr_time: float) -> float:
+    """Effective sample size: values kept, over the autocorrelation time."""
+    return trace.size / autocorr_time
+
+
+def nested_rhat(trace: Float[np.ndarray, "t e w"]) -> float:
+    """Nested R-hat of the ensembles, each as one superchain; rank-normalised.
+
+        sqrt(1 + between ensembles / within ensembles)
+
+    Args:
+        trace: One quantity by step, ensemble and walker.
+
+    Returns:
+        1 for identical ensembles; larger where they disagree in centre or width.
+
+    References:
+        Margossian et al. (2024), doi:10.1214/24-BA1453.
+    """
+    n_steps, n_ensembles, n_walkers = trace.shape
+    thin = max(1, n_steps // MAX_RHAT_STEPS)
+    chains = trace[::thin].reshape(-1, n_ensembles * n_walkers).T
+    superchains = np.repeat(np.arange(n_ensembles), n_walkers)
+    return float(array_stats.rhat_nested(chains, superchain_ids=superchains))
+
+
+def disagreement(trace: Float[np.ndarray, "t e w"], autocorr_time: float) -> float:
+    """Chance that ensemble means differ this much if the chain is what it seems.
+
+    Args:
+        trace: One quantity by step, ensemble and walker.
+        autocorr_time: Of the quantity [steps].
+
+    Returns:
+        p-value of Σ (m_e - m)² / (variance / ESS per ensemble) against chi-square.
+    """
+    n_steps, n_ensembles, n_walkers = trace.shape
+    means = trace.mean(axis=(0, 2))
+    error = trace.var() * autocorr_time / (n_steps * n_walkers)
+    if not error > 0:
+        return float("nan")
+    excess = np.sum((means - means.mean()) ** 2) / error
+    return float(stats.chi2.sf(excess, n_ensembles - 1))
+
+
+def acceptance_fraction(
+    chain: Float[np.ndarray, "t e w p"],
+) -> Float[np.ndarray, "e w"]:
+    """Share of the steps at which each walker moved."""
+    return np.mean(np.any(np.diff(chain, axis=0) != 0, axis=-1), axis=0)
+
+
+def diagnose(chain: Float[np.ndarray, "t e w p"], traces: Traces) -> Diagnostics:
+    """All checks of a chain from which the burn-in has been removed.
+
+    Args:
+        chain: Every kept step, not thinned.
+        traces: The quantities to judge, along the same steps.
+
+    Returns:
+        Numbers and the sentences of the checks that failed.
+    """
+    times = {name: autocorr_time(trace) for name, trace in traces.items()}
+    n_steps, n_ensembles, n_walkers, _ = chain.shape
+    numbers = {
+        "autocorr_time": times,
+        "ess": {name: ess(trace, times[name]) for name, trace in traces.items()},
+        "rhat": {name: nested_rhat(trace) for name, trace in traces.items()},
+        "acceptance_fraction": acceptance_fraction(chain),
+        "n_steps": n_steps,
+        "n_ensembles": n_ensembles,
+        "n_walkers": n_walkers,
+    }
+    chances = {n: disagreement(trace, times[n]) for n, trace in traces.items()}
+    problems = judge(**numbers, chances=chances)
+    return Diagnostics(**numbers, problems=problems)
+
+
+def judge(
+    *,
+    autocorr_time: Mapping[str, float],
+    ess: Mapping[str, float],
+    rhat: Mapping[str, float],
+    acceptance_fraction: Float[np.ndarray, "e w"],
+    n_steps: int,
+    n_ensembles: int,
+    n_walkers: int,
+    chances: Mapping[str, float],
+) -> tuple[str, ...]:
+    """Sentences of the checks that failed, one per check; none means converged.
+
+    Args:
+        autocorr_time: By name [steps].
+        ess: By name.
+        rhat: By name.
+        acceptance_fraction: Per ensemble and walker.
+        n_steps: Steps kept.
+        n_ensembles: Independent ensembles.
+        n_walkers: Walkers in each.
+        chances: p-values of `disagreement` by name.
+
+    Returns:
+        Sentences for the user.
+    """
+    problems = []
+    unknown = [name for name, tau in autocorr_time.items() if not np.isfinite(tau)]
+    if unknown:
+        problems.append(
+            f"the autocorrelation time of {', '.join(unknown)} is not finite: a walker "
+            "or a quantity never moves"
+        )
+    name, tau = _largest(autocorr_time)
+    if not n_steps >= MIN_AUTOCORR_TIMES * tau:
+        problems.append(
+            f"{n_steps} steps are fewer than {MIN_AUTOCORR_TIMES} autocorrelation "
+            f"times of {name} ({tau:.1f} steps, {ess[name]:.0f} effective draws)"
+        )
+    name, value = _largest(rhat)
+    if not value <= MAX_RHAT:
+        problems.append(
+            f"nested R-hat of {name} across {n_ensembles} ensembles is {value:.3f}, "
+            f"above {MAX_RHAT}"
+        )
+    name, surprise = _largest({n: -p for n, p in chances.items()})
+    if not surprise <= -DISAGREEMENT_LEVEL:
+        problems.append(
+            f"the ensembles disagree about the mean of {name} (p = {-surprise:.1e})"
+        )
+    low, high = ACCEPTANCE
+    is_odd = ~((acceptance_fraction >= low) & (acceptance_fraction <= high))
+    if np.any(is_odd):
+        ensemble, walker = np.argwhere(is_odd)[0]
+        value = acceptance_fraction[ensemble, walker]
+        problems.append(
+            f"{np.sum(is_odd)} of {n_ensembles * n_walkers} walkers accept a share of "
+            f"proposals outside {low} to {high}; walker {walker} of ensemble "
+            f"{ensemble}: {value:.2f}"
+        )
+    return tuple(problems)
+
+
+def _largest(values: Mapping[str, float]) -> tuple[str, float]:
+    """Name and value of the largest; NaN counts as larger than any number."""
+    name = max(values, key=lambda n: np.nan_to_num(values[n], nan=np.inf))
+    return name, values[name]

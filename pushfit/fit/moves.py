@@ -1,0 +1,221 @@
+"""How walkers propose: along differences between walkers, or from a fitted mixture.
+
+Both are moves of emcee that advance several independent ensembles in one vectorised
+call: rows e W ... (e + 1) W - 1 of the walkers are ensemble e, and no proposal of one
+ensemble ever looks at another. emcee's own moves know a single ensemble, and its
+`DESnookerMove` (3.1.6) gives E r² = 4.0 instead of 6 on a standard normal in six
+dimensions.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from emcee.model import Model
+from emcee.moves import Move
+from emcee.state import State
+from jaxtyping import Bool, Float, Int
+from scipy import special
+from scipy.cluster import vq
+
+# Share of the difference moves that jump by the whole difference of two walkers: what
+# carries a walker from one mode straight into another.
+JUMP_SHARE = 0.1
+# Mixtures of 4 to 32 components and 6 to 20 degrees of freedom are accepted equally
+# often (0.5 to 0.6 in six dimensions, 0.3 in eight); tails are kept heavy because a
+# walker leaves a point that the proposal underrates only slowly.
+N_COMPONENTS = 8
+DEGREES_OF_FREEDOM = 6.0
+# Weight of one component as wide as all points together: no region is cut off.
+WIDE_SHARE = 0.1
+# Added to correlations before factorising: far below what heights can resolve.
+RIDGE = 1e-10
+
+
+class DifferenceMove(Move):
+    """Differential evolution within each ensemble.
+
+        q_k = x_k + γ (x_i - x_j),   γ = 2.38 / sqrt(2 d), or 1 for a jump
+
+    Half of an ensemble moves along differences of the other half, then they swap.
+
+    Args:
+        n_ensembles: Number of independent ensembles among the walkers.
+
+    References:
+        ter Braak (2006), doi:10.1007/s11222-006-8769-1.
+    """
+
+    def __init__(self, n_ensembles: int) -> None:
+        """Keep the number of ensembles."""
+        self.n_ensembles = n_ensembles
+
+    def propose(
+        self, model: Model, state: State
+    ) -> tuple[State, Bool[np.ndarray, " k"]]:
+        """Advance every walker once.
+
+        Args:
+            model: Density and source of randomness.
+            state: Walkers.
+
+        Returns:
+            The state, changed in place, and which walkers moved.
+        """
+        random = model.random
+        n_total, n_dim = state.coords.shape
+        n_walkers = n_total // self.n_ensembles
+        first = n_walkers * np.arange(self.n_ensembles)[:, None]
+        order = first + np.argsort(random.rand(self.n_ensembles, n_walkers), axis=1)
+        halves = order[:, : n_walkers // 2], order[:, n_walkers // 2 :]
+        accepted = np.zeros(n_total, dtype=bool)
+        for moving, fixed in (halves, halves[::-1]):
+            pair = _random_pairs(random, moving.shape, fixed)
+            difference = state.coords[pair[0]] - state.coords[pair[1]]
+            rows = moving.ravel()
+            is_jump = random.rand(rows.size, 1) < JUMP_SHARE
+            gamma = np.where(is_jump, 1.0, 2.38 / np.sqrt(2 * n_dim))
+            proposals = state.coords[rows] + gamma * difference.reshape(-1, n_dim)
+            accepted |= _accept(model, state, rows, proposals, np.zeros(rows.size))
+        return state, accepted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mixture:
+    """Mixture of multivariate Student-t distributions.
+
+    Args:
+        weights: Of the components, summing to 1.
+        means: Centres.
+        factors: Lower Cholesky factors of the scale matrices.
+    """
+
+    weights: Float[np.ndarray, " c"]
+    means: Float[np.ndarray, "c p"]
+    factors: Float[np.ndarray, "c p p"]
+
+    def sample(
+        self, random: np.random.RandomState, n: int
+    ) -> Float[np.ndarray, "{n} p"]:
+        """Independent draws."""
+        which = random.choice(self.weights.size, size=n, p=self.weights)
+        normal = random.randn(n, self.means.shape[1])
+        shrink = np.sqrt(random.chisquare(DEGREES_OF_FREEDOM, (n, 1)))
+        scaled = normal * np.sqrt(DEGREES_OF_FREEDOM) / shrink
+        return self.means[which] + np.einsum("nij,nj->ni", self.factors[which], scaled)
+
+    def log_density(self, x: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
+        """Normalised log density."""
+        nu, dim = DEGREES_OF_FREEDOM, self.means.shape[1]
+        inverses = np.linalg.inv(self.factors)
+        # One product of matrices: (c p, p) against (p, n).
+        offsets = np.einsum("cij,cj->ci", inverses, self.means)
+        scaled = inverses.reshape(-1, dim) @ x.T - offsets.reshape(-1, 1)
+        squares = np.sum(scaled.reshape(-1, dim, x.shape[0]) ** 2, axis=1)
+        log_volume = np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
+        norm = special.gammaln((nu + dim) / 2) - special.gammaln(nu / 2)
+        norm -= dim / 2 * np.log(nu * np.pi)
+        log_weight = (np.log(self.weights) - log_volume)[:, None]
+        log_shape = -(nu + dim) / 2 * np.log1p(squares / nu)
+        return norm + special.logsumexp(log_weight + log_shape, axis=0)
+
+
+def fit_mixture(points: Float[np.ndarray, "n p"], rng: np.random.Generator) -> Mixture:
+    """Mixture that resembles a cloud of points, modes and bends included.
+
+    Args:
+        points: Points, more than twice as many as components.
+        rng: Source of randomness.
+
+    Returns:
+        One component per cluster of the whitened points and one as wide as all.
+    """
+    n, dim = points.shape
+    centre, scale = points.mean(axis=0), points.std(axis=0)
+    unit = (points - centre) / scale
+    ridge = RIDGE * np.eye(dim)
+    overall = unit.T @ unit / n + ridge
+    white = np.linalg.solve(np.linalg.cholesky(overall), unit.T).T
+    seeds = white[rng.choice(n, N_COMPONENTS, replace=False)]
+    codebook, _ = vq.kmeans(white, seeds)
+    label, _ = vq.vq(white, codebook)
+    count = np.bincount(label, minlength=len(codebook))
+    is_used = count > 0
+    clusters = [unit[label == k] for k in np.flatnonzero(is_used)]
+    means = np.stack([cluster.mean(axis=0) for cluster in clusters])
+    scatter = np.stack(
+        [(c - m).T @ (c - m) for c, m in zip(clusters, means, strict=True)]
+    )
+    # Small clusters borrow the typical shape: their own would be singular.
+    shared = np.sum(scatter, axis=0) / n
+    count = count[is_used, None, None]
+    shapes = (scatter + 2 * dim * shared) / (count + 2 * dim) + ridge
+    factors = np.linalg.cholesky(np.concatenate([shapes, overall[None]]))
+    return Mixture(
+        weights=np.append((1 - WIDE_SHARE) * count.ravel() / n, WIDE_SHARE),
+        means=centre + scale * np.concatenate([means, np.zeros((1, dim))]),
+        factors=scale[:, None] * factors,
+    )
+
+
+class IndependenceMove(Move):
+    """Proposals from a fixed distribution, wherever the walker is.
+
+        accept with min(1, π(q) g(x) / (π(x) g(q)))
+
+    Exact for any g that is nowhere 0; fast where g resembles π. It needs no walker in
+    a mode to send another there, so rare modes keep their weight.
+
+    Args:
+        mixture: g, never changed while the chain runs.
+    """
+
+    def __init__(self, mixture: Mixture) -> None:
+        """Keep the proposal distribution."""
+        self.mixture = mixture
+
+    def propose(
+        self, model: Model, state: State
+    ) -> tuple[State, Bool[np.ndarray, " k"]]:
+        """Advance every walker once.
+
+        Args:
+            model: Density and source of randomness.
+            state: Walkers.
+
+        Returns:
+            The state, changed in place, and which walkers moved.
+        """
+        rows = np.arange(len(state.coords))
+        proposals = self.mixture.sample(model.random, rows.size)
+        log_ratio = self.mixture.log_density(state.coords)
+        log_ratio -= self.mixture.log_density(proposals)
+        return state, _accept(model, state, rows, proposals, log_ratio)
+
+
+def _random_pairs(
+    random: np.random.RandomState, shape: tuple[int, int], rows: Int[np.ndarray, "e h"]
+) -> Int[np.ndarray, "2 e m"]:
+    """Two different rows of the same ensemble for each of `shape` walkers."""
+    n = rows.shape[1]
+    one = random.randint(n, size=shape)
+    other = (one + random.randint(1, n, size=shape)) % n
+    return np.stack([np.take_along_axis(rows, k, axis=1) for k in (one, other)])
+
+
+def _accept(
+    model: Model,
+    state: State,
+    rows: Int[np.ndarray, " m"],
+    proposals: Float[np.ndarray, "m p"],
+    log_ratio: Float[np.ndarray, " m"],
+) -> Bool[np.ndarray, " k"]:
+    """Metropolis-Hastings: move the accepted among `rows`, in place."""
+    log_prob, _ = model.compute_log_prob_fn(proposals)
+    threshold = np.log(model.random.rand(rows.size))
+    is_better = threshold < log_prob - state.log_prob[rows] + log_ratio
+    moved = rows[is_better]
+    state.coords[moved] = proposals[is_better]
+    state.log_prob[moved] = log_prob[is_better]
+    accepted = np.zeros(len(state.coords), dtype=bool)
+    accepted[moved] = True
+    return accepted
