@@ -126,7 +126,7 @@ class Session:
             self._report(str(error), error)
             return error.exit_code
         except KeyboardInterrupt:
-            _print_message("interrupted; nothing was written", "yellow")
+            _print_message("interrupted", "yellow")
             return INTERRUPTED
         except BrokenPipeError:  # the reader, for example `head`, has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
