@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.data.dialects import NUMBER
+from pushfit.data.faults import refuse
+from pushfit.data.files import FileStamp
+from pushfit.data.guess import NUMBER
 from pushfit.data.records import Source
 from pushfit.data.roles import ANGLES
 from pushfit.data.samples import Samples
-from pushfit.data.textfile import FileStamp, refuse
 from pushfit.data.units import UNITS, Unit, parse_unit, split_unit
 from pushfit.errors import ConfigError, PushfitError
 

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pushfit.data.dialects import find_layout
+from pushfit.data.files import existing_file, is_bag
 from pushfit.data.recording import read_recording
 from pushfit.data.schedule import read_schedule
 from pushfit.data.table import read_table
-from pushfit.data.textfile import existing_file, is_bag, open_text
+from pushfit.data.textfile import open_text
 from pushfit.data.units import split_unit
 from pushfit.errors import Problem, PushfitError
 

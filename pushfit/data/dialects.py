@@ -5,13 +5,14 @@ line against it. What the columns mean for a recording is decided in
 `pushfit.data.roles`.
 """
 
-import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pushfit.data.textfile import TextFile, data_error, problem, refuse
+from pushfit.data.faults import data_error, problem, refuse
+from pushfit.data.guess import DELIMITERS, Guess, best_guess, split_line, uncommented
+from pushfit.data.textfile import TextFile
 from pushfit.errors import ConfigError, Problem
 
 Format = Literal[
@@ -20,8 +21,6 @@ Format = Literal[
 
 _HEAD_BYTES = 1 << 18
 _HEAD_LINES = 200
-# Blanks come last: they also separate the fields of tabbed files.
-_DELIMITERS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "blanks"}
 _DESCRIBED = {
     "native": "native csv",
     "rostopic": "rostopic echo -p",
@@ -29,17 +28,6 @@ _DESCRIBED = {
     "mcapcsv": "mcap cat --format=csv",
     "ros2csv": "ros2 topic echo --csv",
 }
-NUMBER = {
-    mark: re.compile(
-        rf"[+-]?(?:\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)(?:[eE][+-]?\d+)?",
-        re.ASCII,
-    )
-    for mark in ".,"
-}
-STAMP = re.compile(
-    r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?(?:Z|[+-]\d\d:\d\d)", re.ASCII
-)
-_NAN = ("nan", "inf", "-inf")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +68,7 @@ class Layout:
     @property
     def description(self) -> str:
         """The layout in words."""
-        parts = [_DELIMITERS[self.delimiter]]
+        parts = [DELIMITERS[self.delimiter]]
         if self.decimal == ",":
             parts.append("decimal comma")
         if self.header_line is None:
@@ -88,29 +76,6 @@ class Layout:
         else:
             parts.append(f"header on line {self.header_line}")
         return f"{_DESCRIBED[self.writer]}: {', '.join(parts)}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Guess:
-    """One delimiter and decimal mark tried on the first lines."""
-
-    delimiter: str
-    decimal: str
-    header: int | None
-    data: int
-    has_trailing: bool
-    score: tuple[float, float]
-
-
-def split_line(line: str, delimiter: str) -> list[str]:
-    """Split one line into its stripped fields."""
-    if delimiter == " ":
-        return re.findall(r"[^ \t\n]+", line)
-    try:
-        row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-    except csv.Error:
-        row = line.split(delimiter)
-    return [cell.strip() for cell in row]
 
 
 def find_layout(
@@ -134,34 +99,24 @@ def find_layout(
         DataError: If no table is found, or its names are missing or doubled.
     """
     head = text.head(_HEAD_BYTES)
-    lines = head.decode(errors="replace").split("\n")
     if len(head) == _HEAD_BYTES:
-        lines.pop()
-    lines = lines[:_HEAD_LINES]
-    guess = _best_guess(lines, columns, text.path)
+        head = head[: head.rfind(b"\n") + 1]
+    if not head:
+        raise refuse(
+            "no_line_ends",
+            f"no line end in the first {_HEAD_BYTES} bytes; is it a text table?",
+            path=text.path,
+        )
+    lines = head.decode(errors="replace").split("\n")[:_HEAD_LINES]
+    guess = best_guess(lines, columns, text.path)
     if columns:
         _refuse_names_above(lines[: guess.data], guess.delimiter, columns, text.path)
-    header = None if guess.header is None else lines[guess.header]
-    names, notes = _clean_names(
-        columns or split_line(_uncommented(header), guess.delimiter)
-    )
+    header = "" if guess.header is None else uncommented(lines[guess.header])
+    names, notes = _clean_names(columns or split_line(header, guess.delimiter))
     doubled = _doubled_names(names, text.path, guess.header)
     if doubled:
         raise data_error(doubled)
-    unit_row: tuple[str, ...] = ()
-    if guess.header is not None:
-        unit_line = next(
-            (ln for ln in lines[guess.header + 1 : guess.data] if ln.strip()), None
-        )
-        if unit_line is not None:
-            unit_row = tuple(_unit_cells(split_line(unit_line, guess.delimiter)))
-            notes.append(f"took the units from the row below line {guess.header + 1}")
-    if guess.has_trailing:
-        notes.append("each row ends in an empty field more than there are names")
-    first = guess.data if guess.header is None else guess.header
-    n_preamble = sum(bool(line.strip()) for line in lines[:first])
-    if n_preamble:
-        notes.append(f"skipped {n_preamble} lines before line {first + 1}")
+    unit_row = _unit_row(lines, guess)
     return Layout(
         writer=_writer(names, format, bool(columns), text.path),
         delimiter=guess.delimiter,
@@ -173,8 +128,33 @@ def find_layout(
         header_line=None if guess.header is None else guess.header + 1,
         data_line=guess.data + 1,
         data_start=_byte_of_line(head, guess.data),
-        notes=tuple(notes),
+        notes=(*notes, *_layout_notes(lines, guess, unit_row)),
     )
+
+
+def _unit_row(lines: list[str], guess: Guess) -> tuple[str, ...]:
+    """Give the cells between names and data, which are units."""
+    first = guess.data if guess.header is None else guess.header + 1
+    between = [line for line in lines[first : guess.data] if line.strip()]
+    if not between:
+        return ()
+    return tuple(c.strip("()[] ") for c in split_line(between[0], guess.delimiter))
+
+
+def _layout_notes(
+    lines: list[str], guess: Guess, unit_row: tuple[str, ...]
+) -> list[str]:
+    """Tell what besides names and data was passed over."""
+    notes = []
+    if unit_row:
+        notes.append("took the units from the row below the names")
+    if guess.has_trailing:
+        notes.append("each row ends in an empty field more than there are names")
+    first = guess.data if guess.header is None else guess.header
+    n_preamble = sum(bool(line.strip()) for line in lines[:first])
+    if n_preamble:
+        notes.append(f"skipped {n_preamble} lines before line {first + 1}")
+    return notes
 
 
 def _refuse_names_above(
@@ -195,158 +175,6 @@ def _byte_of_line(head: bytes, line: int) -> int:
     for _ in range(line):
         position = head.index(b"\n", position) + 1
     return position
-
-
-def _uncommented(line: str | None) -> str:
-    """Names after `#`, as numpy.savetxt writes them."""
-    return (line or "").lstrip().lstrip("#")
-
-
-def _is_value(cell: str, decimal: str) -> bool:
-    return bool(
-        NUMBER[decimal].fullmatch(cell) or STAMP.fullmatch(cell) or cell.lower() in _NAN
-    )
-
-
-def _unit_cells(cells: list[str]) -> list[str]:
-    return [cell.strip("()[] ") for cell in cells]
-
-
-def _best_guess(lines: list[str], columns: Sequence[str], path: str) -> _Guess:
-    """Choose delimiter and decimal mark by what makes most fields numbers."""
-    guesses = [
-        guess
-        for delimiter in _DELIMITERS
-        for decimal in (".," if delimiter != "," else ".")
-        if (guess := _guess(lines, delimiter, decimal, columns))
-    ]
-    if not guesses:
-        raise _no_table(lines, columns, path)
-    best = max(guesses, key=lambda guess: guess.score)
-    rival = [g for g in guesses if g.delimiter == best.delimiter and g is not best]
-    if rival and rival[0].score == best.score and best.score[1] < 1.0:
-        rows = lines[best.data :]
-        if any("," in row for row in rows) and any("." in row for row in rows):
-            raise refuse(
-                "ambiguous_decimal",
-                "decimal points and decimal commas are mixed; write all numbers with "
-                "decimal points",
-                path=path,
-                line=best.data + 1,
-            )
-    return best
-
-
-def _guess(
-    lines: list[str], delimiter: str, decimal: str, columns: Sequence[str]
-) -> _Guess | None:
-    """Try one delimiter and decimal mark; None if they give no table."""
-    split = [split_line(_uncommented(line), delimiter) for line in lines]
-    n_values = [sum(_is_value(cell, decimal) for cell in row) for row in split]
-    filled = [i for i, line in enumerate(lines) if line.strip()]
-    if columns:
-        data = next((i for i in filled if n_values[i]), None)
-        header, n_names = None, len(columns)
-    else:
-        header, data = _find_header(split, n_values, filled)
-        n_names = len(split[header]) if header is not None else 0
-    if data is None or n_names < 2:
-        return None
-    rows = [i for i in filled if i >= data]
-    has_trailing = all(len(split[i]) == n_names + 1 for i in rows)
-    n_fields = n_names + has_trailing
-    fitting = [i for i in rows if len(split[i]) == n_fields]
-    n_cells = sum(sum(map(bool, split[i])) for i in fitting)
-    return _Guess(
-        delimiter=delimiter,
-        decimal=decimal,
-        header=header,
-        data=data,
-        has_trailing=has_trailing,
-        score=(
-            len(fitting) / len(rows),
-            sum(n_values[i] for i in fitting) / max(n_cells, 1),
-        ),
-    )
-
-
-def _find_header(
-    split: list[list[str]], n_values: list[int], filled: list[int]
-) -> tuple[int | None, int | None]:
-    """Find the line of names and the first line of data below it."""
-    for k, i in enumerate(filled[:-1]):
-        n = len(split[i])
-        if n < 2 or n_values[i] or not any(split[i]):
-            continue
-        below = filled[k + 1 :]
-        is_unit_row = (
-            len(below) > 1
-            and len(split[below[0]]) == n
-            and _is_unit_row(split[below[0]])
-        )
-        rows = below[is_unit_row : is_unit_row + 3]
-        if n_values[rows[0]] and any(
-            len(split[j]) in (n, n + 1) and n_values[j] for j in rows
-        ):
-            return i, rows[0]
-    return None, None
-
-
-_UNIT_WORD = re.compile(
-    r"[\[(]?(?:n|mn|kpa|pa|counts|au|s|ms|us|ns|min|rad|deg|m|mm|-|)[\])]?", re.I
-)
-
-
-def _is_unit_row(cells: list[str]) -> bool:
-    return any(cells) and all(_UNIT_WORD.fullmatch(cell) for cell in cells)
-
-
-def _no_table(lines: list[str], columns: Sequence[str], path: str) -> Exception:
-    """Say why the first lines are no table."""
-    filled = [i for i, line in enumerate(lines) if line.strip()]
-    if not filled:
-        return refuse("empty_file", "the file holds blank lines only", path=path)
-    first = filled[0]
-    by_delimiter = {d: split_line(_uncommented(lines[first]), d) for d in _DELIMITERS}
-    delimiter, cells = max(by_delimiter.items(), key=lambda item: len(item[1]))
-    has_values = any(_is_value(cell, ".") for cell in cells)
-    if columns:
-        return ConfigError(
-            f"{path}: {len(columns)} columns were named, line {first + 1} has "
-            f"{len(cells)} fields; name every field in order",
-            code="columns_mismatch",
-        )
-    if len(cells) >= 2 and has_values:
-        return refuse(
-            "no_header",
-            f"holds {len(cells)} fields but no column names; state them in order, for "
-            'example columns=["time_s", "pressure_kpa"]',
-            path=path,
-            line=first + 1,
-        )
-    if len(cells) < 2:
-        return refuse(
-            "no_table",
-            "no comma, semicolon, tab or blank separates fields; a recording needs a "
-            "header and at least a time and a signal column",
-            path=path,
-            line=first + 1,
-        )
-    if len(filled) == 1:
-        return refuse("no_rows", "has a header but 0 data rows", path=path)
-    row = split_line(lines[filled[1]], delimiter)
-    hint = ""
-    if delimiter == "," and len(row) > len(cells):
-        hint = (
-            "; if the comma is the decimal mark, export with semicolons between fields"
-        )
-    return refuse(
-        "field_count",
-        f"the row has {len(row)} fields but the header on line {first + 1} names "
-        f"{len(cells)} columns; export the table again{hint}",
-        path=path,
-        line=filled[1] + 1,
-    )
 
 
 def _clean_names(cells: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:

@@ -13,9 +13,11 @@ from typing import Literal
 
 import numpy as np
 
-from pushfit.data.dialects import NUMBER, STAMP, Layout, split_line
+from pushfit.data.dialects import Layout
+from pushfit.data.faults import problem
+from pushfit.data.guess import NUMBER, STAMP, split_line
 from pushfit.data.scan import Extent, Scan, whole_lines
-from pushfit.data.textfile import TextFile, problem
+from pushfit.data.textfile import TextFile
 from pushfit.errors import Problem
 
 Kind = Literal["float", "int", "stamp", "text"]

@@ -18,11 +18,13 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int
 
-from pushfit.data.dialects import STAMP, Layout, find_layout
+from pushfit.data.dialects import Layout, find_layout
 from pushfit.data.explain import Kind, missing_tokens, slow_scan
+from pushfit.data.faults import data_error, refuse
+from pushfit.data.guess import STAMP
 from pushfit.data.records import Source
 from pushfit.data.scan import Extent, Scan, Tail, fast_scan, find_extent
-from pushfit.data.textfile import BlockReader, TextFile, data_error, open_text, refuse
+from pushfit.data.textfile import BlockReader, TextFile, open_text
 from pushfit.errors import DataError, Problem
 
 MAX_BYTES = 1 << 30

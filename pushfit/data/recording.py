@@ -15,18 +15,14 @@ import numpy as np
 from pushfit.data.bags import read_bag
 from pushfit.data.dialects import Format, Layout, find_layout
 from pushfit.data.explain import Kind
+from pushfit.data.faults import data_error
+from pushfit.data.files import existing_file, is_bag
 from pushfit.data.prescan import MAX_BYTES, Cells, read_cells, row_problems
 from pushfit.data.records import Recording, Source
 from pushfit.data.roles import Role, Roles, assign_roles
 from pushfit.data.samples import Gaps, Samples, ThetaFrom, build_recording
 from pushfit.data.scan import Tail
-from pushfit.data.textfile import (
-    TextFile,
-    data_error,
-    existing_file,
-    is_bag,
-    open_text,
-)
+from pushfit.data.textfile import TextFile, open_text
 from pushfit.data.units import Unit
 from pushfit.errors import DataError
 

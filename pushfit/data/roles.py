@@ -9,8 +9,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pushfit.data.dialects import STAMP, Layout
-from pushfit.data.textfile import data_error, problem
+from pushfit.data.dialects import Layout
+from pushfit.data.faults import data_error, problem
+from pushfit.data.guess import STAMP
 from pushfit.data.units import UNITS, Quantity, Unit, parse_unit, split_unit
 from pushfit.errors import ConfigError, Problem
 

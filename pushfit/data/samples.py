@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Shaped
+from jaxtyping import Float, Int, Shaped
 
+from pushfit.data.faults import data_error, problem
+from pushfit.data.gaps import MAX_FILLED_STEPS, fill_short_gaps
 from pushfit.data.records import Recording, Source
-from pushfit.data.textfile import data_error, problem
 from pushfit.data.units import Unit, implausible_angles, implausible_signal
 from pushfit.errors import Problem
 
@@ -20,8 +21,6 @@ Gaps = Literal["error", "split", "interpolate"]
 ThetaFrom = Literal["tangential", "normal"]
 
 _MAX_LISTED = 10
-# Between neighbours further apart than this many usual steps a push may hide.
-_MAX_FILLED_STEPS = 5.0
 # Tactile sensors sample at 10 Hz to 10 kHz.
 _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
 # A step is irregular when it is off the median by more than half of it.
@@ -287,8 +286,7 @@ def _fill_gaps(
     findings: _Findings,
 ) -> Float[np.ndarray, " n"]:
     """Apply the gap policy to one series."""
-    is_missing = np.isnan(values)
-    rows = np.flatnonzero(is_missing)
+    rows = np.flatnonzero(np.isnan(values))
     if not rows.size:
         return values
     found = (
@@ -308,41 +306,13 @@ def _fill_gaps(
     elif gaps == "split":
         findings.notes.append(f"{name}: {found}; left as gaps")
     else:
-        values = _interpolated(name, time, values, is_missing)
+        values = fill_short_gaps(time, values, is_azimuth=name == "alpha")
         n_left = int(np.count_nonzero(np.isnan(values)))
         findings.notes.append(
             f"{name}: {found}; filled {rows.size - n_left} by interpolation, left "
-            f"{n_left} in gaps over {_MAX_FILLED_STEPS:g} usual steps or at an end"
+            f"{n_left} in gaps over {MAX_FILLED_STEPS:g} usual steps or at an end"
         )
     return values
-
-
-def _interpolated(
-    name: str,
-    time: Float[np.ndarray, " n"],
-    values: Float[np.ndarray, " n"],
-    is_missing: Bool[np.ndarray, " n"],
-) -> Float[np.ndarray, " n"]:
-    """Fill gaps that are short against the usual step of this series."""
-    known = np.flatnonzero(~is_missing)
-    if known.size < 2:
-        return values
-    rows = np.flatnonzero(is_missing)
-    after = np.searchsorted(known, rows)
-    inside = (after > 0) & (after < known.size)
-    rows, after = rows[inside], after[inside]
-    step = np.diff(time[known])
-    is_short = step[after - 1] <= _MAX_FILLED_STEPS * np.median(step)
-    rows = rows[is_short]
-    samples = values[known]
-    if name == "alpha":
-        # An azimuth turns through 360°: the shorter way round is meant.
-        samples = np.unwrap(samples)
-    filled = values.copy()
-    filled[rows] = np.interp(time[rows], time[known], samples)
-    if name == "alpha":
-        filled[rows] = np.angle(np.exp(1j * filled[rows]))
-    return filled
 
 
 def _note_irregular_steps(time: Float[np.ndarray, " n"], findings: _Findings) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Int, UInt8
 
 from pushfit.data.dialects import Layout
-from pushfit.data.textfile import TextFile, refuse
+from pushfit.data.faults import refuse
+from pushfit.data.textfile import TextFile
 
 Tail = Literal["drop", "keep", "error", "salvage"]
 

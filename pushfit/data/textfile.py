@@ -6,41 +6,23 @@ business of `pushfit.data.dialects`.
 """
 
 import codecs
-import difflib
 import gzip
 import hashlib
-import os
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from pushfit.errors import ConfigError, DataError, Problem
+from pushfit.data.faults import refuse
+from pushfit.data.files import FileStamp, existing_file, refuse_other_types
+from pushfit.errors import ConfigError
 
 BLOCK = 1 << 23
 # A constant signal deflates some 100 times; a bomb of zeros 1030 times.
 _MAX_EXPANSION = 300
 _ALWAYS_EXPANDED = 1 << 26
 
-# First bytes, what they are, what to do about it.
-_MAGIC: tuple[tuple[bytes, str, str], ...] = (
-    (b"PK\x03\x04", "a zip or xlsx file", "export the sheet as CSV, or unpack it"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel file", "export the sheet as CSV"),
-    (b"\x89HDF", "an HDF5 or MATLAB file", "export the signals as CSV"),
-    (b"MATLAB 5.0", "a MATLAB file", "export the signals as CSV"),
-    (b"PAR1", "a Parquet file", "export it as CSV"),
-    (b"%PDF", "a PDF file", "give the data file itself"),
-    (b"\x28\xb5\x2f\xfd", "a Zstandard file", "decompress it, or use gzip"),
-    (b"BZh", "a bzip2 file", "decompress it, or use gzip"),
-    (b"\xfd7zXZ", "an xz file", "decompress it, or use gzip"),
-    (
-        b"version https://git-lfs",
-        "a Git LFS pointer, not the data",
-        "run `git lfs pull`",
-    ),
-)
-_BAG_MAGIC = (b"#ROSBAG V", b"SQLite format 3\x00", b"\x89MCAP0\r\n")
 _BOMS = (
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -48,122 +30,6 @@ _BOMS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
-
-
-def problem(
-    code: str,
-    text: str,
-    *,
-    path: str,
-    line: int | None = None,
-    column: str | None = None,
-    value: str | None = None,
-) -> Problem:
-    """Put the place in front of what is wrong there.
-
-    Args:
-        code: Stable snake_case word.
-        text: Value, rule and next step.
-        path: File as the user named it.
-        line: Line, counted from 1.
-        column: Column name.
-        value: Text found.
-
-    Returns:
-        The problem with its whole sentence.
-    """
-    place = [path]
-    if line is not None:
-        place.append(f"line {line}")
-    if column is not None:
-        place.append(f"column {column}")
-    message = f"{', '.join(place)}: {text}"
-    return Problem(
-        code=code, message=message, path=path, line=line, column=column, value=value
-    )
-
-
-def data_error(problems: Sequence[Problem]) -> DataError:
-    """Make the error that reports all of several problems."""
-    first, n_more = problems[0], len(problems) - 1
-    more = f" (and {n_more} more problem{'s'[: n_more > 1]})" if n_more else ""
-    return DataError(first.message + more, code=first.code, problems=tuple(problems))
-
-
-def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataError:
-    """Make the error for the one thing that is wrong with a file."""
-    return data_error([problem(code, text, path=path, line=line)])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FileStamp:
-    """What tells that a file changed: its size and time of change."""
-
-    path: str
-    size: int
-    mtime_ns: int
-
-    @classmethod
-    def of(cls, path: str) -> "FileStamp":
-        """Take the stamp of an existing file."""
-        status = os.stat(path)
-        return cls(path=path, size=status.st_size, mtime_ns=status.st_mtime_ns)
-
-    def check(self) -> None:
-        """Raise a `DataError` (`file_changed`) if the file is not as it was."""
-        try:
-            same = FileStamp.of(self.path) == self
-        except OSError:
-            same = False
-        if not same:
-            raise refuse(
-                "file_changed",
-                "the file changed while it was read; wait until its writer has closed "
-                "it and read it again",
-                path=self.path,
-            )
-
-
-def existing_file(path: str | Path) -> str:
-    """Check that a path can be read.
-
-    Args:
-        path: File as the user named it.
-
-    Returns:
-        The path as text.
-
-    Raises:
-        ConfigError: If there is no such file (`file_not_found`) or it may not be read
-            (`file_not_readable`).
-        DataError: If a recorder still has the file open (`bag_active`).
-    """
-    given = Path(path)
-    if not given.exists():
-        folder = given.parent
-        siblings = [p.name for p in folder.iterdir()] if folder.is_dir() else []
-        near = difflib.get_close_matches(given.name, siblings, n=1)
-        hint = f"; did you mean {folder / near[0]}?" if near else ""
-        raise ConfigError(f"{path}: no such file{hint}", code="file_not_found")
-    if not os.access(given, os.R_OK):
-        raise ConfigError(
-            f"{path}: may not be read; check its permissions", code="file_not_readable"
-        )
-    if given.suffix == ".active":
-        raise refuse(
-            "bag_active",
-            "the recorder still has this bag open; stop it, or run `rosbag reindex`",
-            path=str(path),
-        )
-    return str(path)
-
-
-def is_bag(path: str) -> bool:
-    """Tell whether a file, or a ROS 2 bag folder, is a bag by its first bytes."""
-    if Path(path).is_dir():
-        return (Path(path) / "metadata.yaml").is_file()
-    with open(path, "rb") as file:
-        return file.read(16).startswith(_BAG_MAGIC)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -338,7 +204,7 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
     if not start:
         raise refuse("empty_file", "the file is empty: 0 data rows", path=given)
     found = _checked_encoding(encoding) if encoding else _encoding_of(start, given)
-    _refuse_other_types(start, given)
+    refuse_other_types(start, given)
     return TextFile(stamp=stamp, sha256=digest, encoding=found, is_gzip=is_gzip)
 
 
@@ -378,20 +244,3 @@ def _encoding_of(start: bytes, path: str) -> str:
                 path=path,
             )
     return "utf-8"
-
-
-def _refuse_other_types(start: bytes, path: str) -> None:
-    """Refuse what is recognisably something else than a table of text."""
-    for magic, what, remedy in _MAGIC:
-        if start.startswith(magic):
-            raise refuse("not_csv", f"is {what}; {remedy}", path=path)
-    text = start.lstrip(codecs.BOM_UTF8).lstrip().lower()
-    if text.startswith((b"<!doctype", b"<html", b"<?xml", b"<head")):
-        raise refuse(
-            "not_csv",
-            "is a web page, perhaps an error page saved under this name; "
-            "download the data again",
-            path=path,
-        )
-    if text.startswith((b"{", b"[{", b"[[")):
-        raise refuse("not_csv", "is JSON; export the signals as CSV", path=path)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pushfit.data.dialects import find_layout, split_line
+from pushfit.data.dialects import find_layout
+from pushfit.data.guess import split_line
 from pushfit.data.recording import read_recording
 from pushfit.data.textfile import open_text
 from pushfit.errors import ConfigError, DataError

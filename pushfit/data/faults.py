@@ -1,0 +1,50 @@
+"""How a fault of an input file is worded: place, value, rule, next step."""
+
+from collections.abc import Sequence
+
+from pushfit.errors import DataError, Problem
+
+
+def problem(
+    code: str,
+    text: str,
+    *,
+    path: str,
+    line: int | None = None,
+    column: str | None = None,
+    value: str | None = None,
+) -> Problem:
+    """Put the place in front of what is wrong there.
+
+    Args:
+        code: Stable snake_case word.
+        text: Value, rule and next step.
+        path: File as the user named it.
+        line: Line, counted from 1.
+        column: Column name.
+        value: Text found.
+
+    Returns:
+        The problem with its whole sentence.
+    """
+    place = [path]
+    if line is not None:
+        place.append(f"line {line}")
+    if column is not None:
+        place.append(f"column {column}")
+    message = f"{', '.join(place)}: {text}"
+    return Problem(
+        code=code, message=message, path=path, line=line, column=column, value=value
+    )
+
+
+def data_error(problems: Sequence[Problem]) -> DataError:
+    """Make the error that reports all of several problems."""
+    first, n_more = problems[0], len(problems) - 1
+    more = f" (and {n_more} more problem{'s'[: n_more > 1]})" if n_more else ""
+    return DataError(first.message + more, code=first.code, problems=tuple(problems))
+
+
+def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataError:
+    """Make the error for the one thing that is wrong with a file."""
+    return data_error([problem(code, text, path=path, line=line)])
