@@ -23,7 +23,7 @@ from pushfit.errors import FitError
 from pushfit.fit.chains import Densities, Run, in_chunks, keep, resume
 from pushfit.fit.checkpoint import fingerprint
 from pushfit.fit.derived import samples_mapping
-from pushfit.fit.diagnostics import MIN_AUTOCORR_TIMES, autocorr_time, diagnose
+from pushfit.fit.diagnostics import MIN_AUTOCORR_TIMES, diagnose
 from pushfit.fit.moves import DifferenceMove, IndependenceMove, fit_mixture
 from pushfit.fit.problem import Problem
 from pushfit.fit.results import Diagnostics, FitResult, FitStatus, PosteriorResult
@@ -36,8 +36,9 @@ Progress = Callable[[str, float], None]
 DIFFERENCE_SHARE = 0.5
 # Points per walker from which the mixture is fitted.
 POINTS_PER_WALKER = 4
-# Autocorrelation times dropped at the start: e^-5 of the start is left.
-BURN_IN_TIMES = 5
+# Share of the steps dropped at the start: at least 5 autocorrelation times of any chain
+# that is long enough.
+BURN_IN_SHARE = 0.1
 # Steps between two looks at the chain: the first look needs enough for a first guess.
 FIRST_BLOCK, SMALLEST_BLOCK, LARGEST_BLOCK = 200, 50, 500
 # Draws kept: quantiles at 5 % are then good to 0.023 standard deviations.
@@ -192,10 +193,7 @@ def _look(
         name: run.chain[..., i].reshape(shape) for i, name in enumerate(problem.names)
     }
     traces |= {"theta_c": angle.reshape(shape), "log_prob": run.log_prob.reshape(shape)}
-    times = [autocorr_time(trace) for trace in traces.values()]
-    n_burn = n_steps // 2
-    if np.all(np.isfinite(times)):
-        n_burn = min(n_burn, math.ceil(BURN_IN_TIMES * max(times)))
+    n_burn = math.ceil(BURN_IN_SHARE * n_steps)
     kept = run.chain[n_burn:].reshape(-1, *shape[1:], n_dim)
     return n_burn, diagnose(kept, {n: trace[n_burn:] for n, trace in traces.items()})
 
@@ -206,7 +204,7 @@ def _steps_to_go(run: Run, diagnostics: Diagnostics) -> int:
     if not np.isfinite(tau):
         return LARGEST_BLOCK
     # A tenth more, because the estimate grows with the chain.
-    needed = 1.1 * (MIN_AUTOCORR_TIMES + BURN_IN_TIMES) * tau - len(run.chain)
+    needed = 1.1 * MIN_AUTOCORR_TIMES / (1 - BURN_IN_SHARE) * tau - len(run.chain)
     return int(np.clip(needed, SMALLEST_BLOCK, LARGEST_BLOCK))
 
 

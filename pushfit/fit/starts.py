@@ -6,16 +6,17 @@ covariance that flat valleys do not have. Every mode of least squares is checked
 against the outcome, and populated where it matters. Excluded: judging convergence.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
-from pushfit.coordinates import coordinates
+from pushfit.coordinates import Coordinates, coordinates
 from pushfit.errors import FitError
-from pushfit.fit.chains import advance
+from pushfit.fit.chains import advance, in_chunks
 from pushfit.fit.moves import DifferenceMove
 from pushfit.fit.priors import POSITIVE, UNITS
 from pushfit.fit.problem import Problem
@@ -30,6 +31,8 @@ KEPT_SHARE = 0.5
 STEPS_PER_STAGE = 6
 # No table needs more than some 60: each stage multiplies the information by a factor.
 MAX_STAGES = 500
+# Rows per call of the change of coordinates.
+CHUNK = 1024
 # Prior draws of the fibre tried for each mode.
 N_MODE_DRAWS = 128
 
@@ -53,15 +56,13 @@ def encode(
     """
     n = len(next(iter(values.values())))
     fixed = {name: float(value) for name, value in problem.fixed.items()}
-    columns = [
-        jnp.asarray(values.get(name, np.full(n, fixed.get(name, 0.0))))
-        for name in PARAMETERS
-    ]
-    coords = jax.vmap(coordinates)(Parameters(*columns))
+    params = [values.get(name, np.full(n, fixed.get(name, 0.0))) for name in PARAMETERS]
+    coords = in_chunks(_coordinates, np.stack(params, axis=1), CHUNK)
+    order = [field.name for field in dataclasses.fields(Coordinates)]
     points = []
     for name in problem.names:
-        if hasattr(coords, name):
-            points.append(np.asarray(getattr(coords, name)))
+        if name in order:
+            points.append(coords[:, order.index(name)])
         elif name.startswith("ln_"):
             points.append(np.log(values[name.removeprefix("ln_")]))
         else:
@@ -117,6 +118,13 @@ def starting_points(
     # First in line: the caller starts walkers at the first points of each ensemble.
     points.reshape(n_ensembles, n_points, -1)[:, : len(missed)] = missed
     return points
+
+
+@jax.jit
+def _coordinates(params: Float[Array, "n 8"]) -> Float[Array, "n 8"]:
+    """Rows of `PARAMETERS` as rows of the fields of `Coordinates`."""
+    coords = jax.vmap(lambda row: coordinates(Parameters(*row)))(params)
+    return jnp.stack(jax.tree.leaves(coords), axis=1)
 
 
 def _physical(
@@ -247,8 +255,9 @@ def _missed_modes(
     log_prior, log_likelihood = log_densities(points)
     typical = np.median(log_prior + log_likelihood)
     missed = []
+    fibres = prior_x_samples(problem, rng, N_MODE_DRAWS)
     for mode in fit.modes:
-        draws = prior_x_samples(problem, rng, N_MODE_DRAWS)
+        draws = fibres.copy()
         for name, value in mode.coordinates.items():
             if name in problem.names:
                 draws[:, problem.names.index(name)] = value
