@@ -17,12 +17,13 @@ FLAGS = {
     "saturated": "the sensor was at its limit, the height is a lower bound",
     "clipped": "the recording starts or ends inside the push",
     "gap": "samples are missing at the top of the push",
+    "drift": "the baseline moved by more than a fifth of the height",
     "lost_contact": "the push lifted the finger off",
     "outlier": "the height is far from those of the same direction",
 }
 
 # Heights under these flags are not what the model predicts; the others are opinions.
-EXCLUDING_FLAGS = frozenset({"saturated", "clipped", "gap", "lost_contact"})
+EXCLUDING_FLAGS = frozenset({"saturated", "clipped", "gap", "drift", "lost_contact"})
 
 _HEIGHTS = tuple(name for c in CHANNELS for name in (c, f"{c}_sd"))
 LAYOUT = Layout(

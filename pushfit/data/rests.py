@@ -1,0 +1,180 @@
+"""The rests between pushes: their level, their drift and their noise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.data.detection import Extent, Noise
+
+# The foot of a push is found at 5 % of its height: this share of its width before it,
+# the signal may already be on its way.
+_GUARD = 0.15
+_MAX_GUARD = 0.25
+# After a release sensors recover; the later part of a rest is the better one.
+_SETTLED = 0.5
+# Rests on either side that the drift under a push is judged by.
+_NEIGHBOURS = 3
+_BLOCK = 16
+_MAX_SAMPLES = 1024
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rest:
+    """The settled part of a rest.
+
+    Args:
+        start: First sample.
+        end: One past the last sample.
+        level: Mean of the middle half of the samples [unit]; NaN without samples.
+        time: Middle of the samples [s].
+    """
+
+    start: int
+    end: int
+    level: float
+    time: float
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return self.end - self.start
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestNoise:
+    """Noise of samples at rest.
+
+    Args:
+        sigma: Standard deviation of a sample [unit].
+        correlation: Variance of a mean over that of independent samples.
+        quantum: Resolution [unit].
+    """
+
+    sigma: float
+    correlation: float
+    quantum: float
+
+    def of_mean(self, n_samples: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Standard deviation of means of samples [unit]."""
+        variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
+        # Rounding is not averaged out where the noise does not reach the next count.
+        if self.sigma < self.quantum / 2:
+            variance = variance + self.quantum**2 / 12
+        return np.sqrt(variance)
+
+    def of_rest(self, rest: Rest) -> float:
+        """Standard deviation of the level of a rest [unit]."""
+        # The mean of the middle half scatters by 9 % more than the mean.
+        return 1.09 * float(self.of_mean(np.array(float(rest.n_samples))))
+
+
+def find_rests(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    extents: Sequence[Extent],
+) -> tuple[Rest, ...]:
+    """Settled parts of the rests before, between and after pushes.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples [unit].
+        extents: Pushes in order.
+
+    Returns:
+        One rest more than pushes.
+    """
+    ends = [0, *(e.end for e in extents)]
+    starts = [*(e.start for e in extents), len(time)]
+    guards = [*(_GUARD * e.width for e in extents), 0.0]
+    # No longer than the push: an old baseline is no better than a fresh one.
+    spans = [*(max(e.width, 0.2) for e in extents), np.inf]
+    rests = []
+    for k, (end, start) in enumerate(zip(ends, starts, strict=True)):
+        if start <= end:
+            rests.append(Rest(start=end, end=end, level=np.nan, time=time[end - 1]))
+            continue
+        # In a short rest a part of it has to do.
+        guard = min(guards[k], _MAX_GUARD * (time[start - 1] - time[end]))
+        t_last = time[start - 1] - guard
+        settled = time[end] + (_SETTLED * (t_last - time[end]) if k else 0.0)
+        first, last = np.searchsorted(time, [max(settled, t_last - spans[k]), t_last])
+        first, last = min(int(first), start - 1), max(int(last), int(first) + 1)
+        last = min(last, start)
+        rests.append(
+            Rest(
+                start=first,
+                end=last,
+                level=_middle_mean(signal[first:last]),
+                time=float(time[first:last].mean()),
+            )
+        )
+    return tuple(rests)
+
+
+def slopes(rests: Sequence[Rest]) -> Float[np.ndarray, " p"]:
+    """Drift under each push: median slope between the rests around it [unit/s].
+
+    A median, because a grasp that settles shifts one rest against the next by more than
+    any drift. Two rests cannot tell the one from the other: no drift is assumed then.
+    """
+    level = np.array([r.level for r in rests])
+    when = np.array([r.time for r in rests])
+    result = np.zeros(len(rests) - 1)
+    for k in range(len(rests) - 1):
+        near = slice(max(0, k + 1 - _NEIGHBOURS), k + 1 + _NEIGHBOURS)
+        y, t = level[near], when[near]
+        is_level = np.isfinite(y)
+        y, t = y[is_level], t[is_level]
+        if len(y) < 3:
+            continue
+        i, j = np.triu_indices(len(y), 1)
+        result[k] = np.median((y[j] - y[i]) / np.maximum(t[j] - t[i], 1e-12))
+    return result
+
+
+def rest_noise(
+    signal: Float[np.ndarray, " n"], rests: Sequence[Rest], fallback: Noise
+) -> RestNoise:
+    """Noise of the samples at rest, and how far it averages out.
+
+    Args:
+        signal: Samples [unit].
+        rests: Where the signal rests.
+        fallback: Noise of all samples, where the rests are too short.
+
+    Returns:
+        The noise.
+    """
+    blocks = []
+    for rest in rests:
+        n_blocks = min(rest.n_samples, _MAX_SAMPLES) // _BLOCK
+        samples = signal[rest.end - n_blocks * _BLOCK : rest.end]
+        if n_blocks > 1:
+            blocks.append(samples.reshape(n_blocks, _BLOCK))
+    steps = [np.diff(b.mean(axis=1)) for b in blocks]
+    n_steps = sum(map(len, steps))
+    if n_steps < 4:
+        return RestNoise(
+            sigma=fallback.sigma, correlation=1.0, quantum=fallback.quantum
+        )
+    within = float(np.mean(np.concatenate(blocks).var(axis=1, ddof=1)))
+    between = float(np.mean(np.concatenate(steps) ** 2)) / 2
+    floor = fallback.quantum**2 / 12
+    correlation = between * _BLOCK / max(within, floor, 1e-300)
+    # Beyond chance only: the ratio itself scatters by sqrt(2/n).
+    if correlation < 1 + 3 * np.sqrt(2 / n_steps):
+        correlation = 1.0
+    return RestNoise(
+        sigma=float(np.sqrt(max(within, floor))),
+        correlation=correlation,
+        quantum=fallback.quantum,
+    )
+
+
+def _middle_mean(samples: Float[np.ndarray, " n"]) -> float:
+    """Mean of the middle half: robust, and finer than a median of counts."""
+    ordered = np.sort(samples)
+    cut = len(ordered) // 4
+    return float(ordered[cut : len(ordered) - cut].mean())
