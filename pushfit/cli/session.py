@@ -116,8 +116,10 @@ class Session:
         Returns:
             Exit code.
         """
-        level = logging.INFO if self.is_verbose else logging.ERROR
-        logging.basicConfig(level=logging.DEBUG if self.is_debug else level)
+        # Libraries log what concerns nobody here; --debug shows that, too.
+        logging.basicConfig(level=logging.DEBUG if self.is_debug else logging.ERROR)
+        if self.is_verbose:
+            logging.getLogger("pushfit").setLevel(logging.INFO)
         try:
             with _terminable(), warnings.catch_warnings():
                 warnings.showwarning = lambda text, *_, **__: self.warn(str(text))
