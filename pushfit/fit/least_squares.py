@@ -28,6 +28,8 @@ MAX_STEPS = 200
 SAME_MODE = 1e-3
 # Modes worse than the best by more than this never matter to a 99.9 % set.
 KEPT_DELTA_CHI_SQUARE = 30.0
+# A thousandth of a standard error, squared.
+FLAT_DELTA_CHI_SQUARE = 1e-6
 # Below this ratio a singular value is rounding, not information.
 RANK_TOLERANCE = 1e-8
 
@@ -52,14 +54,18 @@ def fit_least_squares(
     """
     problem = setup.problem
     points, costs, is_done = polish(problem, starting_points(problem))
-    status = FitStatus.OK if is_done[0] else FitStatus.MAX_STEPS
-    if not np.isfinite(costs[0]):
-        status = FitStatus.NO_FINITE_START
-    if throw and status is not FitStatus.OK:
-        raise FitError(status.value, code=status.name.lower())
     best = jnp.asarray(points[0])
     mask = np.asarray(problem.mask)
     jacobian = np.asarray(_jacobian(problem, best))[mask.ravel()]
+    residuals = np.asarray(problem.data_residuals(best))[mask.ravel()]
+    if not np.isfinite(costs[0]):
+        status = FitStatus.NO_FINITE_START
+    elif is_done[0] or _is_flat(jacobian, residuals):
+        status = FitStatus.OK
+    else:
+        status = FitStatus.MAX_STEPS
+    if throw and status is not FitStatus.OK:
+        raise FitError(status.value, code=status.name.lower())
     singular_values = np.linalg.svd(jacobian, compute_uv=False)
     channel_index, column = np.nonzero(mask)
     predicted = np.asarray(problem.predict(problem.data_state(best)))
@@ -176,6 +182,18 @@ def _polish(
 @eqx.filter_jit
 def _jacobian(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "m q"]:
     return jax.jacfwd(problem.data_residuals)(y)
+
+
+def _is_flat(
+    jacobian: Float[np.ndarray, "n p"], residuals: Float[np.ndarray, " n"]
+) -> bool:
+    """Whether even a full Gauss-Newton step would not lower chi-square noticeably.
+
+    Along a direction that the data do not see the solver walks until its steps run out;
+    where it has walked to is as good as any other place there.
+    """
+    step, *_ = np.linalg.lstsq(jacobian, residuals, rcond=RANK_TOLERANCE)
+    return float(np.sum((jacobian @ step) ** 2)) < FLAT_DELTA_CHI_SQUARE
 
 
 def _covariance(
