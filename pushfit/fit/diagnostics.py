@@ -42,10 +42,11 @@ def autocorr_time(trace: Float[np.ndarray, "t e w"]) -> float:
         At least about 1; NaN if a walker never moves.
     """
     series = trace.reshape(trace.shape[0], -1)
-    # A walker that never moves has 0/0 for its autocorrelation: NaN is the answer.
-    with np.errstate(invalid="ignore", divide="ignore"):
-        # tol=0 keeps emcee from judging the length: `judge` does.
-        return float(np.squeeze(autocorr.integrated_time(series, tol=0)))
+    # Its autocorrelation is 0/0, of which rounding makes a number.
+    if np.any(np.ptp(series, axis=0) == 0):
+        return float("nan")
+    # tol=0 keeps emcee from judging the length: `judge` does.
+    return float(np.squeeze(autocorr.integrated_time(series, tol=0)))
 
 
 def ess(trace: Float[np.ndarray, "t e w"], autocorr_time: float) -> float:
@@ -62,11 +63,14 @@ def nested_rhat(trace: Float[np.ndarray, "t e w"]) -> float:
         trace: One quantity by step, ensemble and walker.
 
     Returns:
-        1 for identical ensembles; larger where they disagree in centre or width.
+        1 for identical ensembles, larger where they disagree in centre or width; NaN
+        if nothing varies.
 
     References:
         Margossian et al. (2024), doi:10.1214/24-BA1453.
     """
+    if np.ptp(trace) == 0:
+        return float("nan")
     n_steps, n_ensembles, n_walkers = trace.shape
     thin = max(1, n_steps // MAX_RHAT_STEPS)
     chains = trace[::thin].reshape(-1, n_ensembles * n_walkers).T
