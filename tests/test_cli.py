@@ -17,8 +17,9 @@ from pushfit.cli import main
 from pushfit.cli.inputs import reader_options
 from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
-from pushfit.config.inputs import RecordingSection
+from pushfit.config.inputs import PeaksSection, RecordingSection
 from pushfit.data.dialects import Format
+from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.recording import read_recording
 from pushfit.data.samples import Gaps, ThetaFrom
 from pushfit.data.scan import Tail
@@ -234,6 +235,10 @@ def test_the_reader_and_its_section_of_the_config_agree():
     parameters = inspect.signature(read_recording).parameters
     for name, value in reader_options(GraspConfig()).items():
         assert parameters[name].default == value, name
+
+
+def test_the_peak_settings_and_their_section_of_the_config_agree():
+    assert PeakSettings.of(PeaksSection()) == PeakSettings()
 
 
 @pytest.mark.parametrize(

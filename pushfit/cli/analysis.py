@@ -77,11 +77,11 @@ def fit(
     session: Session,
     table: options.TableFile,
     config: options.ConfigFile = None,
-    engine: options.Engine = "exact",
+    engine: options.Engine = "auto",
     seed: options.Seed = 0,
     json: options.Json = False,
 ) -> int:
-    """The same, quickly: by quadrature and without files."""
+    """The same without files, by quadrature where it applies."""
     return sample(session, table, config, engine=engine, seed=seed, json=json)
 
 
@@ -159,12 +159,15 @@ def analyse(
     session.say_more(f"compiled programs: {cache}")
     settings = read_config(config)
     table = load(settings)
+    engine = request.engine
+    if engine == "auto":
+        engine = choose_engine(session, table, settings)
     with session.progress() as progress:
         found = identify_table(
             table,
             settings,
             seed=request.seed,
-            engine=request.engine,
+            engine=engine,
             progress=progress,
             checkpoint=request.checkpoint,
         )
@@ -176,6 +179,27 @@ def analyse(
     else:
         print(render_text(found))
     return 0 if found.status is FitStatus.OK else FitError.exit_code
+
+
+def choose_engine(session: Session, table: "PeakTable", config: "GraspConfig") -> str:
+    """Quadrature where it applies, else sampling.
+
+    Args:
+        session: Where the reason goes.
+        table: Peak heights.
+        config: Settings in force.
+
+    Returns:
+        Name of the engine.
+    """
+    from pushfit.fit.exact import why_not_exact
+    from pushfit.fit.setup import build_problem
+
+    reason = why_not_exact(build_problem(table, config).problem)
+    if reason is None:
+        return "exact"
+    session.say_more(f"sampling, because the exact engine does not apply: {reason}")
+    return "emcee"
 
 
 def example_folder() -> Path:

@@ -9,7 +9,6 @@ from pushfit.errors import ConfigError
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
-    from pushfit.data.recording import Recording
     from pushfit.data.table import PeakTable
 
 # Where `[recording]` and `read_recording` have different words.
@@ -27,25 +26,6 @@ def reader_options(config: "GraspConfig") -> dict[str, Any]:
     """
     layout = config.recording.model_dump()
     return {READER_NAMES.get(key, key): value for key, value in layout.items()}
-
-
-def load_recording(session: Session, path: Path, config: "GraspConfig") -> "Recording":
-    """Read one recording as the configuration describes it.
-
-    Args:
-        session: Where notes go.
-        path: File.
-        config: Settings in force.
-
-    Returns:
-        The recording.
-    """
-    from pushfit.data.recording import read_recording
-
-    recording = read_recording(path, **reader_options(config))
-    for note in recording.notes:
-        session.say_more(f"{path}: {note}")
-    return recording
 
 
 def load_peaks(
@@ -71,6 +51,7 @@ def load_peaks(
     """
     from pushfit.data.merge import merge_tables
     from pushfit.data.peaks import extract_peaks
+    from pushfit.data.recording import read_recording
     from pushfit.data.schedule import read_schedule
 
     if schedules and len(schedules) != len(recordings):
@@ -81,7 +62,7 @@ def load_peaks(
         )
     tables = []
     for index, path in enumerate(recordings):
-        recording = load_recording(session, path, config)
+        recording = read_recording(path, **reader_options(config))
         schedule = read_schedule(schedules[index]) if schedules else None
         table = extract_peaks(recording, schedule, settings=config.peaks)
         for note in table.notes:

@@ -53,8 +53,8 @@ Checkpoint = Annotated[
     ),
 ]
 Engine = Annotated[
-    Literal["emcee", "exact"],
-    typer.Option(help="Sample the posterior, or integrate it on a grid."),
+    Literal["emcee", "exact", "auto"],
+    typer.Option(help="Sample the posterior, integrate it on a grid if that is exact."),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all randomness.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]

@@ -1,10 +1,10 @@
 """How recordings are laid out and how pushes are found in them."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from pushfit.config.section import Section
+from pushfit.config.section import Number, Positive, Probability, Section
 
 
 class RecordingSection(Section):
@@ -63,8 +63,46 @@ class PeaksSection(Section):
         description="channel that shows the pushes; absent: the only one",
         examples=["pressure"],
     )
+    normal: str | None = Field(
+        default=None,
+        description='force channel along the contact normal, "-fz" where pushing '
+        "lowers it; heights are then normal and tangential ones of all channels",
+        examples=["-fz"],
+    )
     invert: bool = Field(default=False, description="true: pushes go downwards")
+    signed: Annotated[bool, Field(strict=True)] | None = Field(
+        default=None,
+        description="whether pushes may go either way from rest; absent: only where "
+        "the schedule has theta < 0 and no hump answers to it",
+        examples=[True],
+    )
     height: Literal["auto", "apex", "plateau"] = Field(
         default="auto",
         description='"apex" (pointed), "plateau" (held) or "auto" (by the shape)',
+    )
+    min_height: Positive | None = Field(
+        default=None,
+        description="smallest height of a push [unit of the channel]; absent: judged "
+        "by the noise and the other pushes",
+        examples=[5.0],
+    )
+    split: Probability = Field(
+        default=0.41,
+        description="two humps are two pushes if the signal falls between them below "
+        "this share of the lower one",
+    )
+    smoothing: Positive | None = Field(
+        default=None,
+        description="averaging time for finding humps [s]; absent: a tenth of a push",
+        examples=[0.1],
+    )
+    limit: Number | None = Field(
+        default=None,
+        description="reading at which the sensor ends [unit of the channel]; absent: "
+        "recognised by samples that pile up there",
+        examples=[4095],
+    )
+    allow_missing: bool = Field(
+        default=False,
+        description="true: the recording may lack planned pushes or have others",
     )
