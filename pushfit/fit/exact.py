@@ -1,0 +1,459 @@
+"""The exact posterior by quadrature, with a bound on its own error.
+
+Linear forces see three numbers, so the posterior is a three-dimensional integral and
+the rest of the parameters follow from their prior. Needs no starting point, no chain
+and no convergence diagnostics; where it does not apply, `why_not_exact` says so.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from pushfit.fit.derived import samples_mapping
+from pushfit.fit.fibre import Fibre, LogDensity, Table, make_fibre, make_table
+from pushfit.fit.integrand import Inner, Integrand, NoiseGrid, Strip
+from pushfit.fit.outer import OuterAxis, make_axis
+from pushfit.fit.problem import Problem
+from pushfit.fit.quadrature import Cells, cell_nodes, draw_from_nodes
+from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
+from pushfit.fit.scan import is_linear
+from pushfit.fit.setup import Setup
+
+# Relative error of the evidence that stops refinement: far below what 10^6 draws show.
+RTOL = 1e-6
+MAX_CELLS = 4000
+MAX_ROUNDS = 60
+# Outer nodes per compiled call, and how many of them share the processor's cache.
+CHUNK, BATCH = 64, 8
+# Draws that share one outer node: nodes are stratified, so few draws of each suffice.
+DRAWS_PER_NODE = 8
+N_PRIOR_DRAWS = 4000
+# Grid of a sampled sigma: steps of one conditional standard deviation integrate a bell
+# to 1e-8, and the grid reaches nine of them beyond either end.
+SIGMA_MARGIN = 9.0
+SMALLEST_SIGMA_GRID = 32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExactGrid:
+    """The posterior on its quadrature nodes.
+
+    Args:
+        integrand: What was integrated.
+        fibre: Prior of the parameters given A and B.
+        axis: Outer coordinate; None where no combination is free.
+        cells: Outer integral; None likewise.
+        log_evidence: Log marginal likelihood.
+        log_evidence_error: Bound on its error.
+    """
+
+    integrand: Integrand
+    fibre: Fibre
+    axis: OuterAxis | None
+    cells: Cells | None
+    log_evidence: float
+    log_evidence_error: float
+
+
+def why_not_exact(problem: Problem) -> str | None:
+    """Why quadrature does not apply to a problem.
+
+    Args:
+        problem: Problem.
+
+    Returns:
+        The reason in words; None where it applies.
+    """
+    if problem.grasp.mechanics != "linear":
+        return f"{problem.grasp.mechanics} mechanics depend on more than A, B and C_rr"
+    if "f1" in problem.data_names:
+        return "the stiffness ellipse adds two dimensions"
+    if "ln_F_0" in problem.data_names:
+        return "the estimated preload adds a dimension"
+    if "ln_L" in problem.data_names:
+        return "with two supports and L unknown the heights depend on L as well"
+    is_sampled = any(name.startswith("sigma_") for name in problem.priors)
+    if is_sampled and problem.likelihood != "normal":
+        return "the Student-t likelihood with sampled noise has no sums of squares"
+    return None
+
+
+def exact_posterior(
+    setup: Setup,
+    fit: FitResult,
+    *,
+    n_draws: int,
+    seed: int,
+    reference_alpha: float,
+    reach: tuple[float, float],
+    rtol: float = RTOL,
+) -> PosteriorResult:
+    """Independent draws from the posterior, and the evidence.
+
+    Args:
+        setup: Problem with its noise weights settled.
+        fit: Least squares of it; its modes tell where to look closely.
+        n_draws: Number of draws.
+        seed: Seed of the draws.
+        reference_alpha: Azimuth of θ_c [rad].
+        reach: Lowest and highest azimuth for α* [rad].
+        rtol: Relative error of the evidence at which refinement stops.
+
+    Returns:
+        Posterior with engine "exact".
+    """
+    problem = setup.problem
+    grid = exact_grid(setup, fit, rtol=rtol)
+    rng = np.random.default_rng(seed)
+    x = draw(grid, n_draws, rng)
+    x_prior = prior_draws(problem, N_PRIOR_DRAWS, rng)
+    is_settled = np.isfinite(grid.log_evidence) and grid.log_evidence_error < 0.01
+    return PosteriorResult(
+        samples=samples_mapping(problem, x, reference_alpha, reach),
+        prior_samples=samples_mapping(problem, x_prior, reference_alpha, reach),
+        log_prob=np.asarray(_log_probs(problem, jnp.asarray(x))),
+        chain=None,
+        chain_names=(),
+        thin=1,
+        engine="exact",
+        diagnostics=None,
+        log_evidence=grid.log_evidence,
+        log_evidence_error=grid.log_evidence_error,
+        seed=seed,
+        status=FitStatus.OK if is_settled else FitStatus.MAX_STEPS,
+    )
+
+
+def exact_grid(setup: Setup, fit: FitResult, *, rtol: float = RTOL) -> ExactGrid:
+    """Integrate the posterior to a tolerance.
+
+    Args:
+        setup: Problem with its noise weights settled.
+        fit: Least squares of it.
+        rtol: Relative error of the evidence at which refinement stops.
+
+    Returns:
+        Nodes, evidence and error bound.
+    """
+    problem = setup.problem
+    fibre = make_fibre(problem.priors, problem.fixed)
+    tables = {
+        "prior_A": _table(fibre.normal.density()),
+        "prior_B": _table(fibre.tangential.density()),
+        "prior_C": _table(fibre.C_rr),
+    }
+    integrand = Integrand(
+        problem=problem,
+        noise=_noise_grid(problem),
+        is_linear=(
+            is_linear(problem)
+            and problem.likelihood == "normal"
+            and tables["prior_B"] is not None
+        ),
+        **tables,
+    )
+    if integrand.pivot == "":
+        zero = jnp.zeros(())
+        log_evidence = float(integrand.log_density(zero, zero, zero))
+        return ExactGrid(
+            integrand=integrand,
+            fibre=fibre,
+            axis=None,
+            cells=None,
+            log_evidence=log_evidence,
+            log_evidence_error=0.0,
+        )
+    axis = make_axis(integrand, fit)
+    cells = _adaptive(integrand, axis, rtol)
+    error = min(cells.relative_error, 1 - 1e-12)
+    return ExactGrid(
+        integrand=integrand,
+        fibre=fibre,
+        axis=axis,
+        cells=cells,
+        log_evidence=cells.log_integral,
+        log_evidence_error=float(-np.log1p(-error)),
+    )
+
+
+def _adaptive(integrand: Integrand, axis: OuterAxis, rtol: float) -> Cells:
+    """Halve the worst cells until the sum of their errors meets the tolerance."""
+    cells = _cells(integrand, axis, axis.edges[:-1], axis.edges[1:])
+    for _ in range(MAX_ROUNDS):
+        total, errors = np.sum(cells.integrals), cells.errors
+        order = np.argsort(errors)
+        # The many small errors may stay as long as they sum to half the tolerance.
+        is_small = np.cumsum(errors[order]) <= rtol * total / 2
+        worst = order[~is_small]
+        resolution = 1e-13 * np.abs(cells.upper + cells.lower)[worst]
+        worst = worst[(cells.upper - cells.lower)[worst] > resolution]
+        settled = np.sum(errors) <= rtol * total
+        if settled or worst.size == 0 or cells.lower.size > MAX_CELLS:
+            break
+        low, high = cells.lower[worst], cells.upper[worst]
+        middle = (low + high) / 2
+        halves = _cells(
+            integrand, axis, np.r_[low, middle], np.r_[middle, high]
+        )
+        cells = cells.replaced(worst, halves)
+    return cells
+
+
+def _cells(
+    integrand: Integrand,
+    axis: OuterAxis,
+    lower: Float[np.ndarray, " k"],
+    upper: Float[np.ndarray, " k"],
+) -> Cells:
+    """Cells with the integrand at their nodes."""
+    nodes = cell_nodes(lower, upper)
+    values, errors = [], []
+    for part, rows in _chunks(nodes.size):
+        value, error = _marginal(integrand, axis.points(nodes.ravel()[rows]))
+        values.append(np.asarray(value)[part])
+        errors.append(np.asarray(error)[part])
+    return Cells(
+        lower=lower,
+        upper=upper,
+        log_values=np.concatenate(values).reshape(nodes.shape),
+        inner_error=np.concatenate(errors).reshape(nodes.shape),
+    )
+
+
+def _chunks(n: int) -> Iterator[tuple[slice, np.ndarray]]:
+    """Rows of each chunk, the last padded by repetition, and which of them count."""
+    for first in range(0, n, CHUNK):
+        rows = np.minimum(np.arange(first, first + CHUNK), n - 1)
+        yield slice(0, min(CHUNK, n - first)), rows
+
+
+def draw(
+    grid: ExactGrid, n_draws: int, rng: np.random.Generator
+) -> Float[np.ndarray, "n p"]:
+    """Independent draws from an integrated posterior.
+
+    Args:
+        grid: The posterior on its nodes.
+        n_draws: Number of draws.
+        rng: Source of randomness.
+
+    Returns:
+        Sampling coordinates in the order of `Problem.names`.
+    """
+    integrand, problem = grid.integrand, grid.integrand.problem
+    if grid.axis is None or grid.cells is None:
+        nodes = jnp.zeros(n_draws)
+        c = a = np.zeros(n_draws)
+    else:
+        u, c, a = _draw_points(grid, n_draws, rng)
+        nodes = grid.axis.points(u)
+    where = (nodes, jnp.asarray(c), jnp.asarray(a))
+    ln_A, ln_B, ln_C, log_sigma = (
+        np.asarray(values) for values in _at_draws(integrand, *where)
+    )
+    logs = grid.fibre.split(ln_A, ln_B, rng) | {"C_rr": ln_C}
+    for channel, ln_sigma, density in zip(
+        problem.channels,
+        np.asarray(integrand.noise.ln_sigma),
+        np.moveaxis(log_sigma, 1, 0),
+        strict=True,
+    ):
+        rows = np.broadcast_to(ln_sigma, density.shape)
+        uniform = rng.uniform(size=(n_draws, 1))
+        if rows.shape[1] > 1:
+            logs[f"sigma_{channel}"] = draw_from_nodes(rows, density, uniform)[:, 0]
+    return sampling_points(problem, logs)
+
+
+def _draw_points(
+    grid: ExactGrid, n_draws: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draws of u, ln C_rr and ln A."""
+    assert grid.cells is not None
+    assert grid.axis is not None
+    order = np.argsort(grid.cells.lower)
+    nodes = grid.cells.nodes[order].ravel()
+    log_values = grid.cells.log_values[order].ravel()
+    n_nodes = -(-n_draws // DRAWS_PER_NODE)
+    strata = (np.arange(n_nodes) + rng.uniform(size=n_nodes)) / n_nodes
+    u = draw_from_nodes(nodes[None], log_values[None], strata[None])[0]
+    uniform = rng.uniform(size=(n_nodes, DRAWS_PER_NODE))
+    over_C = _gathered(_over_C, grid, (u,))
+    t = draw_from_nodes(over_C.t, over_C.log_density, uniform)
+    c = over_C.centre[:, None] + over_C.scale[:, None] * np.sinh(t)
+    # In random order, so that any part of the draws is a sample of the whole.
+    chosen = rng.permutation(n_nodes * DRAWS_PER_NODE)[:n_draws]
+    u, c = np.repeat(u, DRAWS_PER_NODE)[chosen], c.ravel()[chosen]
+    over_A = _gathered(_over_A, grid, (u, c))
+    t = draw_from_nodes(over_A.t, over_A.log_density, rng.uniform(size=(n_draws, 1)))
+    a = over_A.centre + over_A.scale * np.sinh(t[:, 0])
+    return u, c, u if grid.integrand.pivot == "A" else a
+
+
+def _gathered(function, grid: ExactGrid, arguments: tuple[np.ndarray, ...]) -> Inner:
+    """Inner integrals at outer nodes, chunk by chunk, as NumPy arrays."""
+    assert grid.axis is not None
+    parts = []
+    for part, rows in _chunks(arguments[0].size):
+        nodes = grid.axis.points(arguments[0][rows])
+        rest = [jnp.asarray(values[rows]) for values in arguments[1:]]
+        inner = function(grid.integrand, nodes, *rest)
+        parts.append(jax.tree.map(lambda v, part=part: np.asarray(v)[part], inner))
+    return jax.tree.map(lambda *v: np.concatenate(v), *parts)
+
+
+def prior_draws(
+    problem: Problem, n: int, rng: np.random.Generator
+) -> Float[np.ndarray, "n p"]:
+    """Independent draws from the prior.
+
+    Args:
+        problem: Problem.
+        n: Number of draws.
+        rng: Source of randomness.
+
+    Returns:
+        Sampling coordinates in the order of `Problem.names`.
+    """
+    logs = {name: prior.sample(rng, n) for name, prior in problem.priors.items()}
+    for name, value in problem.fixed.items():
+        if name not in ("e1", "e2"):
+            logs[name] = np.full(n, np.log(value))
+    return sampling_points(problem, logs)
+
+
+def sampling_points(
+    problem: Problem, logs: dict[str, Float[np.ndarray, " n"]]
+) -> Float[np.ndarray, "n p"]:
+    """Sampling coordinates of parameters given by their logs, without an ellipse.
+
+    Args:
+        problem: Problem.
+        logs: Logs of the six parameters and of what else is sampled.
+
+    Returns:
+        Coordinates in the order of `Problem.names`.
+    """
+    rotation = logs["C_d"] - 2 * logs["L"]
+    combined = {
+        "A": -np.logaddexp(-logs["K_sn"], -logs["K_dn"]),
+        "B": -np.logaddexp(-logs["K_st"], -rotation),
+        "r": logs["K_sn"] - logs["K_dn"],
+        "s": logs["K_st"] - rotation,
+    }
+    known = logs | combined
+    columns = [known[name.removeprefix("ln_")] for name in problem.names]
+    return np.stack(columns, axis=1) if columns else np.zeros((rotation.size, 0))
+
+
+def _table(density: LogDensity | float) -> Table | None:
+    return make_table(density) if isinstance(density, LogDensity) else None
+
+
+def _noise_grid(problem: Problem) -> NoiseGrid:
+    """Noise as known, or a grid of sigma for each channel."""
+    mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
+    reference = np.asarray(problem.reference_sigma)
+    if f"sigma_{problem.channels[0]}" not in problem.priors:
+        state = problem.data_state(jnp.zeros(len(problem.data_names)))
+        deviance = jnp.sum(problem.residuals(state) ** 2)
+        # What the likelihood adds to the sum of squares does not depend on the point.
+        constant = problem.log_likelihood(state) + deviance / 2
+        shares = np.zeros((len(problem.channels), 1))
+        shares[0] = float(constant)
+        return NoiseGrid(
+            ln_sigma=jnp.zeros(shares.shape),
+            weight=jnp.asarray(mask[:, None, :].astype(float)),
+            constant=jnp.asarray(shares),
+        )
+    grids = [_sigma_grid(problem, c) for c in range(len(problem.channels))]
+    size = max(grid.size for grid in grids)
+    ln_sigma = np.stack([np.linspace(g[0], g[-1], size) for g in grids])
+    square = sd[:, None, :] ** 2 + np.exp(2 * ln_sigma)[:, :, None]
+    weight = np.where(mask[:, None, :], reference[:, None, :] ** 2 / square, 0.0)
+    norm = np.where(mask[:, None, :], np.log(2 * np.pi * square) / 2, 0.0)
+    prior = np.stack(
+        [
+            np.asarray(problem.priors[f"sigma_{name}"].log_prob(jnp.asarray(grid)))
+            for name, grid in zip(problem.channels, ln_sigma, strict=True)
+        ]
+    )
+    step = np.log(ln_sigma[:, 1] - ln_sigma[:, 0])[:, None]
+    return NoiseGrid(
+        ln_sigma=jnp.asarray(ln_sigma),
+        weight=jnp.asarray(weight),
+        constant=jnp.asarray(prior + step - np.sum(norm, axis=2)),
+    )
+
+
+def _sigma_grid(problem: Problem, channel: int) -> Float[np.ndarray, " k"]:
+    """Grid of ln sigma from below the best fit's to above that of no fit at all."""
+    prior = problem.priors[f"sigma_{problem.channels[channel]}"]
+    probe = prior.sample(np.random.default_rng(0), 999)
+    centre, spread = float(np.median(probe)), float(np.std(probe))
+    mask = np.asarray(problem.mask)[channel]
+    n = int(mask.sum())
+    if n == 0:
+        low, high, width = centre, centre, spread
+    else:
+        sigma = np.asarray(problem.reference_sigma)[channel, mask]
+        heights = np.asarray(problem.observed)[channel, mask]
+        width = 1 / np.sqrt(2 * n + 1 / spread**2)
+        low = float(np.log(np.min(sigma)))
+        high = max(low, float(np.log(np.sqrt(np.mean(heights**2)) + 1e-300)))
+    low, high = low - SIGMA_MARGIN * width, high + SIGMA_MARGIN * width
+    wanted = max((high - low) / width, SMALLEST_SIGMA_GRID)
+    # Powers of two: few shapes, few compilations.
+    return np.linspace(low, high, 1 << int(np.ceil(np.log2(wanted))))
+
+
+@eqx.filter_jit
+def _marginal(
+    integrand: Integrand, nodes: Strip | Float[Array, " n"]
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Log of the posterior density of u, and the relative error of the density."""
+
+    def one(node: Strip | Float[Array, ""]) -> tuple[Array, Array]:
+        inner = integrand.over_C(node)
+        return inner.log_integral, inner.error
+
+    return jax.lax.map(one, nodes, batch_size=BATCH)
+
+
+@eqx.filter_jit
+def _over_C(integrand: Integrand, nodes: Strip | Float[Array, " n"]) -> Inner:
+    return jax.lax.map(integrand.over_C, nodes, batch_size=BATCH)
+
+
+@eqx.filter_jit
+def _over_A(
+    integrand: Integrand, nodes: Strip | Float[Array, " n"], c: Float[Array, " n"]
+) -> Inner:
+    return jax.vmap(integrand.over_A)(nodes, c)
+
+
+@eqx.filter_jit
+def _at_draws(
+    integrand: Integrand,
+    nodes: Strip | Float[Array, " n"],
+    c: Float[Array, " n"],
+    a: Float[Array, " n"],
+) -> tuple[Array, Array, Array, Array]:
+    """Logs of A, B and C_rr and of the density of every sigma, at drawn points."""
+
+    def one(node: Strip | Array, c: Array, a: Array) -> tuple[Array, ...]:
+        group = integrand.contact(node, c, a)
+        logs = (jnp.log(group.A), jnp.log(group.B), jnp.log(group.C_rr))
+        return (*logs, integrand.noise_profile(node, c, a))
+
+    return jax.vmap(one)(nodes, c, a)
+
+
+@eqx.filter_jit
+def _log_probs(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, " n"]:
+    return jax.vmap(problem.log_prob)(x)
