@@ -154,15 +154,14 @@ def _pattern_p_value(
     neighbour = np.asarray(nearest)[:, 1]
     rng = np.random.default_rng(seed)
 
-    def statistic(values: Float[np.ndarray, " *s"]) -> Float[np.ndarray, "*t"]:
-        return np.sum(values * values[..., neighbour], axis=-1)
-
+    observed = float(means @ means[neighbour])
     # In blocks: all permutations of a large table at once would fill the memory.
     block = max(1, 2_000_000 // group.size)
     n_larger, n_done = 0, 0
     while n_done < N_PERMUTATIONS:
         n = min(block, N_PERMUTATIONS - n_done)
         shuffled = rng.permuted(np.tile(means, (n, 1)), axis=1)
-        n_larger += int(np.sum(statistic(shuffled) >= statistic(means)))
+        products = np.sum(shuffled * shuffled[:, neighbour], axis=1)
+        n_larger += int(np.sum(products >= observed))
         n_done += n
     return (n_larger + 1) / (N_PERMUTATIONS + 1)

@@ -15,8 +15,8 @@ from tests.problems import CASES
 EXACT_DATA = 1e-9
 # Both solvers stop at a gradient of rounding; SciPy at its ftol of 1e-12.
 TWO_SOLVERS = 1e-6
-# A mode that runs off to infinity is stopped anywhere along its flat valley, where curves
-# differ by a tenth of sigma; distinct modes here differ by half of it and more.
+# A mode that runs off to infinity is stopped anywhere along its flat valley, where
+# curves differ by a tenth of sigma; distinct modes here differ by half of it and more.
 SAME_CURVE = 0.25
 COMPONENTS = ("height_normal", "height_tangential")
 ISOTROPIC = ("paper", "firm", "soft", "preload", "blind_magnitude")
