@@ -4,11 +4,10 @@ Message types are decoded by the definitions that the bag carries. The time of a
 is the stamp in its header, or where that was never filled in, when it was received.
 """
 
-import hashlib
-import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,34 +15,19 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from pushfit.data.bag_fields import (
+    Field,
+    known_fields,
+    mapped_fields,
+    number_at,
+)
 from pushfit.data.faults import refuse
-from pushfit.data.files import FileStamp
-from pushfit.data.guess import NUMBER
+from pushfit.data.files import FileStamp, sha256_of
 from pushfit.data.records import Source
 from pushfit.data.roles import ANGLES
 from pushfit.data.samples import Samples
-from pushfit.data.units import UNITS, Unit, parse_unit, split_unit
-from pushfit.errors import ConfigError, PushfitError
-
-# What messages of known types hold, in units that their definitions fix.
-_TACTILE = (
-    ("biotac_sensors/msg/BioTacHand", "bt_data", "pdc_data"),
-    ("sr_robot_msgs/msg/BiotacAll", "tactiles", "pdc"),
-)
-_WRENCH = "geometry_msgs/msg/WrenchStamped"
-_KNOWN = (*(known[0] for known in _TACTILE), _WRENCH)
-_GLUED_INDEX = re.compile(r"(?P<name>.*?\D)(?P<index>\d+)")
-
-
-@dataclass(slots=True, kw_only=True)
-class _Field:
-    """One number of each message of a topic."""
-
-    name: str
-    topic: str
-    path: tuple[str, ...]
-    unit: Unit
-    values: list[float] = field(default_factory=list)
+from pushfit.data.units import UNITS
+from pushfit.errors import ConfigError
 
 
 @dataclass(slots=True)
@@ -90,8 +74,8 @@ def read_bag(
     """
     stamp = FileStamp.of(path)
     with closing(_open_reader(path)) as reader:
-        fields = _mapped_fields(path, mapping, units, reader)
-        fields = fields or _known_fields(path, reader)
+        fields = mapped_fields(path, mapping, units, reader)
+        fields = fields or known_fields(path, reader, partial(_first, path, reader))
         _refuse_too_large(path, fields, reader, max_bytes)
         types = {f.topic: reader.topics[f.topic].msgtype for f in fields}
         clocks = _collect(path, reader, fields)
@@ -111,7 +95,7 @@ def read_bag(
         angles={name: pair for name, pair in pairs.items() if name in ANGLES},
         is_union=len(types) > 1,
         sources=tuple(
-            Source(path=str(file), sha256=_digest(file), dialect=dialect)
+            Source(path=str(file), sha256=sha256_of(file), dialect=dialect)
             for file in files
         ),
         notes=(f"recognised {dialect}", *notes),
@@ -169,89 +153,12 @@ def _messages(
         yield connection.topic, received, message
 
 
-def _mapped_fields(
-    path: str, mapping: Mapping[str, str], units: Mapping[str, str], reader: Any
-) -> list[_Field]:
-    """Resolve the mapped fields against the bag's topics."""
-    fields = []
-    for key, target in mapping.items():
-        name, suffix = split_unit(key)
-        topic, _, rest = target.partition(".")
-        if name == "time":
-            raise ConfigError(
-                f"{path}: the time of a bag comes from its stamps; map channels only",
-                code="time_in_bag",
-            )
-        if topic not in reader.topics or not rest:
-            raise refuse(
-                "missing_column",
-                f"mapping[{key!r}] names {target!r}; needed is /topic.field, and there "
-                f"are the topics {_described(reader)}",
-                path=path,
-            )
-        stated = {u.name: u for u in (suffix, *_stated(units, name, key)) if u}
-        quantity = "angle" if name in ANGLES else "signal"
-        unit = next(iter(stated.values()), None)
-        if len(stated) != 1 or unit is None or unit.quantity != quantity:
-            found = " and ".join(stated) or "none"
-            example = "deg" if quantity == "angle" else "counts"
-            raise ConfigError(
-                f"{path}: {name} needs one {quantity} unit, stated is {found}; state "
-                f"units={{{name!r}: {example!r}}}",
-                code="missing_unit",
-            )
-        steps = tuple(filter(None, re.split(r"[.\[\]]+", rest)))
-        fields.append(_Field(name=name, topic=topic, path=steps, unit=unit))
-    return fields
-
-
-def _stated(units: Mapping[str, str], *names: str) -> list[Unit]:
-    return [parse_unit(units[name]) for name in names if name in units]
-
-
-def _described(reader: Any) -> str:
-    return ", ".join(f"{t} ({info.msgtype})" for t, info in reader.topics.items())
-
-
-def _known_fields(path: str, reader: Any) -> list[_Field]:
-    """Find the signals of the one topic whose message type is known."""
-    topics = [t for t, info in reader.topics.items() if info.msgtype in _KNOWN]
-    if len(topics) != 1:
-        count = "no topic" if not topics else f"{len(topics)} topics"
-        raise refuse(
-            "no_channel" if not topics else "ambiguous_topic",
-            f"{count} of a known type among {_described(reader)}; state "
-            "mapping={'pressure': '/topic.field'} with units={'pressure': 'counts'}",
-            path=path,
-        )
-    topic = topics[0]
-    msgtype = reader.topics[topic].msgtype
-    if msgtype == _WRENCH:
-        return [
-            _Field(
-                name=f"force_{axis}",
-                topic=topic,
-                path=("wrench", "force", axis),
-                unit=UNITS["n"],
-            )
-            for axis in "xyz"
-        ]
-    _, array, number = next(known for known in _TACTILE if known[0] == msgtype)
-    first = next(_messages(path, reader, {topic}), None)
-    n_fingers = len(getattr(first[2], array)) if first else 0
-    return [
-        _Field(
-            name=f"{number.removesuffix('_data')}{i}",
-            topic=topic,
-            path=(array, str(i), number),
-            unit=UNITS["counts"],
-        )
-        for i in range(n_fingers)
-    ]
+def _first(path: str, reader: Any, topic: str) -> Any:
+    return next((message for _, _, message in _messages(path, reader, {topic})), None)
 
 
 def _refuse_too_large(
-    path: str, fields: Sequence[_Field], reader: Any, max_bytes: int
+    path: str, fields: Sequence[Field], reader: Any, max_bytes: int
 ) -> None:
     n = sum(reader.topics[topic].msgcount for topic in {f.topic for f in fields})
     needed = n * 8 * (len(fields) + 1)
@@ -266,7 +173,7 @@ def _refuse_too_large(
         )
 
 
-def _collect(path: str, reader: Any, fields: Sequence[_Field]) -> dict[str, _Clock]:
+def _collect(path: str, reader: Any, fields: Sequence[Field]) -> dict[str, _Clock]:
     """Read all messages of the fields' topics."""
     clocks = {f.topic: _Clock() for f in fields}
     for topic, received, message in _messages(path, reader, clocks.keys()):
@@ -277,49 +184,16 @@ def _collect(path: str, reader: Any, fields: Sequence[_Field]) -> dict[str, _Clo
         for item in fields:
             if item.topic == topic:
                 try:
-                    value = _number(message, item.path)
+                    value = number_at(message, item.path)
                 except (LookupError, AttributeError, TypeError, ValueError) as error:
-                    raise _bad_field(
-                        path, item, message, len(clock.received)
-                    ) from error
+                    count = len(clock.received)
+                    raise bad_field(path, item, message=message, count=count) from error
                 item.values.append(value)
     return clocks
 
 
-def _number(message: Any, path: Sequence[str]) -> float:
-    """Follow the steps of a path into a message."""
-    value, parent = message, message
-    for step in path:
-        if isinstance(value, str):
-            value = NUMBER["."].findall(value)[int(step)]
-            continue
-        if hasattr(value, "__len__"):
-            names = list(getattr(parent, "name", ()))
-            value = value[int(step) if step.isdigit() else names.index(step)]
-            continue
-        parent = value
-        glued = _GLUED_INDEX.fullmatch(step)
-        if not hasattr(value, step) and glued:
-            value = getattr(value, glued["name"])[int(glued["index"])]
-        else:
-            value = getattr(value, step)
-    return float(value)
-
-
-def _bad_field(path: str, item: _Field, message: Any, count: int) -> PushfitError:
-    names = ", ".join(
-        n for n in vars(type(message)).get("__slots__", ()) or vars(message)
-    )
-    return refuse(
-        "missing_column",
-        f"message {count} of {item.topic} has no number {'.'.join(item.path)}; its "
-        f"fields are {names.replace('__msgtype__', '').strip(', ')}",
-        path=path,
-    )
-
-
 def _merged(
-    path: str, fields: Sequence[_Field], clocks: Mapping[str, _Clock]
+    path: str, fields: Sequence[Field], clocks: Mapping[str, _Clock]
 ) -> tuple[Int[np.ndarray, " n"], dict[str, Float[np.ndarray, " n"]], tuple[str, ...]]:
     """Bring the topics to the union of their times, NaN where one has no sample."""
     times, notes = {}, []
@@ -356,8 +230,3 @@ def _storage_files(path: str) -> list[Path]:
     if not given.is_dir():
         return [given]
     return sorted(p for p in given.iterdir() if p.suffix in (".db3", ".mcap"))
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -63,7 +63,7 @@ def slow_scan(
     n_rows = 0
     skips: list[int] = []
     for line, row in _rows(text, layout, extent, check):
-        if not any(cell.strip() for cell in row) and len(row) <= 1:
+        if not any(cell.strip(" \t") for cell in row) and len(row) <= 1:
             continue
         skips += [n_rows] * (line - layout.data_line - n_rows - len(skips))
         check.row(line, row)
@@ -148,11 +148,11 @@ class _RowCheck:
                 f"the header of line {self._layout.header_line} comes again, as in "
                 "appended logs; split the file here",
             )
-        elif len(row) != self._layout.n_fields or any(c.strip() for c in row[n:]):
+        elif len(row) != self._layout.n_fields or any(c.strip(" \t") for c in row[n:]):
             self.add("field_count", line, self._miscount(row))
         else:
             for position, kind in self._kinds.items():
-                self._cell(line, names[position], row[position].strip(), kind)
+                self._cell(line, names[position], row[position].strip(" \t"), kind)
 
     def _miscount(self, row: list[str]) -> str:
         n = len(self._layout.names)
@@ -161,7 +161,7 @@ class _RowCheck:
             if self._layout.header_line is None
             else f"columns are named on line {self._layout.header_line}"
         )
-        if len(row) == n + 1 and not row[-1].strip():
+        if len(row) == n + 1 and not row[-1].strip(" \t"):
             hint = "this row alone ends in a delimiter"
         elif self._layout.delimiter == "," and len(row) > n:
             hint = (
@@ -206,7 +206,7 @@ class _RowCheck:
 
 
 def _same(row: list[str], names: tuple[str, ...]) -> bool:
-    return [cell.strip() for cell in row] == list(names)
+    return [cell.strip(" \t") for cell in row] == list(names)
 
 
 def _shown(cell: str) -> str:

@@ -1,6 +1,7 @@
 """How a fault of an input file is worded: place, value, rule, next step."""
 
-from collections.abc import Sequence
+import difflib
+from collections.abc import Collection, Sequence
 
 from pushfit.errors import DataError, Problem
 
@@ -48,3 +49,9 @@ def data_error(problems: Sequence[Problem]) -> DataError:
 def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataError:
     """Make the error for the one thing that is wrong with a file."""
     return data_error([problem(code, text, path=path, line=line)])
+
+
+def did_you_mean(text: str, known: Collection[str]) -> str:
+    """Give the end of a sentence that names the nearest known word, if one is near."""
+    near = difflib.get_close_matches(text, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -2,6 +2,7 @@
 
 import codecs
 import difflib
+import hashlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,6 +57,12 @@ class FileStamp:
                 "it and read it again",
                 path=self.path,
             )
+
+
+def sha256_of(path: str | Path) -> str:
+    """Digest the bytes of a file, hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def existing_file(path: str | Path) -> str:

@@ -1,9 +1,12 @@
 """What a recording holds: time, channels, push angles, and where they came from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+
+from pushfit.data.units import Calibration
+from pushfit.errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,3 +46,45 @@ class Recording:
     alpha: Float[np.ndarray, " n"] | None = None
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def calibrated(self, channel: str, calibration: Calibration) -> "Recording":
+        """Convert one channel by a calibration that the user chose, and note it.
+
+            converted = factor × samples
+
+        An offset is not asked for: heights are differences from a baseline.
+
+        Args:
+            channel: Channel to convert.
+            calibration: Factor with its units and provenance.
+
+        Returns:
+            The recording with the channel in the calibration's target unit.
+
+        Raises:
+            ConfigError: If the channel is not there (`no_such_channel`) or is in
+                another unit than the calibration takes (`unit_conflict`).
+        """
+        if channel not in self.channels:
+            raise ConfigError(
+                f"no channel {channel!r} to calibrate; there are: "
+                f"{', '.join(self.channels)}",
+                code="no_such_channel",
+            )
+        if self.units[channel] != calibration.source_unit:
+            raise ConfigError(
+                f"{channel} is in {self.units[channel]}, but the calibration takes "
+                f"{calibration.source_unit}; choose another calibration",
+                code="unit_conflict",
+            )
+        converted = self.channels[channel] * calibration.factor
+        note = (
+            f"{channel}: {calibration.factor:g} {calibration.target_unit} per "
+            f"{calibration.source_unit} ({calibration.provenance})"
+        )
+        return replace(
+            self,
+            channels={**self.channels, channel: converted},
+            units={**self.units, channel: calibration.target_unit},
+            notes=(*self.notes, note),
+        )

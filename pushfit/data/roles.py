@@ -4,13 +4,12 @@ Units come from the column's suffix, from a row of units, from the mapping, or f
 user; they must agree. A column without a unit is left alone unless it is needed.
 """
 
-import difflib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pushfit.data.dialects import Layout
-from pushfit.data.faults import data_error, problem
+from pushfit.data.faults import data_error, did_you_mean, problem
 from pushfit.data.guess import STAMP
 from pushfit.data.units import UNITS, Quantity, Unit, parse_unit, split_unit
 from pushfit.errors import ConfigError, Problem
@@ -172,8 +171,7 @@ def _check_stated_names(columns: _Columns) -> None:
     """Find mapped columns that are not there, and units stated for nothing."""
     for key, name in columns.mapped.values():
         if name not in columns.position and not _pair(columns, name):
-            near = difflib.get_close_matches(name, list(columns.position), n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            hint = did_you_mean(name, columns.position)
             columns.add(
                 "missing_column",
                 f"mapping[{key!r}] names {name!r}, which is no column{hint}; "
@@ -185,8 +183,7 @@ def _check_stated_names(columns: _Columns) -> None:
     for key, unit in columns.units.items():
         parse_unit(unit)
         if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            hint = did_you_mean(key, known)
             raise ConfigError(
                 f"{columns.path}: a unit is stated for {key!r}, which is no column or "
                 f"channel{hint}",

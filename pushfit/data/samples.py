@@ -5,7 +5,7 @@ of one recording are found before any is raised.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -26,6 +26,7 @@ _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
 # A step is irregular when it is off the median by more than half of it.
 _IRREGULAR_SHARE = 0.05
 _LONG_STEP = 10.0
+_MEDIAN_STEPS = 1 << 18
 _SENTINEL = 1e20
 # Angles are recorded with few decimals, so a right angle may be passed by rounding.
 _ANGLE_SLACK = np.deg2rad(0.01)
@@ -61,23 +62,11 @@ class Samples:
 
 @dataclass(slots=True, kw_only=True)
 class _Findings:
-    """Problems and notes about one recording.
-
-    Args:
-        samples: The recording as read.
-        rows: Row of the file behind each sample, once rows were dropped.
-    """
+    """Problems and notes about one recording."""
 
     samples: Samples
-    rows: Int[np.ndarray, " n"] | None = None
     problems: list[Problem] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-
-    def lines(self, at: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"] | None:
-        """Give the lines of samples in the file, if it has lines."""
-        if self.samples.lines is None:
-            return None
-        return self.samples.lines(at if self.rows is None else self.rows[at])
 
     def add(
         self,
@@ -89,8 +78,9 @@ class _Findings:
         value: str | None = None,
     ) -> None:
         """Note a problem, perhaps at one sample."""
-        lines = None if at is None else self.lines(np.array([at]))
-        line = None if lines is None else int(lines[0])
+        line = None
+        if at is not None and self.samples.lines:
+            line = int(self.samples.lines(np.array([at]))[0])
         path = self.samples.path
         self.problems.append(
             problem(code, text, path=path, line=line, column=column, value=value)
@@ -98,9 +88,10 @@ class _Findings:
 
     def places(self, at: Int[np.ndarray, " m"]) -> str:
         """Name the first of several samples."""
-        lines = self.lines(at[:_MAX_LISTED])
-        numbers = at[:_MAX_LISTED] + 1 if lines is None else lines
-        word = "samples" if lines is None else "lines"
+        first, word = at[:_MAX_LISTED], "samples"
+        numbers = first + 1
+        if self.samples.lines:
+            numbers, word = self.samples.lines(first), "lines"
         more = ", …" if at.size > _MAX_LISTED else ""
         return f"{word} {', '.join(map(str, numbers))}{more}"
 
@@ -128,9 +119,11 @@ def build_recording(
     Raises:
         DataError: If any rule is broken; `.problems` lists all.
     """
+    if samples.is_union:
+        samples = _without_empty_rows(samples)
     findings = _Findings(samples=samples, notes=list(samples.notes))
     time = _seconds(samples.time, samples.time_unit)
-    _check_clock(time, samples, findings)
+    _check_clock(time, findings)
     _check_values(findings, trust_units)
     if findings.problems:
         raise data_error(findings.problems)
@@ -143,14 +136,11 @@ def build_recording(
         findings.notes.append(
             "theta was recorded from the contact normal: took 90° - it"
         )
-    if samples.is_union:
-        time, series = _without_empty_rows(time, series, findings)
     _check_elevation(series.get("theta"), theta_from, findings)
     for name in series:
         series[name] = _fill_gaps(name, time, series[name], gaps, findings)
     if findings.problems:
         raise data_error(findings.problems)
-    _note_irregular_steps(time, findings)
     return Recording(
         time=time,
         channels={name: series[name] for name in samples.channels},
@@ -170,9 +160,7 @@ def _seconds(time: Shaped[np.ndarray, " n"], unit: Unit) -> Float[np.ndarray, " 
     return unit.to_canonical(time)
 
 
-def _check_clock(
-    time: Float[np.ndarray, " n"], samples: Samples, findings: _Findings
-) -> None:
+def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
     """Find missing times, and times that do not increase or have another unit."""
     missing = np.flatnonzero(np.isnan(time))
     if missing.size:
@@ -184,8 +172,11 @@ def _check_clock(
         )
         return
     step = np.diff(time)
-    unit = samples.time_unit.name
-    usual = float(np.median(step)) if step.size else 0.01
+    if not step.size:
+        return
+    unit = findings.samples.time_unit.name
+    # Every k-th step tells the usual one as well, without a copy of them all.
+    usual = float(np.median(step[:: 1 + step.size // _MEDIAN_STEPS]))
     if usual > _MAX_STEP_S or 0 < usual < _MIN_STEP_S:
         other = "ns" if usual > _MAX_STEP_S else "s"
         findings.add(
@@ -207,6 +198,8 @@ def _check_clock(
         if k == _MAX_LISTED - 1 and n_more > 0:
             text += f" ({n_more} more such rows, {back.size} of all go back)"
         findings.add("time_not_increasing", text, at=int(row) + 1, value=repr(now))
+    if not findings.problems:
+        _note_irregular_steps(time, step, usual, findings)
 
 
 def _check_values(findings: _Findings, trust_units: bool) -> None:
@@ -259,23 +252,25 @@ def _check_elevation(
     )
 
 
-def _without_empty_rows(
-    time: Float[np.ndarray, " n"],
-    series: dict[str, Float[np.ndarray, " n"]],
-    findings: _Findings,
-) -> tuple[Float[np.ndarray, " m"], dict[str, Float[np.ndarray, " m"]]]:
+def _without_empty_rows(samples: Samples) -> Samples:
     """Drop the rows of other topics, in which nothing that was asked for is sampled."""
-    is_sampled = np.zeros(time.size, dtype=bool)
-    for values in series.values():
+    is_sampled = np.zeros(samples.time.size, dtype=bool)
+    for values, _ in (*samples.channels.values(), *samples.angles.values()):
         is_sampled |= ~np.isnan(values)
-    n_empty = int(np.count_nonzero(~is_sampled))
-    if n_empty in (0, time.size):
-        return time, series
-    findings.notes.append(
-        f"dropped {n_empty} of {time.size} rows: they hold samples of other topics only"
+    rows = np.flatnonzero(is_sampled)
+    if rows.size in (0, is_sampled.size):
+        return samples
+    lines = samples.lines
+    n_empty = is_sampled.size - rows.size
+    note = f"dropped {n_empty} of {is_sampled.size} rows: only other topics are in them"
+    return replace(
+        samples,
+        time=samples.time[rows],
+        channels={k: (v[rows], unit) for k, (v, unit) in samples.channels.items()},
+        angles={k: (v[rows], unit) for k, (v, unit) in samples.angles.items()},
+        lines=None if lines is None else lambda at: lines(rows[at]),
+        notes=(*samples.notes, note),
     )
-    findings.rows = np.flatnonzero(is_sampled)
-    return time[is_sampled], {name: v[is_sampled] for name, v in series.items()}
 
 
 def _fill_gaps(
@@ -315,15 +310,18 @@ def _fill_gaps(
     return values
 
 
-def _note_irregular_steps(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
+def _note_irregular_steps(
+    time: Float[np.ndarray, " n"],
+    step: Float[np.ndarray, " m"],
+    usual: float,
+    findings: _Findings,
+) -> None:
     """Describe the steps if many are off the median, or some are very long."""
-    if time.size < 3:
+    if step.size < 2:
         return
-    step = np.diff(time)
-    usual = np.median(step)
-    share = float(np.mean(np.abs(step - usual) > usual / 2))
+    n_irregular = np.count_nonzero((step < 0.5 * usual) | (step > 1.5 * usual))
     n_long = int(np.count_nonzero(step > _LONG_STEP * usual))
-    if share <= _IRREGULAR_SHARE and not n_long:
+    if n_irregular <= _IRREGULAR_SHARE * step.size and not n_long:
         return
     low, high = np.quantile(step, [0.05, 0.95])
     longest = int(np.argmax(step))

@@ -89,7 +89,8 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
             )
             block = block[:zero]
         has_quotes = has_quotes or b'"' in block
-        has_padding = has_padding or any(pad in block for pad in padding)
+        if not has_padding and b" " in block:
+            has_padding = any(pad in block for pad in padding)
         last = block.rfind(b"\n") + 1
         last_end = position + last if last else last_end
         position += len(block)
@@ -241,6 +242,6 @@ def _blank_lines(
     n_borders = np.diff(np.flatnonzero(borders), prepend=-1)
     odd = np.flatnonzero(n_borders != period)
     filled = odd[ends[odd] > starts[odd]]
-    if any(data[starts[i] : ends[i]].strip() for i in filled):
+    if any(data[starts[i] : ends[i]].strip(b" \t") for i in filled):
         return None
     return odd

@@ -7,7 +7,6 @@ business of `pushfit.data.dialects`.
 
 import codecs
 import gzip
-import hashlib
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,10 +14,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from pushfit.data.faults import refuse
-from pushfit.data.files import FileStamp, existing_file, refuse_other_types
+from pushfit.data.files import FileStamp, existing_file, refuse_other_types, sha256_of
 from pushfit.errors import ConfigError
 
-BLOCK = 1 << 23
+BLOCK = 1 << 22
 # A constant signal deflates some 100 times; a bomb of zeros 1030 times.
 _MAX_EXPANSION = 300
 _ALWAYS_EXPANDED = 1 << 26
@@ -199,13 +198,13 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
         is_gzip = start.startswith(b"\x1f\x8b")
         if is_gzip:
             start = _gzip_start(file, given)
-            file.seek(0)
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
     if not start:
         raise refuse("empty_file", "the file is empty: 0 data rows", path=given)
     found = _checked_encoding(encoding) if encoding else _encoding_of(start, given)
     refuse_other_types(start, given)
-    return TextFile(stamp=stamp, sha256=digest, encoding=found, is_gzip=is_gzip)
+    return TextFile(
+        stamp=stamp, sha256=sha256_of(given), encoding=found, is_gzip=is_gzip
+    )
 
 
 def _gzip_start(file: BinaryIO, path: str) -> bytes:

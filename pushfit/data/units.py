@@ -6,7 +6,6 @@ signal keeps its own canonical unit (`n`, `kpa`, `counts`, `au`). Nothing here g
 a name without a unit has none, and an implausible number is reported, never rescaled.
 """
 
-import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.data.faults import did_you_mean
 from pushfit.errors import ConfigError
 
 Quantity = Literal["signal", "time", "angle", "length"]
@@ -115,8 +115,7 @@ def parse_unit(text: str, *, quantities: Sequence[Quantity] = ()) -> Unit:
         u.name for u in UNITS.values() if not quantities or u.quantity in quantities
     ]
     if unit is None:
-        near = difflib.get_close_matches(text.lower(), allowed, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = did_you_mean(text.lower(), allowed)
         raise ConfigError(
             f"unit {text!r} is not known; known here: {', '.join(allowed)}{hint}",
             code="unknown_unit",

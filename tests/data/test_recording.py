@@ -8,6 +8,7 @@ import pytest
 
 from pushfit.data import prescan
 from pushfit.data.recording import read_recording
+from pushfit.data.units import BIOTAC_PDC
 from pushfit.errors import ConfigError, DataError, PushfitError
 
 # Equal on paper: one multiplication and one division in float64.
@@ -242,6 +243,7 @@ REFUSED = {
     "excel_error": (GOOD + "0.03,#N/A\n", {}, "not_a_number", ["'#N/A'"]),
     "not_available": (GOOD + "0.03,NA\n", {}, "not_a_number", ["'NA'"]),
     "underscore": (GOOD + "0.03,1_0\n", {}, "not_a_number", ["'1_0'"]),
+    "no_break_space": (GOOD + "0.03,\xa01\n", {}, "not_a_number", [r"'\xa01'"]),
     "arabic_digit": (GOOD + "0.03,\u0663\n", {}, "not_a_number", ["'\u0663'"]),
     "too_large": (
         GOOD,
@@ -530,3 +532,24 @@ def test_a_file_that_changes_while_it_is_read_is_refused(write, monkeypatch):
     error = refusal(path)
     assert error.code == "file_changed"
     assert "read it again" in str(error)
+
+
+def test_a_calibration_is_applied_only_on_demand_and_leaves_a_note(write):
+    path = write("time_s,pdc_counts\n0,2400\n0.01,2550\n")
+    raw = read_recording(path)
+    assert raw.units == {"pdc": "counts"}
+    recording = raw.calibrated("pdc", BIOTAC_PDC)
+    # A push of 150 counts is about 5.5 kPa.
+    np.testing.assert_allclose(np.diff(recording.channels["pdc"]), 5.475, rtol=1e-13)
+    assert recording.units == {"pdc": "kpa"}
+    assert (
+        "0.0365 kpa per counts (SynTouch BioTac Product Manual" in recording.notes[-1]
+    )
+
+
+def test_a_calibration_of_another_unit_or_channel_is_refused(write):
+    recording = read_recording(write(GOOD))
+    with pytest.raises(ConfigError, match="in kpa, but the calibration takes counts"):
+        recording.calibrated("pressure", BIOTAC_PDC)
+    with pytest.raises(ConfigError, match="there are: pressure"):
+        recording.calibrated("pdc", BIOTAC_PDC)
