@@ -17,6 +17,7 @@ from jaxtyping import Float, Int
 
 from pushfit.data.bag_fields import (
     Field,
+    bad_field,
     known_fields,
     mapped_fields,
     number_at,
