@@ -1,5 +1,7 @@
 from .config import GraspConfig as GraspConfig
 from .config import read_config as read_config
+from .data.merge import merge_tables as merge_tables
+from .data.peaks import extract_peaks as extract_peaks
 from .data.recording import Recording as Recording
 from .data.recording import read_recording as read_recording
 from .data.schedule import PushSchedule as PushSchedule
@@ -16,6 +18,7 @@ from .errors import ConvergenceError as ConvergenceError
 from .errors import DataError as DataError
 from .errors import FitError as FitError
 from .errors import PushfitError as PushfitError
+from .fit.identify import identify_table as identify_table
 from .model import Grasp as Grasp
 from .model import Parameters as Parameters
 from .model import Pushes as Pushes

@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from typing import get_args
 
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from pushfit import cache
@@ -19,10 +21,13 @@ from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
 from pushfit.config.inputs import PeaksSection, RecordingSection
 from pushfit.data.dialects import Format
+from pushfit.data.grasp import make_grasp
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.recording import read_recording
 from pushfit.data.samples import Gaps, ThetaFrom
 from pushfit.data.scan import Tail
+from pushfit.data.truth import stated_parameters
+from pushfit.directions import critical_angle
 from pushfit.errors import ConfigError, DataError, FitError, Problem
 
 
@@ -248,3 +253,41 @@ def test_the_peak_settings_and_their_section_of_the_config_agree():
 def test_the_choices_of_the_reader_and_the_config_agree(key, choices):
     field = RecordingSection.model_fields[key]
     assert get_args(field.annotation) == get_args(choices)
+
+
+@pytest.mark.slow
+def test_the_demo_finds_what_was_simulated(tmp_path, capsys):
+    """End to end; truth by `critical_angle` and by the soft axis of truth.toml."""
+    out = tmp_path / "result"
+    assert main(["demo", "--json", "--seed", "5", "--out", str(out)]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    config = read_config(EXAMPLE / "truth.toml")
+    theta_c = critical_angle(
+        stated_parameters(config), make_grasp(config, "kpa"), jnp.asarray(np.pi / 2)
+    )
+    for name, truth in {
+        "theta_c_deg": np.degrees(float(theta_c)),
+        "alpha_star_deg": 65.0,
+    }.items():
+        lower, upper = summary[name]["interval"]
+        # A 90 % interval misses once in ten; twice its width, once in a thousand.
+        margin = (upper - lower) / 2
+        assert lower - margin < truth < upper + margin
+    assert json.loads((out / "summary.json").read_text(encoding="utf-8")) == summary
+    assert (out / "figures" / "main.png").stat().st_size > 0
+    assert main(["demo", "--out", str(out)]) == 2
+    assert "--force" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_numbers(tmp_path, capsys):
+    """In two processes, and whatever else is in the folder."""
+    documents = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        command = [sys.executable, "-m", "pushfit", "demo", "--json", "--seed", "7"]
+        result = subprocess.run(
+            command, cwd=tmp_path / name, capture_output=True, check=True
+        )
+        documents.append(result.stdout)
+    assert documents[0] == documents[1]
