@@ -22,6 +22,7 @@ from pushfit.report.strings import (
     format_range,
     join_or,
     printable,
+    spread_of,
 )
 
 # Proportional to the unknown where the push length is unknown.
@@ -235,12 +236,10 @@ def _angle_answer(
         is_fixed = verdict is Verdict.FIXED
         sentence = f"{subject} is {short}{', as configured' if is_fixed else ''}."
     else:
-        low, high = quantity.interval
         values, pieces = (estimate,), pieces or (quantity.interval,)
-        number, interval = (
-            format_angle(estimate, spread=high - low),
-            format_range(low, high, "deg"),
-        )
+        spread = spread_of(estimate, quantity.interval)
+        number = format_angle(estimate, spread=spread)
+        interval = format_range(*quantity.interval, "deg", spread=spread)
         short = f"{number} ({interval})"
         sentence = f"{subject} is {number} ({prob} interval: {interval})."
     return Answer(

@@ -21,6 +21,7 @@ from pushfit.report.strings import (
     join_and,
     join_or,
     printable,
+    spread_of,
     symbol,
     unit_label,
     with_unit,
@@ -121,9 +122,9 @@ def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
     """
     interval, spread = "", None
     if quantity.interval is not None:
-        low, high = quantity.interval
-        spread = high - low
-        interval = format_range(low, high, "")
+        if quantity.estimate is not None:
+            spread = spread_of(quantity.estimate, quantity.interval)
+        interval = format_range(*quantity.interval, "", spread=spread)
     value = "not quoted"
     is_set = quantity.verdict in SET_VERDICTS and bool(pieces_for(quantity))
     if is_set:

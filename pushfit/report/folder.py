@@ -17,7 +17,7 @@ from pushfit.data.table import write_table
 from pushfit.errors import ConfigError
 from pushfit.fit.results import Identification
 from pushfit.report.archive import posterior_tree
-from pushfit.report.figures import all_figures, save_figure
+from pushfit.report.figures import figure_files
 from pushfit.report.html import render_html
 from pushfit.report.summary import summary_dict
 from pushfit.report.text import render_text
@@ -124,13 +124,12 @@ def _write_content(identification: Identification, folder: Path) -> None:
     )
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     (folder / "report.txt").write_text(render_text(identification), encoding="utf-8")
-    figures = all_figures(identification)
+    files = figure_files(identification)
     (folder / "figures").mkdir()
-    for name, figure in figures.items():
-        for suffix in ("png", "svg"):
-            save_figure(figure, folder / "figures" / f"{name}.{suffix}")
+    for name, content in files.items():
+        (folder / "figures" / name).write_bytes(content)
     if find_spec("jinja2"):
-        page = render_html(identification, figures=figures)
+        page = render_html(identification, files=files)
         (folder / "report.html").write_text(page, encoding="utf-8")
 
 

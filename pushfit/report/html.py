@@ -7,7 +7,6 @@ text from users also loses its control characters.
 
 import base64
 import hashlib
-import io
 import json
 import re
 from collections.abc import Mapping
@@ -26,13 +25,12 @@ from pushfit.report.facts import (
     fit_rows,
     quantity_cells,
 )
-from pushfit.report.figures.identification import all_figures, main_figure
-from pushfit.report.figures.style import SCREEN_DPI, write_figure
+from pushfit.report.figures.identification import figure_files, main_figure
+from pushfit.report.figures.style import figure_bytes
 from pushfit.report.strings import SYMBOLS, printable, symbol
 
 if TYPE_CHECKING:
     from markupsafe import Markup
-    from matplotlib.figure import Figure
 
 # Dense figures, smaller as pixels than as paths.
 AS_PIXELS = frozenset({"corner_parameters", "corner_combinations", "traces"})
@@ -47,13 +45,13 @@ INDEXED = re.compile(
 
 
 def render_html(
-    identification: Identification, *, figures: Mapping[str, "Figure"] | None = None
+    identification: Identification, *, files: Mapping[str, bytes] | None = None
 ) -> str:
     """The whole report as one page.
 
     Args:
         identification: The result.
-        figures: Figures as `all_figures` makes them; None makes them here.
+        files: Figures as `figure_files` makes them; None makes them here.
 
     Returns:
         HTML. First the two answers, the main figure and the warnings.
@@ -80,10 +78,13 @@ def render_html(
     style = resources.files("pushfit.report").joinpath("templates/report.css")
     css = style.read_text(encoding="utf-8")
     digest = hashlib.sha256(css.encode()).digest()
+    files = dict(files or figure_files(identification))
+    stacked = main_figure(identification, is_stacked=True)
+    files["main_stacked.svg"] = figure_bytes(stacked, "svg")
     page = environment.get_template("report.html.j2").render(
         style=Markup(css),
         style_hash=base64.b64encode(digest).decode(),
-        images=_images(identification, figures or all_figures(identification)),
+        images=_images(files),
         **_content(identification),
     )
     return page + "\n"
@@ -104,23 +105,15 @@ def letters(text: str) -> "Markup":
     return Markup(INDEXED.sub(lowered, str(escape(text))))
 
 
-def _images(
-    identification: Identification, figures: Mapping[str, "Figure"]
-) -> dict[str, str]:
-    """Figures as data addresses, by name; the main one also for narrow screens."""
-    stacked = main_figure(identification, is_stacked=True)
-    return {
-        name: _data_address(figure, "png" if name in AS_PIXELS else "svg")
-        for name, figure in {**figures, "main_stacked": stacked}.items()
-    }
-
-
-def _data_address(figure: "Figure", suffix: str) -> str:
-    """A figure as the text of an image's address."""
-    stream = io.BytesIO()
-    write_figure(figure, stream, suffix=suffix, dpi=SCREEN_DPI)
-    content = base64.b64encode(stream.getvalue()).decode("ascii")
-    return f"data:{MIME[suffix]};base64,{content}"
+def _images(files: Mapping[str, bytes]) -> dict[str, str]:
+    """Figures as data addresses, by name."""
+    images = {}
+    for file, content in files.items():
+        name, _, suffix = file.rpartition(".")
+        if suffix == ("png" if name in AS_PIXELS else "svg"):
+            text = base64.b64encode(content).decode("ascii")
+            images[name] = f"data:{MIME[suffix]};base64,{text}"
+    return images
 
 
 def _content(identification: Identification) -> dict[str, object]:

@@ -163,23 +163,44 @@ def format_angle(value: float, *, spread: float = 10.0) -> str:
     return f"{format_number(value, spread=min(spread, COARSE_DEG))}°"
 
 
-def format_range(lower: float | None, upper: float | None, unit: str) -> str:
+def spread_of(estimate: float, interval: tuple[float, float]) -> float:
+    """Width that decides the digits of an estimate and its interval.
+
+    Twice the shorter arm, so that the near end of a skewed interval keeps its digits.
+
+    Args:
+        estimate: Value inside the interval.
+        interval: Lower and upper end.
+    """
+    low, high = interval
+    arm = min(estimate - low, high - estimate)
+    return 2 * arm if arm > 0 else high - low
+
+
+def format_range(
+    lower: float | None,
+    upper: float | None,
+    unit: str,
+    *,
+    spread: float | None = None,
+) -> str:
     """Interval or half-open set in words: "38° to 42°", "above 61°", "below 20°".
 
     Args:
         lower: Lower end; None if open.
         upper: Upper end; None if open.
         unit: Unit of both.
+        spread: Uncertainty that decides the digits; None is the width.
     """
     if lower is None or upper is None:
         end = lower if upper is None else upper
         if end is None:
             return "any value"
         return f"{'above' if upper is None else 'below'} {format_bound(end, unit)}"
+    spread = upper - lower if spread is None else spread
     if unit_label(unit) == "°":
-        spread = upper - lower
         return f"{format_angle(lower, spread=spread)} to {_format_end(upper, spread)}"
-    low, high = (format_number(end, spread=upper - lower) for end in (lower, upper))
+    low, high = (format_number(end, spread=spread) for end in (lower, upper))
     return with_unit(f"{low} to {high}", unit)
 
 

@@ -160,7 +160,7 @@ def make_posterior(*, with_alpha: bool) -> PosteriorResult:
             prior[name] = rng.normal(0.0, 0.5, N_DRAWS)
         samples["alpha_star"] = rng.normal(65.0, 1.2, N_DRAWS)
         prior["alpha_star"] = rng.uniform(0.0, 180.0, N_DRAWS)
-    names = ("ln A", "ln B", "ln C_rr")
+    names = ("ln_A", "ln_B", "ln_C_rr")
     return PosteriorResult(
         samples=samples,
         prior_samples=prior,
@@ -196,14 +196,14 @@ def make_fit(table: PeakTable) -> FitResult:
     )
     covariance = np.diag([1e-4, 4e-3, 2e-3])
     return FitResult(
-        names=("ln A", "ln B", "ln C_rr"),
+        names=("ln_A", "ln_B", "ln_C_rr"),
         estimate=np.log([A, B, TRUTH["C_rr"]]),
         covariance=covariance,
         jacobian=np.ones((used.size, 3)),
         singular_values=np.array([90.0, 16.0, 4.0]),
         modes=(
             Mode(
-                coordinates={"ln A": np.log(A)}, theta_c_deg=40.1, chi_square=chi_square
+                coordinates={"ln_A": np.log(A)}, theta_c_deg=40.1, chi_square=chi_square
             ),
         ),
         chi_square=chi_square,
@@ -365,7 +365,7 @@ def two_modes(make_identification, determined) -> Identification:
     pieces = ((38.4, 41.6), (54.4, 57.6))
     modes = (
         *determined.fit.modes,
-        Mode(coordinates={"ln A": 6.2}, theta_c_deg=56.0, chi_square=69.3),
+        Mode(coordinates={"ln_A": 6.2}, theta_c_deg=56.0, chi_square=69.3),
     )
     grid = np.linspace(0.0, 90.0, 181)
     profile = replace(
@@ -427,7 +427,7 @@ def not_converged(make_identification, determined) -> Identification:
     """The chain is too short to quote anything from it."""
     posterior = determined.posterior
     diagnostics = replace(
-        posterior.diagnostics, problems=("ln B: 100 steps are fewer than 50 τ",)
+        posterior.diagnostics, problems=("ln_B: 100 steps are fewer than 50 τ",)
     )
     status = FitStatus.NOT_CONVERGED
     return make_identification(

@@ -1,8 +1,8 @@
 """Figures: everything asked for is drawn, and nothing that may not be quoted."""
 
-import io
 import re
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,16 +24,14 @@ from pushfit.report.figures.diagnostics import autocorrelation
 from pushfit.report.figures.direction import ellipse_points
 from pushfit.report.figures.identification import sweep_figures, sweeps_of
 from pushfit.report.figures.recording import MAX_POINTS, envelope
-from pushfit.report.figures.style import SERIES, write_figure
+from pushfit.report.figures.style import SERIES, figure_bytes
 
 EXACT = 1e-12  # equal on paper: a few ulp of numbers of order one
 
 
 def svg(figure) -> str:
     """The figure as text."""
-    stream = io.BytesIO()
-    write_figure(figure, stream, suffix="svg")
-    return stream.getvalue().decode()
+    return figure_bytes(figure, "svg").decode()
 
 
 def titles(figure) -> str:
@@ -138,6 +136,28 @@ def test_an_open_set_is_shaded_to_the_border():
     shade = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
     assert abs(shade.x0 - 61.0) < 1e-6  # pixels and back, in degrees
     assert abs(shade.x1 - axes.get_xlim()[1]) < 1e-6
+
+
+def test_profile_and_draws_of_an_axis_share_one_half_turn(make_identification):
+    """The profile of α* may run from 70° to 245°; 206° is 26°."""
+    result = make_identification()
+    grid = np.linspace(70.0, 245.0, 176)
+    profile = replace(
+        result.profiles["theta_c"],
+        name="alpha_star",
+        values=grid,
+        delta_chi_square=((grid - 206.0) / 2) ** 2,
+        pieces=((203.0, 209.0),),
+    )
+    figure = all_figures(replace(result, profiles={"alpha_star": profile}))[
+        "alpha_star"
+    ]
+    x, y = figure.axes[0].lines[0].get_data()
+    assert x[np.argmin(y)] == 26.0
+    assert np.all(np.diff(x) >= 0)
+    shade = figure.axes[0].patches[0].get_extents()
+    ends = shade.transformed(figure.axes[0].transData.inverted())
+    np.testing.assert_allclose([ends.x0, ends.x1], [23.0, 29.0], atol=1e-6)
 
 
 def test_an_ellipse_has_the_axes_of_its_matrix():

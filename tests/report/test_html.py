@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import pytest
 
 from pushfit.report import html as html_module
-from pushfit.report.figures import main_figure
+from pushfit.report.figures import figure_bytes, main_figure
 from pushfit.report.html import letters, render_html
 from tests.report.conftest import HOSTILE
 
@@ -39,7 +39,9 @@ class Page(HTMLParser):
 def quick(monkeypatch):
     """One figure only: the others are drawn in their own tests."""
     monkeypatch.setattr(
-        html_module, "all_figures", lambda result: {"main": main_figure(result)}
+        html_module,
+        "figure_files",
+        lambda result: {"main.svg": figure_bytes(main_figure(result), "svg")},
     )
 
 

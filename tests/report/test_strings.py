@@ -10,6 +10,7 @@ from pushfit.report.strings import (
     format_range,
     join_or,
     printable,
+    spread_of,
     unit_label,
 )
 
@@ -34,6 +35,11 @@ def test_a_number_shows_two_digits_of_its_uncertainty(value, spread, text):
 @pytest.mark.parametrize("value", [None, math.nan])
 def test_an_unknown_number_is_called_unknown_and_never_zero(value):
     assert format_number(value) == "unknown"
+
+
+def test_the_near_end_of_a_skewed_interval_keeps_its_digits():
+    spread = spread_of(740.0, (563.0, 1871.0))
+    assert format_range(563.0, 1871.0, "", spread=spread) == "560 to 1870"
 
 
 def test_a_zero_spread_is_no_spread():

@@ -2,14 +2,14 @@
 
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.direction import Ellipses, ellipse_figure
-from pushfit.report.figures.identification import all_figures, main_figure
+from pushfit.report.figures.identification import all_figures, figure_files, main_figure
 from pushfit.report.figures.posterior import (
     corner_figure,
     learned_figure,
     quantity_figure,
 )
 from pushfit.report.figures.recording import PushMarks, peaks_figure, recording_figure
-from pushfit.report.figures.style import save_figure
+from pushfit.report.figures.style import figure_bytes, save_figure
 from pushfit.report.figures.sweeps import Marker, Sweep, alpha_figure, theta_figure
 
 __all__ = [
@@ -21,6 +21,8 @@ __all__ = [
     "alpha_figure",
     "corner_figure",
     "ellipse_figure",
+    "figure_bytes",
+    "figure_files",
     "learned_figure",
     "main_figure",
     "peaks_figure",

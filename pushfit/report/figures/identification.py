@@ -29,7 +29,7 @@ from pushfit.report.figures.posterior import (
     learned_figure,
     quantity_figure,
 )
-from pushfit.report.figures.style import COLUMN, new_figure, styled
+from pushfit.report.figures.style import COLUMN, figure_bytes, new_figure, styled
 from pushfit.report.figures.sweeps import (
     Marker,
     Sweep,
@@ -115,13 +115,17 @@ def marker_of(answer: Answer) -> Marker:
 
 
 def _within_half_turn(pieces: Pieces) -> Pieces:
-    """Pieces of an axis with those across 180° cut there."""
+    """Pieces of an axis moved into [0, 180], those across the end cut there."""
     cut = []
     for low, high in pieces:
-        if low is None or high is None or high <= HALF_TURN:
+        if low is None or high is None:
             cut.append((low, high))
-        else:
-            cut += [(low, HALF_TURN), (0.0, high - HALF_TURN)]
+            continue
+        start = low % HALF_TURN
+        end = start + high - low
+        cut.append((start, min(end, HALF_TURN)))
+        if end > HALF_TURN:
+            cut.append((0.0, end - HALF_TURN))
     return tuple(cut)
 
 
@@ -188,6 +192,22 @@ def all_figures(identification: Identification) -> dict[str, "Figure"]:
             autocorr_time=diagnostics.autocorr_time if diagnostics else {},
         )
     return figures
+
+
+def figure_files(identification: Identification) -> dict[str, bytes]:
+    """Content of the files of all figures, each as PNG and SVG.
+
+    Args:
+        identification: The result.
+
+    Returns:
+        Content by file name, "main.png" and so on.
+    """
+    files = {}
+    for name, figure in all_figures(identification).items():
+        for suffix in ("png", "svg"):
+            files[f"{name}.{suffix}"] = figure_bytes(figure, suffix)
+    return files
 
 
 def sweep_figures(identification: Identification) -> dict[str, "Figure"]:
@@ -262,19 +282,31 @@ def _angle(
 ) -> "Figure":
     """Profile and posterior of θ_c or α*."""
     posterior = identification.posterior
+    draws = posterior.samples[answer.name]
+    prior = posterior.prior_samples.get(answer.name, np.empty(0))
     profile = identification.profiles.get(answer.name)
+    curve, pieces, freedom = None, (), np.inf
+    if profile is not None:
+        curve = (profile.values, profile.delta_chi_square)
+        pieces, freedom = profile.pieces, profile.degrees_of_freedom
     modes = [m.theta_c_deg for m in identification.fit.modes if m.theta_c_deg]
+    if answer.name == "alpha_star":
+        # Draws, profile and sets of an axis may each start at another azimuth.
+        draws, prior, modes = draws % HALF_TURN, prior % HALF_TURN, []
+        pieces = _within_half_turn(pieces)
+        if curve is not None:
+            values = curve[0] % HALF_TURN
+            order = np.argsort(values)
+            curve = (values[order], curve[1][order])
     return quantity_figure(
-        None if profile is None else (profile.values, profile.delta_chi_square),
-        posterior.samples[answer.name],
-        posterior.prior_samples.get(answer.name, np.empty(0)),
+        curve,
+        draws,
+        prior,
         marker=marker_of(answer),
-        likelihood_pieces=() if profile is None else profile.pieces,
-        level=threshold(
-            quantity.prob, np.inf if profile is None else profile.degrees_of_freedom
-        ),
+        likelihood_pieces=pieces,
+        level=threshold(quantity.prob, freedom),
         prob=quantity.prob,
-        modes=modes if answer.name == "theta_c" else (),
+        modes=modes,
     )
 
 

@@ -169,10 +169,10 @@ def quantity_figure(
         )
         panels[0].set_xlim(*limits)
         inside = [mode for mode in modes if limits[0] <= mode <= limits[1]]
-        panels[0].plot(
-            inside, np.full(len(inside), 0.35), "v", color=ALARM, ms=6, label="optimum"
-        )
-        place_legend(panels[0], loc="best")
+        if inside:
+            heights = np.full(len(inside), 0.35)
+            panels[0].plot(inside, heights, "v", color=ALARM, ms=6, label="optimum")
+            place_legend(panels[0], loc="best")
     label = unit_label(unit)
     panels[-1].set_xlabel(
         f"{math_symbol(marker.name)} [{drawable(label)}]" if label else marker.name,

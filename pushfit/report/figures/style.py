@@ -46,16 +46,17 @@ STYLE = {
     "grid.color": "#E6E6E6",
     "grid.linewidth": 0.6,
     "legend.fontsize": 8,
-    "legend.frameon": False,
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.85,
     "lines.linewidth": 1.6,
     "mathtext.fontset": "dejavusans",
+    "savefig.dpi": 200,
     "svg.fonttype": "path",
     # Element names from the content: the same figure is the same file.
     "svg.hashsalt": "pushfit",
     "text.parse_math": False,
 }
 
-PRINT_DPI, SCREEN_DPI = 200.0, 120.0
 # Full width of a page and of one column of a two-column page [inch].
 PAGE, COLUMN = 7.2, 3.5
 
@@ -119,8 +120,8 @@ def math_symbol(name: str) -> str:
     Args:
         name: Stable name, perhaps of its logarithm; an unknown one is drawn as it is.
     """
-    if name.startswith("ln "):
-        return f"ln {math_symbol(name.removeprefix('ln '))}"
+    if name.startswith("ln_"):
+        return f"ln {math_symbol(name.removeprefix('ln_'))}"
     if name in SYMBOLS:
         return SYMBOLS[name][1]
     return drawable(name).replace("$", r"\$").replace("_", " ")
@@ -173,27 +174,20 @@ def save_figure(figure: "Figure", path: Path) -> None:
         figure: Any figure of this package.
         path: For example `theta.png` or `theta.svg`.
     """
-    with path.open("wb") as stream:
-        write_figure(figure, stream, suffix=path.suffix.removeprefix("."))
+    path.write_bytes(figure_bytes(figure, path.suffix.removeprefix(".")))
 
 
 @styled
-def write_figure(
-    figure: "Figure",
-    stream: io.BytesIO | io.BufferedWriter,
-    *,
-    suffix: str,
-    dpi: float = PRINT_DPI,
-) -> None:
-    """Write a figure to an open file.
+def figure_bytes(figure: "Figure", suffix: str) -> bytes:
+    """Content of the file of a figure.
 
     Args:
         figure: Any figure of this package.
-        stream: Where to.
         suffix: "png", "svg" or "pdf".
-        dpi: Resolution of what is made of pixels [1/inch].
     """
+    stream = io.BytesIO()
     metadata = dict(METADATA.get(suffix, {}))
-    figure.savefig(stream, format=suffix, metadata=metadata, dpi=dpi)
+    figure.savefig(stream, format=suffix, metadata=metadata)
     # The layout is found by the first drawing; each further one would solve it again.
     figure.set_layout_engine("none")
+    return stream.getvalue()

@@ -184,7 +184,7 @@ def draw_panel(
     words = {"theta": "push elevation θ [°]", "alpha": "push azimuth α [°]"}
     axes.set_xlabel(words[swept])
     axes.set_ylabel(channel_label(channel, unit))
-    axes.margins(x=0.03)
+    axes.margins(x=0.03, y=0.12)
     axes.locator_params(axis="x", steps=[1, 1.5, 3, 4.5, 6, 9, 10], nbins=8)
     if marker is not None:
         draw_marker(axes, marker)
