@@ -11,14 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-# Costs of one pairing, in units in which a gap wrong by a whole period costs 1.
-_MISSING = 1.5
-_EXTRA = 1.5
+# Costs. A gap wrong by a whole period costs three missing pushes: only a steady rhythm
+# tells anything, and then it tells more than the number of humps does.
+_MISSING = 1.0
+_EXTRA = 1.0
 _EXTRA_BRUSH = 0.1
 _PAIR_BRUSH = 0.3
+_OFF = 3.0
+_MAX_OFF = 1.0
+# Relative scatter of the gaps up to which pushes have a rhythm.
+_STEADY = 0.2
 # A second alignment this close to the best is as good as it.
 _AMBIGUOUS = 0.5
-_MAX_OFF = 2.0
 _MAX_SKIPPED = 6
 
 
@@ -44,9 +48,14 @@ class Alignment:
         return tuple(int(i) for i in np.flatnonzero(self.hump < 0))
 
     @property
+    def n_odd(self) -> int:
+        """Number of pushes missing or too many."""
+        return len(self.missing) + len(self.extra)
+
+    @property
     def is_complete(self) -> bool:
         """Whether every planned push has its hump and no hump is left."""
-        return not self.missing and not self.extra
+        return self.n_odd == 0
 
 
 def align(
@@ -72,11 +81,7 @@ def align(
     n_cycles = 1
     if n_pushes > n_planned and n_pushes % n_planned == 0:
         n_cycles = n_pushes // n_planned
-    n = n_planned * n_cycles
-    if n_pushes == n:
-        hump = np.flatnonzero(~brush)
-        return Alignment(hump=hump, extra=(), is_ambiguous=False, n_cycles=n_cycles)
-    planned = _planned(times[~brush], n_planned, n_cycles, planned_times)
+    planned = _planned(n_planned, n_cycles, planned_times)
     hump, margin = _cheapest(times, brush, planned)
     chosen = set(hump[hump >= 0].tolist())
     extra = tuple(int(i) for i in np.flatnonzero(~brush) if int(i) not in chosen)
@@ -86,7 +91,6 @@ def align(
 
 
 def _planned(
-    times: Float[np.ndarray, " m"],
     n_planned: int,
     n_cycles: int,
     planned_times: Float[np.ndarray, " n"] | None,
@@ -108,11 +112,10 @@ def _cheapest(
 
     The margin is that of pairing a push that is missing, or a hump that is extra.
     """
-    gaps = np.diff(times[~brush])
-    period = float(np.median(gaps)) if len(gaps) else 1.0
+    period, weight = _rhythm(times[~brush], planned)
     clock = times / period
-    before, back = _forward(clock, brush, planned)
-    after = _forward(-clock[::-1], brush[::-1], -planned[::-1])[0][::-1, ::-1]
+    before, back = _forward(clock, brush, planned, weight)
+    after = _forward(-clock[::-1], brush[::-1], -planned[::-1], weight)[0][::-1, ::-1]
     # A pair belongs to the way to it and to the way from it.
     total = before + after - np.where(brush, _PAIR_BRUSH, 0.0)
     n, m = total.shape
@@ -128,6 +131,21 @@ def _cheapest(
     return hump, float(min(others, default=np.inf) - end.min())
 
 
+def _rhythm(
+    times: Float[np.ndarray, " m"], planned: Float[np.ndarray, " n"]
+) -> tuple[float, float]:
+    """Time of one planned period, and what a gap off by one costs."""
+    gaps = np.diff(times)
+    if len(gaps) < 2:
+        return 1.0, 0.0
+    period = float(np.median(gaps))
+    if not np.allclose(np.diff(planned), 1.0):
+        # Uneven on purpose: its scatter is no sign of an unsteady hand.
+        return period / float(np.median(np.diff(planned))), _OFF
+    scatter = 1.4826 * float(np.median(np.abs(gaps - period))) / period
+    return period, _OFF if scatter < _STEADY else 0.0
+
+
 def _skip_costs(n: int, brush: Bool[np.ndarray, " m"]) -> Float[np.ndarray, "n m"]:
     """Cost of leaving out all pushes and humps before each pair."""
     humps = np.cumsum(np.where(brush, _EXTRA_BRUSH, _EXTRA))
@@ -138,6 +156,7 @@ def _forward(
     clock: Float[np.ndarray, " m"],
     brush: Bool[np.ndarray, " m"],
     planned: Float[np.ndarray, " n"],
+    weight: float,
 ) -> tuple[Float[np.ndarray, "n m"], Int[np.ndarray, "n m 2"]]:
     """Least cost of everything up to each pair, and the pair before it.
 
@@ -155,7 +174,7 @@ def _forward(
                 off = clock[dj:] - clock[:-dj] - (planned[i] - planned[i - di])
                 step = (
                     cost[i - di, :-dj]
-                    + np.minimum(np.abs(off), _MAX_OFF)
+                    + weight * np.minimum(np.abs(off), _MAX_OFF)
                     + _MISSING * (di - 1)
                     + (humps[dj:-1] - humps[1 : m - dj + 1])
                 )

@@ -144,7 +144,7 @@ def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
     if raw.empty:
         raise DataError(
             f"{origin.path or 'table'}: 0 data rows; give one row per push",
-            code="empty_table",
+            code="no_rows",
         )
     found, left_out = _recognise(raw, layout, origin)
     unit = _common_unit(found, layout, origin)

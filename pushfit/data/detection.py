@@ -29,6 +29,11 @@ _LARGE = 0.25
 _NORMAL_THIRD = 0.861
 # A dip is shorter than this share of the time between two tops, a rest is not.
 _REST_QUANTILE = 0.2
+# A hump that an end of the signal cuts off, and that is longer than this share of the
+# signal, is a trend.
+_MAX_CUT = 0.5
+# Long enough for several pushes, short enough for drift [s].
+_STRETCH = 30.0
 # Samples that the noise is judged by; more would only cost time.
 _NOISE_SAMPLES = 100_000
 
@@ -66,11 +71,13 @@ class Extent:
 class Noise:
     """How samples scatter about the course of the signal.
 
-        σ = 1.4826 median|y_{i+1} - y_i| / √2
+        σ = 1.4826 median|y_{i+1} - y_i| / √2, over the steps that are not 0
+
+    Steps of 0 come from a resolution coarser than the noise or from a sensor at its
+    limit, and tell nothing of the noise elsewhere.
 
     Args:
-        sigma: σ, at least half of `quantum`: a signal that rests on one count is not
-            free of noise, its noise is below its resolution [unit].
+        sigma: σ; 0 for a constant signal [unit].
         quantum: Smallest step between readings; 0 for a constant signal [unit].
     """
 
@@ -87,8 +94,8 @@ class Noise:
         if moving.size == 0:
             return cls(sigma=0.0, quantum=0.0)
         quantum = float(moving.min())
-        scatter = 1.4826 * float(np.median(steps)) / np.sqrt(2)
-        return cls(sigma=max(scatter, quantum / 2), quantum=quantum)
+        sigma = 1.4826 * float(np.median(moving)) / np.sqrt(2)
+        return cls(sigma=float(sigma), quantum=quantum)
 
     def of_mean(self, n_samples: float) -> float:
         """Standard deviation of a mean; what lies below the resolution stays."""
@@ -129,6 +136,38 @@ def find_extents(
     return found
 
 
+def rest_curve(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Rest level of a signal that pushes may raise or lower.
+
+    The middle of the densest quarter of the readings, in stretches of half a minute:
+    rest is what a signal that goes both ways has in common with itself.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+
+    Returns:
+        Level at every sample.
+    """
+    n_stretches = max(1, round((time[-1] - time[0]) / _STRETCH))
+    edges = np.linspace(time[0], time[-1], n_stretches + 1)
+    index = np.searchsorted(time, edges)
+    index[-1] = len(time)
+    middles, levels = [], []
+    for first, last in pairwise(index):
+        # A sample of the samples is enough for a level.
+        ordered = np.sort(signal[first : last : max(1, (last - first) // 4096)])
+        if len(ordered) == 0:
+            continue
+        n = max(1, len(ordered) // 4)
+        start = int(np.argmin(ordered[n - 1 :] - ordered[: len(ordered) - n + 1]))
+        levels.append(np.median(ordered[start : start + n]))
+        middles.append((time[first] + time[last - 1]) / 2)
+    return np.interp(time, middles, levels)
+
+
 @dataclass(frozen=True, slots=True)
 class _Trace:
     """A signal averaged on an even grid."""
@@ -138,7 +177,7 @@ class _Trace:
     y: Float[np.ndarray, " m"]
     noise: float
 
-    def at(self, index: float) -> float:
+    def at(self, index: int) -> float:
         """Time of a grid position."""
         return self.t0 + self.step * index
 
@@ -210,7 +249,7 @@ class _Humps:
             worst = int(np.argmax(ratio))
             if ratio[worst] <= split:
                 return
-            self._merge(worst, worst + (tops[worst] >= tops[worst + 1]))
+            self._merge(worst, worst + int(tops[worst] >= tops[worst + 1]))
 
     def _merge(self, pair: int, lower: int) -> None:
         """Make one hump of two: the valley between goes, with the lower top."""
@@ -284,7 +323,7 @@ def _reduce(
     centres = np.arange(n_bins, dtype=float)
     y = np.interp(centres, centres[filled], sums / counts[filled])
     return _Trace(
-        time[0],
+        float(time[0]),
         step,
         uniform_filter1d(y, 3, mode="nearest"),
         noise.of_mean(3 * float(np.median(counts[filled]))),
@@ -322,8 +361,8 @@ def _rest_wander(humps: _Humps, trace: _Trace, large: float) -> float:
 
 def _feet(humps: _Humps, k: int, trace: _Trace) -> tuple[int, int]:
     """First and last grid position of a push above its feet."""
-    y, peak = trace.y, humps.peaks[k]
-    left, right = humps.valleys[k], humps.valleys[k + 1]
+    y, peak = trace.y, int(humps.peaks[k])
+    left, right = int(humps.valleys[k]), int(humps.valleys[k + 1])
     noise = 3 * trace.noise
 
     def foot(valley: int) -> float:
@@ -343,11 +382,13 @@ def _extent(
     time: Float[np.ndarray, " n"],
     smallest_push: float,
 ) -> Extent | None:
-    """Extent of a push in samples; None for a mere trend from end to end."""
+    """Extent of a push in samples; None for a mere trend."""
     y, peak = trace.y, int(humps.peaks[k])
     start, end = _feet(humps, k, trace)
     cut_start, cut_end = start <= 1, end >= len(y) - 2
-    if cut_start and cut_end:
+    if (cut_start and cut_end) or (
+        (cut_start or cut_end) and end - start > _MAX_CUT * len(y)
+    ):
         return None
     height = float(humps.heights[k])
     above = np.flatnonzero(y[start : end + 1] >= y[peak] - height / 2)

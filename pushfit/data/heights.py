@@ -26,7 +26,7 @@ _PROFILE_BINS = 32
 # pushes have 0.49-0.96, < 0.04 and < 0.043, pointed ones 0.2-0.4; a sine 0.61 and 0.10.
 _BAND = 0.1
 _HELD_SHARE = 0.45
-_MAX_BEND = 0.06
+_MAX_BEND = 0.045
 _MAX_SCATTER = 0.06
 # Window of the apex: the part of the hump above 1 - depth, deeper the more it takes to
 # see a shape in the noise.
@@ -36,6 +36,12 @@ _MAX_MISFIT = 3.3
 # A longer stretch without samples may hide the top: share of the window, usual steps.
 _MAX_GAP = 0.25
 _STEPS_OF_GAP = 3.0
+# Noise of a course that is left in a band of 0.1, and the most parts averaged for it.
+_CALM, _MAX_CALMING = 0.035, 7
+# Eight parts scatter more than this by chance once in 10^3 (chi-square, 7 degrees).
+_BEYOND_CHANCE = 1.86
+# What the family of shapes misses where there is no noise, as a share of the height.
+_SHAPE = 0.0015
 # Share of the height that the baseline may move by under a push.
 _MAX_DRIFT = 0.2
 _SATURATED_SAMPLES = 3
@@ -79,15 +85,18 @@ def measure_heights(
     *,
     definition: Definition,
     limit: float | None,
+    signs: Sequence[int] | None = None,
 ) -> tuple[tuple[Height, ...], Literal["apex", "plateau"]]:
     """Measure pushes.
 
     Args:
         time: Sample times [s].
-        signal: Samples; pushes go up [unit].
+        signal: Samples [unit].
         extents: Where the pushes are, in order; at least one.
         definition: What the height is; "auto" decides by the shape of most pushes.
         limit: Largest reading of the sensor; None to recognise it [unit].
+        signs: 1 for a push that goes up, -1 for one that goes down, whose height is
+            negative; None if all go up.
 
     Returns:
         Heights in the same order, and the definition used.
@@ -95,18 +104,22 @@ def measure_heights(
     rests = find_rests(time, signal, extents)
     noise = rest_noise(signal, rests, Noise.of(signal))
     base, base_sd, base_time = _baselines(rests, noise, extents)
-    profile = _profiles(time, signal, extents)
+    signs = [1] * len(extents) if signs is None else signs
+    upright = _upright(signal, extents, base, signs)
+    profile = _profiles(time, upright, extents)
     if definition == "auto":
-        definition = "plateau" if _are_held(profile, base, extents) else "apex"
+        calm = _calmed(profile, base, extents, noise)
+        definition = "plateau" if _are_held(calm, base, extents) else "apex"
     find = _plateaus if definition == "plateau" else _apexes
-    tops = find(time, signal, extents, profile, base, noise)
+    tops = find(time, upright, extents, profile, base, noise)
     drift = slopes(rests) * (tops.time - base_time)
     largest = float(signal.max())
     heights = []
     for k, extent in enumerate(extents):
         samples = signal[extent.start : extent.end]
         baseline = float(base[k] + drift[k])
-        height = float(tops.level[k]) - baseline
+        # The drift of an upright picture of a dip goes the other way.
+        height = float(tops.level[k] - base[k] - signs[k] * drift[k])
         checks = {
             "clipped": extent.cut_start or extent.cut_end,
             "gap": bool(tops.has_gap[k]),
@@ -115,14 +128,29 @@ def measure_heights(
         }
         heights.append(
             Height(
-                height=height,
-                sd=float(np.hypot(tops.sd[k], base_sd[k])),
+                height=signs[k] * height,
+                sd=float(np.linalg.norm([tops.sd[k], base_sd[k], _SHAPE * height])),
                 baseline=baseline,
                 t_peak=float(tops.time[k]),
                 flags=frozenset(word for word, is_so in checks.items() if is_so),
             )
         )
     return tuple(heights), definition
+
+
+def _upright(
+    signal: Float[np.ndarray, " n"],
+    extents: Sequence[Extent],
+    base: Float[np.ndarray, " p"],
+    signs: Sequence[int],
+) -> Float[np.ndarray, " n"]:
+    """The signal with each dip mirrored at its baseline."""
+    upright = signal.copy() if -1 in signs else signal
+    for extent, level, sign in zip(extents, base, signs, strict=True):
+        if sign < 0:
+            part = slice(extent.start, extent.end)
+            upright[part] = 2 * level - signal[part]
+    return upright
 
 
 def _baselines(
@@ -175,6 +203,24 @@ def _profiles(
     return _bin_means(time, signal, windows, _PROFILE_BINS)[0]
 
 
+def _calmed(
+    profile: Float[np.ndarray, "p m"],
+    base: Float[np.ndarray, " p"],
+    extents: Sequence[Extent],
+    noise: RestNoise,
+) -> Float[np.ndarray, "p m"]:
+    """Profiles averaged over so many parts that their noise is small in the band."""
+    n = np.array([extent.end - extent.start for extent in extents])
+    share = noise.of_mean(n / _PROFILE_BINS) / np.maximum(
+        profile.max(axis=1) - base, 1e-300
+    )
+    width = int(np.clip(np.ceil((np.median(share) / _CALM) ** 2), 1, _MAX_CALMING))
+    half = width // 2
+    padded = np.pad(profile, ((0, 0), (half, half)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
+    return windows.mean(axis=2)
+
+
 def _longest_run(inside: Bool[np.ndarray, " m"]) -> tuple[int, int]:
     """First and one past the last position of the longest stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
@@ -187,6 +233,8 @@ def _longest_run(inside: Bool[np.ndarray, " m"]) -> tuple[int, int]:
 def _held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
     """Where a course, scaled to 0..1, stays near its upper level."""
     high = course[course >= 0.8]
+    if high.size == 0:
+        return 0, 0
     return _longest_run(np.abs(course - np.median(high)) <= _BAND)
 
 
@@ -213,7 +261,7 @@ def _are_held(
         votes.append(
             share >= _HELD_SHARE and bend <= _MAX_BEND and inner.std() <= _MAX_SCATTER
         )
-    return sum(votes) > len(votes) / 2
+    return bool(sum(votes) > len(votes) / 2)
 
 
 def _plateaus(
@@ -226,6 +274,7 @@ def _plateaus(
 ) -> _Tops:
     """Median of the held part; its sd from the scatter of eight parts of it."""
     windows = np.empty((len(extents), 2))
+    profile = _calmed(profile, base, extents, noise)
     for k, extent in enumerate(extents):
         course = (profile[k] - base[k]) / max(profile[k].max() - base[k], 1e-300)
         first, last = _held_part(course)
@@ -239,7 +288,7 @@ def _plateaus(
     return _Tops(
         level=np.median(parts, axis=1),
         # The median of eight scatters 1.2 times as much as their mean.
-        sd=1.2 * np.maximum(scatter, least),
+        sd=1.2 * np.where(scatter > _BEYOND_CHANCE * least, scatter, least),
         time=windows.mean(axis=1),
         has_gap=np.mean(counts == 0, axis=1) > _MAX_GAP,
     )
@@ -316,7 +365,7 @@ def _largest_gap(
     gaps = []
     for start, end in windows:
         first, last = np.searchsorted(time, [start, end])
-        inside = time[max(0, first - 1) : last + 1]
+        inside = np.clip(time[max(0, first - 1) : last + 1], start, end)
         gaps.append(np.diff(inside).max(initial=0.0))
     return np.array(gaps)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Real
 
 from pushfit.data.detection import Extent, Noise
 
@@ -56,8 +56,8 @@ class RestNoise:
     correlation: float
     quantum: float
 
-    def of_mean(self, n_samples: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-        """Standard deviation of means of samples [unit]."""
+    def of_mean(self, n_samples: Real[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Standard deviations of means of so many samples [unit]."""
         variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
         # Rounding is not averaged out where the noise does not reach the next count.
         if self.sigma < self.quantum / 2:
@@ -67,7 +67,7 @@ class RestNoise:
     def of_rest(self, rest: Rest) -> float:
         """Standard deviation of the level of a rest [unit]."""
         # The mean of the middle half scatters by 9 % more than the mean.
-        return 1.09 * float(self.of_mean(np.array(float(rest.n_samples))))
+        return 1.09 * float(self.of_mean(np.array([rest.n_samples]))[0])
 
 
 def find_rests(
@@ -93,7 +93,9 @@ def find_rests(
     rests = []
     for k, (end, start) in enumerate(zip(ends, starts, strict=True)):
         if start <= end:
-            rests.append(Rest(start=end, end=end, level=np.nan, time=time[end - 1]))
+            rests.append(
+                Rest(start=end, end=end, level=np.nan, time=float(time[end - 1]))
+            )
             continue
         # In a short rest a part of it has to do.
         guard = min(guards[k], _MAX_GUARD * (time[start - 1] - time[end]))

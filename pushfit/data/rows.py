@@ -1,6 +1,5 @@
-"""Small CSV files with one row per push, as text cells with their line numbers."""
+"""Small files with one row per push, as cells with their line numbers."""
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from pushfit.data.columns import Origin
-from pushfit.data.recording import Source
-from pushfit.errors import DataError
+from pushfit.data.prescan import read_csv_strict
+from pushfit.data.records import Source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,40 +16,35 @@ class Rows:
     """Cells of a file as they stand there.
 
     Args:
-        frame: Text by column name.
+        frame: Numbers, NaN where blank, or text, by column name.
         origin: Path and line numbers, for messages.
         source: Provenance.
+        notes: What the reader has to say.
     """
 
     frame: pd.DataFrame
     origin: Origin
     source: Source
+    notes: tuple[str, ...]
 
 
-def read_rows(path: str | Path, *, kind: str) -> Rows:
+def read_rows(path: str | Path, *, texts: tuple[str, ...] = ()) -> Rows:
     """Read a CSV file with one row per push.
 
     Args:
         path: File to read.
-        kind: What the rows are, for the provenance.
+        texts: Names of the columns that hold text.
 
     Returns:
         The cells, not yet judged.
 
     Raises:
-        DataError: The file cannot be read.
+        ConfigError: The file is not there.
+        DataError: The file is no regular table of numbers.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise DataError(
-            f"{path}: cannot be read: {error.strerror}; check the name",
-            code="file_unreadable",
-        ) from error
-    frame = pd.read_csv(path, dtype=str, keep_default_na=False)
-    digest = hashlib.sha256(content).hexdigest()
-    return Rows(
-        frame=frame,
-        origin=Origin(path=str(path), lines=np.arange(2, len(frame) + 2)),
-        source=Source(path=str(path), sha256=digest, dialect=f"{kind}, csv"),
+    frame, source, notes = read_csv_strict(
+        path, is_text=lambda name: name.strip().lower() in texts
     )
+    lines = np.asarray(frame.index, dtype=int)
+    origin = Origin(path=str(path), lines=lines)
+    return Rows(frame=frame, origin=origin, source=source, notes=notes)

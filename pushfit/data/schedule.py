@@ -4,7 +4,7 @@ Excluded: finding the pushes in a recording (`pushfit.data.peaks`) and pairing t
 the plan (`pushfit.data.alignment`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +14,14 @@ from jaxtyping import Float, Int
 from pushfit.atomic import atomic_path
 from pushfit.data.column_rules import check_columns
 from pushfit.data.columns import Layout, Origin, read_columns
-from pushfit.data.recording import Source
+from pushfit.data.records import Source
 from pushfit.data.rows import read_rows
 
 LAYOUT = Layout(times=("time",))
 
 # Angles of a plan are round numbers of degrees; so many digits survive the way to
 # radians and back.
-_DECIMALS = 9
+DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +76,64 @@ class PushSchedule:
         )
 
     @classmethod
+    def in_order(
+        cls, theta: Float[np.ndarray, " n"], alpha: Float[np.ndarray, " n"]
+    ) -> "PushSchedule":
+        """Number pushes as they come, each the first of its direction.
+
+        Args:
+            theta: Elevation of every push [rad].
+            alpha: Azimuth of every push [rad].
+
+        Returns:
+            The schedule.
+        """
+        n = len(theta)
+        return cls(
+            theta=theta,
+            alpha=alpha,
+            repeat=np.ones(n, dtype=int),
+            push=np.arange(1, n + 1),
+        )
+
+    def rows(self, index: Int[np.ndarray, " m"]) -> "PushSchedule":
+        """Some of the pushes.
+
+        Args:
+            index: Their positions.
+
+        Returns:
+            A schedule of these pushes.
+        """
+        return replace(
+            self,
+            theta=self.theta[index],
+            alpha=self.alpha[index],
+            repeat=self.repeat[index],
+            push=self.push[index],
+            time=None if self.time is None else self.time[index],
+        )
+
+    def repeated(self, n_cycles: int) -> "PushSchedule":
+        """The schedule run through several times, pushes and repeats counted on.
+
+        Args:
+            n_cycles: How often.
+
+        Returns:
+            The longer schedule; without planned times if it is longer.
+        """
+        if n_cycles == 1:
+            return self
+        cycle = np.repeat(np.arange(n_cycles), self.n_pushes)
+        return replace(
+            self.rows(np.tile(np.arange(self.n_pushes), n_cycles)),
+            push=np.tile(self.push, n_cycles) + cycle * self.push.max(),
+            repeat=np.tile(self.repeat, n_cycles) + cycle * self.repeat.max(),
+            time=None,
+        )
+
+    @classmethod
     def from_frame(
         cls,
         frame: pd.DataFrame,
@@ -123,7 +181,7 @@ def read_schedule(path: str | Path) -> PushSchedule:
     Raises:
         DataError: The file cannot be read or breaks a rule.
     """
-    rows = read_rows(path, kind="schedule")
+    rows = read_rows(path)
     return PushSchedule.from_frame(rows.frame, origin=rows.origin, source=rows.source)
 
 
@@ -136,8 +194,8 @@ def write_schedule(schedule: PushSchedule, path: str | Path) -> None:
     """
     columns = {
         "push": schedule.push,
-        "theta_deg": np.degrees(schedule.theta).round(_DECIMALS),
-        "alpha_deg": np.degrees(schedule.alpha).round(_DECIMALS),
+        "theta_deg": np.degrees(schedule.theta).round(DECIMALS),
+        "alpha_deg": np.degrees(schedule.alpha).round(DECIMALS),
         "repeat": schedule.repeat,
     }
     if schedule.time is not None:

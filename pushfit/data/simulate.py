@@ -15,7 +15,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from pushfit.atomic import atomic_path
-from pushfit.data.recording import Recording
+from pushfit.data.records import Recording
 from pushfit.data.schedule import PushSchedule
 from pushfit.data.table import PeakTable
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward

@@ -17,11 +17,12 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.atomic import atomic_path
 from pushfit.data.columns import Origin
-from pushfit.data.recording import Source
+from pushfit.data.records import Source
 from pushfit.data.rows import read_rows
 from pushfit.data.table_rules import (
     CHANNELS,
     EXCLUDING_FLAGS,
+    LAYOUT,
     canonical_frame,
 )
 from pushfit.errors import ConfigError, DataError
@@ -228,6 +229,39 @@ class PeakTable:
         return float(np.sqrt(residuals @ residuals / dof)), dof
 
 
+def concatenate(tables: Sequence[PeakTable]) -> PeakTable:
+    """Put tables of one grasp under each other.
+
+    Args:
+        tables: At least one; all in one unit and with the same height channels.
+
+    Returns:
+        One table; pushes are numbered anew, and repeats of a direction that several
+        tables have counted on.
+
+    Raises:
+        DataError: Units or channels differ (`mixed_tables`).
+    """
+    if len(tables) == 1:
+        return tables[0]
+    kinds = {f"{', '.join(table.channels)} in {table.unit}" for table in tables}
+    if len(kinds) > 1:
+        raise DataError(
+            f"the tables have {' and '.join(sorted(kinds))}; tables of one grasp need "
+            "the same height channels in one unit",
+            code="mixed_tables",
+        )
+    together = pd.concat([table.frame for table in tables], ignore_index=True)
+    # A column that one table lacks, such as the sd, is known for no fit of them all.
+    together = together.dropna(axis="columns", how="any", subset=None)
+    together["push"] = np.arange(1, len(together) + 1)
+    return PeakTable.from_frame(
+        together.drop(columns="repeat"),
+        sources=tuple(source for table in tables for source in table.sources),
+        notes=tuple(dict.fromkeys(note for table in tables for note in table.notes)),
+    )
+
+
 def read_table(path: str | Path) -> PeakTable:
     """Read a table of peak heights, CSV or Parquet by its suffix.
 
@@ -245,8 +279,10 @@ def read_table(path: str | Path) -> PeakTable:
     file = Path(path)
     if file.suffix.lower() in _PARQUET:
         return _read_parquet(file)
-    rows = read_rows(path, kind="peak table")
-    return PeakTable.from_frame(rows.frame, origin=rows.origin, sources=(rows.source,))
+    rows = read_rows(path, texts=LAYOUT.texts)
+    return PeakTable.from_frame(
+        rows.frame, origin=rows.origin, sources=(rows.source,), notes=rows.notes
+    )
 
 
 def write_table(table: PeakTable, path: str | Path) -> None:
@@ -285,7 +321,7 @@ def _read_parquet(path: Path) -> PeakTable:
         raise _no_parquet(path) from error
     except (OSError, ValueError) as error:
         raise DataError(
-            f"{path}: cannot be read as Parquet: {error}; write it again or give the CSV",
+            f"{path}: cannot be read as Parquet: {error}; give the CSV",
             code="not_parquet",
         ) from error
     kept = json.loads(frame.attrs.pop("pushfit", "{}"))

@@ -137,7 +137,7 @@ def test_radians_under_a_degree_suffix_are_refused(tmp_path):
 
 def test_a_header_alone_is_an_empty_table(tmp_path):
     error = rejected(tmp_path, "theta_deg,alpha_deg,height_n\n")
-    assert error.code == "empty_table"
+    assert error.code == "no_rows"
     assert "0 data rows" in str(error)
 
 

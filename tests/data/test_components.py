@@ -1,0 +1,55 @@
+"""Force components: heights along and across the contact normal."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pushfit.data.peak_settings import PeakSettings
+from pushfit.data.peaks import extract_peaks
+from pushfit.data.simulate import THETA_SWEEP, Session, simulate_recording
+from pushfit.errors import ConfigError
+from pushfit.model import Grasp, Parameters
+
+PARAMS = Parameters(K_sn=800.0, K_dn=1500.0, K_st=400.0, C_rr=0.3, C_d=0.3, L=0.04)
+PRELOADED = Grasp(push_length=5e-3, preload=1.0)
+# 27 residuals exceed four standard deviations by chance once in 600 seeds.
+MAX_PULL = 4.5
+
+
+@pytest.fixture(scope="module")
+def made():
+    return simulate_recording(
+        PARAMS,
+        PRELOADED,
+        THETA_SWEEP,
+        session=Session(forces=True, noise=0.01),
+        rng=np.random.default_rng(0),
+    )
+
+
+@pytest.mark.parametrize("channel", ["height_normal", "height_tangential"])
+def test_components_are_the_true_ones(made, channel):
+    table = extract_peaks(
+        made.recording, THETA_SWEEP, settings=PeakSettings(normal="fz")
+    )
+    assert table.channels == ("height_normal", "height_tangential")
+    error = table.heights(channel) - np.asarray(getattr(made.truth, channel))
+    assert np.abs(error / table.sd(channel)).max() < MAX_PULL
+
+
+def test_a_normal_that_falls_on_pushing_is_turned(made):
+    channels = {**made.recording.channels, "fz": -made.recording.channels["fz"]}
+    turned = dataclasses.replace(made.recording, channels=channels)
+    plain = extract_peaks(
+        made.recording, THETA_SWEEP, settings=PeakSettings(normal="fz")
+    )
+    again = extract_peaks(turned, THETA_SWEEP, settings=PeakSettings(normal="-fz"))
+    np.testing.assert_allclose(
+        again.heights("height_normal"), plain.heights("height_normal"), rtol=1e-12
+    )
+
+
+def test_a_normal_that_is_not_there_is_refused(made):
+    with pytest.raises(ConfigError, match="fx, fy, fz"):
+        extract_peaks(made.recording, THETA_SWEEP, settings=PeakSettings(normal="f_n"))
