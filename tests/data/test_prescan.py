@@ -2,6 +2,7 @@
 
 import time
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -88,6 +89,20 @@ def test_what_pandas_gets_wrong_silently_is_right_or_refused(trap, write):
     np.testing.assert_array_equal(recording.time, [0.01, 0.02])
     np.testing.assert_array_equal(recording.channels["force"], [1.5, 1.6])
     assert naive.shape != (2, 2)
+
+
+@pytest.mark.parametrize("error", [-1, 1])
+def test_a_parser_that_finds_other_rows_than_the_scan_is_not_believed(
+    error, write, monkeypatch
+):
+    """The scan and pandas count rows independently; they must agree."""
+    scan = prescan.fast_scan
+    monkeypatch.setattr(
+        prescan, "fast_scan", lambda *a: replace(s := scan(*a), n_rows=s.n_rows + error)
+    )
+    with pytest.raises(DataError) as caught:
+        read_recording(write("time_s,force_n\n0,1\n0.01,2\n"))
+    assert caught.value.code == "unreadable"
 
 
 @pytest.mark.parametrize("block", [1, 2, 7, 64])

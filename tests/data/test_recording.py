@@ -446,6 +446,12 @@ def test_gaps_stay_missing_when_split(write):
     assert any("1 of 5 samples are missing (lines 5)" in n for n in recording.notes)
 
 
+@pytest.mark.parametrize("cell", ["", " ", "   ", ' ""', "nan", " NaN"])
+def test_a_cell_of_blanks_is_a_missing_sample(cell, write):
+    recording = read_recording(write(GOOD + f"0.03,{cell}\n"), gaps="split")
+    np.testing.assert_array_equal(recording.channels["pressure"], [*PRESSURE, np.nan])
+
+
 def test_short_gaps_are_filled_on_the_straight_line(write):
     recording = read_recording(write(GOOD + "0.03,\n0.05,0.3\n"), gaps="interpolate")
     # A third of the way from -0.3 at 0.02 s to 0.3 at 0.05 s.
