@@ -55,7 +55,11 @@ def goodness_of_fit(
         )
         if p is not None and p < LEVEL
     ]
-    if r_squared < MIN_R_SQUARED:
+    # Repeats or given standard deviations judge a fit better than its share of the
+    # variation, which is small for noisy heights of a perfect model too.
+    n_directions = np.unique(table.groups[rows]).size
+    has_no_other_judge = p_value is None and lack_of_fit is None
+    if r_squared < MIN_R_SQUARED and has_no_other_judge and n_directions > fit.n_free:
         failed.insert(0, f"it explains only {max(r_squared, 0):.0%} of the variation")
     return GoodnessOfFit(
         chi_square=fit.chi_square,

@@ -3,13 +3,18 @@
 Excluded: how the profile was computed.
 """
 
+import itertools
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import stats
 
 from pushfit.fit.results import LikelihoodProfile, Piece, Verdict
+
+# Two modes are told apart by a barrier of at least this much Δχ² above the level; the
+# hard switch puts lower ripples of no meaning on every profile.
+LOWEST_BARRIER = 0.3
 
 
 def threshold(prob: float, degrees_of_freedom: float) -> float:
@@ -42,7 +47,7 @@ def pieces_below(
         Pieces, ascending. An end is None where the set runs to the end of the grid or
         to values that are impossible: nothing measured bounds it there.
     """
-    is_inside = np.concatenate([[False], delta <= level, [False]])
+    is_inside = np.concatenate([[False], _without_ripples(delta, level), [False]])
     starts = np.flatnonzero(~is_inside[:-1] & is_inside[1:])
     stops = np.flatnonzero(is_inside[:-1] & ~is_inside[1:]) - 1
     # sqrt(Δχ²) is a straight line where the profile is a parabola.
@@ -57,6 +62,19 @@ def pieces_below(
     return tuple(
         (end(a, a - 1), end(b, b + 1)) for a, b in zip(starts, stops, strict=True)
     )
+
+
+def _without_ripples(
+    delta: Float[np.ndarray, " g"], level: float
+) -> Bool[np.ndarray, " g"]:
+    """Which values are inside, barriers too low to part two modes included."""
+    is_inside = delta <= level
+    edges = np.flatnonzero(np.diff(is_inside.astype(int)))
+    for i, j in itertools.pairwise(edges):
+        is_gap = is_inside[i] and is_inside[j + 1]
+        if is_gap and np.max(delta[i + 1 : j + 1]) < level + LOWEST_BARRIER:
+            is_inside[i + 1 : j + 1] = True
+    return is_inside
 
 
 def verdict_of(pieces: tuple[Piece, ...]) -> Verdict:

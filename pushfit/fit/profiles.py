@@ -30,9 +30,13 @@ AXIS_GRID = np.radians(np.arange(-90.0, 90.1, 5.0))
 # Distances from the modes at which logs are tried; 8 is a factor 3000 and stands for
 # the end of the range.
 LOG_OFFSETS = np.array([0.02, 0.06, 0.15, 0.3, 0.6, 1.0, 1.6, 2.4, 3.5, 5.0, 8.0])
+# The ellipse is reported by its axis; L is bounded by its prior alone.
+UNPROFILED = ("f1", "f2", "ln_L")
 # Rounds of secant steps towards each end of a set, and the share of the threshold to
 # which Δχ² meets it there.
 N_ROUNDS, LEVEL_TOLERANCE = 6, 2e-3
+# A bad point is mended from its neighbours, and two bad neighbours by the next sweep.
+N_SWEEPS = 2
 # Values added inside each piece, for other levels and for figures.
 N_FILL = 9
 
@@ -138,9 +142,8 @@ def _curves(
     modes = np.array([list(mode.coordinates.values()) for mode in fit.modes])
     pool = np.concatenate([starting_points(problem), modes[:1]])
     solver = ConstrainedFit(problem, jnp.asarray(pool), reference_alpha)
-    at_modes = {
-        name: _values_at(solver, name, modes) for name in solver.quantities
-    }
+    wanted = [name for name in solver.quantities if name not in UNPROFILED]
+    at_modes = {name: _values_at(solver, name, modes) for name in wanted}
     costs = np.array([mode.chi_square for mode in fit.modes])
     grids = {name: _grid(problem, name, v) for name, v in at_modes.items()}
     curves = _solved(solver, grids, None)
@@ -153,13 +156,15 @@ def _curves(
             chi_square=costs[known][order],
         )
         curves[name] = curves[name].joined(exact)
+    for _ in range(N_SWEEPS):
+        curves = _swept(solver, curves)
     for _ in range(N_ROUNDS):
         requests = {n: _secants(curve, level) for n, curve in curves.items()}
         if not any(r.size for r in requests.values()):
             break
         curves = _refined(solver, curves, requests)
     fill = {name: _filling(curve, level) for name, curve in curves.items()}
-    return _refined(solver, curves, fill)
+    return _swept(solver, _refined(solver, curves, fill))
 
 
 def _values_at(
@@ -193,8 +198,6 @@ def _grid(
     if name == "alpha_star":
         return AXIS_GRID
     low, high = np.min(at_modes), np.max(at_modes)
-    if name in ("f1", "f2"):
-        return np.linspace(low - 3, high + 3, 2 * LOG_OFFSETS.size)
     between = np.linspace(low, high, LOG_OFFSETS.size)
     return np.unique(np.r_[low - LOG_OFFSETS, between, high + LOG_OFFSETS])
 
@@ -236,6 +239,22 @@ def _refined(
         return dict(curves)
     added = _solved(solver, requests, np.concatenate(starts))
     return {name: curve.joined(added[name]) for name, curve in curves.items()}
+
+
+def _swept(solver: ConstrainedFit, curves: Mapping[str, Curve]) -> dict[str, Curve]:
+    """Curves whose every value was tried again from the solutions on either side.
+
+    On the kinks of the hard switch a solver may stop early; left alone, such a point
+    would cut a set in two.
+    """
+    starts = []
+    for curve in curves.values():
+        left = np.concatenate([curve.points[:1], curve.points[:-1]])
+        right = np.concatenate([curve.points[1:], curve.points[-1:]])
+        starts.append(np.stack([left, right, (left + right) / 2], axis=1))
+    requests = {name: curve.values for name, curve in curves.items()}
+    again = _solved(solver, requests, np.concatenate(starts))
+    return {name: curve.joined(again[name]) for name, curve in curves.items()}
 
 
 def _secants(curve: Curve, level: float) -> Float[np.ndarray, " k"]:

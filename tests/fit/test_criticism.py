@@ -13,11 +13,11 @@ SIGMA = 0.1
 THETA_DEG = np.repeat(np.linspace(5.0, 85.0, 17), 3)
 
 
-def criticise(predicted, observed, *, kind="given"):
+def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG):
     """Goodness of fit of a prediction, taken as a fit with three coordinates."""
     table = PeakTable.from_arrays(
-        theta=np.radians(THETA_DEG),
-        alpha=np.zeros(THETA_DEG.size),
+        theta=np.radians(theta_deg),
+        alpha=np.zeros(theta_deg.size),
         heights={"height": observed},
         unit="n",
     )
@@ -89,9 +89,22 @@ def test_a_missed_trend_is_faulted(kind):
 
 def test_heights_that_the_model_does_not_explain_are_called_so():
     observed = np.random.default_rng(4).normal(2.0, 1.0, THETA_DEG.size)
-    found = criticise(np.full(THETA_DEG.size, 2.0), observed, kind="sampled")
+    flat = np.full(THETA_DEG.size, 2.0)
+    once = np.linspace(5.0, 85.0, THETA_DEG.size)
+    found = criticise(flat, observed, kind="sampled", theta_deg=once)
     assert found.r_squared < 0.1
     assert "does not describe" in found.sentence
+
+
+def test_repeats_of_one_direction_do_not_fault_the_model():
+    """Heights that vary by noise alone leave nothing to explain."""
+    same = np.full(THETA_DEG.size, 30.0)
+    observed = noisy(6, np.full(THETA_DEG.size, 2.0))
+    found = criticise(
+        np.full(THETA_DEG.size, 2.0), observed, kind="sampled", theta_deg=same
+    )
+    assert found.r_squared < 0.1
+    assert found.is_adequate
 
 
 def test_an_outlying_push_is_named():

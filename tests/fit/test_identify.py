@@ -1,0 +1,187 @@
+"""Whole identifications: what may be said is said, and nothing more."""
+
+import numpy as np
+import pytest
+
+from pushfit.config import parse_config
+from pushfit.data.table import read_table
+from pushfit.errors import ConfigError, DataError
+from pushfit.fit.identify import fit_table, identify_table
+from pushfit.fit.results import FitStatus, Verdict
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+LOW_DEG = np.arange(5.0, 61.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def determined():
+    table = case_table(CASES["firm"], noise=0.03, seed=1)
+    return identify_table(table, config(), seed=1, engine="exact")
+
+
+@pytest.fixture(scope="module")
+def one_sided():
+    """θ_c = 72° and no push above 60°."""
+    table = case_table(CASES["one_sided"], noise=0.03, theta_deg=LOW_DEG)
+    return identify_table(table, config(), seed=1, engine="exact")
+
+
+def warning_codes(result) -> set[str]:
+    return {warning.code for warning in result.warnings}
+
+
+def test_a_determined_angle_has_an_interval_that_holds_the_truth(determined):
+    theta_c = determined.theta_c
+    assert determined.status is FitStatus.OK
+    assert theta_c.verdict is Verdict.DETERMINED
+    low, high = theta_c.interval
+    assert low < CASES["firm"].critical_angle_deg < high
+    assert low < theta_c.estimate < high
+    assert len(theta_c.sets) == len(theta_c.likelihood_sets) == 1
+
+
+def test_combinations_are_determined_and_single_stiffnesses_are_not(determined):
+    case = CASES["firm"]
+    for quantity, truth in zip(determined.combinations, (case.A, case.B), strict=True):
+        low, high = quantity.interval
+        assert quantity.verdict is Verdict.DETERMINED
+        assert low < truth < high
+    by_name = {quantity.name: quantity for quantity in determined.parameters}
+    assert by_name["C_rr"].verdict is Verdict.LEARNED
+    assert by_name["L"].verdict is Verdict.ASSUMED
+    for name in ("K_sn", "K_dn", "K_st", "C_d"):
+        assert by_name[name].verdict in (Verdict.PARTLY, Verdict.ASSUMED)
+
+
+def test_heights_fix_three_directions_of_six(determined):
+    """The rank of the Jacobian on the table's own pushes is that of (A, B, C_rr)."""
+    found = determined.identifiability
+    assert (found.rank, found.n_parameters) == (3, 6)
+    assert [c.is_determined for c in found.combinations] == [True] * 3 + [False] * 3
+    assert all("L" not in c.formula.split(" · ")[0] for c in found.combinations[:1])
+
+
+def test_one_azimuth_gives_no_direction(determined):
+    assert determined.alpha_star.verdict is Verdict.NOT_DETERMINED
+    assert determined.alpha_star.estimate is None
+    assert determined.alpha_star_model_free is None
+
+
+def test_a_one_sided_angle_is_a_bound_without_a_number(one_sided):
+    theta_c = one_sided.theta_c
+    assert theta_c.verdict is Verdict.ONE_SIDED
+    assert theta_c.estimate is None
+    assert theta_c.interval is None
+    low, high = theta_c.sets[-1]
+    assert high is None
+    assert low < CASES["one_sided"].critical_angle_deg
+    assert "theta_c_one_sided" in warning_codes(one_sided)
+
+
+def test_the_push_that_would_help_lies_beyond_those_made(one_sided):
+    first = one_sided.identifiability.advice[0]
+    assert "One more push at θ = " in first
+    assert float(first.split("θ = ")[1].split("°")[0]) > LOW_DEG.max()
+
+
+def test_bands_hold_the_noise_free_curve(determined):
+    """At the table's own angles the 90 % band holds most of the true heights."""
+    (band,) = determined.bands
+    table = case_table(CASES["firm"])
+    truth = np.interp(
+        band.angle_deg, table.frame["theta_deg"][::3], table.heights("height")[::3]
+    )
+    inside = (band.lower <= truth) & (truth <= band.upper)
+    within = (band.angle_deg > 6) & (band.angle_deg < 84)
+    # The curve has three free numbers: it leaves its band together or not at all.
+    assert inside[within].mean() > 0.5
+    assert np.all(band.lower <= band.median)
+    assert np.all(band.median <= band.upper)
+
+
+def test_components_determine_what_a_magnitude_does_not():
+    text = '[noise]\nsigma = "given"\n'
+    widths = []
+    for channels in (("height",), ("height_normal", "height_tangential")):
+        table = case_table(
+            CASES["blind_magnitude"], noise=0.05, seed=2, channels=channels
+        )
+        result = identify_table(table, config(text), seed=0, engine="exact")
+        low, high = result.theta_c.likelihood_sets[-1]
+        widths.append((90.0 if high is None else high) - (low or 0.0))
+    assert widths[1] < widths[0] / 3
+
+
+def test_an_unknown_push_length_quotes_no_stiffness():
+    table = case_table(CASES["firm"], noise=0.03, seed=1)
+    settings = parse_config("[push]\nlength_known = false\n", path="grasp.toml")
+    result = identify_table(table, settings, seed=1, engine="exact")
+    assert "push_length_unknown" in warning_codes(result)
+    quoted = {q.name: q for q in (*result.parameters, *result.combinations)}
+    for name in ("K_sn", "K_dn", "K_st", "C_d", "A", "B"):
+        assert quoted[name].estimate is None
+        assert quoted[name].interval is None
+        assert quoted[name].likelihood_sets == ()
+    assert quoted["C_rr"].estimate is not None
+
+
+def test_pushes_that_lift_the_finger_off_are_left_out():
+    """A S_p sin 60° exceeds a preload of 1 N downwards."""
+    case = CASES["preload"]
+    table = case_table(case, noise=0.02, theta_deg=np.arange(-60.0, 61.0, 10.0))
+    settings = config(f"[grasp]\npreload_n = {float(case.grasp.preload)!r}\n")
+    fitted = fit_table(table, settings)
+    lifted = np.radians(-60.0)
+    A = case.A * 0.005
+    is_lost = float(case.grasp.preload) + A * np.sin(fitted.table.theta) < 0
+    assert float(case.grasp.preload) + A * np.sin(lifted) < 0
+    np.testing.assert_array_equal(~fitted.table.is_used, is_lost)
+    assert {notice.code for notice in fitted.notices} >= {"lost_contact"}
+
+
+def test_standard_deviations_that_repeats_contradict_are_widened():
+    table = case_table(CASES["firm"], noise=0.05, seed=3)
+    frame = table.frame.assign(height_sd_n=0.005)
+    fitted = fit_table(type(table).from_frame(frame), config())
+    assert "sd_contradicted" in {notice.code for notice in fitted.notices}
+    # 48 degrees of freedom: sigma is known to 10 %; four of them.
+    np.testing.assert_allclose(np.median(fitted.fit.sigma), 0.05, rtol=0.4)
+
+
+def test_scatter_beyond_the_stated_sd_widens_every_interval():
+    table = case_table(CASES["firm"], noise=0.05, seed=3, repeats=1)
+    frame = table.frame.assign(height_sd_n=0.005)
+    fitted = fit_table(type(table).from_frame(frame), config())
+    assert "scatter_exceeds_sd" in {notice.code for notice in fitted.notices}
+    assert np.median(fitted.fit.sigma) > 0.025
+
+
+def test_a_fixed_value_that_the_heights_contradict_is_named():
+    table = case_table(CASES["firm"], noise=0.03)
+    fitted = fit_table(table, config("[parameters.K_sn]\nfixed = 300.0\n"))
+    codes = {notice.code for notice in fitted.notices}
+    assert "fixed_value_contradicted" in codes
+
+
+def test_a_table_without_a_usable_push_is_refused():
+    table = case_table(CASES["firm"], repeats=1)
+    flagged = table.with_flag(range(table.n_pushes), "saturated")
+    with pytest.raises(DataError, match="17 pushes are flagged"):
+        fit_table(flagged, config())
+
+
+def test_an_unknown_engine_is_refused():
+    table = case_table(CASES["firm"], noise=0.03)
+    with pytest.raises(ConfigError, match="nuts"):
+        identify_table(table, config(), seed=0, engine="nuts")
+
+
+@pytest.mark.slow
+def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data):
+    table = read_table(real_data / "probing" / "probingRAL2018_T1_height_table.csv")
+    settings = parse_config("[push]\nlength_mm = 2.0\n", path="grasp.toml")
+    result = identify_table(table, settings, seed=0)
+    assert not result.goodness_of_fit.is_adequate
+    assert result.goodness_of_fit.r_squared < 0.5
+    assert "model_inadequate" in warning_codes(result)
