@@ -6,14 +6,9 @@ Text and page lay out the same rows, so that neither says more than the other.
 import numpy as np
 
 from pushfit.fit.results import Identification, Quantity, Verdict
-from pushfit.report.answers import (
-    alpha_star_answer,
-    is_trusted,
-    pieces_for,
-    quoted,
-    theta_c_answer,
-)
+from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
+from pushfit.report.quoting import is_trusted, pieces_for, quoted
 from pushfit.report.strings import (
     format_angle,
     format_number,

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from pushfit.fit.results import Identification, Verdict
-from pushfit.report.answers import STIFFNESSES, is_trusted, quoted
+from pushfit.report.quoting import STIFFNESSES, is_trusted, quoted
 
 # Weaker correlations change no reading of the intervals.
 MIN_CORRELATION = 0.3

@@ -17,7 +17,7 @@ import numpy as np
 
 from pushfit.errors import ConfigError
 from pushfit.fit.results import FitStatus, Identification, Quantity
-from pushfit.report.answers import alpha_star_answer, quoted, theta_c_answer
+from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (
     angle_rows,
     cannot_say,
@@ -25,8 +25,10 @@ from pushfit.report.facts import (
     fit_rows,
     quantity_cells,
 )
-from pushfit.report.figures.identification import figure_files, main_figure
+from pushfit.report.figures.identification import figure_files
+from pushfit.report.figures.main import main_figure
 from pushfit.report.figures.style import figure_bytes
+from pushfit.report.quoting import quoted
 from pushfit.report.strings import SYMBOLS, printable, symbol
 
 if TYPE_CHECKING:

@@ -19,12 +19,9 @@ from pushfit.fit.results import (
     PosteriorResult,
     Quantity,
 )
-from pushfit.report.answers import (
-    alpha_star_answer,
-    quoted,
-    theta_c_answer,
-)
+from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
+from pushfit.report.quoting import quoted
 
 SCHEMA = "pushfit.summary/1"
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from pushfit.fit.results import FitStatus, Identification, Quantity
-from pushfit.report.answers import alpha_star_answer, quoted, theta_c_answer
+from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (
     angle_rows,
     cannot_say,
@@ -20,6 +20,7 @@ from pushfit.report.facts import (
     fit_rows,
     quantity_cells,
 )
+from pushfit.report.quoting import quoted
 from pushfit.report.strings import printable, symbol
 
 # The narrowest terminal, and the narrowest last column of a table; a table that leaves

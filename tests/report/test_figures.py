@@ -22,7 +22,7 @@ from pushfit.report.figures import (
 )
 from pushfit.report.figures.diagnostics import autocorrelation
 from pushfit.report.figures.direction import ellipse_points
-from pushfit.report.figures.identification import sweep_figures, sweeps_of
+from pushfit.report.figures.main import sweep_figures, sweeps_of
 from pushfit.report.figures.recording import MAX_POINTS, envelope
 from pushfit.report.figures.style import SERIES, figure_bytes
 

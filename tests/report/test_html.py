@@ -10,7 +10,7 @@ import pytest
 from pushfit.report import html as html_module
 from pushfit.report.figures import figure_bytes, main_figure
 from pushfit.report.html import letters, render_html
-from tests.report.conftest import HOSTILE
+from tests.report.makers import HOSTILE
 
 ALLOWED = frozenset(
     "html head meta title style body header main section h1 h2 h3 p div span strong "

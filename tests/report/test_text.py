@@ -11,7 +11,7 @@ from pushfit.fit.results import FitStatus, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations, parameters_frame
 from pushfit.report.text import render_text, sentence_alpha_star, sentence_theta_c
-from tests.report.conftest import make_angle
+from tests.report.makers import make_angle
 
 # "40° to 42°" or "± 2": what must not stand where nothing is determined.
 INTERVAL = re.compile(r"±|\d°? to \d")

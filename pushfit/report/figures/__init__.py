@@ -2,9 +2,10 @@
 
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.direction import Ellipses, ellipse_figure
-from pushfit.report.figures.identification import all_figures, figure_files, main_figure
+from pushfit.report.figures.identification import all_figures, figure_files
+from pushfit.report.figures.main import main_figure
+from pushfit.report.figures.pairs import corner_figure
 from pushfit.report.figures.posterior import (
-    corner_figure,
     learned_figure,
     quantity_figure,
 )

@@ -14,156 +14,30 @@ from pushfit.fit.profile_sets import threshold
 from pushfit.fit.results import FitStatus, Identification, Quantity, Verdict
 from pushfit.report.answers import (
     HALF_TURN,
-    STIFFNESSES,
     Answer,
-    Pieces,
     alpha_star_answer,
-    is_trusted,
-    quoted,
     theta_c_answer,
 )
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.direction import Ellipses, ellipse_figure
+from pushfit.report.figures.main import (
+    main_figure,
+    marker_of,
+    sweep_figures,
+    within_half_turn,
+)
+from pushfit.report.figures.pairs import corner_figure
 from pushfit.report.figures.posterior import (
-    corner_figure,
     learned_figure,
     quantity_figure,
 )
-from pushfit.report.figures.style import COLUMN, figure_bytes, new_figure, styled
-from pushfit.report.figures.sweeps import (
-    Marker,
-    Sweep,
-    alpha_figure,
-    draw_panel,
-    theta_figure,
-)
+from pushfit.report.figures.style import figure_bytes
+from pushfit.report.quoting import STIFFNESSES, is_trusted, quoted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Fewer directions than this are no sweep.
-MIN_DIRECTIONS = 3
 INFORMED = frozenset({Verdict.LEARNED, Verdict.PARTLY, Verdict.DETERMINED})
-OTHER = {"theta": "alpha", "alpha": "theta"}
-
-
-def sweeps_of(identification: Identification, swept: str, channel: str) -> list[Sweep]:
-    """Measured and predicted heights along one angle, one entry per other angle.
-
-    Args:
-        identification: The result.
-        swept: "theta" or "alpha".
-        channel: Height channel.
-
-    Returns:
-        Sweeps of at least three directions, by the other angle.
-    """
-    frame = identification.table.frame
-    angle = frame[f"{swept}_deg"].to_numpy(dtype=float)
-    other = frame[f"{OTHER[swept]}_deg"].to_numpy(dtype=float).round(3)
-    return [
-        _sweep(identification, swept, channel=channel, rows=rows)
-        for rows in (np.flatnonzero(other == value) for value in np.unique(other))
-        if np.unique(angle[rows].round(3)).size >= MIN_DIRECTIONS
-    ]
-
-
-def _sweep(
-    identification: Identification, swept: str, *, channel: str, rows: np.ndarray
-) -> Sweep:
-    """The pushes of some rows with the prediction that belongs to them."""
-    table, frame = identification.table, identification.table.frame
-    fixed = float(frame[f"{OTHER[swept]}_deg"].iloc[rows[0]])
-    band = next(
-        (
-            band
-            for band in identification.bands
-            if (band.swept, band.channel) == (swept, channel)
-            and abs(band.fixed_deg - fixed) < 1e-2
-        ),
-        None,
-    )
-    sd = table.sd(channel)
-    has_fit = band is not None and identification.fit.status is FitStatus.OK
-    # A band of an unconverged posterior would be an interval in disguise.
-    has_band = has_fit and is_trusted(identification)
-    return Sweep(
-        fixed_deg=fixed,
-        angle_deg=frame[f"{swept}_deg"].to_numpy(dtype=float)[rows],
-        height=table.heights(channel)[rows],
-        sd=np.full(rows.size, np.nan) if sd is None else sd[rows],
-        is_used=identification.used[rows],
-        grid_deg=band.angle_deg if band and has_fit else np.empty(0),
-        best_fit=band.best_fit if band and has_fit else np.empty(0),
-        lower=band.lower if band and has_band else np.empty(0),
-        upper=band.upper if band and has_band else np.empty(0),
-    )
-
-
-def marker_of(answer: Answer) -> Marker:
-    """What figures mark of an answer.
-
-    Args:
-        answer: θ_c or α*.
-    """
-    pieces = answer.pieces
-    if answer.name == "alpha_star":
-        pieces = _within_half_turn(pieces)
-    return Marker(
-        name=answer.name, estimates=answer.values, pieces=pieces, text=answer.short
-    )
-
-
-def _within_half_turn(pieces: Pieces) -> Pieces:
-    """Pieces of an axis moved into [0, 180], those across the end cut there."""
-    cut = []
-    for low, high in pieces:
-        if low is None or high is None:
-            cut.append((low, high))
-            continue
-        start = low % HALF_TURN
-        end = start + high - low
-        cut.append((start, min(end, HALF_TURN)))
-        if end > HALF_TURN:
-            cut.append((0.0, end - HALF_TURN))
-    return tuple(cut)
-
-
-@styled
-def main_figure(
-    identification: Identification, *, is_stacked: bool = False
-) -> "Figure":
-    """Heights against elevation and against azimuth, with both answers marked.
-
-    Args:
-        identification: The result.
-        is_stacked: Panels below each other, for a narrow page.
-    """
-    answers = {
-        "theta": theta_c_answer(identification),
-        "alpha": alpha_star_answer(identification),
-    }
-    channels = identification.table.channels
-    swept = [s for s in answers if sweeps_of(identification, s, channels[0])]
-    swept = swept or ["theta"]
-    panels = [(channel, angle) for channel in channels for angle in swept]
-    n_columns = 1 if is_stacked else len(swept)
-    n_rows = len(panels) // n_columns
-    # One panel alone, or a stack, may be as wide as a column and a half.
-    width = 1.25 * COLUMN if is_stacked else COLUMN * max(1.5, n_columns) + 0.4
-    figure = new_figure(width=width, height=3.2 * n_rows)
-    grid = figure.subplots(n_rows, n_columns, squeeze=False)
-    for axes, (channel, angle) in zip(grid.flat, panels, strict=True):
-        draw_panel(
-            axes,
-            sweeps_of(identification, angle, channel),
-            swept=angle,
-            channel=channel,
-            unit=identification.table.unit,
-            marker=marker_of(answers[angle]),
-            prob=_band_prob(identification),
-        )
-    return figure
 
 
 def all_figures(identification: Identification) -> dict[str, "Figure"]:
@@ -208,37 +82,6 @@ def figure_files(identification: Identification) -> dict[str, bytes]:
         for suffix in ("png", "svg"):
             files[f"{name}.{suffix}"] = figure_bytes(figure, suffix)
     return files
-
-
-def sweep_figures(identification: Identification) -> dict[str, "Figure"]:
-    """Heights against each angle that was swept, one figure per channel.
-
-    Args:
-        identification: The result.
-    """
-    figures, table = {}, identification.table
-    options = {"unit": table.unit, "prob": _band_prob(identification)}
-    for channel in table.channels:
-        suffix = channel.removeprefix("height")
-        thetas = sweeps_of(identification, "theta", channel)
-        if thetas:
-            marker = marker_of(theta_c_answer(identification))
-            figures[f"theta{suffix}"] = theta_figure(
-                thetas, channel=channel, theta_c=marker, **options
-            )
-        alphas = sweeps_of(identification, "alpha", channel)
-        if alphas:
-            marker = marker_of(alpha_star_answer(identification))
-            figures[f"alpha{suffix}"] = alpha_figure(
-                alphas, channel=channel, alpha_star=marker, **options
-            )
-    return figures
-
-
-def _band_prob(identification: Identification) -> float:
-    """Probability of the bands."""
-    bands = identification.bands
-    return bands[0].prob if bands else identification.theta_c.prob
 
 
 def _posterior_figures(identification: Identification) -> dict[str, "Figure"]:
@@ -293,7 +136,7 @@ def _angle(
     if answer.name == "alpha_star":
         # Draws, profile and sets of an axis may each start at another azimuth.
         draws, prior, modes = draws % HALF_TURN, prior % HALF_TURN, []
-        pieces = _within_half_turn(pieces)
+        pieces = within_half_turn(pieces)
         if curve is not None:
             values = curve[0] % HALF_TURN
             order = np.argsort(values)

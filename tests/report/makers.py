@@ -1,0 +1,244 @@
+"""Parts of hand-made results: a table, its fit, its posterior, its quantities."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pushfit.data.recording import Source
+from pushfit.data.table import PeakTable
+from pushfit.fit.results import (
+    Band,
+    Diagnostics,
+    FitResult,
+    FitStatus,
+    Mode,
+    PosteriorResult,
+    Quantity,
+    Verdict,
+)
+
+PUSH_LENGTH = 0.005
+TRUTH = {
+    "K_sn": 800.0,
+    "K_dn": 1486.0,
+    "K_st": 400.0,
+    "C_rr": 0.3,
+    "C_d": 0.152,
+    "L": 0.04,
+}
+A, B = 520.0, 77.0
+N_DRAWS = 2000
+HOSTILE = "<script>alert(1)</script>\x1b[31m\u202e'\"&{{7*7}}$\\frac$\n../x"
+
+
+def heights(theta_deg, alpha_deg):
+    """Linear, hard switch, soft axis at 65°: written out by hand on purpose."""
+    theta, alpha = np.radians(theta_deg), np.radians(alpha_deg)
+    tangential = B * (1 - 0.4 * np.cos(2 * (alpha - np.radians(65.0))))
+    rolled = A * TRUTH["C_rr"] * np.sin(theta)
+    force = np.minimum(tangential * np.cos(theta), rolled)
+    return PUSH_LENGTH * np.hypot(force, A * np.sin(theta))
+
+
+def make_table(*, with_alpha: bool) -> PeakTable:
+    """17 elevations x 3 repeats at 90°, and 6 azimuths x 3 at 60°."""
+    theta = np.repeat(np.arange(5.0, 86.0, 5.0), 3)
+    alpha = np.full(theta.size, 90.0)
+    if with_alpha:
+        theta = np.append(theta, np.full(18, 60.0))
+        alpha = np.append(alpha, np.repeat(np.arange(0.0, 151.0, 30.0), 3))
+    clean = heights(theta, alpha)
+    noise = np.random.default_rng(7).normal(size=theta.size)
+    flags = [""] * theta.size
+    flags[4] = "saturated"
+    table = PeakTable.from_arrays(
+        theta=np.radians(theta),
+        alpha=np.radians(alpha),
+        heights={"height": clean * (1 + 0.03 * noise)},
+        sd={"height": 0.03 * clean},
+        unit="n",
+        flags=tuple(flags),
+    )
+    source = Source(path="theta_sweep.csv", sha256="ab" * 32, dialect="peak table, csv")
+    return replace(table, sources=(source,), notes=("one push is saturated",))
+
+
+def make_quantity(name: str, estimate: float, **changes: object) -> Quantity:
+    """A learned quantity with a 5 % posterior."""
+    interval = (0.92 * estimate, 1.08 * estimate)
+    base = Quantity(
+        name=name,
+        unit="1",
+        estimate=estimate,
+        interval=interval,
+        prob=0.9,
+        sets=(interval,),
+        likelihood_sets=(interval,),
+        verdict=Verdict.LEARNED,
+        contraction=0.97,
+        note="lognormal prior",
+    )
+    return replace(base, **changes)
+
+
+def make_angle(name: str, estimate: float | None, **changes: object) -> Quantity:
+    """An angle, determined to two degrees unless changed."""
+    interval = None if estimate is None else (estimate - 2.0, estimate + 2.0)
+    sets = () if interval is None else (interval,)
+    base = Quantity(
+        name=name,
+        unit="deg",
+        estimate=estimate,
+        interval=interval,
+        prob=0.9,
+        sets=sets,
+        likelihood_sets=sets,
+        verdict=Verdict.DETERMINED,
+        contraction=None,
+        note="",
+    )
+    return replace(base, **changes)
+
+
+def make_bands(table: PeakTable) -> tuple[Band, ...]:
+    """One band per sweep, 3 % wide."""
+    frame = table.frame
+    bands = []
+    for swept, other, fixed in (
+        ("theta", "alpha", 90.0),
+        ("alpha", "theta", 60.0),
+    ):
+        rows = np.flatnonzero(frame[f"{other}_deg"].round(9) == fixed)
+        angles = frame[f"{swept}_deg"].to_numpy()[rows]
+        if np.unique(angles).size < 3:
+            continue
+        grid = np.linspace(angles.min(), angles.max(), 60)
+        rest = np.full(grid.size, fixed)
+        pair = (grid, rest) if swept == "theta" else (rest, grid)
+        middle = heights(*pair)
+        bands.append(
+            Band(
+                channel="height",
+                swept=swept,
+                fixed_deg=fixed,
+                angle_deg=grid,
+                lower=0.97 * middle,
+                median=middle,
+                upper=1.03 * middle,
+                best_fit=middle,
+                prob=0.9,
+                rows=tuple(int(row) for row in rows),
+            )
+        )
+    return tuple(bands)
+
+
+def make_posterior(*, with_alpha: bool) -> PosteriorResult:
+    """Lognormal draws about the truth, priors ten times wider; a small chain."""
+    rng = np.random.default_rng(3)
+    values = TRUTH | {"A": A, "B": B}
+    samples, prior = {}, {}
+    for name, value in values.items():
+        samples[name] = value * np.exp(0.05 * rng.normal(size=N_DRAWS))
+        prior[name] = value * np.exp(0.5 * rng.normal(size=N_DRAWS))
+    # The data fix A, so that the two stiffnesses in series move against each other.
+    samples["K_dn"] = 1 / (1 / samples["A"] - 1 / samples["K_sn"])
+    samples["theta_c"] = rng.normal(40.0, 1.2, N_DRAWS)
+    prior["theta_c"] = rng.uniform(0.0, 90.0, N_DRAWS)
+    if with_alpha:
+        for name, mean in {"e1": -0.9, "e2": -1.1, "f1": -0.7, "f2": -0.8}.items():
+            samples[name] = rng.normal(mean, 0.1, N_DRAWS)
+            prior[name] = rng.normal(0.0, 0.5, N_DRAWS)
+        samples["alpha_star"] = rng.normal(65.0, 1.2, N_DRAWS)
+        prior["alpha_star"] = rng.uniform(0.0, 180.0, N_DRAWS)
+    names = ("ln_A", "ln_B", "ln_C_rr")
+    return PosteriorResult(
+        samples=samples,
+        prior_samples=prior,
+        log_prob=-0.5 * rng.chisquare(3, N_DRAWS),
+        chain=rng.normal(size=(2, 50, 8, 3)),
+        chain_names=names,
+        thin=2,
+        engine="emcee",
+        diagnostics=Diagnostics(
+            autocorr_time=dict.fromkeys(names, 23.0),
+            ess=dict.fromkeys(names, 3400.0),
+            rhat=dict.fromkeys(names, 1.002),
+            acceptance_fraction=np.full((2, 8), 0.31),
+            n_steps=100,
+            n_ensembles=2,
+            n_walkers=8,
+            problems=(),
+        ),
+        log_evidence=None,
+        log_evidence_error=None,
+        seed=11,
+        status=FitStatus.OK,
+    )
+
+
+def make_fit(table: PeakTable) -> FitResult:
+    """The truth as the best fit, with one optimum."""
+    used = np.flatnonzero(table.is_used)
+    predicted = heights(np.degrees(table.theta), np.degrees(table.alpha))[used]
+    sigma = table.sd("height")[used]
+    chi_square = float(
+        np.sum(((table.heights("height")[used] - predicted) / sigma) ** 2)
+    )
+    covariance = np.diag([1e-4, 4e-3, 2e-3])
+    return FitResult(
+        names=("ln_A", "ln_B", "ln_C_rr"),
+        estimate=np.log([A, B, TRUTH["C_rr"]]),
+        covariance=covariance,
+        jacobian=np.ones((used.size, 3)),
+        singular_values=np.array([90.0, 16.0, 4.0]),
+        modes=(
+            Mode(
+                coordinates={"ln_A": np.log(A)}, theta_c_deg=40.1, chi_square=chi_square
+            ),
+        ),
+        chi_square=chi_square,
+        n_data=used.size,
+        n_free=3,
+        sigma=sigma,
+        predicted=predicted,
+        channel=("height",) * used.size,
+        row=tuple(int(row) for row in used),
+        status=FitStatus.OK,
+    )
+
+
+def make_parameters(*, with_alpha: bool) -> tuple[Quantity, ...]:
+    """The six: C_rr learned, L fixed, the rest leaning on their priors."""
+    assumed = {"verdict": Verdict.ASSUMED, "contraction": 0.08}
+    parameters = [
+        make_quantity("K_sn", 800.0, unit="N/m", interval=(500.0, 1300.0), **assumed),
+        make_quantity(
+            "K_dn",
+            1486.0,
+            unit="N/m",
+            interval=(1210.0, 2034.0),
+            verdict=Verdict.PARTLY,
+            contraction=0.55,
+        ),
+        make_quantity("K_st", 400.0, unit="N/m", interval=(180.0, 900.0), **assumed),
+        make_quantity("C_rr", 0.3),
+        make_quantity("C_d", 0.152, unit="N·m/rad", interval=(0.061, 0.402), **assumed),
+        make_quantity(
+            "L",
+            0.04,
+            unit="m",
+            interval=None,
+            sets=(),
+            likelihood_sets=(),
+            verdict=Verdict.FIXED,
+            contraction=None,
+            note="fixed by the configuration",
+        ),
+    ]
+    if with_alpha:
+        parameters += [
+            make_quantity(name, mean, interval=(mean - 0.2, mean + 0.2))
+            for name, mean in (("e1", -0.9), ("e2", -1.1))
+        ]
+    return tuple(parameters)
