@@ -23,6 +23,7 @@ from pushfit.fit.quadrature import Cells, cell_nodes, draw_from_nodes
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
 from pushfit.fit.scan import is_linear
 from pushfit.fit.setup import Setup
+from pushfit.fit.starts import encode, prior_x_samples
 
 # Relative error of the evidence that stops refinement: far below what 10^6 draws show.
 RTOL = 1e-6
@@ -69,6 +70,8 @@ def why_not_exact(problem: Problem) -> str | None:
     Returns:
         The reason in words; None where it applies.
     """
+    if not problem.names:
+        return "every parameter is fixed, so nothing is left to infer"
     if problem.grasp.mechanics != "linear":
         return f"{problem.grasp.mechanics} mechanics depend on more than A, B and C_rr"
     if "f1" in problem.data_names:
@@ -111,7 +114,7 @@ def exact_posterior(
     grid = exact_grid(setup, fit, rtol=rtol)
     rng = np.random.default_rng(seed)
     x = draw(grid, n_draws, rng)
-    x_prior = prior_draws(problem, N_PRIOR_DRAWS, rng)
+    x_prior = prior_x_samples(problem, rng, N_PRIOR_DRAWS)
     is_settled = np.isfinite(grid.log_evidence) and grid.log_evidence_error < 0.01
     return PosteriorResult(
         samples=samples_mapping(problem, x, reference_alpha, reach),
@@ -214,9 +217,9 @@ def _cells(
     nodes = cell_nodes(lower, upper)
     values, errors = [], []
     for part, rows in _chunks(nodes.size):
-        value, error = _marginal(integrand, axis.points(nodes.ravel()[rows]))
-        values.append(np.asarray(value)[part])
-        errors.append(np.asarray(error)[part])
+        inner = _over_C(integrand, axis.points(nodes.ravel()[rows]))
+        values.append(np.asarray(inner.log_integral)[part])
+        errors.append(np.asarray(inner.error)[part])
     return Cells(
         lower=lower,
         upper=upper,
@@ -267,7 +270,7 @@ def draw(
         uniform = rng.uniform(size=(n_draws, 1))
         if rows.shape[1] > 1:
             logs[f"sigma_{channel}"] = draw_from_nodes(rows, density, uniform)[:, 0]
-    return sampling_points(problem, logs)
+    return encode(problem, {name: np.exp(values) for name, values in logs.items()})
 
 
 def _draw_points(
@@ -305,50 +308,6 @@ def _gathered(function, grid: ExactGrid, arguments: tuple[np.ndarray, ...]) -> I
         inner = function(grid.integrand, nodes, *rest)
         parts.append(jax.tree.map(lambda v, part=part: np.asarray(v)[part], inner))
     return jax.tree.map(lambda *v: np.concatenate(v), *parts)
-
-
-def prior_draws(
-    problem: Problem, n: int, rng: np.random.Generator
-) -> Float[np.ndarray, "n p"]:
-    """Independent draws from the prior.
-
-    Args:
-        problem: Problem.
-        n: Number of draws.
-        rng: Source of randomness.
-
-    Returns:
-        Sampling coordinates in the order of `Problem.names`.
-    """
-    logs = {name: prior.sample(rng, n) for name, prior in problem.priors.items()}
-    for name, value in problem.fixed.items():
-        if name not in ("e1", "e2"):
-            logs[name] = np.full(n, np.log(value))
-    return sampling_points(problem, logs)
-
-
-def sampling_points(
-    problem: Problem, logs: dict[str, Float[np.ndarray, " n"]]
-) -> Float[np.ndarray, "n p"]:
-    """Sampling coordinates of parameters given by their logs, without an ellipse.
-
-    Args:
-        problem: Problem.
-        logs: Logs of the six parameters and of what else is sampled.
-
-    Returns:
-        Coordinates in the order of `Problem.names`.
-    """
-    rotation = logs["C_d"] - 2 * logs["L"]
-    combined = {
-        "A": -np.logaddexp(-logs["K_sn"], -logs["K_dn"]),
-        "B": -np.logaddexp(-logs["K_st"], -rotation),
-        "r": logs["K_sn"] - logs["K_dn"],
-        "s": logs["K_st"] - rotation,
-    }
-    known = logs | combined
-    columns = [known[name.removeprefix("ln_")] for name in problem.names]
-    return np.stack(columns, axis=1) if columns else np.zeros((rotation.size, 0))
 
 
 def _table(density: LogDensity | float) -> Table | None:
@@ -410,19 +369,6 @@ def _sigma_grid(problem: Problem, channel: int) -> Float[np.ndarray, " k"]:
     wanted = max((high - low) / width, SMALLEST_SIGMA_GRID)
     # Powers of two: few shapes, few compilations.
     return np.linspace(low, high, 1 << int(np.ceil(np.log2(wanted))))
-
-
-@eqx.filter_jit
-def _marginal(
-    integrand: Integrand, nodes: Strip | Float[Array, " n"]
-) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """Log of the posterior density of u, and the relative error of the density."""
-
-    def one(node: Strip | Float[Array, ""]) -> tuple[Array, Array]:
-        inner = integrand.over_C(node)
-        return inner.log_integral, inner.error
-
-    return jax.lax.map(one, nodes, batch_size=BATCH)
 
 
 @eqx.filter_jit

@@ -35,7 +35,7 @@ DEPTH = 80.0
 # Smallest share of the scale of a prior that counts as positive.
 TINY = 1e-9
 
-Values = Float[np.ndarray, "*s"]
+Values = Float[np.ndarray, "..."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,14 +15,12 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
 from jax.scipy.special import logsumexp
+from jaxtyping import Array, Float
 
 from pushfit.fit.fibre import Table
 from pushfit.fit.problem import Problem
 from pushfit.fit.quadrature import GAUSS, KRONROD, NODES
-from pushfit.fit.scan import is_linear
 from pushfit.model import Contact, Scalar, contact
 
 # Inner nodes: three panels in t, where coordinate = centre + scale sinh(t). The middle
@@ -324,7 +322,7 @@ def _integrate(value, centre: Scalar, scale: Scalar, bounds) -> Inner:
         [bottom, jnp.maximum(-CORE, bottom / 2), jnp.minimum(CORE, top / 2), top]
     )
     half = (edges[1:] - edges[:-1]) / 2
-    t = ((edges[1:] + edges[:-1]) / 2)[:, None] + half[:, None] * jnp.asarray(NODES)
+    t = ((edges[1:] + edges[:-1]) / 2)[:, None] + jnp.outer(half, jnp.asarray(NODES))
     t = t.ravel()
     log_f, inner_error = jax.vmap(value)(centre + scale * jnp.sinh(t))
     log_density = log_f + jnp.log(scale * jnp.cosh(t))
@@ -338,7 +336,7 @@ def _integrate(value, centre: Scalar, scale: Scalar, bounds) -> Inner:
     relative = jnp.sum(jnp.abs(kronrod - gauss)) / safe
     # On analytic functions the 15-point rule has twice the digits of the other.
     error = jnp.minimum(1.0, relative**2)
-    weight = (half[:, None] * jnp.asarray(KRONROD)).ravel() * f.ravel()
+    weight = jnp.outer(half, jnp.asarray(KRONROD)).ravel() * f.ravel()
     error = error + jnp.sum(weight * inner_error) / safe
     return Inner(t, centre, scale, log_density, jnp.log(total) + peak, error)
 

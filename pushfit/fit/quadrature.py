@@ -109,10 +109,10 @@ def cell_nodes(
 
 
 def gauss_legendre(
-    log_f: Float[np.ndarray, "*s m"],
+    log_f: Float[np.ndarray, "... m"],
     weights: Float[np.ndarray, " m"],
-    half_width: Float[np.ndarray, "*s"],
-) -> Float[np.ndarray, "*s"]:
+    half_width: Float[np.ndarray, "..."],
+) -> Float[np.ndarray, "..."]:
     """Log integral of exp(log_f) given at Gauss nodes of intervals."""
     return logsumexp(log_f, b=weights, axis=-1) + np.log(half_width)
 

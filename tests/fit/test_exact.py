@@ -1,0 +1,255 @@
+"""Quadrature of the posterior: against closed forms, brute force, and its own bound."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from pushfit.fit.exact import draw, exact_grid, exact_posterior, why_not_exact
+from pushfit.fit.least_squares import fit_least_squares
+from pushfit.fit.results import FitStatus
+from tests.fit.tables import case_table, setup_of
+from tests.problems import CASES, PUSH, paper_parameters
+
+REACH = (0.0, np.pi)
+ALPHA = np.pi / 2
+# A false alarm once in 1000 per comparison.
+KS_LEVEL = 1e-3
+# The brute-force sums below have steps of a tenth of a standard deviation; kinks at
+# pushed elevations leave them this wrong.
+BRUTE_FORCE = 2e-3
+FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
+FRICTION_ONLY = "".join(f"[parameters.{n}]\nfixed = {v}\n" for n, v in FIXED.items())
+FRICTION_ONLY += "[parameters.C_rr]\nnormal = { mean = 0.24, sd = 0.01 }\n"
+# Elevations of one small table: every test of this file shares one compiled program.
+FIVE = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
+CHANNEL = {"channels": ("height_tangential",), "theta_deg": np.array([10.0, 20.0, 30.0])}
+
+
+def small_setup(name="firm", *, noise, seed=0, text=""):
+    table = case_table(CASES[name], noise=noise, seed=seed, theta_deg=FIVE)
+    return setup_of(table, text)
+
+
+def integrated(setup, **options):
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
+    return exact_grid(setup, fit, **options)
+
+
+def posterior(setup, n_draws=4000, seed=1):
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
+    return exact_posterior(
+        setup, fit, n_draws=n_draws, seed=seed, reference_alpha=ALPHA, reach=REACH
+    )
+
+
+def without_data(setup):
+    """The same problem with every entry masked out."""
+    masked = eqx.tree_at(
+        lambda p: p.mask, setup.problem, jnp.zeros_like(setup.problem.mask)
+    )
+    return dataclasses.replace(setup, problem=masked)
+
+
+def log_series_density(values, first, second):
+    """Density of the log of two lognormal springs in series, by a plain sum."""
+    t = np.linspace(-25, 25, 4001)
+    first_log = values[:, None] + np.logaddexp(0, t)
+    second_log = values[:, None] + np.logaddexp(0, -t)
+    density = stats.norm.pdf(first_log, *first) * stats.norm.pdf(second_log, *second)
+    return np.log(np.trapezoid(density, t, axis=1))
+
+
+def brute_force(setup, samples):
+    """Log evidence and posterior mean of θ_c [deg] from a dense grid, in NumPy.
+
+    The default priors are lognormal, so C_d / L² is lognormal too.
+    """
+    axes = []
+    for name in ("A", "B", "C_rr"):
+        logs = np.log(samples[name])
+        margin = 0.35 * np.ptp(logs)
+        axes.append(np.linspace(logs.min() - margin, logs.max() + margin, 150))
+    rotation = (np.log(0.5 / 0.04**2), np.hypot(0.8, 2 * 0.3))
+    prior = (
+        log_series_density(axes[0], (np.log(800), 0.8), (np.log(2000), 0.8)),
+        log_series_density(axes[1], (np.log(400), 0.8), rotation),
+        stats.norm.logpdf(axes[2], np.log(0.3), 0.8),
+    )
+    A, B, C = np.exp(np.stack(np.meshgrid(*axes, indexing="ij")))
+    log_f = prior[0][:, None, None] + prior[1][:, None] + prior[2]
+    problem = setup.problem
+    for i in np.flatnonzero(np.asarray(problem.mask)[0]):
+        theta = float(problem.pushes.theta[i])
+        normal = A * PUSH * np.sin(theta)
+        tangential = np.minimum(C * normal, B * PUSH * np.cos(theta))
+        log_f += stats.norm.logpdf(
+            float(problem.observed[0, i]),
+            np.hypot(normal, tangential),
+            float(problem.reference_sigma[0, i]),
+        )
+    top = log_f.max()
+    f = np.exp(log_f - top)
+    step = np.prod([axis[1] - axis[0] for axis in axes])
+    theta_c = np.degrees(np.arctan2(B, A * C))
+    return np.log(f.sum() * step) + top, np.sum(f * theta_c) / f.sum()
+
+
+def test_friction_alone_has_the_posterior_of_linear_regression():
+    """Below θ_c the tangential height is A C_rr S_p sin θ: linear in C_rr."""
+    sigma = 0.01
+    table = case_table(CASES["paper"], noise=sigma, **CHANNEL)
+    samples = posterior(setup_of(table, FRICTION_ONLY), n_draws=20000).samples["C_rr"]
+    slope = 400 * PUSH * np.sin(table.theta)
+    precision = 1 / 0.01**2 + np.sum((slope / sigma) ** 2)
+    heights = table.heights("height_tangential")
+    mean = (0.24 / 0.01**2 + np.sum(slope * heights) / sigma**2) / precision
+    p_value = stats.kstest(samples, stats.norm(mean, precision**-0.5).cdf).pvalue
+    assert p_value > KS_LEVEL
+
+
+def test_sampled_noise_is_integrated_as_scipy_integrates_it():
+    table = case_table(CASES["paper"], noise=0.01, **CHANNEL)
+    setup = setup_of(table, FRICTION_ONLY + '[noise]\nsigma = "sampled"\n')
+    no_sd = eqx.tree_at(lambda p: p.sd, setup.problem, jnp.zeros_like(setup.problem.sd))
+    setup = dataclasses.replace(setup, problem=no_sd)
+    grid = integrated(setup)
+    slope = 400 * PUSH * np.sin(table.theta)
+    heights = table.heights("height_tangential")
+    prior = setup.problem.priors["sigma_height_tangential"]
+    centre, spread = np.log(float(prior.first)), float(prior.second)
+
+    def density(ln_sigma, C_rr):
+        noise = stats.norm.logpdf(heights, slope * C_rr, np.exp(ln_sigma))
+        prior = stats.norm.logpdf(ln_sigma, centre, spread)
+        return np.exp(noise.sum() + prior) * stats.norm.pdf(C_rr, 0.24, 0.01)
+
+    evidence, _ = integrate.nquad(density, [(-8.0, 0.0), (0.18, 0.30)])
+    # The prior is normalised over positive C_rr, which 24 standard deviations fill.
+    np.testing.assert_allclose(np.exp(grid.log_evidence), evidence, rtol=1e-5)
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.15])
+@pytest.mark.parametrize("name", ["firm", "blind_magnitude"])
+def test_evidence_and_mean_are_those_of_a_dense_grid(name, noise):
+    setup = small_setup(name, noise=noise)
+    result = posterior(setup)
+    log_evidence, theta_c = brute_force(setup, result.samples)
+    assert abs(result.log_evidence - log_evidence) < BRUTE_FORCE
+    draws = result.samples["theta_c"]
+    standard_error = np.std(draws) / np.sqrt(draws.size)
+    assert abs(np.mean(draws) - theta_c) < 4 * standard_error
+
+
+def test_without_data_the_evidence_is_one():
+    setup = small_setup(noise=0.05)
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
+    grid = exact_grid(without_data(setup), fit)
+    assert abs(grid.log_evidence) < max(grid.log_evidence_error, 1e-7)
+
+
+def test_without_data_draws_follow_the_prior():
+    setup = small_setup(noise=0.05)
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
+    result = exact_posterior(
+        without_data(setup), fit, n_draws=4000, seed=3, reference_alpha=ALPHA, reach=REACH
+    )
+    for name in ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "theta_c"):
+        pair = result.samples[name], result.prior_samples[name]
+        assert stats.ks_2samp(*pair).pvalue > KS_LEVEL, name
+    logs = np.log(result.samples["K_sn"])
+    assert stats.kstest(logs, stats.norm(np.log(800), 0.8).cdf).pvalue > KS_LEVEL
+
+
+HARD = {
+    "razor_sharp": ("firm", 1e-6),
+    "informative": ("firm", 0.02),
+    "several_modes": ("blind_magnitude", 0.06),
+    "prior_wide": ("blind_magnitude", 2.0),
+    "above_every_push": ("one_sided", 0.02),
+}
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_the_error_bound_covers_the_error(name):
+    case, noise = HARD[name]
+    setup = small_setup(case, noise=noise)
+    coarse, fine = integrated(setup, rtol=1e-3), integrated(setup, rtol=1e-10)
+    difference = abs(coarse.log_evidence - fine.log_evidence)
+    assert difference <= coarse.log_evidence_error + fine.log_evidence_error
+    assert fine.log_evidence_error < 1e-3
+
+
+def test_density_of_the_draws_is_that_of_the_problem():
+    """E[L / p] over the posterior is 1/evidence only if draws, fibre and prior agree.
+
+    For two draws the ratio of posterior densities is the ratio of log_prob; here the
+    mean log density must match the entropy identity E[log L] = log Z + KL.
+    """
+    setup = small_setup(noise=0.15)
+    result = posterior(setup)
+    problem = setup.problem
+    grid = integrated(setup)
+    again = draw(grid, 4000, np.random.default_rng(7))
+    first = np.mean(result.log_prob)
+    log_probs = np.array([float(problem.log_prob(jnp.asarray(x))) for x in again[:300]])
+    spread = np.std(result.log_prob) * np.sqrt(1 / 300 + 1 / 4000)
+    assert abs(first - np.mean(log_probs)) < 4 * spread
+
+
+def test_draws_repeat_with_their_seed():
+    setup = small_setup(noise=0.05)
+    one, two = posterior(setup, 200, seed=5), posterior(setup, 200, seed=5)
+    np.testing.assert_array_equal(one.samples["L"], two.samples["L"])
+    assert one.status is FitStatus.OK
+
+
+def test_draws_are_not_on_a_lattice():
+    draws = posterior(small_setup(noise=0.05), 4000).samples
+    assert np.unique(draws["A"]).size == 4000
+    assert np.unique(draws["K_sn"]).size == 4000
+
+
+@pytest.mark.parametrize(
+    ("case", "text", "word"),
+    [
+        ("ellipse", "", "ellipse"),
+        ("paper", '[grasp]\npreload_n = "estimate"\n', "preload"),
+        ("paper", "[grasp]\nsupport_span_mm = 60\n", "two supports"),
+    ],
+)
+def test_what_quadrature_cannot_do_is_declined_by_name(case, text, word):
+    setup = setup_of(case_table(CASES[case], noise=0.05), text)
+    assert word in str(why_not_exact(setup.problem))
+
+
+@pytest.mark.slow
+def test_truths_rank_uniformly_among_draws():
+    """Simulation-based calibration of θ_c and K_sn over the default prior."""
+    rng = np.random.default_rng(11)
+    ranks = {"theta_c": [], "K_sn": []}
+    for seed in range(60):
+        values = {
+            "K_sn": 800 * np.exp(0.8 * rng.normal()),
+            "K_dn": 2000 * np.exp(0.8 * rng.normal()),
+            "K_st": 400 * np.exp(0.8 * rng.normal()),
+            "C_rr": 0.3 * np.exp(0.8 * rng.normal()),
+            "C_d": 0.5 * np.exp(0.8 * rng.normal()),
+            "L": 0.04 * np.exp(0.3 * rng.normal()),
+        }
+        case = dataclasses.replace(CASES["paper"], params=paper_parameters(**values))
+        setup = setup_of(case_table(case, noise=0.1, seed=seed, theta_deg=FIVE))
+        draws = posterior(setup, 400, seed=seed).samples
+        A = 1 / (1 / values["K_sn"] + 1 / values["K_dn"])
+        B = 1 / (1 / values["K_st"] + values["L"] ** 2 / values["C_d"])
+        truth = {
+            "theta_c": np.degrees(np.arctan2(B, A * values["C_rr"])),
+            "K_sn": values["K_sn"],
+        }
+        for name in ranks:
+            ranks[name].append(np.mean(draws[name] < truth[name]))
+    for name, shares in ranks.items():
+        assert stats.kstest(shares, "uniform").pvalue > KS_LEVEL, name
