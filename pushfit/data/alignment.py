@@ -82,6 +82,9 @@ def align(
     if n_pushes > n_planned and n_pushes % n_planned == 0:
         n_cycles = n_pushes // n_planned
     planned = _planned(n_planned, n_cycles, planned_times)
+    if n_pushes == len(planned) and _is_in_rhythm(times[~brush], planned):
+        hump = np.flatnonzero(~brush)
+        return Alignment(hump=hump, extra=(), is_ambiguous=False, n_cycles=n_cycles)
     hump, margin = _cheapest(times, brush, planned)
     chosen = set(hump[hump >= 0].tolist())
     extra = tuple(int(i) for i in np.flatnonzero(~brush) if int(i) not in chosen)
@@ -144,6 +147,18 @@ def _rhythm(
         return period / float(np.median(np.diff(planned))), _OFF
     scatter = 1.4826 * float(np.median(np.abs(gaps - period))) / period
     return period, _OFF if scatter < _STEADY else 0.0
+
+
+def _is_in_rhythm(
+    times: Float[np.ndarray, " n"], planned: Float[np.ndarray, " n"]
+) -> bool:
+    """Whether pairing one by one is the cheapest, which needs no search.
+
+    It is if no two gaps together cost more than leaving out a push and a hump.
+    """
+    period, weight = _rhythm(times, planned)
+    off = np.abs(np.diff(times) / period - np.diff(planned))
+    return bool(np.all(2 * weight * off < _MISSING + _EXTRA))
 
 
 def _skip_costs(n: int, brush: Bool[np.ndarray, " m"]) -> Float[np.ndarray, "n m"]:

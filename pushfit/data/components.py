@@ -48,9 +48,12 @@ def push_signal(
         return time, np.linalg.norm(change, axis=0)
     name = _channel(recording, settings.channel)
     samples = recording.channels[name]
-    known = np.isfinite(samples)
-    time = _enough(recording.time[known], name)
-    return time, -samples[known] if settings.invert else samples[known]
+    time, known = recording.time, np.isfinite(samples)
+    # Copies of a long recording cost more than finding its pushes.
+    if not known.all():
+        time, samples = time[known], samples[known]
+    _enough(time, name)
+    return time, -samples if settings.invert else samples
 
 
 def measure_components(

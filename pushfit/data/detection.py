@@ -285,9 +285,11 @@ def _detect(
         large = _LARGE * float(humps.heights.max(initial=0.0))
         least = max(significant, _SIGNIFICANT * _rest_wander(humps, trace, large))
     humps.drop_below(least)
-    smallest_push = 0.0 if is_stated else _smallest_push(humps.heights)
+    heights = humps.heights
+    smallest_push = 0.0 if is_stated else _smallest_push(heights)
     extents = (
-        _extent(humps, k, trace, time, smallest_push) for k in range(len(humps.peaks))
+        _extent(humps, k, trace, time, height=float(height), smallest=smallest_push)
+        for k, height in enumerate(heights)
     )
     return tuple(extent for extent in extents if extent is not None)
 
@@ -380,7 +382,9 @@ def _extent(
     k: int,
     trace: _Trace,
     time: Float[np.ndarray, " n"],
-    smallest_push: float,
+    *,
+    height: float,
+    smallest: float,
 ) -> Extent | None:
     """Extent of a push in samples; None for a mere trend."""
     y, peak = trace.y, int(humps.peaks[k])
@@ -390,7 +394,6 @@ def _extent(
         (cut_start or cut_end) and end - start > _MAX_CUT * len(y)
     ):
         return None
-    height = float(humps.heights[k])
     above = np.flatnonzero(y[start : end + 1] >= y[peak] - height / 2)
     t_start, t_end = trace.at(start), trace.at(end)
     first, last = np.searchsorted(time, [t_start, t_end + trace.step / 2])
@@ -404,5 +407,5 @@ def _extent(
         height=height,
         cut_start=cut_start,
         cut_end=cut_end,
-        is_brush=height < smallest_push,
+        is_brush=height < smallest,
     )

@@ -36,6 +36,9 @@ _MAX_MISFIT = 3.3
 # A longer stretch without samples may hide the top: share of the window, usual steps.
 _MAX_GAP = 0.25
 _STEPS_OF_GAP = 3.0
+_STEP_SAMPLES = 100_000
+# Pushes that are asked for their shape; more would not change the majority.
+_MAX_VOTES = 100
 # Noise of a course that is left in a band of 0.1, and the most parts averaged for it.
 _CALM, _MAX_CALMING = 0.035, 7
 # Eight parts scatter more than this by chance once in 10^3 (chi-square, 7 degrees).
@@ -181,11 +184,11 @@ def _bin_means(
     """Means and counts of the samples in equal parts of windows; empty parts filled."""
     share = np.linspace(0, 1, n_bins + 1)
     edges = windows[:, :1] + np.diff(windows, axis=1) * share
-    index = np.searchsorted(time, edges)
+    # reduceat takes no index beyond the last sample; the very last one is left out.
+    index = np.minimum(np.searchsorted(time, edges), len(time) - 1)
     counts = np.diff(index, axis=1)
-    # Pairs (first, last) of each part; a sentinel keeps the last index legal.
     pairs = np.stack([index[:, :-1], index[:, 1:]], axis=2).ravel()
-    sums = np.add.reduceat(np.append(signal, 0.0), np.minimum(pairs, len(signal)))[::2]
+    sums = np.add.reduceat(signal, pairs)[::2]
     means = sums.reshape(counts.shape) / np.maximum(counts, 1)
     middle = (edges[:, :-1] + edges[:, 1:]) / 2
     empty = counts == 0
@@ -245,7 +248,8 @@ def _are_held(
 ) -> bool:
     """Whether most pushes stay at a level instead of passing through a top."""
     votes = []
-    for row, level, extent in zip(profile, base, extents, strict=True):
+    for k in range(0, len(extents), 1 + len(extents) // _MAX_VOTES):
+        row, level, extent = profile[k], base[k], extents[k]
         if extent.end - extent.start < 2 * _PROFILE_BINS:
             votes.append(False)  # too few samples to show a level
             continue
@@ -312,7 +316,7 @@ def _apexes(
     depth = np.clip(0.25 + 2 * noise.sigma / rise, *_DEPTH)
     windows = _top_windows(smooth, depth * rise, extents)
     level, sd, when, gap = (np.full(len(extents), np.nan) for _ in range(4))
-    step = float(np.median(np.diff(time)))
+    step = float(np.median(np.diff(time[:_STEP_SAMPLES])))
     todo = np.arange(len(extents))
     while todo.size:
         bins, counts = _bin_means(time, signal, windows[todo], N_BINS)
@@ -381,7 +385,7 @@ def _is_saturated(
     if limit is not None:
         return bool(np.any(samples >= limit))
     n_at_top = np.count_nonzero(samples >= largest)
+    if n_at_top < _SATURATED_SAMPLES:
+        return False
     just_below = np.isin(samples, np.unique(samples)[-4:-1])
-    return bool(
-        n_at_top >= _SATURATED_SAMPLES and n_at_top > 2 * np.count_nonzero(just_below)
-    )
+    return bool(n_at_top > 2 * np.count_nonzero(just_below))

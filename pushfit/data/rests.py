@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Real
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pushfit.data.detection import Extent, Noise
 
@@ -16,6 +17,7 @@ _MAX_GUARD = 0.25
 _SETTLED = 0.5
 # Rests on either side that the drift under a push is judged by.
 _NEIGHBOURS = 3
+_MIN_RESTS = 3
 _BLOCK = 16
 _MAX_SAMPLES = 1024
 
@@ -121,18 +123,15 @@ def slopes(rests: Sequence[Rest]) -> Float[np.ndarray, " p"]:
     A median, because a grasp that settles shifts one rest against the next by more than
     any drift. Two rests cannot tell the one from the other: no drift is assumed then.
     """
-    level = np.array([r.level for r in rests])
-    when = np.array([r.time for r in rests])
+    outside = np.full(_NEIGHBOURS - 1, np.nan)
+    level = np.concatenate([outside, [r.level for r in rests], outside])
+    when = np.concatenate([outside, [r.time for r in rests], outside])
+    y, t = (sliding_window_view(a, 2 * _NEIGHBOURS) for a in (level, when))
+    i, j = np.triu_indices(2 * _NEIGHBOURS, 1)
+    slope = (y[:, j] - y[:, i]) / np.maximum(t[:, j] - t[:, i], 1e-12)
+    is_enough = np.isfinite(y).sum(axis=1) >= _MIN_RESTS
     result = np.zeros(len(rests) - 1)
-    for k in range(len(rests) - 1):
-        near = slice(max(0, k + 1 - _NEIGHBOURS), k + 1 + _NEIGHBOURS)
-        y, t = level[near], when[near]
-        is_level = np.isfinite(y)
-        y, t = y[is_level], t[is_level]
-        if len(y) < 3:
-            continue
-        i, j = np.triu_indices(len(y), 1)
-        result[k] = np.median((y[j] - y[i]) / np.maximum(t[j] - t[i], 1e-12))
+    result[is_enough] = np.nanmedian(slope[is_enough], axis=1)
     return result
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.peaks import extract_peaks
+from pushfit.data.schedule import PushSchedule
 from pushfit.data.simulate import THETA_SWEEP, Session, simulate_recording
 from pushfit.errors import ConfigError
 from pushfit.model import Grasp, Parameters
@@ -36,6 +37,23 @@ def test_components_are_the_true_ones(made, channel):
     assert table.channels == ("height_normal", "height_tangential")
     error = table.heights(channel) - np.asarray(getattr(made.truth, channel))
     assert np.abs(error / table.sd(channel)).max() < MAX_PULL
+
+
+def test_noise_does_not_make_a_tangential_force():
+    """Straight pushes have none; the length of noise alone has a median of 1.18 sd."""
+    plan = PushSchedule.planned(np.pi / 2, 0.0, repeats=60)
+    session = Session(forces=True, noise=0.05, angle_resolution=1e-9)
+    made = simulate_recording(
+        PARAMS,
+        Grasp(push_length=5e-3),
+        plan,
+        session=session,
+        rng=np.random.default_rng(1),
+    )
+    table = extract_peaks(made.recording, plan, settings=PeakSettings(normal="fz"))
+    across = table.heights("height_tangential") / table.sd("height_tangential")
+    # sqrt(1.18² - 1) = 0.62; the median of 60 scatters by 0.15.
+    assert 0.2 < np.median(across) < 1.0
 
 
 def test_a_normal_that_falls_on_pushing_is_turned(made):
