@@ -56,7 +56,10 @@ def fit_least_squares(
         FitError: If no start has finite residuals and `throw` is set.
     """
     problem = setup.problem
-    points, costs, is_done = polish(problem, starting_points(problem))
+    starts = starting_points(problem)
+    if setup.best_point is not None:
+        starts[-1] = setup.best_point
+    points, costs, is_done = polish(problem, starts)
     best = jnp.asarray(points[0])
     mask = np.asarray(problem.mask)
     jacobian = np.asarray(_jacobian(problem, best))[mask.ravel()]
@@ -140,7 +143,7 @@ def settle_noise(setup: Setup) -> Setup:
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
         problem = _with_sigma(problem, jnp.asarray(points[0]))
-    return replace(setup, problem=problem)
+    return replace(setup, problem=problem, best_point=points[0])
 
 
 def _with_sigma(problem: Problem, y: Float[Array, " q"]) -> Problem:

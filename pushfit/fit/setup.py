@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
@@ -39,6 +40,7 @@ class Setup:
         rows: Row of the table of each unpadded column of the problem.
         is_calibrated: Whether stiffness comes out in N/m rather than sensor units/m.
         has_direction: Whether azimuths differ enough to ask for a direction.
+        best_point: Best data coordinates met while sigma was estimated, if it was.
     """
 
     problem: Problem
@@ -46,6 +48,7 @@ class Setup:
     rows: tuple[int, ...]
     is_calibrated: bool
     has_direction: bool
+    best_point: Float[np.ndarray, " q"] | None = None
 
 
 def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
