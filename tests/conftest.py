@@ -9,6 +9,11 @@ import pytest
 # A (3,) against a (3, 1) is a mistake in the model, never a wish.
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
+# Compiling is most of the cost of the tests; workers and runs share what is compiled.
+CACHE = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
+CACHE.mkdir(mode=0o700, parents=True, exist_ok=True)
+jax.config.update("jax_compilation_cache_dir", str(CACHE))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 
 @pytest.fixture(scope="session")
