@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.data.detection import Extent, Noise, rest_curve
+from pushfit.data.detection import Extent, Noise
 from pushfit.data.heights import Height
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.records import Recording
-from pushfit.data.rests import find_rests, rest_noise, slopes
+from pushfit.data.rests import find_rests, rest_curve, rest_noise, slopes
 from pushfit.errors import ConfigError, DataError
 
 # Share of the width around the top that the components are averaged over.

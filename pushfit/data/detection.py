@@ -32,8 +32,6 @@ _REST_QUANTILE = 0.2
 # A hump that an end of the signal cuts off, and that is longer than this share of the
 # signal, is a trend.
 _MAX_CUT = 0.5
-# Long enough for several pushes, short enough for drift [s].
-_STRETCH = 30.0
 # Samples that the noise is judged by; more would only cost time.
 _NOISE_SAMPLES = 100_000
 
@@ -134,38 +132,6 @@ def find_extents(
         if wider > 1.5 * tau:
             found = _detect(time, signal, noise, wider, split, min_height)
     return found
-
-
-def rest_curve(
-    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Rest level of a signal that pushes may raise or lower.
-
-    The middle of the densest quarter of the readings, in stretches of half a minute:
-    rest is what a signal that goes both ways has in common with itself.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples.
-
-    Returns:
-        Level at every sample.
-    """
-    n_stretches = max(1, round((time[-1] - time[0]) / _STRETCH))
-    edges = np.linspace(time[0], time[-1], n_stretches + 1)
-    index = np.searchsorted(time, edges)
-    index[-1] = len(time)
-    middles, levels = [], []
-    for first, last in pairwise(index):
-        # A sample of the samples is enough for a level.
-        ordered = np.sort(signal[first : last : max(1, (last - first) // 4096)])
-        if len(ordered) == 0:
-            continue
-        n = max(1, len(ordered) // 4)
-        start = int(np.argmin(ordered[n - 1 :] - ordered[: len(ordered) - n + 1]))
-        levels.append(np.median(ordered[start : start + n]))
-        middles.append((time[first] + time[last - 1]) / 2)
-    return np.interp(time, middles, levels)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,12 +15,13 @@ from jaxtyping import Float
 from pushfit.config.inputs import PeaksSection
 from pushfit.data.alignment import Alignment, align
 from pushfit.data.components import measure_components, push_signal
-from pushfit.data.detection import Extent, find_extents, rest_curve
+from pushfit.data.detection import Extent, find_extents
 from pushfit.data.directions import recorded_directions
 from pushfit.data.heights import measure_heights
 from pushfit.data.mismatch import mismatch_error
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.records import Recording
+from pushfit.data.rests import rest_curve
 from pushfit.data.schedule import DECIMALS, PushSchedule
 from pushfit.data.table import PeakTable
 from pushfit.errors import DataError

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Real
@@ -18,6 +19,8 @@ _SETTLED = 0.5
 # Rests on either side that the drift under a push is judged by.
 _NEIGHBOURS = 3
 _MIN_RESTS = 3
+# Long enough for several pushes, short enough for drift [s].
+_STRETCH = 30.0
 _BLOCK = 16
 _MAX_SAMPLES = 1024
 
@@ -115,6 +118,38 @@ def find_rests(
             )
         )
     return tuple(rests)
+
+
+def rest_curve(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Rest level of a signal that pushes may raise or lower.
+
+    The middle of the densest quarter of the readings, in stretches of half a minute:
+    rest is what a signal that goes both ways has in common with itself.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+
+    Returns:
+        Level at every sample.
+    """
+    n_stretches = max(1, round((time[-1] - time[0]) / _STRETCH))
+    edges = np.linspace(time[0], time[-1], n_stretches + 1)
+    index = np.searchsorted(time, edges)
+    index[-1] = len(time)
+    middles, levels = [], []
+    for first, last in pairwise(index):
+        # A sample of the samples is enough for a level.
+        ordered = np.sort(signal[first : last : max(1, (last - first) // 4096)])
+        if len(ordered) == 0:
+            continue
+        n = max(1, len(ordered) // 4)
+        start = int(np.argmin(ordered[n - 1 :] - ordered[: len(ordered) - n + 1]))
+        levels.append(np.median(ordered[start : start + n]))
+        middles.append((time[first] + time[last - 1]) / 2)
+    return np.interp(time, middles, levels)
 
 
 def slopes(rests: Sequence[Rest]) -> Float[np.ndarray, " p"]:

@@ -253,7 +253,7 @@ def concatenate(tables: Sequence[PeakTable]) -> PeakTable:
         )
     together = pd.concat([table.frame for table in tables], ignore_index=True)
     # A column that one table lacks, such as the sd, is known for no fit of them all.
-    together = together.dropna(axis="columns", how="any", subset=None)
+    together = together.dropna(axis="columns", how="any")
     together["push"] = np.arange(1, len(together) + 1)
     return PeakTable.from_frame(
         together.drop(columns="repeat"),
