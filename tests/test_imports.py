@@ -72,11 +72,16 @@ def test_a_layer_does_not_know_what_is_none_of_its_business(path):
 
 
 def test_every_library_that_is_imported_is_declared():
-    used = {name.split(".")[0] for path in FILES for name in imported_modules(path)}
+    files = [*FILES, *Path(__file__).parent.rglob("*.py")]
+    used = {name.split(".")[0] for path in files for name in imported_modules(path)}
     requirements = metadata.requires("pushfit") or []
     declared = {re.split(r"[^\w.-]", r, maxsplit=1)[0] for r in requirements}
     modules = {name.replace("-", "_").lower() for name in declared}
-    assert used - modules - set(sys.stdlib_module_names) - {"pushfit"} <= VENDORED
+    assert used - modules - set(sys.stdlib_module_names) - {
+        "pushfit",
+        "tests",
+        "benchmarks",
+    } <= (VENDORED)
 
 
 def run_python(code: str) -> str:
