@@ -58,9 +58,12 @@ def split_line(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in row]
 
 
-def uncommented(line: str | None) -> str:
-    """Names after `#`, as numpy.savetxt writes them."""
-    return (line or "").lstrip().lstrip("#")
+def uncommented(line: str) -> str:
+    """Cut off the `#` that numpy.savetxt puts before names, and nothing else.
+
+    A tab before the first name is a field of its own.
+    """
+    return re.sub(r"^ *#+", "", line)
 
 
 def _is_value(cell: str, decimal: str) -> bool:
@@ -123,6 +126,9 @@ def _guess(
         header, data = _find_header(split, n_values, filled)
         n_names = len(split[header]) if header is not None else 0
     if data is None or n_names < 2:
+        return None
+    if delimiter == " " and header is not None and lines[header].startswith("\t"):
+        # Tabs that delimit: the first name is empty, which runs of blanks would hide.
         return None
     rows = [i for i in filled if i >= data]
     has_trailing = all(len(split[i]) == n_names + 1 for i in rows)

@@ -80,9 +80,10 @@ def independent_reading(data, source_note):
     text = data.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
     lines = text.split("\n")
     header = int(source_note.rsplit("line ", 1)[1])
-    body = "\n".join(lines[header - 1 :])
+    body = re.sub(r"^ *#+", "", "\n".join(lines[header - 1 :]))
     if "blanks" in source_note:
-        rows = [re.findall(r"[^ \t]+", ln.lstrip("#")) for ln in body.split("\n")]
+        lines = [re.sub(r"^ *#+", "", line) for line in body.split("\n")]
+        rows = [re.findall(r"[^ \t]+", line) for line in lines]
     else:
         delimiter = {"comma": ",", "semicolon": ";", "tab": "\t"}[
             source_note.split(": ")[1].split(",")[0]
@@ -90,7 +91,7 @@ def independent_reading(data, source_note):
         rows = list(
             csv.reader(io.StringIO(body), delimiter=delimiter, skipinitialspace=True)
         )
-    names = ["".join(c for c in n if c.isprintable()).strip("# ") for n in rows[0]]
+    names = ["".join(c for c in n if c.isprintable()).strip() for n in rows[0]]
     cells = [row for row in rows[1:] if any(cell.strip() for cell in row)]
     if "decimal comma" in source_note:
         cells = [[cell.replace(",", ".") for cell in row] for row in cells]

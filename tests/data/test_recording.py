@@ -152,6 +152,12 @@ REFUSED = {
         "field_count",
         ["line 3", "3 fields", "2 columns"],
     ),
+    "a_name_too_many_by_a_leading_tab": (
+        "\ttime_s\tforce_n\n0\t1\n0.01\t2\n",
+        {},
+        "field_count",
+        ["line 2", "2 fields", "names 3 columns"],
+    ),
     "ragged_row": (
         GOOD + "0.03\n0.04,1\n",
         {},
