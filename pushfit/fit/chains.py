@@ -92,7 +92,7 @@ def advance(
         Points and log densities after each step.
     """
     sampler = emcee.EnsembleSampler(
-        *start.shape, log_prob, moves=list(moves), vectorize=True
+        len(start), start.shape[1], log_prob, moves=list(moves), vectorize=True
     )
     state = State(
         start, log_prob=log_prob_start, random_state=random.get_state(), copy=True

@@ -12,6 +12,7 @@ import warnings
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -56,7 +57,9 @@ def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None
         question: Fingerprint of the question that the arrays belong to.
     """
     with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{HEADER: np.array(json.dumps(_header(question)))}, **arrays)
+        contents: dict[str, Any] = dict(arrays)
+        contents[HEADER] = np.array(json.dumps(_header(question)))
+        np.savez(file, **contents)
         file.flush()
         os.fsync(file.fileno())
 
@@ -76,7 +79,7 @@ def load(path: Path, *, question: str) -> dict[str, np.ndarray] | None:
         return None
     try:
         # allow_pickle stays False: a checkpoint must not be able to run code.
-        with np.load(path) as file:
+        with path.open("rb") as handle, np.load(handle) as file:
             arrays = {name: file[name] for name in file.files}
         header = json.loads(str(arrays.pop(HEADER)))
     except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:

@@ -46,7 +46,8 @@ def autocorr_time(trace: Float[np.ndarray, "t e w"]) -> float:
     if np.any(np.ptp(series, axis=0) == 0):
         return float("nan")
     # tol=0 keeps emcee from judging the length: `judge` does.
-    return float(np.squeeze(autocorr.integrated_time(series, tol=0)))
+    tau = np.asarray(autocorr.integrated_time(series, tol=0), dtype=np.float64)
+    return float(tau[0])
 
 
 def ess(trace: Float[np.ndarray, "t e w"], autocorr_time: float) -> float:
@@ -75,7 +76,8 @@ def nested_rhat(trace: Float[np.ndarray, "t e w"]) -> float:
     thin = max(1, n_steps // MAX_RHAT_STEPS)
     chains = trace[::thin].reshape(-1, n_ensembles * n_walkers).T
     superchains = np.repeat(np.arange(n_ensembles), n_walkers)
-    return float(array_stats.rhat_nested(chains, superchain_ids=superchains))
+    rhat = array_stats.rhat_nested(chains, superchain_ids=superchains)
+    return float(np.asarray(rhat, dtype=np.float64))
 
 
 def disagreement(trace: Float[np.ndarray, "t e w"], autocorr_time: float) -> float:

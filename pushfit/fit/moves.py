@@ -212,10 +212,11 @@ def _accept(
     """Metropolis-Hastings: move the accepted among `rows`, in place."""
     log_prob, _ = model.compute_log_prob_fn(proposals)
     threshold = np.log(model.random.rand(rows.size))
-    is_better = threshold < log_prob - state.log_prob[rows] + log_ratio
+    current = np.asarray(state.log_prob)
+    is_better = threshold < log_prob - current[rows] + log_ratio
     moved = rows[is_better]
     state.coords[moved] = proposals[is_better]
-    state.log_prob[moved] = log_prob[is_better]
+    current[moved] = log_prob[is_better]
     accepted = np.zeros(len(state.coords), dtype=bool)
     accepted[moved] = True
     return accepted

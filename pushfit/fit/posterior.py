@@ -33,7 +33,10 @@ from pushfit.fit.starts import prior_x_samples, starting_points
 Progress = Callable[[str, float], None]
 
 # Share of the steps that move along differences; the others propose from the mixture.
-DIFFERENCE_SHARE = 0.5
+# The longest autocorrelation time at shares 0.75, 0.5, 0.25 and 0.1 is 10, 7, 5.5 and
+# 4.4 steps for a bimodal table in six coordinates and 21, 15, 13 and NaN (a walker in a
+# corner) for an ellipse in eight; at 1 it is 35. See benchmarks/emcee_mixing.py.
+DIFFERENCE_SHARE = 0.25
 # Starting points per walker, from which a first mixture is fitted.
 POINTS_PER_WALKER = 4
 # Steps with it, and points of their second half from which the final one is fitted:
