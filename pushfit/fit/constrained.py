@@ -93,7 +93,9 @@ class ConstrainedFit(eqx.Module):
             # Repeating the last value keeps the shape, and so the compiled program.
             rows = np.minimum(np.arange(first, first + CHUNK), len(value) - 1)
             k, v = jnp.asarray(index[rows]), jnp.asarray(value[rows])
-            chosen = _screen(self, k, v) if starts is None else jnp.asarray(starts[rows])
+            chosen = (
+                _screen(self, k, v) if starts is None else jnp.asarray(starts[rows])
+            )
             y, cost = _solve(self, k, v, chosen)
             points.append(np.asarray(y)[: part.size])
             costs.append(np.asarray(cost)[: part.size])
@@ -117,7 +119,9 @@ class ConstrainedFit(eqx.Module):
         if "alpha_star" in names:
             f1 = self.problem.data_names.index("f1")
             # The soft axis lies across the stiff one, hence the sign.
-            shape = -jnp.exp(z[f1]) * jnp.stack([jnp.cos(2 * value), jnp.sin(2 * value)])
+            shape = -jnp.exp(z[f1]) * jnp.stack(
+                [jnp.cos(2 * value), jnp.sin(2 * value)]
+            )
             turned = z.at[f1].set(shape[0]).at[f1 + 1].set(shape[1])
             y = jnp.where(index == names.index("alpha_star"), turned, y)
         return y

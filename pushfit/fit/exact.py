@@ -5,7 +5,7 @@ the rest of the parameters follow from their prior. Needs no starting point, no 
 and no convergence diagnostics; where it does not apply, `why_not_exact` says so.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -15,8 +15,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.derived import samples_mapping
-from pushfit.fit.fibre import Fibre, LogDensity, Table, make_fibre, make_table
-from pushfit.fit.integrand import Inner, Integrand, NoiseGrid, Strip
+from pushfit.fit.fibre import Fibre, make_fibre
+from pushfit.fit.integrand import Inner, Integrand, Strip
+from pushfit.fit.log_density import LogDensity, Table, make_table
+from pushfit.fit.noise_grid import make_noise_grid
 from pushfit.fit.outer import OuterAxis, make_axis
 from pushfit.fit.problem import Problem
 from pushfit.fit.quadrature import Cells, cell_nodes, draw_from_nodes
@@ -34,10 +36,6 @@ CHUNK, BATCH = 64, 8
 # Draws that share one outer node: nodes are stratified, so few draws of each suffice.
 DRAWS_PER_NODE = 8
 N_PRIOR_DRAWS = 4000
-# Grid of a sampled sigma: steps of one conditional standard deviation integrate a bell
-# to 1e-8, and the grid reaches nine of them beyond either end.
-SIGMA_MARGIN = 9.0
-SMALLEST_SIGMA_GRID = 32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +150,12 @@ def exact_grid(setup: Setup, fit: FitResult, *, rtol: float = RTOL) -> ExactGrid
     }
     integrand = Integrand(
         problem=problem,
-        noise=_noise_grid(problem),
+        noise=make_noise_grid(problem),
+        is_smooth=all(
+            prior.kind != "uniform"
+            for name, prior in problem.priors.items()
+            if name in fibre.names
+        ),
         is_linear=(
             is_linear(problem)
             and problem.likelihood == "normal"
@@ -200,9 +203,7 @@ def _adaptive(integrand: Integrand, axis: OuterAxis, rtol: float) -> Cells:
             break
         low, high = cells.lower[worst], cells.upper[worst]
         middle = (low + high) / 2
-        halves = _cells(
-            integrand, axis, np.r_[low, middle], np.r_[middle, high]
-        )
+        halves = _cells(integrand, axis, np.r_[low, middle], np.r_[middle, high])
         cells = cells.replaced(worst, halves)
     return cells
 
@@ -285,90 +286,60 @@ def _draw_points(
     n_nodes = -(-n_draws // DRAWS_PER_NODE)
     strata = (np.arange(n_nodes) + rng.uniform(size=n_nodes)) / n_nodes
     u = draw_from_nodes(nodes[None], log_values[None], strata[None])[0]
-    uniform = rng.uniform(size=(n_nodes, DRAWS_PER_NODE))
     over_C = _gathered(_over_C, grid, (u,))
-    t = draw_from_nodes(over_C.t, over_C.log_density, uniform)
-    c = over_C.centre[:, None] + over_C.scale[:, None] * np.sinh(t)
+    c = over_C.coordinates(rng.uniform(size=(n_nodes, DRAWS_PER_NODE)))
     # In random order, so that any part of the draws is a sample of the whole.
     chosen = rng.permutation(n_nodes * DRAWS_PER_NODE)[:n_draws]
     u, c = np.repeat(u, DRAWS_PER_NODE)[chosen], c.ravel()[chosen]
     over_A = _gathered(_over_A, grid, (u, c))
-    t = draw_from_nodes(over_A.t, over_A.log_density, rng.uniform(size=(n_draws, 1)))
-    a = over_A.centre + over_A.scale * np.sinh(t[:, 0])
+    a = over_A.coordinates(rng.uniform(size=(n_draws, 1)))[:, 0]
     return u, c, u if grid.integrand.pivot == "A" else a
 
 
-def _gathered(function, grid: ExactGrid, arguments: tuple[np.ndarray, ...]) -> Inner:
-    """Inner integrals at outer nodes, chunk by chunk, as NumPy arrays."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InnerNodes:
+    """Inner integrals of many outer nodes, on the host.
+
+    Args:
+        t: Nodes of each.
+        centre: Coordinate at t = 0.
+        scale: Stretch of sinh(t).
+        log_density: Log of the density of t at the nodes.
+    """
+
+    t: Float[np.ndarray, "n m"]
+    centre: Float[np.ndarray, " n"]
+    scale: Float[np.ndarray, " n"]
+    log_density: Float[np.ndarray, "n m"]
+
+    def coordinates(
+        self, uniform: Float[np.ndarray, "n d"]
+    ) -> Float[np.ndarray, "n d"]:
+        """Draws of the coordinate from numbers in (0, 1)."""
+        t = draw_from_nodes(self.t, self.log_density, uniform)
+        return self.centre[:, None] + self.scale[:, None] * np.sinh(t)
+
+
+def _gathered(
+    function: Callable[..., Inner], grid: ExactGrid, arguments: tuple[np.ndarray, ...]
+) -> InnerNodes:
+    """Inner integrals at outer nodes, chunk by chunk."""
     assert grid.axis is not None
     parts = []
     for part, rows in _chunks(arguments[0].size):
         nodes = grid.axis.points(arguments[0][rows])
         rest = [jnp.asarray(values[rows]) for values in arguments[1:]]
         inner = function(grid.integrand, nodes, *rest)
-        parts.append(jax.tree.map(lambda v, part=part: np.asarray(v)[part], inner))
-    return jax.tree.map(lambda *v: np.concatenate(v), *parts)
+        fields = (inner.t, inner.centre, inner.scale, inner.log_density)
+        parts.append([np.asarray(values)[part] for values in fields])
+    t, centre, scale, log_density = (
+        np.concatenate(values) for values in zip(*parts, strict=True)
+    )
+    return InnerNodes(t=t, centre=centre, scale=scale, log_density=log_density)
 
 
 def _table(density: LogDensity | float) -> Table | None:
     return make_table(density) if isinstance(density, LogDensity) else None
-
-
-def _noise_grid(problem: Problem) -> NoiseGrid:
-    """Noise as known, or a grid of sigma for each channel."""
-    mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
-    reference = np.asarray(problem.reference_sigma)
-    if f"sigma_{problem.channels[0]}" not in problem.priors:
-        state = problem.data_state(jnp.zeros(len(problem.data_names)))
-        deviance = jnp.sum(problem.residuals(state) ** 2)
-        # What the likelihood adds to the sum of squares does not depend on the point.
-        constant = problem.log_likelihood(state) + deviance / 2
-        shares = np.zeros((len(problem.channels), 1))
-        shares[0] = float(constant)
-        return NoiseGrid(
-            ln_sigma=jnp.zeros(shares.shape),
-            weight=jnp.asarray(mask[:, None, :].astype(float)),
-            constant=jnp.asarray(shares),
-        )
-    grids = [_sigma_grid(problem, c) for c in range(len(problem.channels))]
-    size = max(grid.size for grid in grids)
-    ln_sigma = np.stack([np.linspace(g[0], g[-1], size) for g in grids])
-    square = sd[:, None, :] ** 2 + np.exp(2 * ln_sigma)[:, :, None]
-    weight = np.where(mask[:, None, :], reference[:, None, :] ** 2 / square, 0.0)
-    norm = np.where(mask[:, None, :], np.log(2 * np.pi * square) / 2, 0.0)
-    prior = np.stack(
-        [
-            np.asarray(problem.priors[f"sigma_{name}"].log_prob(jnp.asarray(grid)))
-            for name, grid in zip(problem.channels, ln_sigma, strict=True)
-        ]
-    )
-    step = np.log(ln_sigma[:, 1] - ln_sigma[:, 0])[:, None]
-    return NoiseGrid(
-        ln_sigma=jnp.asarray(ln_sigma),
-        weight=jnp.asarray(weight),
-        constant=jnp.asarray(prior + step - np.sum(norm, axis=2)),
-    )
-
-
-def _sigma_grid(problem: Problem, channel: int) -> Float[np.ndarray, " k"]:
-    """Grid of ln sigma from below the best fit's to above that of no fit at all."""
-    prior = problem.priors[f"sigma_{problem.channels[channel]}"]
-    probe = prior.sample(np.random.default_rng(0), 999)
-    centre, spread = float(np.median(probe)), float(np.std(probe))
-    mask = np.asarray(problem.mask)[channel]
-    n = int(mask.sum())
-    if n == 0:
-        low, high, width = centre, centre, spread
-    else:
-        sigma = np.asarray(problem.reference_sigma)[channel, mask]
-        heights = np.asarray(problem.observed)[channel, mask]
-        width = 1 / np.sqrt(2 * n + 1 / spread**2)
-        low = float(np.log(np.min(sigma)))
-        high = max(low, float(np.log(np.sqrt(np.mean(heights**2)) + 1e-300)))
-    low, high = low - SIGMA_MARGIN * width, high + SIGMA_MARGIN * width
-    wanted = max((high - low) / width, SMALLEST_SIGMA_GRID)
-    # Powers of two: few shapes, few compilations.
-    return np.linspace(low, high, 1 << int(np.ceil(np.log2(wanted))))
 
 
 @eqx.filter_jit
@@ -392,10 +363,12 @@ def _at_draws(
 ) -> tuple[Array, Array, Array, Array]:
     """Logs of A, B and C_rr and of the density of every sigma, at drawn points."""
 
-    def one(node: Strip | Array, c: Array, a: Array) -> tuple[Array, ...]:
+    def one(
+        node: Strip | Array, c: Array, a: Array
+    ) -> tuple[Array, Array, Array, Array]:
         group = integrand.contact(node, c, a)
-        logs = (jnp.log(group.A), jnp.log(group.B), jnp.log(group.C_rr))
-        return (*logs, integrand.noise_profile(node, c, a))
+        A, B, C_rr = jnp.log(group.A), jnp.log(group.B), jnp.log(group.C_rr)
+        return A, B, C_rr, integrand.noise_profile(node, c, a)
 
     return jax.vmap(one)(nodes, c, a)
 

@@ -6,92 +6,20 @@ pair. Excluded: data.
 """
 
 import abc
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.interpolate import CubicSpline
 
+from pushfit.fit.log_density import LogDensity, Values, prior_density, tabulated
 from pushfit.fit.priors import Prior
 from pushfit.fit.quadrature import draw_from_nodes, gauss_legendre
 
-# Distance from the centre at which a prior density ends here: 1e-31 of its mass lies
-# beyond.
-N_SD = 12.0
 # Gauss nodes across a conditional density of up to 2 N_SD standard deviations.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
-# Points of a table per standard deviation of the narrowest prior behind it; the cubic
-# between them is then good to 1e-6.
-POINTS_PER_SD, MAX_POINTS = 20, 16384
-# Points on which a prior itself is read, about 85 per standard deviation.
-N_PRIOR_POINTS = 2049
 # How much finer a table is where one of a pair is fixed.
 EDGE = 16.0
-# A table ends where the log density is this far below its peak.
-DEPTH = 80.0
-# Smallest share of the scale of a prior that counts as positive.
-TINY = 1e-9
-
-Values = Float[np.ndarray, "..."]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LogDensity:
-    """Density of the log of a positive number.
-
-    Args:
-        lower: Where it begins.
-        upper: Where it ends.
-        scale: About the smallest distance over which it changes.
-        log_prob: Log density between the two.
-    """
-
-    lower: float
-    upper: float
-    scale: float
-    log_prob: Callable[[Values], Values]
-
-
-class Table(eqx.Module):
-    """Log density on a regular grid, for use inside compiled code.
-
-    Args:
-        start: First grid point.
-        step: Distance between grid points.
-        values: Log density on the grid.
-        mean: Mean of the density.
-        sd: Its standard deviation.
-    """
-
-    start: Float[Array, ""]
-    step: Float[Array, ""]
-    values: Float[Array, " g"]
-    mean: Float[Array, ""]
-    sd: Float[Array, ""]
-
-    @property
-    def end(self) -> Float[Array, ""]:
-        """Last grid point."""
-        return self.start + self.step * (self.values.size - 1)
-
-    def log_prob(self, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
-        """Cubic through the four nearest grid points; -inf outside the grid."""
-        place = (u - self.start) / self.step
-        inside = (place >= 0) & (place <= self.values.size - 1)
-        first = jnp.clip(jnp.floor(place) - 1, 0, self.values.size - 4)
-        t = jnp.where(inside, place - first, 1.0)
-        i = first.astype(int)
-        a, b, c, d = (self.values[i + k] for k in range(4))
-        cubic = (
-            -a * (t - 1) * (t - 2) * (t - 3) / 6
-            + b * t * (t - 2) * (t - 3) / 2
-            - c * t * (t - 1) * (t - 3) / 2
-            + d * t * (t - 1) * (t - 2) / 6
-        )
-        return jnp.where(inside, cubic, -jnp.inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +47,9 @@ class Pair(abc.ABC):
         """Range of the pair's own coordinate in which both densities are positive."""
 
     @abc.abstractmethod
-    def solve(self, whole: Values, fixed: float, is_first: bool) -> tuple[Values, Values]:
+    def solve(
+        self, whole: Values, fixed: float, is_first: bool
+    ) -> tuple[Values, Values]:
         """Log of the free one of the pair, and of its slope against the combination."""
 
     def density(self) -> LogDensity | float:
@@ -208,7 +138,9 @@ class Series(Pair):
         high = np.minimum(_log_excess(a.upper - whole), -_log_excess(b.lower - whole))
         return low, np.maximum(low, high)
 
-    def solve(self, whole: Values, fixed: float, is_first: bool) -> tuple[Values, Values]:
+    def solve(
+        self, whole: Values, fixed: float, is_first: bool
+    ) -> tuple[Values, Values]:
         """1/K = 1/X - 1/K_fixed, the same for either spring."""
         log_share = np.log(-np.expm1(np.minimum(whole - fixed, -1e-15)))
         return whole - log_share, -log_share
@@ -236,7 +168,9 @@ class Quotient(Pair):
         high = np.minimum(b.upper, (a.upper - whole) / 2)
         return low, np.maximum(low, high)
 
-    def solve(self, whole: Values, fixed: float, is_first: bool) -> tuple[Values, Values]:
+    def solve(
+        self, whole: Values, fixed: float, is_first: bool
+    ) -> tuple[Values, Values]:
         """L = sqrt(C_d/q), or C_d = q L²."""
         if is_first:
             return (fixed - whole) / 2, np.full_like(whole, -np.log(2))
@@ -259,6 +193,11 @@ class Fibre:
     rotation: Quotient
     C_rr: LogDensity | float
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters behind A and B."""
+        return ("K_sn", "K_dn", "K_st", "C_d", "L")
+
     def split(
         self,
         ln_A: Float[np.ndarray, " n"],
@@ -278,7 +217,7 @@ class Fibre:
         K_sn, K_dn = self.normal.split(ln_A, rng)
         K_st, rotation = self.tangential.split(ln_B, rng)
         C_d, L = self.rotation.split(rotation, rng)
-        return {"K_sn": K_sn, "K_dn": K_dn, "K_st": K_st, "C_d": C_d, "L": L}
+        return dict(zip(self.names, (K_sn, K_dn, K_st, C_d, L), strict=True))
 
 
 def make_fibre(
@@ -303,92 +242,12 @@ def make_fibre(
     spring = rotation.density()
     if isinstance(spring, LogDensity):
         # A table first: the next integral over it would otherwise be a double one.
-        spring = _tabulated(spring)
+        spring = tabulated(spring)
     return Fibre(
         normal=Series(first=one("K_sn"), second=one("K_dn")),
         tangential=Series(first=one("K_st"), second=spring),
         rotation=rotation,
         C_rr=one("C_rr"),
-    )
-
-
-def prior_density(prior: Prior) -> LogDensity:
-    """Density of the log of a positive parameter.
-
-    Args:
-        prior: Its prior.
-
-    Returns:
-        Density with the ends beyond which nothing is left.
-    """
-    first, second = float(prior.first), float(prior.second)
-    if prior.kind == "lognormal":
-        centre, scale = np.log(first), second
-        lower, upper = centre - N_SD * scale, centre + N_SD * scale
-    elif prior.kind == "uniform":
-        lower, upper = np.log(max(first, TINY * second)), np.log(second)
-        scale = upper - lower
-    else:
-        top = first + N_SD * second
-        lower, upper = np.log(max(first - N_SD * second, TINY * top)), np.log(top)
-        scale = second / max(first + second, second)
-    grid = np.linspace(lower, upper, N_PRIOR_POINTS)
-    # Rounding at the bounds of a uniform prior must not leave its support.
-    inside = jnp.asarray(np.clip(grid, lower + 1e-12, upper - 1e-12))
-    return _interpolated(grid, np.asarray(prior.log_prob(inside)), float(scale))
-
-
-def make_table(density: LogDensity) -> Table:
-    """Table of a density over the part of its range that holds all but e^-80 of it.
-
-    Args:
-        density: Density of a log.
-
-    Returns:
-        Table; grid points beyond twice that depth are held there, to stay finite.
-    """
-    coarse = np.linspace(density.lower, density.upper, 513)
-    level = np.nan_to_num(density.log_prob(coarse), nan=-np.inf)
-    kept = np.flatnonzero(level > np.max(level) - DEPTH)
-    low = coarse[max(kept[0] - 1, 0)]
-    high = coarse[min(kept[-1] + 1, coarse.size - 1)]
-    wanted = POINTS_PER_SD * (high - low) / density.scale
-    # Powers of two: few shapes, few compilations.
-    n = 1 << int(np.clip(np.ceil(np.log2(wanted)), 9, np.log2(MAX_POINTS)))
-    grid = np.linspace(low, high, n)
-    values = np.nan_to_num(density.log_prob(grid), nan=-np.inf)
-    values = np.maximum(values, np.max(values) - 2 * DEPTH)
-    mass = np.exp(values - np.max(values))
-    mass[[0, -1]] /= 2
-    mean = np.sum(mass * grid) / np.sum(mass)
-    sd = np.sqrt(np.sum(mass * (grid - mean) ** 2) / np.sum(mass))
-    return Table(
-        start=jnp.asarray(low),
-        step=jnp.asarray((high - low) / (n - 1)),
-        values=jnp.asarray(values),
-        mean=jnp.asarray(mean),
-        sd=jnp.asarray(sd),
-    )
-
-
-def _tabulated(density: LogDensity) -> LogDensity:
-    """The same density, read from a table."""
-    table = make_table(density)
-    values = np.asarray(table.values)
-    grid = float(table.start) + float(table.step) * np.arange(values.size)
-    return _interpolated(grid, values, density.scale)
-
-
-def _interpolated(
-    grid: Float[np.ndarray, " g"], values: Float[np.ndarray, " g"], scale: float
-) -> LogDensity:
-    """Density through given points: each shape of JAX arrays would be compiled anew."""
-    spline = CubicSpline(grid, values, extrapolate=False)
-    return LogDensity(
-        lower=float(grid[0]),
-        upper=float(grid[-1]),
-        scale=scale,
-        log_prob=lambda u: np.nan_to_num(spline(u), nan=-np.inf),
     )
 
 

@@ -41,7 +41,10 @@ def implied_profiles(
     found = {}
     for name, partner in (("K_sn", "K_dn"), ("K_dn", "K_sn")):
         if name not in fixed and "A" in profiles:
-            map_, is_bound = _partner_of_series(fixed.get(partner)), partner not in fixed
+            map_, is_bound = (
+                _partner_of_series(fixed.get(partner)),
+                partner not in fixed,
+            )
             found[name] = _mapped(name, profiles["A"], map_, is_bound, unit(name))
     if "B" in profiles:
         for name, (map_, is_bound) in _tangential(fixed).items():

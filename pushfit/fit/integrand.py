@@ -15,10 +15,10 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
-from pushfit.fit.fibre import Table
+from pushfit.fit.log_density import Table
+from pushfit.fit.noise_grid import NoiseGrid
 from pushfit.fit.problem import Problem
 from pushfit.fit.quadrature import GAUSS, KRONROD, NODES
 from pushfit.model import Contact, Scalar, contact
@@ -26,7 +26,6 @@ from pushfit.model import Contact, Scalar, contact
 # Inner nodes: three panels in t, where coordinate = centre + scale sinh(t). The middle
 # one holds ±3.6 standard deviations, the outer ones reach 200 of them or the prior's
 # end, whichever is nearer.
-PANELS = ((-1.0, 0.0), (0.0, 1.0), (1.0, 0.0))
 CORE, REACH = 2.0, 6.0
 N_NODES = 3 * NODES.size
 N_SCREEN = 13
@@ -82,26 +81,6 @@ class Inner(eqx.Module):
         return self.centre + self.scale * jnp.sinh(t)
 
 
-class NoiseGrid(eqx.Module):
-    """Sampled noise as a sum over values of sigma, or known noise as the only one.
-
-        ln L = Σ_c ln Σ_k exp( constant_ck - ½ Σ_i weight_cki r_ci² )
-
-    Args:
-        ln_sigma: Grid of each channel; one dummy value where sigma is known.
-        weight: On the squared residuals of the problem.
-        constant: Logs of normalisation, prior and grid step.
-    """
-
-    ln_sigma: Float[Array, "c k"]
-    weight: Float[Array, "c k n"]
-    constant: Float[Array, "c k"]
-
-    def log_likelihood(self, squares: Float[Array, "c k"]) -> Scalar:
-        """Log likelihood from the weighted sums of squares, sigma integrated out."""
-        return jnp.sum(logsumexp(self.constant - squares / 2, axis=1))
-
-
 class Integrand(eqx.Module):
     """Likelihood times prior of A, B and C_rr.
 
@@ -111,6 +90,8 @@ class Integrand(eqx.Module):
         prior_A: Density of ln A; None where A is fixed, as below.
         prior_B: Density of ln B.
         prior_C: Density of ln C_rr.
+        is_linear: Whether heights are proportional to A at given u and C_rr.
+        is_smooth: Whether no prior of A or B has an edge inside its range.
     """
 
     problem: Problem
@@ -119,6 +100,7 @@ class Integrand(eqx.Module):
     prior_B: Table | None
     prior_C: Table | None
     is_linear: bool = eqx.field(static=True)
+    is_smooth: bool = eqx.field(static=True)
 
     @property
     def pivot(self) -> str:
@@ -137,22 +119,24 @@ class Integrand(eqx.Module):
             inner = self.over_A(node, c)
             return inner.log_integral, inner.error
 
-        return _integrate(value, centre, scale, (low, high))
+        return self._integrate(value, centre, scale, (low, high))
 
     def over_A(self, node: Strip | Scalar, c: Scalar) -> Inner:
         """Integral over A at given u and ln C_rr; a single point if A is not inner."""
         if self.prior_A is None or self.pivot == "A":
-            a = node if self.pivot == "A" else jnp.zeros(())
+            a = jnp.zeros(()) if isinstance(node, Strip) else node
             log_f = self.log_density(node, c, a)
             zero = jnp.zeros(())
-            return Inner(jnp.zeros(N_NODES), zero, zero, jnp.zeros(N_NODES), log_f, zero)
+            return Inner(
+                jnp.zeros(N_NODES), zero, zero, jnp.zeros(N_NODES), log_f, zero
+            )
         centre, scale, squares = self._along_A(node, c)
 
         def value(a: Scalar) -> tuple[Scalar, Scalar]:
             likelihood = self.noise.log_likelihood(squares(a))
             return likelihood + self.log_prior(node, c, a), jnp.zeros(())
 
-        return _integrate(value, centre, scale, _range(self.prior_A))
+        return self._integrate(value, centre, scale, _range(self.prior_A))
 
     def log_density(self, node: Strip | Scalar, c: Scalar, a: Scalar) -> Scalar:
         """Log of likelihood times prior density in (u, ln C_rr, ln A)."""
@@ -307,41 +291,53 @@ class Integrand(eqx.Module):
             for table, value in zip(tables, (a, b, c), strict=True)
         ]
 
+    def _integrate(
+        self,
+        value: Callable[[Scalar], tuple[Scalar, Scalar]],
+        centre: Scalar,
+        scale: Scalar,
+        bounds: tuple[Scalar, Scalar],
+    ) -> Inner:
+        """Integral of exp(value) over the bounds, on the stretched panels."""
+        low, high = bounds
+        centre = jnp.clip(centre, low, high)
+        bottom = jnp.maximum(jnp.arcsinh((low - centre) / scale), -REACH)
+        top = jnp.minimum(jnp.arcsinh((high - centre) / scale), REACH)
+        edges = jnp.stack(
+            [bottom, jnp.maximum(-CORE, bottom / 2), jnp.minimum(CORE, top / 2), top]
+        )
+        half = (edges[1:] - edges[:-1]) / 2
+        t = ((edges[1:] + edges[:-1]) / 2)[:, None] + jnp.outer(
+            half, jnp.asarray(NODES)
+        )
+        t = t.ravel()
+        log_f, inner_error = jax.vmap(value)(centre + scale * jnp.sinh(t))
+        log_density = log_f + jnp.log(scale * jnp.cosh(t))
+        log_density = jnp.where(jnp.isnan(log_density), -jnp.inf, log_density)
+        peak = jnp.max(log_density)
+        peak = jnp.where(jnp.isfinite(peak), peak, 0.0)
+        f = jnp.exp(log_density - peak).reshape(3, -1)
+        kronrod, gauss = (
+            half * (f @ jnp.asarray(KRONROD)),
+            half * (f @ jnp.asarray(GAUSS)),
+        )
+        total = jnp.sum(kronrod)
+        safe = jnp.where(total > 0, total, 1.0)
+        relative = jnp.sum(jnp.abs(kronrod - gauss)) / safe
+        # On analytic functions the 15-point rule has twice the digits of the other.
+        error = jnp.minimum(1.0, relative**2 if self.is_smooth else relative)
+        weight = jnp.outer(half, jnp.asarray(KRONROD)).ravel() * f.ravel()
+        error = error + jnp.sum(weight * inner_error) / safe
+        return Inner(t, centre, scale, log_density, jnp.log(total) + peak, error)
+
 
 def _range(table: Table) -> tuple[Scalar, Scalar]:
     return table.start, table.end
 
 
-def _integrate(value, centre: Scalar, scale: Scalar, bounds) -> Inner:
-    """Integral of exp(value) over the bounds, on the stretched panels."""
-    low, high = bounds
-    centre = jnp.clip(centre, low, high)
-    bottom = jnp.maximum(jnp.arcsinh((low - centre) / scale), -REACH)
-    top = jnp.minimum(jnp.arcsinh((high - centre) / scale), REACH)
-    edges = jnp.stack(
-        [bottom, jnp.maximum(-CORE, bottom / 2), jnp.minimum(CORE, top / 2), top]
-    )
-    half = (edges[1:] - edges[:-1]) / 2
-    t = ((edges[1:] + edges[:-1]) / 2)[:, None] + jnp.outer(half, jnp.asarray(NODES))
-    t = t.ravel()
-    log_f, inner_error = jax.vmap(value)(centre + scale * jnp.sinh(t))
-    log_density = log_f + jnp.log(scale * jnp.cosh(t))
-    log_density = jnp.where(jnp.isnan(log_density), -jnp.inf, log_density)
-    peak = jnp.max(log_density)
-    peak = jnp.where(jnp.isfinite(peak), peak, 0.0)
-    f = jnp.exp(log_density - peak).reshape(3, -1)
-    kronrod, gauss = half * (f @ jnp.asarray(KRONROD)), half * (f @ jnp.asarray(GAUSS))
-    total = jnp.sum(kronrod)
-    safe = jnp.where(total > 0, total, 1.0)
-    relative = jnp.sum(jnp.abs(kronrod - gauss)) / safe
-    # On analytic functions the 15-point rule has twice the digits of the other.
-    error = jnp.minimum(1.0, relative**2)
-    weight = jnp.outer(half, jnp.asarray(KRONROD)).ravel() * f.ravel()
-    error = error + jnp.sum(weight * inner_error) / safe
-    return Inner(t, centre, scale, log_density, jnp.log(total) + peak, error)
-
-
-def _centre(residuals, start: Float[Array, " m"], n_steps: int) -> tuple[Scalar, Scalar]:
+def _centre(
+    residuals, start: Float[Array, " m"], n_steps: int
+) -> tuple[Scalar, Scalar]:
     """First coordinate of a least-squares optimum and its standard deviation.
 
     A fixed number of damped Gauss-Newton steps: all nodes march in lockstep, and the

@@ -4,6 +4,7 @@ Cells end at every elevation that was pushed, where the integrand has a kink, an
 around every mode of the likelihood. Excluded: integrating.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -108,7 +109,9 @@ def _prior_moments(
     zero = jnp.zeros(())
     group = integrand.contact(zero, zero, zero)
     fixed = np.log([float(group.A), float(group.B), float(group.C_rr)])
-    means = [v if t is None else float(t.mean) for t, v in zip(tables, fixed, strict=True)]
+    means = [
+        v if t is None else float(t.mean) for t, v in zip(tables, fixed, strict=True)
+    ]
     sds = [0.0 if t is None else float(t.sd) for t in tables]
     return np.array(means), np.array(sds)
 
@@ -116,7 +119,7 @@ def _prior_moments(
 def _g(
     integrand: Integrand, theta: Float[np.ndarray, " k"], ln_A: float
 ) -> Float[np.ndarray, " k"]:
-    """`Integrand` docs: log of B / C_rr that puts θ_c at θ."""
+    """Log of the B / C_rr that puts θ_c at θ, as in `Strip`."""
     grasp = integrand.problem.grasp
     preload = float(grasp.preload) / float(grasp.push_length)
     return np.log((preload + np.exp(ln_A) * np.sin(theta)) / np.cos(theta))
@@ -147,7 +150,7 @@ def _edges(
     kept[-1] = ordered[-1]
     filled = [
         np.linspace(a, b, max(2, int(np.ceil((b - a) / WIDEST)) + 1))[:-1]
-        for a, b in zip(kept[:-1], kept[1:], strict=True)
+        for a, b in itertools.pairwise(kept)
     ]
     return np.concatenate([*filled, kept[-1:]])
 

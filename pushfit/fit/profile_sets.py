@@ -59,9 +59,8 @@ def pieces_below(
         share = (target - root[inside]) / (root[outside] - root[inside])
         return float(values[inside] + share * (values[outside] - values[inside]))
 
-    return tuple(
-        (end(a, a - 1), end(b, b + 1)) for a, b in zip(starts, stops, strict=True)
-    )
+    runs = zip(starts.tolist(), stops.tolist(), strict=True)
+    return tuple((end(a, a - 1), end(b, b + 1)) for a, b in runs)
 
 
 def _without_ripples(
@@ -91,7 +90,8 @@ def verdict_of(pieces: tuple[Piece, ...]) -> Verdict:
         return Verdict.NOT_DETERMINED
     if len(pieces) > 1:
         return Verdict.SEVERAL_MODES
-    return Verdict.ONE_SIDED if None in pieces[0] else Verdict.DETERMINED
+    is_open = any(None in piece for piece in pieces)
+    return Verdict.ONE_SIDED if is_open else Verdict.DETERMINED
 
 
 def profile_set(profile: LikelihoodProfile, prob: float) -> tuple[Piece, ...]:

@@ -37,6 +37,8 @@ UNPROFILED = ("f1", "f2", "ln_L")
 N_ROUNDS, LEVEL_TOLERANCE = 6, 2e-3
 # A bad point is mended from its neighbours, and two bad neighbours by the next sweep.
 N_SWEEPS = 2
+# Distance from the end of the reach that stands for none [deg].
+JUMP = 1e-6
 # Values added inside each piece, for other levels and for figures.
 N_FILL = 9
 
@@ -204,7 +206,7 @@ def _grid(
 
 def _solved(
     solver: ConstrainedFit,
-    requests: Mapping[str, Float[np.ndarray, " k"]],
+    requests: Mapping[str, Float[np.ndarray, " _"]],
     starts: Float[np.ndarray, "k s q"] | None,
 ) -> dict[str, Curve]:
     """Curves through the requested values, all in one run of the solver."""
@@ -226,7 +228,7 @@ def _solved(
 def _refined(
     solver: ConstrainedFit,
     curves: Mapping[str, Curve],
-    requests: Mapping[str, Float[np.ndarray, " k"]],
+    requests: Mapping[str, Float[np.ndarray, " _"]],
 ) -> dict[str, Curve]:
     """Curves with more values, each solved from the solutions on either side."""
     starts = []
@@ -304,10 +306,16 @@ def _axis_profile(
         # Cut the circle where the data like it least.
         low, high = float(axis[np.argmax(delta)] % 180.0), np.inf
     angle = low + np.mod(axis - low, 180.0)
-    is_reached = angle <= high
     if not np.isinf(high):
+        # What is beyond an end counts at it: the profile jumps there, so the axis that
+        # just reaches the end needs a value of its own.
+        order = np.argsort(angle)
+        inside = np.array([low + JUMP, high - JUMP])
+        at_ends = np.interp(inside, angle[order], delta[order], period=180.0)
+        angle = np.concatenate([angle, inside])
+        delta = np.concatenate([delta, at_ends])
         to_low = low + 180.0 - angle < angle - high
-        angle = np.where(is_reached, angle, np.where(to_low, low, high))
+        angle = np.where(angle <= high, angle, np.where(to_low, low, high))
     order = np.lexsort((delta, angle))
     kept = order[np.diff(angle[order], prepend=-np.inf) > 0]
     angle, delta = angle[kept], delta[kept]

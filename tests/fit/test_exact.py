@@ -26,7 +26,10 @@ FRICTION_ONLY = "".join(f"[parameters.{n}]\nfixed = {v}\n" for n, v in FIXED.ite
 FRICTION_ONLY += "[parameters.C_rr]\nnormal = { mean = 0.24, sd = 0.01 }\n"
 # Elevations of one small table: every test of this file shares one compiled program.
 FIVE = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
-CHANNEL = {"channels": ("height_tangential",), "theta_deg": np.array([10.0, 20.0, 30.0])}
+CHANNEL = {
+    "channels": ("height_tangential",),
+    "theta_deg": np.array([10.0, 20.0, 30.0]),
+}
 
 
 def small_setup(name="firm", *, noise, seed=0, text=""):
@@ -155,7 +158,12 @@ def test_without_data_draws_follow_the_prior():
     setup = small_setup(noise=0.05)
     fit = fit_least_squares(setup, reference_alpha=ALPHA)
     result = exact_posterior(
-        without_data(setup), fit, n_draws=4000, seed=3, reference_alpha=ALPHA, reach=REACH
+        without_data(setup),
+        fit,
+        n_draws=4000,
+        seed=3,
+        reference_alpha=ALPHA,
+        reach=REACH,
     )
     for name in ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "theta_c"):
         pair = result.samples[name], result.prior_samples[name]
