@@ -123,16 +123,28 @@ def test_noise_free_heights_determine_the_critical_angle():
     assert high - low < 1e-2
 
 
+BELOW = np.arange(10.0, 61.0, 12.5)
+
+
 def test_pushes_on_one_side_leave_the_other_end_open():
-    """θ_c = 72° and no push above 60°: only a lower bound can be known."""
-    elevations = np.arange(10.0, 61.0, 12.5)
-    table = case_table(CASES["one_sided"], noise=1e-3, theta_deg=elevations)
+    """θ_c = 72° and no push above 60°: components tell that all have rolled."""
+    channels = ("height_normal", "height_tangential")
+    table = case_table(
+        CASES["one_sided"], noise=0.01, theta_deg=BELOW, channels=channels
+    )
     profile = profiles_of(setup_of(table))["theta_c"]
     assert profile.verdict is Verdict.ONE_SIDED
     ((low, high),) = profile.pieces
     assert high is None
     assert low is not None
-    assert low < 72
+    assert 45 < low < 72
+
+
+def test_magnitudes_of_rolled_pushes_alone_bound_nothing():
+    """Heights ∝ sin θ are also those of an object that never resists sideways."""
+    table = case_table(CASES["one_sided"], noise=1e-3, theta_deg=BELOW, seed=1)
+    profile = profiles_of(setup_of(table))["theta_c"]
+    assert profile.verdict is Verdict.NOT_DETERMINED
 
 
 def test_one_elevation_determines_no_angle():
