@@ -16,6 +16,7 @@ from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
+    from pushfit.data.table import PeakTable
 
 SCHEMA = "pushfit.validate/1"
 Unit = Literal["n", "kpa", "counts", "au"]
@@ -62,21 +63,46 @@ def peaks(
     schedule: options.ScheduleFile = None,
     config: options.ConfigFile = None,
     output: options.OutFile = None,
+    plot: options.PlotFile = None,
     force: options.Force = False,
 ) -> None:
-    """Heights of the pushes in a recording, as CSV."""
+    """Heights of the pushes in a recording, as CSV and as a picture."""
     from pushfit.config import read_config
     from pushfit.data.table import write_table
 
-    if output is not None:
-        refuse_existing(output, force=force)
+    for path in (output, plot):
+        if path is not None:
+            refuse_existing(path, force=force)
     schedules = [] if schedule is None else [schedule]
-    table = load_peaks(session, [recording], schedules, read_config(config))
+    settings = read_config(config)
+    table = load_peaks(session, [recording], schedules, settings)
+    if plot is not None:
+        draw_peaks(recording, table, settings, plot)
+        session.say(f"wrote {plot}")
     if output is None:
         print(table.frame.to_csv(index=False), end="")
         return
     write_table(table, output)
     session.say(f"wrote {output}: {table.n_pushes} pushes")
+
+
+def draw_peaks(
+    path: Path, table: "PeakTable", settings: "GraspConfig", plot: Path
+) -> None:
+    """Draw a recording with what was taken from it.
+
+    Args:
+        path: Recording.
+        table: Its peaks.
+        settings: Settings in force.
+        plot: Picture to write, in the format of its suffix.
+    """
+    from pushfit.data.recording import read_recording
+    from pushfit.report.figures import peaks_figure, save_figure
+
+    recording = read_recording(path, **reader_options(settings))
+    figure = peaks_figure(recording, table, channel=settings.peaks.channel)
+    save_figure(figure, plot)
 
 
 def simulate(

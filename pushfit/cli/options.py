@@ -45,6 +45,10 @@ OutFile = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="File instead of stdout."),
 ]
+PlotFile = Annotated[
+    Path | None,
+    typer.Option("--plot", metavar="FILE", help="Picture of the recording (png, svg)."),
+]
 Checkpoint = Annotated[
     Path | None,
     typer.Option(

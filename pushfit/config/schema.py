@@ -68,9 +68,9 @@ class PushSection(Section):
 class GraspSection(Section):
     """How the object is held."""
 
-    mechanics: Literal["linear", "tilting"] = Field(
+    mechanics: Literal["linear"] = Field(
         default="linear",
-        description='"linear" (the paper) or "tilting" (large tilts; needs L)',
+        description='"linear": the equations of the paper, for small tilts',
     )
     preload_n: Preload = Field(
         default=None,
@@ -188,10 +188,6 @@ class GraspConfig(Section):
     @model_validator(mode="after")
     def check_sections_agree(self) -> "GraspConfig":
         """Refuse sections that need each other and do not fit."""
-        if self.grasp.mechanics == "tilting" and not self.push.length_known:
-            raise ValueError(
-                'mechanics = "tilting" depends on the push length; give push.length_mm'
-            )
         if self.parameters.F_0 is not None and not self.preload_is_estimated:
             raise ValueError(
                 "parameters.F_0 is a prior of an estimated preload; "

@@ -133,8 +133,6 @@ def _theta_c_subject(identification: Identification) -> str:
     words = ["The critical angle θ_c"]
     if np.unique(identification.table.alpha).size > 1:
         words.append(f"for pushes at α = {identification.reference_alpha_deg:g}°")
-    if identification.config.grasp.mechanics == "tilting":
-        words.append(f"and {identification.config.push.length_mm:g} mm")
     return " ".join(words)
 
 
