@@ -107,9 +107,9 @@ def direction_labels(
     vary_alpha = np.unique(alpha_deg).size > 1
     labels = []
     for theta, alpha in zip(theta_deg, alpha_deg, strict=True):
-        parts = [f"{theta:g}°"] if vary_theta or not vary_alpha else []
-        parts += [f"{alpha:g}°"] if vary_alpha else []
-        labels.append(" / ".join(parts))
+        parts = [f"{round(theta, 1):g}°"] if vary_theta or not vary_alpha else []
+        parts += [f"{round(alpha, 1):g}°"] if vary_alpha else []
+        labels.append("\n".join(parts))
     return labels
 
 
@@ -127,7 +127,7 @@ def label_words(
     vary_theta = np.unique(theta_deg).size > 1
     vary_alpha = np.unique(alpha_deg).size > 1
     if vary_theta and vary_alpha:
-        return "labels: θ / α"
+        return "labels: θ above α"
     if vary_alpha:
         return f"labels: α at θ = {theta_deg[0]:g}°"
     return f"labels: θ at α = {alpha_deg[0]:g}°"
