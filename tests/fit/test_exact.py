@@ -10,6 +10,7 @@ from scipy import integrate, stats
 
 from pushfit.fit.exact import exact_grid, exact_posterior, why_not_exact
 from pushfit.fit.least_squares import fit_least_squares
+from pushfit.fit.quadrature import Cells, cell_nodes
 from pushfit.fit.results import FitStatus
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES, PUSH, paper_parameters
@@ -178,6 +179,25 @@ def test_without_data_draws_follow_the_prior():
         assert stats.ks_2samp(*pair).pvalue > KS_LEVEL, name
     logs = np.log(result.samples["K_sn"])
     assert stats.kstest(logs, stats.norm(np.log(800), 0.8).cdf).pvalue > KS_LEVEL
+
+
+@pytest.mark.parametrize("width", [1.0, 0.3, 0.1, 0.03])
+@pytest.mark.parametrize("centre", [0.0, 0.37])
+def test_error_of_cells_covers_their_error(width, centre):
+    """A bell against the normal distribution function, over two cells.
+
+    One that falls between two nodes is seen by no rule: hence cells around modes.
+    """
+    edges = np.array([-1.0, 0.2, 1.0])
+    nodes = cell_nodes(edges[:-1], edges[1:])
+    cells = Cells(
+        lower=edges[:-1],
+        upper=edges[1:],
+        log_values=stats.norm.logpdf(nodes, centre, width),
+        inner_error=np.zeros_like(nodes),
+    )
+    truth = np.diff(stats.norm.cdf(edges, centre, width)) * np.exp(-cells.scale)
+    assert np.all(np.abs(cells.integrals - truth) <= cells.errors + 1e-14)
 
 
 HARD = {
