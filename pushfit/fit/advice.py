@@ -57,11 +57,13 @@ def next_push(
     if is_finite.sum() < 10 or np.ptp(values[is_finite]) == 0:
         return None
     values = values[is_finite] - values[is_finite].mean()
-    heights = heights[is_finite, 0]
-    centred = heights - heights.mean(axis=0)
-    sigma = np.asarray(problem.reference_sigma)[np.asarray(problem.mask)].mean()
-    covariance = values @ centred / values.size
-    gain = covariance**2 / (centred.var(axis=0) + sigma**2) / values.var()
+    centred = heights[is_finite] - heights[is_finite].mean(axis=0)
+    mask = np.asarray(problem.mask)
+    sigma = np.average(np.asarray(problem.reference_sigma), axis=1, weights=mask)
+    covariance = np.einsum("m,mcg->cg", values, centred) / values.size
+    scatter = centred.var(axis=0) + sigma[:, None] ** 2
+    # The channel that tells most of the quantity speaks for the push.
+    gain = np.max(covariance**2 / scatter, axis=0) / values.var()
     best = int(np.argmax(gain))
     if gain[best] < WORTHWHILE:
         return None

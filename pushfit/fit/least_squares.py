@@ -116,7 +116,10 @@ def polish(
         is_better = np.isfinite(found_costs) & ~(gain <= 0)
         points = np.where(is_better[:, None], found, points)
         costs = np.where(is_better, found_costs, costs)
-        is_done = np.where(is_better, found_done, is_done)
+        # A restart that gains nothing has arrived, whatever the solver says of its
+        # steps: on a kink they never meet its tolerance.
+        has_arrived = found_done | (gain <= FLAT_DELTA_CHI_SQUARE)
+        is_done = np.where(np.isfinite(found_costs), has_arrived, is_done)
         if not np.any(gain[is_better] > FLAT_DELTA_CHI_SQUARE):
             break
     order = np.argsort(costs, kind="stable")
