@@ -20,7 +20,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.directions import best_direction, critical_angle
 from pushfit.fit.derived import equal_tailed_interval
 from pushfit.fit.least_squares import fit_least_squares
-from pushfit.fit.posterior import sample_posterior
+from pushfit.fit.posterior import Budget, sample_posterior
 from pushfit.fit.priors import default_priors
 from pushfit.fit.results import FitStatus
 from pushfit.fit.setup import build_problem
@@ -29,6 +29,8 @@ from pushfit.model import Grasp, Parameters, Pushes, forward
 LEVELS = (0.5, 0.9, 0.95)
 REACH = (0.0, np.pi)
 REFERENCE_ALPHA = np.pi / 2
+# A quarter of the walkers of a normal run: enough for an interval, and 200 times one.
+BUDGET = Budget(n_ensembles=2, n_walkers=32)
 
 
 def covered(seed: int) -> dict[str, list[bool]] | None:
@@ -39,7 +41,9 @@ def covered(seed: int) -> dict[str, list[bool]] | None:
     setup = build_problem(table, config)
     words = {"reference_alpha": REFERENCE_ALPHA}
     fit = fit_least_squares(setup, throw=False, **words)
-    posterior = sample_posterior(setup, fit, seed=seed, reach=REACH, **words)
+    posterior = sample_posterior(
+        setup, fit, seed=seed, reach=REACH, budget=BUDGET, **words
+    )
     if posterior.status is not FitStatus.OK:
         return None
     angles = {
