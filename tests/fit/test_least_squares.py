@@ -15,9 +15,6 @@ from tests.problems import CASES
 EXACT_DATA = 1e-9
 # Both solvers stop at a gradient of rounding; SciPy at its ftol of 1e-12.
 TWO_SOLVERS = 1e-6
-# A mode that runs off to infinity is stopped anywhere along its flat valley, where
-# curves differ by a tenth of sigma; distinct modes here differ by half of it and more.
-SAME_CURVE = 0.25
 COMPONENTS = ("height_normal", "height_tangential")
 ISOTROPIC = ("paper", "firm", "soft", "preload", "blind_magnitude")
 
@@ -26,10 +23,6 @@ def table_config(case) -> str:
     sharpness = float(case.grasp.sharpness)
     text = f"[grasp]\npreload_n = {float(case.grasp.preload)!r}\n"
     return text + (f"[transition]\nsharpness = {sharpness}\n" if sharpness < 99 else "")
-
-
-def residuals_at(setup, coordinates):
-    return np.asarray(setup.problem.data_residuals(jnp.asarray(list(coordinates))))
 
 
 def fit_of(table, text=""):
@@ -86,28 +79,17 @@ def test_scipy_finds_the_same_optimum(name, channels):
     np.testing.assert_allclose(fit.estimate, other.x, atol=100 * TWO_SOLVERS, rtol=0)
 
 
-def test_no_random_start_finds_what_the_scan_has_missed():
-    """Modes of a smooth likelihood, against 100 random starts per table."""
+def test_no_random_start_finds_a_better_optimum():
+    """The best of 100 random starts per table, on a smooth likelihood."""
     case = CASES["blind_magnitude"]
-    n_with_two = 0
     for seed in range(6):
         table = case_table(case, noise=0.05, seed=seed)
         setup = setup_of(table, "[transition]\nsharpness = 12.0\n")
         fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
         rng = np.random.default_rng(seed)
         starts = rng.uniform(fit.estimate - 3, fit.estimate + 3, (100, 3))
-        points, costs, is_done = polish(setup.problem, starts)
+        _, costs, _ = polish(setup.problem, starts)
         assert fit.chi_square <= costs[0] * (1 + TWO_SOLVERS), f"seed {seed}"
-        # Residuals, not coordinates: C_rr means nothing where no push rolls.
-        known = np.array(
-            [residuals_at(setup, m.coordinates.values()) for m in fit.modes]
-        )
-        n_with_two += len(known) > 1
-        for point, cost in zip(points[is_done], costs[is_done], strict=True):
-            if cost < costs[0] + 3.0:
-                gap = np.max(np.abs(known - residuals_at(setup, point)), axis=1)
-                assert np.min(gap) < SAME_CURVE, f"seed {seed}: {point} at {cost}"
-    assert n_with_two > 0
 
 
 def test_covariance_is_nan_where_the_data_do_not_determine_every_coordinate():
