@@ -9,18 +9,21 @@ the sensor's frame; one of its axes must be the contact normal.
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pushfit.data.detection import Extent, Noise
 from pushfit.data.heights import Height
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.records import Recording
 from pushfit.data.rests import find_rests, rest_curve, rest_noise, slopes
+from pushfit.data.saturation import saturated_pushes
 from pushfit.errors import ConfigError, DataError
 
 # Share of the width around the top that the components are averaged over.
 _TOP_SHARE = 0.2
 _MIN_SAMPLES = 5
+# Change of a channel that is beyond doubt one by the push [sd].
+_CLEAR = 10.0
 
 
 def push_signal(
@@ -61,10 +64,10 @@ def measure_components(
     extents: Sequence[Extent],
     heights: Sequence[Height],
     *,
-    normal: str,
+    settings: PeakSettings,
     time: Float[np.ndarray, " n"],
     length: Float[np.ndarray, " n"],
-) -> dict[str, list[float]]:
+) -> tuple[dict[str, list[float]], Bool[np.ndarray, " p"]]:
     """Heights along the normal and across it.
 
         Δ_c = (mean_top F_c - rest F_c) · top |ΔF| / mean_top |ΔF|
@@ -77,24 +80,30 @@ def measure_components(
         recording: Samples of all force channels.
         extents: Where the pushes are.
         heights: Measured tops of the length of the change of force.
-        normal: Channel along the normal, "-" in front where pushing makes it fall.
+        settings: Which channel is along the normal, and where the sensor ends.
         time: Times of `length` [s].
         length: Length of the change of force, as `push_signal` gives it.
 
     Returns:
-        Columns of a peak table.
+        Columns of a peak table, and which pushes reach the end of a channel's range.
 
     Raises:
         ConfigError: The normal is not a channel, or units differ (`channel`).
     """
-    sign, name = _normal(recording, normal)
+    sign, name = _normal(recording, str(settings.normal))
     unit = recording.units[name]
+    known = np.isfinite(list(recording.channels.values())).all(axis=0)
     changes, sds = {}, {}
+    is_cut = np.zeros(len(extents), dtype=bool)
     for channel, samples in recording.channels.items():
-        known = np.isfinite(samples)
-        changes[channel], sds[channel] = _changes(
-            recording.time[known], samples[known], extents, heights
+        change, sd = _changes(time, samples[known], extents, heights)
+        signs = np.where(change < 0, -1, 1).tolist()
+        at_end = saturated_pushes(
+            samples[known], extents, signs=signs, limit=settings.limit, sigma=0.0
         )
+        # A channel that a push leaves alone dwells at its largest reading as well.
+        is_cut |= at_end & (np.abs(change) > _CLEAR * sd)
+        changes[channel], sds[channel] = change, sd
     top = np.array([h.height + h.baseline for h in heights])
     around = [
         length[_around_top(time, extent, height)].mean()
@@ -111,7 +120,7 @@ def measure_components(
     # Each height also shares the doubt about the top of the whole.
     doubt = np.array([h.sd for h in heights]) / np.maximum(top, 1e-300)
     pushed = sign * scale * changes[name]
-    return {
+    columns = {
         f"height_normal_{unit}": list(pushed),
         f"height_normal_sd_{unit}": list(np.hypot(sds[name], doubt * pushed)),
         f"height_tangential_{unit}": list(tangential),
@@ -119,6 +128,7 @@ def measure_components(
             np.hypot(np.sqrt(along), doubt * tangential)
         ),
     }
+    return columns, is_cut
 
 
 def _changes(

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.data.apex import N_BINS, fit_apex
 from pushfit.data.detection import Extent, Noise
 from pushfit.data.rests import Rest, RestNoise, find_rests, rest_noise, slopes
+from pushfit.data.saturation import saturated_pushes
 
 Definition = Literal["auto", "apex", "plateau"]
 
@@ -47,7 +48,6 @@ _BEYOND_CHANCE = 1.86
 _SHAPE = 0.0015
 # Share of the height that the baseline may move by under a push.
 _MAX_DRIFT = 0.2
-_SATURATED_SAMPLES = 3
 # Share of the height by which a rest may lie above both of its neighbours.
 _MAX_UNREST = 0.1
 
@@ -116,17 +116,22 @@ def measure_heights(
     find = _plateaus if definition == "plateau" else _apexes
     tops = find(time, upright, extents, profile, base, noise)
     drift = slopes(rests) * (tops.time - base_time)
-    largest = float(signal.max())
+    is_cut = saturated_pushes(
+        signal,
+        extents,
+        signs=signs,
+        limit=limit,
+        sigma=noise.sigma if definition == "apex" else 0.0,
+    )
     heights = []
     for k, extent in enumerate(extents):
-        samples = signal[extent.start : extent.end]
         baseline = float(base[k] + drift[k])
         # The drift of an upright picture of a dip goes the other way.
         height = float(tops.level[k] - base[k] - signs[k] * drift[k])
         checks = {
             "clipped": extent.cut_start or extent.cut_end,
             "gap": bool(tops.has_gap[k]),
-            "saturated": _is_saturated(samples, largest, limit),
+            "saturated": bool(is_cut[k]),
             "drift": bool(abs(drift[k]) > _MAX_DRIFT * abs(height)),
         }
         heights.append(
@@ -372,20 +377,3 @@ def _largest_gap(
         inside = np.clip(time[max(0, first - 1) : last + 1], start, end)
         gaps.append(np.diff(inside).max(initial=0.0))
     return np.array(gaps)
-
-
-def _is_saturated(
-    samples: Float[np.ndarray, " n"], largest: float, limit: float | None
-) -> bool:
-    """Whether samples reach the limit, or pile up at the largest reading of all.
-
-    A natural top has about as many samples just below its highest value as at it; a cut
-    one has them all at it.
-    """
-    if limit is not None:
-        return bool(np.any(samples >= limit))
-    n_at_top = np.count_nonzero(samples >= largest)
-    if n_at_top < _SATURATED_SAMPLES:
-        return False
-    just_below = np.isin(samples, np.unique(samples)[-4:-1])
-    return bool(n_at_top > 2 * np.count_nonzero(just_below))

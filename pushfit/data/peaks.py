@@ -6,7 +6,7 @@ Excluded: the ways of finding, pairing and measuring, each in its own module.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ from pushfit.data.heights import measure_heights
 from pushfit.data.mismatch import mismatch_error
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.records import Recording
-from pushfit.data.rests import rest_curve
+from pushfit.data.rests import rest_curve, without_dips
 from pushfit.data.schedule import DECIMALS, PushSchedule
 from pushfit.data.table import PeakTable
 from pushfit.errors import DataError
@@ -29,14 +29,20 @@ from pushfit.errors import DataError
 DEFAULTS = PeakSettings()
 # Pushes that a note names one by one.
 _MAX_NAMED = 12
+# Share of a dip below which a hump is what noise makes of a filled signal.
+_MINOR = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """Humps of a recording, each with the way it goes."""
+    """Humps of a recording, each with the way it goes, and dips that are not asked for.
+
+    Dips are there only where all humps go up.
+    """
 
     extents: tuple[Extent, ...]
     signs: tuple[int, ...]
+    dips: tuple[Extent, ...] = ()
 
     def only(self, keep: Sequence[int]) -> "_Found":
         """Some of the humps."""
@@ -129,20 +135,38 @@ def _find(
     signed: bool,
 ) -> _Found:
     """Humps, and with `signed` dips too, in order."""
-    upright = signal
-    if signed:
-        upright = np.abs(signal - rest_curve(time, signal))
-    extents = find_extents(
-        time,
-        upright,
-        split=settings.split,
-        min_height=settings.min_height,
-        smoothing=settings.smoothing,
-    )
-    signs = tuple(
-        -1 if signed and _is_dip(time, signal, extent) else 1 for extent in extents
-    )
+
+    def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
+        return find_extents(
+            time,
+            picture,
+            split=settings.split,
+            min_height=settings.min_height,
+            smoothing=settings.smoothing,
+        )
+
+    if not signed:
+        # A return from a dip to rest would look like a hump.
+        filled, dips = without_dips(time, signal, extents_of)
+        extents = tuple(_beside(dips, hump) for hump in extents_of(filled))
+        return _Found(extents, (1,) * len(extents), dips)
+    extents = extents_of(np.abs(signal - rest_curve(time, signal)))
+    signs = tuple(-1 if _is_dip(time, signal, extent) else 1 for extent in extents)
     return _Found(extents, signs)
+
+
+def _beside(dips: Sequence[Extent], hump: Extent) -> Extent:
+    """Call a hump a brush if it is but the shoulder of a deeper dip, or far smaller."""
+    is_minor = any(
+        hump.height < _MINOR * dip.height
+        or (
+            hump.height < dip.height
+            and dip.t_start - hump.width < hump.t_end
+            and dip.t_end + hump.width > hump.t_start
+        )
+        for dip in dips
+    )
+    return replace(hump, is_brush=True) if is_minor else hump
 
 
 def _is_dip(
@@ -178,7 +202,7 @@ def _pair(
         if better is not None and (pairs is None or better.n_odd < pairs.n_odd):
             found, pairs = both, better
     if all(extent.is_brush for extent in found.extents):
-        raise _no_pushes(signal, settings)
+        raise _no_pushes(signal, settings, len(found.dips))
     if schedule is not None and pairs is not None and not settings.allow_missing:
         if not pairs.is_complete:
             raise mismatch_error(schedule, pairs, found.extents)
@@ -197,17 +221,21 @@ def _align(found: _Found, schedule: PushSchedule | None) -> Alignment | None:
     )
 
 
-def _no_pushes(signal: Float[np.ndarray, " n"], settings: PeakSettings) -> DataError:
+def _no_pushes(
+    signal: Float[np.ndarray, " n"], settings: PeakSettings, n_dips: int
+) -> DataError:
     """Say what there is instead of pushes."""
     spread = float(np.ptp(signal))
-    if spread == 0.0:
+    if n_dips:
+        what = f"the signal falls from rest {n_dips} times and never rises above it"
+    elif spread == 0.0:
         what = f"the signal is {signal[0]:g} throughout, no variation"
     else:
         what = f"no hump stands out of the noise, all readings lie within {spread:g}"
     return DataError(
         f"no pushes found: {what}; check the channel"
         f"{f' {settings.channel!r}' if settings.channel else ''}, invert a signal that "
-        "dips, or state the smallest height of a push as min_height",
+        "dips (--invert), or state the smallest height of a push as min_height",
         code="no_pushes",
     )
 
@@ -220,39 +248,48 @@ def _measured(
     settings: PeakSettings,
 ) -> tuple[dict[str, Sequence[float] | Sequence[str]], str]:
     """Height columns of the table, and what the heights are."""
+    turned = -1.0 if settings.invert else 1.0
+    is_force = settings.normal is not None
     heights, definition = measure_heights(
         time,
         signal,
         chosen.extents,
         definition=settings.height,
-        limit=settings.limit,
+        # The limit is that of the channel, not of its picture.
+        limit=None if settings.limit is None or is_force else turned * settings.limit,
         signs=chosen.signs,
     )
-    flags = {"flags": [";".join(sorted(h.flags)) for h in heights]}
+    words = [set(h.flags) for h in heights]
     times = {"t_peak_s": [h.t_peak for h in heights]}
-    if settings.normal is not None:
-        columns = measure_components(
+    if is_force:
+        columns, is_cut = measure_components(
             recording,
             chosen.extents,
             heights,
-            normal=settings.normal,
+            settings=settings,
             time=time,
             length=signal,
         )
-        return {**columns, **times, **flags}, definition
+        for own, cut in zip(words, is_cut, strict=True):
+            own |= {"saturated"} if cut else set()
+        return {**columns, **times, "flags": _joined(words)}, definition
     name = settings.channel or next(iter(recording.channels))
     unit = recording.units[name]
-    turned = -1.0 if settings.invert else 1.0
     return (
         {
             f"height_{unit}": [h.height for h in heights],
             f"height_sd_{unit}": [h.sd for h in heights],
             f"baseline_{unit}": [turned * h.baseline for h in heights],
             **times,
-            **flags,
+            "flags": _joined(words),
         },
         definition,
     )
+
+
+def _joined(words: Sequence[set[str]]) -> list[str]:
+    """Flag words of each push as one cell."""
+    return [";".join(sorted(own)) for own in words]
 
 
 def _pairing_notes(
@@ -271,15 +308,26 @@ def _pairing_notes(
 
 
 def _left_out(found: _Found, chosen: _Found) -> list[str]:
-    """Brushes that are no rows."""
-    times = [
-        f"{extent.t_peak:.2f} s"
-        for extent in found.extents
-        if extent.is_brush and extent not in chosen.extents
-    ]
-    if not times:
-        return []
-    return [f"humps far smaller than the pushes are left out: at {', '.join(times)}"]
+    """Brushes and dips that are no rows."""
+    brushes = [e for e in found.extents if e.is_brush and e not in chosen.extents]
+    notes = []
+    if brushes:
+        notes.append(
+            f"humps far smaller than the pushes are left out: {_times(brushes)}"
+        )
+    if found.dips:
+        notes.append(
+            f"the signal falls below rest: {_times(found.dips)}; state signed = true "
+            "if these are pushes as well"
+        )
+    return notes
+
+
+def _times(extents: Sequence[Extent]) -> str:
+    """When the first of some humps are."""
+    named = ", ".join(f"{e.t_peak:.2f} s" for e in extents[:_MAX_NAMED])
+    more = len(extents) - _MAX_NAMED
+    return f"at {named}" + (f" and {more} more" if more > 0 else "")
 
 
 def _flag_notes(frame: pd.DataFrame) -> list[str]:

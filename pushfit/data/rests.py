@@ -1,6 +1,6 @@
 """The rests between pushes: their level, their drift and their noise."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -23,6 +23,11 @@ _MIN_RESTS = 3
 _STRETCH = 30.0
 _BLOCK = 16
 _MAX_SAMPLES = 1024
+# Sensors undershoot after a release by a few percent of a push; what falls below rest
+# by more than this share of the highest push is no undershoot.
+_DIP = 0.25
+# Time at either end of a recording that stands for rest, too short for a push [s].
+_END = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,6 +155,46 @@ def rest_curve(
         levels.append(np.median(ordered[start : start + n]))
         middles.append((time[first] + time[last - 1]) / 2)
     return np.interp(time, middles, levels)
+
+
+def without_dips(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    extents_of: Callable[[Float[np.ndarray, " n"]], tuple[Extent, ...]],
+) -> tuple[Float[np.ndarray, " n"], tuple[Extent, ...]]:
+    """Fill what falls far below rest up to it.
+
+    Rest is the lower one of two opinions: the level that most readings have in common,
+    which may be that of long plateaus, and the line between both ends of the recording,
+    which may begin or end inside a push.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+        extents_of: Finds the humps of a picture.
+
+    Returns:
+        The signal with the dips filled, itself if there are none; and the dips.
+    """
+    first, last = np.searchsorted(time, [time[0] + _END, time[-1] - _END])
+    ends = (
+        np.median(signal[: max(5, first)]),
+        np.median(signal[min(int(last), len(time) - 5) :]),
+    )
+    line = np.interp(time, time[[0, -1]], ends)
+    rest = np.minimum(rest_curve(time, signal), line)
+    depth = rest - signal
+    least = _DIP * max(0.0, -float(depth.min()))
+    if depth.max() <= least:
+        return signal, ()
+    dips = tuple(
+        dip for dip in extents_of(np.maximum(depth, 0.0)) if dip.height > least
+    )
+    filled = signal.copy() if dips else signal
+    for dip in dips:
+        part = slice(dip.start, dip.end)
+        filled[part] = np.maximum(signal[part], rest[part])
+    return filled, dips
 
 
 def slopes(rests: Sequence[Rest]) -> Float[np.ndarray, " p"]:

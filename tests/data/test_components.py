@@ -71,3 +71,34 @@ def test_a_normal_that_falls_on_pushing_is_turned(made):
 def test_a_normal_that_is_not_there_is_refused(made):
     with pytest.raises(ConfigError, match="fx, fy, fz"):
         extract_peaks(made.recording, THETA_SWEEP, settings=PeakSettings(normal="f_n"))
+
+
+def test_a_gap_in_one_component_does_not_shift_the_others(made):
+    channels = dict(made.recording.channels)
+    rest = made.recording.time < made.t_start[0] - 0.2
+    channels["fx"] = (
+        np.where(rest & (np.arange(rest.size) % 3 == 0), np.nan, 0.0) + (channels["fx"])
+    )
+    holed = dataclasses.replace(made.recording, channels=channels)
+    settings = PeakSettings(normal="fz")
+    whole = extract_peaks(made.recording, THETA_SWEEP, settings=settings)
+    table = extract_peaks(holed, THETA_SWEEP, settings=settings)
+    np.testing.assert_allclose(
+        table.heights("height_normal"),
+        whole.heights("height_normal"),
+        atol=4 * float(whole.sd("height_normal").max()),
+    )
+
+
+def test_a_push_beyond_the_range_of_one_component_is_flagged(made):
+    """The length of the force hides that one of its axes has ended."""
+    fz = made.recording.channels["fz"]
+    end = 0.6 * np.asarray(made.truth.height_normal).max() + np.median(fz[:100])
+    channels = {**made.recording.channels, "fz": np.minimum(fz, end)}
+    cut = dataclasses.replace(made.recording, channels=channels)
+    table = extract_peaks(cut, THETA_SWEEP, settings=PeakSettings(normal="fz"))
+    is_cut = np.asarray(made.truth.height_normal) > end - np.median(fz[:100])
+    assert is_cut.any()
+    flagged = np.array(["saturated" in words for words in table.flags])
+    assert flagged[is_cut].all()
+    assert not flagged[np.asarray(made.truth.height_normal) < 0.9 * end].any()

@@ -148,6 +148,36 @@ def test_a_stated_limit_is_believed():
     assert extract_peaks(made.recording, ALPHA_SWEEP, settings=settings).is_used.all()
 
 
+def test_the_limit_of_an_inverted_channel_is_its_own_reading():
+    made = simulated()
+    turned = with_signal(made.recording, np.negative)
+    heights = np.asarray(made.truth.height)
+    limit = -(2440.0 + 0.7 * heights.max())
+    settings = PeakSettings(invert=True, limit=limit)
+    table = extract_peaks(turned, ALPHA_SWEEP, settings=settings)
+    flagged = ["saturated" in words for words in table.flags]
+    assert flagged == (heights > 0.7 * heights.max()).tolist()
+
+
+def test_a_noisy_ceiling_is_recognised():
+    """The sensor ends, but its last stage still adds noise."""
+    plan = PushSchedule.planned(np.radians([15.0, 30, 45, 60]), 0.0, repeats=2)
+    made = simulated(plan, noise=0.3, quantum=None)
+    cut = np.minimum(made.recording.channels["pressure"], 2750.0)
+    noisy = cut + 0.3 * np.random.default_rng(3).standard_normal(cut.size)
+    recording = dataclasses.replace(made.recording, channels={"pressure": noisy})
+    flagged = ["saturated" in words for words in extract_peaks(recording, plan).flags]
+    assert flagged == [False] * 4 + [True] * 4
+
+
+@pytest.mark.parametrize("shape", ["triangle", "sine"])
+def test_natural_tops_are_no_ceiling(shape):
+    """Nearly without noise, equal pushes end within a noise of each other."""
+    plan = PushSchedule.planned(np.radians(45.0), 0.0, repeats=12)
+    made = simulated(plan, shape=shape, noise=0.1, quantum=None)
+    assert extract_peaks(made.recording, plan).is_used.all()
+
+
 def test_a_push_cut_by_either_end_is_flagged():
     made = simulated()
     recording = made.recording
@@ -207,6 +237,57 @@ def test_a_brush_far_smaller_than_the_pushes_is_left_out_with_a_note():
     assert any("smaller" in note for note in table.notes)
 
 
+def mixed_recording(directions):
+    """Pushes of height 100 that go up or down, and steady noise."""
+    time = np.arange(0.0, 6.0 * len(directions), 0.01)
+    level = sum(
+        100.0 * sign * np.exp(-(((time - 6 * k - 3) / 0.4) ** 2))
+        for k, sign in enumerate(directions)
+    )
+    noise = np.random.default_rng(4).standard_normal(time.size)
+    return Recording(
+        time=time,
+        channels={"p": 1e5 + level + noise},
+        units={"p": "au"},
+        theta=np.full(time.size, 0.5),
+        alpha=np.zeros(time.size),
+    )
+
+
+def test_returns_from_dips_are_no_pushes():
+    """A cell beside the contact is stretched first: it falls before it ever rises."""
+    table = extract_peaks(mixed_recording([-2, -1, -1.5, 1, 1.2, 0.8, 1, 1.1]))
+    error = table.heights("height") - [100, 120, 80, 100, 110]
+    assert np.abs(error / table.sd("height")).max() < MAX_PULL
+    assert any(
+        "falls below rest: at 3.0" in note and "signed = true" in note
+        for note in table.notes
+    )
+
+
+def test_short_rests_between_long_plateaus_are_no_dips():
+    """Most readings are those of the plateaus; the ends tell which way is up."""
+    time = np.arange(0.0, 60.0, 0.01)
+    level = 100.0 * ((time % 6.0) > 0.8)
+    level[time > 59.5] = 0.0
+    noisy = level + np.random.default_rng(6).standard_normal(time.size)
+    recording = Recording(time=time, channels={"p": noisy}, units={"p": "au"})
+    assert len(find_pushes(recording)) == 10
+
+
+def test_with_signed_settings_dips_are_pushes():
+    recording = mixed_recording([-2, -1, 1, 1.2, 0.8, 1])
+    table = extract_peaks(recording, settings=PeakSettings(signed=True))
+    signs = np.sign(table.heights("height"))
+    assert signs.tolist() == [-1, -1, 1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("n_dips", [1, 2, 12])
+def test_an_upside_down_signal_is_refused_with_the_way_out(n_dips):
+    with pytest.raises(DataError, match=rf"falls from rest {n_dips} times.*--invert"):
+        extract_peaks(mixed_recording([-1] * n_dips))
+
+
 @pytest.mark.parametrize(
     "signal",
     [np.zeros(500), np.linspace(0.0, 30.0, 500), 1.0 + 0.01 * (np.arange(500) % 2)],
@@ -257,6 +338,11 @@ def test_settings_may_come_from_a_configuration():
         ("soft_skin/grid_r0.20_0.5N_11-02-2025_14-22-29", "fz_N", 18),
         ("soft_skin/grid_r1.00_3.0N_11-02-2025_15-23-30", "fz_N", 18),
         ("soft_skin/test_18-02-2025_13-00-43", "fz_N", 8),
+        ("barometer/zv05_zd6_t0_20230622_191542", "p0_Pa", 15),
+        ("barometer/zv05_zd6_t0_20230622_191542", "p1_Pa", 6),
+        ("barometer/zv05_zd6_t0_20230622_191542", "p2_Pa", 12),
+        ("barometer/zv05_zd6_t0_20230622_191542", "p3_Pa", 11),
+        ("barometer/testing_step_20230629_181126", "p2_Pa", 2),
     ],
 )
 def test_real_pushes_are_counted_without_any_setting(real_data, name, column, n_pushes):
