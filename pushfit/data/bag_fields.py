@@ -62,7 +62,7 @@ def mapped_fields(
         if topic not in reader.topics or not rest:
             raise refuse(
                 "missing_column",
-                f"mapping[{key!r}] names {target!r}; needed is /topic.field, and there "
+                f"--map {key}={target} is not /topic.field of this bag; there "
                 f"are the topics {_described(reader)}",
                 path=path,
             )
@@ -74,7 +74,7 @@ def mapped_fields(
             example = "deg" if quantity == "angle" else "counts"
             raise ConfigError(
                 f"{path}: {name} needs one {quantity} unit, stated is {found}; state "
-                f"units={{{name!r}: {example!r}}}",
+                f"--unit {name}={example}",
                 code="missing_unit",
             )
         steps = tuple(filter(None, re.split(r"[.\[\]]+", rest)))
@@ -102,15 +102,18 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
         The fields.
 
     Raises:
-        DataError: If no topic is known (`no_channel`), or several (`ambiguous_topic`).
+        DataError: If there is no topic (`no_rows`), none that is known (`no_channel`),
+            or several (`ambiguous_topic`).
     """
+    if not reader.topics:
+        raise refuse("no_rows", "the bag holds no messages; record again", path=path)
     topics = [t for t, info in reader.topics.items() if info.msgtype in _KNOWN]
     if len(topics) != 1:
         count = "no topic" if not topics else f"{len(topics)} topics"
         raise refuse(
             "no_channel" if not topics else "ambiguous_topic",
             f"{count} of a known type among {_described(reader)}; state "
-            "mapping={'pressure': '/topic.field'} with units={'pressure': 'counts'}",
+            "--map pressure=/topic.field --unit pressure=counts",
             path=path,
         )
     topic = topics[0]

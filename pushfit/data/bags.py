@@ -5,7 +5,7 @@ is the stamp in its header, or where that was never filled in, when it was recei
 """
 
 from collections.abc import Iterator, Mapping, Sequence, Set
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
@@ -22,6 +22,7 @@ from pushfit.data.bag_fields import (
     mapped_fields,
     number_at,
 )
+from pushfit.data.bag_repair import is_whole_mcap, message_types, salvaged_mcap
 from pushfit.data.faults import refuse
 from pushfit.data.files import FileStamp, sha256_of
 from pushfit.data.records import Source
@@ -51,6 +52,8 @@ def read_bag(
     *,
     mapping: Mapping[str, str],
     units: Mapping[str, str],
+    definitions: str | None,
+    is_salvage: bool,
     max_bytes: int,
 ) -> Samples:
     """Read the mapped fields of a bag, or the signals of a message type that is known.
@@ -64,6 +67,8 @@ def read_bag(
         path: Bag file, or folder of a ROS 2 bag.
         mapping: Field by channel name, `theta` and `alpha`.
         units: Unit by channel name.
+        definitions: Folder of `.msg` files, for bags that carry no definitions.
+        is_salvage: Whether to read what there is of a `.mcap` file that was cut short.
         max_bytes: Most memory that the samples may take.
 
     Returns:
@@ -74,14 +79,20 @@ def read_bag(
         DataError: If the bag is damaged, or holds no such fields.
     """
     stamp = FileStamp.of(path)
-    with closing(_open_reader(path)) as reader:
+    notes: tuple[str, ...] = ()
+    with ExitStack() as stack:
+        readable = path
+        if is_salvage and not is_whole_mcap(path):
+            readable, note = stack.enter_context(salvaged_mcap(path))
+            notes = (note,)
+        reader = stack.enter_context(closing(_open_reader(path, readable, definitions)))
         fields = mapped_fields(path, mapping, units, reader)
         fields = fields or known_fields(path, reader, partial(_first, path, reader))
         _refuse_too_large(path, fields, reader, max_bytes)
         types = {f.topic: reader.topics[f.topic].msgtype for f in fields}
         clocks = _collect(path, reader, fields)
     stamp.check()
-    time, series, notes = _merged(path, fields, clocks)
+    time, series, origins = _merged(path, fields, clocks)
     files = _storage_files(path)
     kind = (
         "ROS 1 bag" if files[0].suffix == ".bag" else f"ROS 2 bag ({files[0].suffix})"
@@ -99,12 +110,12 @@ def read_bag(
             Source(path=str(file), sha256=sha256_of(file), dialect=dialect)
             for file in files
         ),
-        notes=(f"recognised {dialect}", *notes),
+        notes=(f"recognised {dialect}", *notes, *origins),
     )
 
 
-def _open_reader(path: str) -> Any:
-    """Open a bag by rosbags' reader for all kinds."""
+def _open_reader(path: str, readable: str, definitions: str | None) -> Any:
+    """Open a bag, or what was salvaged of it, by rosbags' reader for all kinds."""
     try:
         rosbags = import_module("rosbags.highlevel")
         types = import_module("rosbags.typesys")
@@ -113,11 +124,13 @@ def _open_reader(path: str) -> Any:
             f"{path}: bags need the library rosbags; install pushfit[ros]",
             code="ros_not_installed",
         ) from error
+    # Bags from before ROS 2 Iron carry no definitions; the standard types have stayed
+    # the same.
+    store = types.get_typestore(types.Stores.ROS2_HUMBLE)
+    if definitions is not None:
+        store.register(message_types(definitions))
     with _library_errors(path):
-        # Bags from before ROS 2 Iron carry no definitions; the standard types have
-        # stayed the same.
-        store = types.get_typestore(types.Stores.ROS2_HUMBLE)
-        reader = rosbags.AnyReader([Path(path)], default_typestore=store)
+        reader = rosbags.AnyReader([Path(readable)], default_typestore=store)
         reader.open()
     return reader
 
@@ -132,7 +145,8 @@ def _library_errors(path: str) -> Iterator[None]:
         raise refuse(
             "bad_bag",
             f"the bag cannot be read ({type(error).__name__}: {error}); if it was "
-            "cut short, try `rosbag reindex`, `ros2 bag reindex` or `mcap recover`",
+            "cut short, try `rosbag reindex`, `ros2 bag reindex` or, for a .mcap file "
+            'itself, tail="salvage"',
             path=path,
         ) from error
 
@@ -141,8 +155,15 @@ def _messages(
     path: str, reader: Any, topics: Set[str]
 ) -> Iterator[tuple[str, int, Any]]:
     """Give topic, time of receipt [ns] and content of each message."""
+    wanted = [c for c in reader.connections if c.topic in topics]
+    if unknown := {c.msgtype for c in wanted} - reader.typestore.fielddefs.keys():
+        raise refuse(
+            "no_definition",
+            f"the bag carries no definition of {', '.join(sorted(unknown))}; state the "
+            'folder of its package, as in definitions="src/biotac_sensors"',
+            path=path,
+        )
     with _library_errors(path):
-        wanted = [c for c in reader.connections if c.topic in topics]
         messages = reader.messages(wanted)
     while True:
         with _library_errors(path):

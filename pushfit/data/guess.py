@@ -198,7 +198,7 @@ def _no_table(
         return refuse(
             "no_header",
             f"holds {len(cells)} fields but no column names; state them in order, for "
-            'example columns=["time_s", "pressure_kpa"]',
+            "example --columns time_s,pressure_kpa",
             path=path,
             line=first + 1,
         )

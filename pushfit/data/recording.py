@@ -23,12 +23,13 @@ from pushfit.data.roles import Role, Roles, assign_roles
 from pushfit.data.samples import Gaps, Samples, ThetaFrom, build_recording
 from pushfit.data.scan import Tail
 from pushfit.data.textfile import TextFile, open_text
-from pushfit.data.units import Unit
+from pushfit.data.units import Calibration, Unit
 from pushfit.errors import DataError
 
 __all__ = ["Recording", "Source", "read_recording"]
 
 _NOTHING: Mapping[str, str] = MappingProxyType({})
+_UNCHANGED: Mapping[str, Calibration] = MappingProxyType({})
 
 
 def read_recording(
@@ -38,6 +39,8 @@ def read_recording(
     mapping: Mapping[str, str] = _NOTHING,
     units: Mapping[str, str] = _NOTHING,
     columns: Sequence[str] = (),
+    calibration: Mapping[str, Calibration] = _UNCHANGED,
+    definitions: str | None = None,
     theta_from: ThetaFrom = "tangential",
     gaps: Gaps = "error",
     tail: Tail = "drop",
@@ -59,11 +62,14 @@ def read_recording(
             bags `/topic.field.path`.
         units: Unit by channel or column name, where the name states none.
         columns: Column names in order, for a file without a header.
+        calibration: Conversion by channel name.
+        definitions: Folder of `.msg` files, for ROS 2 bags that carry no definitions.
         theta_from: What a recorded theta is measured from.
         gaps: What to do about missing samples: an `error`, or leave them NaN for peaks
             to be `split` there, or `interpolate` those within five usual steps.
         tail: What to do about a last line without a line end: `drop` it, `keep` it, or
-            call it an `error`; `salvage` also drops zero bytes at the end.
+            call it an `error`; `salvage` also drops zero bytes at the end, and reads
+            what there is of a `.mcap` file that was cut short.
         missing: Further texts that stand for a missing sample, such as a sentinel.
         encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
         trust_units: Accept units that the samples make implausible.
@@ -78,16 +84,18 @@ def read_recording(
     """
     given = existing_file(path)
     if format == "bag" or (format == "auto" and is_bag(given)):
-        samples = read_bag(given, mapping=mapping, units=units, max_bytes=max_bytes)
+        samples = read_bag(
+            given,
+            mapping=mapping,
+            units=units,
+            definitions=definitions,
+            is_salvage=tail == "salvage",
+            max_bytes=max_bytes,
+        )
     else:
         text = open_text(given, encoding=encoding)
         layout = find_layout(text, format=format, columns=columns)
-        try:
-            roles = assign_roles(layout, mapping=mapping, units=units, path=text.path)
-        except DataError as error:
-            # The rows may be wrong as well: the user is to mend all in one go.
-            rows = row_problems(text, layout, tail=tail)
-            raise data_error([*error.problems, *rows]) from error
+        roles = _roles(text, layout, mapping=mapping, units=units, tail=tail)
         cells = read_cells(
             text,
             layout,
@@ -97,9 +105,29 @@ def read_recording(
             max_bytes=max_bytes,
         )
         samples = _samples(text, layout, roles, cells)
-    return build_recording(
+    recording = build_recording(
         samples, theta_from=theta_from, gaps=gaps, trust_units=trust_units
     )
+    for channel, conversion in calibration.items():
+        recording = recording.calibrated(channel, conversion)
+    return recording
+
+
+def _roles(
+    text: TextFile,
+    layout: Layout,
+    *,
+    mapping: Mapping[str, str],
+    units: Mapping[str, str],
+    tail: Tail,
+) -> Roles:
+    """Give the columns their roles, or list what is wrong with names and rows."""
+    try:
+        return assign_roles(layout, mapping=mapping, units=units, path=text.path)
+    except DataError as error:
+        # The rows may be wrong as well: the user is to mend all in one go.
+        rows = row_problems(text, layout, tail=tail)
+        raise data_error([*error.problems, *rows]) from error
 
 
 def _kinds(layout: Layout, roles: Roles) -> dict[int, Kind]:

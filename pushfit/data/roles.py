@@ -148,8 +148,8 @@ def assign_roles(
         columns.add(
             "no_channel",
             f"no column states a signal unit: {_listed(columns.names)}; rename one, "
-            f"such as pressure_kpa, or state mapping={{'pressure': {first!r}}} with "
-            "units={'pressure': 'counts'}",
+            f"such as pressure_kpa, or state --map pressure={first} --unit "
+            "pressure=counts",
         )
     if columns.problems:
         raise data_error(columns.problems)
@@ -174,7 +174,7 @@ def _check_stated_names(columns: _Columns) -> None:
             hint = did_you_mean(name, columns.position)
             columns.add(
                 "missing_column",
-                f"mapping[{key!r}] names {name!r}, which is no column{hint}; "
+                f"--map {key}={name} names no column{hint}; "
                 f"there are: {_listed(columns.names)}",
             )
     stems = {split_unit(name)[0] for name in columns.names}
@@ -215,7 +215,7 @@ def _clocks(columns: _Columns) -> list[Role]:
         columns.add(
             "no_time",
             f"no time column among {_listed(columns.names)}; name one time_s, or state "
-            "mapping={'time': ...} with units={'time': 's'}",
+            "--map time=COLUMN --unit time=s",
         )
     return found
 
@@ -250,7 +250,7 @@ def _named_clocks(columns: _Columns) -> list[str]:
         columns.add(
             "ambiguous_time",
             f"the columns {_listed(choice)} may all be the time; state which by "
-            f"mapping={{'time': {choice[0]!r}}}",
+            f"--map time={choice[0]}",
         )
         return []
     return choice
@@ -289,7 +289,7 @@ def _angles(columns: _Columns) -> list[Role]:
             names = _listed([columns.names[i] for i in places])
             columns.add(
                 "ambiguous_angle",
-                f"{names} are all {angle}; state which by mapping={{{angle!r}: ...}}",
+                f"{names} are all {angle}; state which by --map {angle}=COLUMN",
             )
         elif places:
             unit = columns.unit(places[0], key)
@@ -350,7 +350,7 @@ def _checked(
     columns.add(
         "missing_unit" if unit is None else "wrong_unit",
         f"{found}; rename it to {split_unit(name)[0]}_{example}, or state "
-        f"units={{{role!r}: {example!r}}} ({allowed})",
+        f"--unit {role}={example} ({allowed})",
         column=name,
     )
     return None
