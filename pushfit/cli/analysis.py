@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
-from pushfit.cli.inputs import load_peaks
+from pushfit.cli.inputs import load_peaks, read_settings
 from pushfit.cli.session import Session
 from pushfit.errors import FitError
 
@@ -21,6 +21,12 @@ def identify(
     recordings: options.Recordings,
     schedules: options.Schedules = None,
     config: options.ConfigFile = None,
+    profile: options.Profile = None,
+    format: options.Format = None,
+    map: options.Map = None,
+    unit: options.UnitOf = None,
+    columns: options.Columns = None,
+    invert: options.Invert = False,
     out: options.OutFolder = None,
     engine: options.Engine = "emcee",
     checkpoint: options.Checkpoint = None,
@@ -33,6 +39,15 @@ def identify(
     def load(settings: "GraspConfig") -> "PeakTable":
         return load_peaks(session, recordings, schedules or [], settings)
 
+    settings = read_settings(
+        config,
+        profile=profile,
+        format=format,
+        map=map,
+        unit=unit,
+        columns=columns,
+        invert=invert,
+    )
     request = Request(
         out=out,
         engine=engine,
@@ -41,7 +56,7 @@ def identify(
         json=json,
         force=force,
     )
-    return analyse(session, load, config, request)
+    return analyse(session, load, settings, request)
 
 
 def sample(
@@ -56,6 +71,7 @@ def sample(
     force: options.Force = False,
 ) -> int:
     """The same from a table of peaks."""
+    from pushfit.config import read_config
 
     def load(settings: "GraspConfig") -> "PeakTable":
         from pushfit.data.table import read_table
@@ -70,7 +86,7 @@ def sample(
         json=json,
         force=force,
     )
-    return analyse(session, load, config, request)
+    return analyse(session, load, read_config(config), request)
 
 
 def fit(
@@ -131,7 +147,7 @@ class Request:
 def analyse(
     session: Session,
     load: Callable[["GraspConfig"], "PeakTable"],
-    config: Path | None,
+    settings: "GraspConfig",
     request: Request,
 ) -> int:
     """Load, identify, write and print.
@@ -139,14 +155,13 @@ def analyse(
     Args:
         session: Where messages go.
         load: What makes the table under a configuration.
-        config: Configuration file.
+        settings: Settings in force.
         request: What is wanted.
 
     Returns:
         Exit code: that of a `FitError` if the numerics are not to be trusted.
     """
     cache = enable_compile_cache()
-    from pushfit.config import read_config
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus
     from pushfit.report.folder import check_target, write_result_folder
@@ -157,7 +172,6 @@ def analyse(
     if request.out is not None:
         check_target(request.out, force=request.force)
     session.say_more(f"compiled programs: {cache}")
-    settings = read_config(config)
     table = load(settings)
     engine = request.engine
     if engine == "auto":

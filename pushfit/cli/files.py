@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.inputs import load_peaks, reader_options
+from pushfit.cli.inputs import load_peaks, read_settings, reader_options
 from pushfit.cli.output import refuse_existing
 from pushfit.cli.session import Session
 from pushfit.errors import DataError
@@ -29,16 +29,21 @@ def validate(
         typer.Argument(metavar="FILE...", help="Recordings, schedules, peak tables."),
     ],
     config: options.ConfigFile = None,
+    profile: options.Profile = None,
+    format: options.Format = None,
+    map: options.Map = None,
+    unit: options.UnitOf = None,
+    columns: options.Columns = None,
     json: options.Json = False,
 ) -> int:
     """Say what files hold, or what is wrong with them."""
-    from pushfit.config import read_config
     from pushfit.data.check import check_files
-    from pushfit.data.files import existing_file
+    from pushfit.data.files import existing_files
 
-    settings = read_config(config)
-    for path in files:
-        existing_file(path)
+    settings = read_settings(
+        config, profile=profile, format=format, map=map, unit=unit, columns=columns
+    )
+    existing_files(files)
     problems = check_files(files, **reader_options(settings))
     found = [] if problems else [describe(path, settings) for path in files]
     for problem in problems:
@@ -53,7 +58,7 @@ def validate(
             }
         )
     elif found:
-        print("\n\n".join(map(as_text, found)))
+        print("\n\n".join(as_text(facts) for facts in found))
     return DataError.exit_code if problems else 0
 
 
@@ -62,20 +67,43 @@ def peaks(
     recording: options.RecordingFile,
     schedule: options.ScheduleFile = None,
     config: options.ConfigFile = None,
+    profile: options.Profile = None,
+    format: options.Format = None,
+    map: options.Map = None,
+    unit: options.UnitOf = None,
+    columns: options.Columns = None,
+    invert: options.Invert = False,
     output: options.OutFile = None,
     plot: options.PlotFile = None,
     force: options.Force = False,
 ) -> None:
     """Heights of the pushes in a recording, as CSV and as a picture."""
-    from pushfit.config import read_config
     from pushfit.data.table import write_table
 
     for path in (output, plot):
         if path is not None:
             refuse_existing(path, force=force)
     schedules = [] if schedule is None else [schedule]
-    settings = read_config(config)
-    table = load_peaks(session, [recording], schedules, settings)
+    settings = read_settings(
+        config,
+        profile=profile,
+        format=format,
+        map=map,
+        unit=unit,
+        columns=columns,
+        invert=invert,
+    )
+    try:
+        table = load_peaks(session, [recording], schedules, settings)
+    except DataError as error:
+        if plot is not None and error.code == "push_mismatch":
+            # Where pushes are missing, a picture is needed most.
+            found = settings.peaks.model_copy(update={"allow_missing": True})
+            settings = settings.model_copy(update={"peaks": found})
+            table = load_peaks(session, [recording], schedules, settings)
+            draw_peaks(recording, table, settings, plot)
+            session.say(f"wrote {plot}")
+        raise
     if plot is not None:
         draw_peaks(recording, table, settings, plot)
         session.say(f"wrote {plot}")
@@ -187,7 +215,9 @@ def as_text(facts: Mapping[str, object]) -> str:
     """
     lines = []
     for name, value in facts.items():
-        if name != "sources":
+        if name == "notes" and isinstance(value, list):
+            lines += [printable(f"{'note':<10} {note}") for note in value]
+        elif name != "sources":
             shown = ", ".join(map(str, value)) if isinstance(value, list) else value
             lines.append(printable(f"{name:<10} {shown}"))
     return "\n".join(lines)

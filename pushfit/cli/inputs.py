@@ -1,6 +1,6 @@
 """From the files that a command names to settings and tables, with a word on each."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +24,69 @@ def reader_options(config: "GraspConfig") -> dict[str, Any]:
     Returns:
         Keywords.
     """
+    from pushfit.data.units import stated_calibration
+
     layout = config.recording.model_dump()
+    calibration = config.recording.calibration
+    layout["calibration"] = {
+        channel: stated_calibration(section) for channel, section in calibration.items()
+    }
     return {READER_NAMES.get(key, key): value for key, value in layout.items()}
+
+
+def read_settings(
+    config: Path | None,
+    *,
+    profile: Path | None,
+    format: str | None,
+    map: Sequence[str] | None,
+    unit: Sequence[str] | None,
+    columns: str | None,
+    invert: bool = False,
+) -> "GraspConfig":
+    """Settings of the files, and of the options that override them.
+
+    Args:
+        config: Configuration file.
+        profile: File with what a laboratory always states.
+        format: Dialect.
+        map: `channel=column` each.
+        unit: `channel=unit` each.
+        columns: Names of all columns, between commas.
+        invert: Whether pushes go downwards.
+
+    Returns:
+        The settings.
+
+    Raises:
+        ConfigError: A file is wrong, or an option is no pair.
+    """
+    from pushfit.config import read_config
+
+    stated: dict[str, object] = {}
+    if format is not None:
+        stated["format"] = format
+    if map:
+        stated["map"] = dict(_pair(text, "--map") for text in map)
+    if unit:
+        stated["unit"] = dict(_pair(text, "--unit") for text in unit)
+    if columns is not None:
+        stated["columns"] = [name.strip() for name in columns.split(",")]
+    changes: dict[str, Mapping[str, object]] = {"recording": stated} if stated else {}
+    if invert:
+        changes["peaks"] = {"invert": True}
+    return read_config(config, profile=profile, changes=changes)
+
+
+def _pair(text: str, option: str) -> tuple[str, str]:
+    key, sign, value = text.partition("=")
+    if not (key and sign and value):
+        example = "pressure=pdc" if option == "--map" else "pressure=counts"
+        raise ConfigError(
+            f"{option} {text} is no pair; write for example {option} {example}",
+            code="no_pair",
+        )
+    return key, value
 
 
 def load_peaks(
@@ -49,11 +110,13 @@ def load_peaks(
     Raises:
         ConfigError: The schedules do not go with the recordings.
     """
+    from pushfit.data.files import existing_files
     from pushfit.data.merge import merge_tables
     from pushfit.data.peaks import extract_peaks
     from pushfit.data.recording import read_recording
     from pushfit.data.schedule import read_schedule
 
+    existing_files([*recordings, *schedules])
     if schedules and len(schedules) != len(recordings):
         raise ConfigError(
             f"{len(recordings)} recordings and {len(schedules)} schedules; give "

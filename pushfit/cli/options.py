@@ -63,3 +63,28 @@ Engine = Annotated[
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all randomness.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.")]
+Profile = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="lab.toml",
+        help="Settings that grasp.toml and the options override.",
+    ),
+]
+Format = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Dialect of the recordings.")
+]
+Map = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="pressure=pdc", help="Column of a channel, of time, theta or alpha."
+    ),
+]
+UnitOf = Annotated[
+    list[str] | None,
+    typer.Option(metavar="pressure=counts", help="Unit of a channel or column."),
+]
+Columns = Annotated[
+    str | None,
+    typer.Option(metavar="A,B,...", help="Names of the columns of a bare table."),
+]
+Invert = Annotated[bool, typer.Option("--invert", help="Pushes lower the signal.")]

@@ -7,6 +7,7 @@ import textwrap
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import get_args
 
 from pydantic import BaseModel, ValidationError
@@ -21,32 +22,68 @@ HEADER = """\
 # defaults; a key behind a '#' is an example and has no effect.
 """
 
+# Tables whose keys are the user's own, such as channels.
+_OPEN_TABLES = ("map", "unit", "calibration")
+_UNCHANGED: Mapping[str, Mapping[str, object]] = MappingProxyType({})
 CODES = {"extra_forbidden": "unknown_key", "missing": "missing_key"}
 
 
-def read_config(path: str | Path | None) -> GraspConfig:
+def read_config(
+    path: str | Path | None,
+    *,
+    profile: str | Path | None = None,
+    changes: Mapping[str, Mapping[str, object]] = _UNCHANGED,
+) -> GraspConfig:
     """Read and check a `grasp.toml`.
 
     Args:
         path: File to read; None gives the defaults.
+        profile: File of the same form with what a laboratory always states; `path`
+            has the last word.
+        changes: Keys by section, over both files.
 
     Returns:
         Settings with every default filled in.
 
     Raises:
-        ConfigError: The file cannot be read, is no TOML, or breaks a rule.
+        ConfigError: A file cannot be read, is no TOML, or breaks a rule.
     """
-    if path is None:
-        return GraspConfig()
+    files = [str(source) for source in (profile, path) if source is not None]
+    content: dict[str, object] = {}
+    for source in files:
+        text = _text_of(source)
+        # Each file is to be valid by itself, so that a message names the right one.
+        parse_config(text, path=source)
+        content = _merged(content, tomllib.loads(text))
+    if changes:
+        content = _merged(content, changes)
+    return _checked(content, " and ".join(files) or "command line")
+
+
+def _merged(
+    base: Mapping[str, object], other: Mapping[str, object], depth: int = 0
+) -> dict[str, object]:
+    """Tables in tables, key by key; what is no table, and a prior, is replaced."""
+    merged = dict(base)
+    for key, value in other.items():
+        old = merged.get(key)
+        is_open = depth == 0 or key in _OPEN_TABLES
+        if is_open and isinstance(old, Mapping) and isinstance(value, Mapping):
+            merged[key] = _merged(old, value, depth + 1)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _text_of(path: str) -> str:
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise ConfigError(
             f"{path}: cannot be read: {reason}; `pushfit init` writes a fresh one",
             code="config_unreadable",
         ) from error
-    return parse_config(text, path=str(path))
 
 
 def parse_config(text: str, *, path: str) -> GraspConfig:
@@ -70,6 +107,10 @@ def parse_config(text: str, *, path: str) -> GraspConfig:
             "point, and every key may stand once",
             code="config_syntax",
         ) from error
+    return _checked(content, path)
+
+
+def _checked(content: Mapping[str, object], path: str) -> GraspConfig:
     try:
         return GraspConfig.model_validate(content)
     except ValidationError as error:
@@ -171,7 +212,9 @@ def _suggestion(key: tuple[str, ...]) -> str:
     """The key that was probably meant, or all that there are."""
     model: type[BaseModel] = GraspConfig
     for part in key[:-1]:
-        model = _section_of(model.model_fields[part].annotation)
+        # The keys of an open table are no fields.
+        if part in model.model_fields:
+            model = _section_of(model.model_fields[part].annotation)
     names = list(model.model_fields)
     close = difflib.get_close_matches(key[-1], names, n=1)
     if close:

@@ -2,9 +2,40 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pushfit.config.section import Number, Positive, Probability, Section
+
+SensorUnit = Literal["n", "kpa", "counts", "au"]
+
+
+class CalibrationSection(Section):
+    """How the samples of one channel convert, and who says so."""
+
+    name: Literal["biotac_pdc"] | None = Field(
+        default=None, description="a calibration that pushfit knows"
+    )
+    source_unit: SensorUnit | None = Field(
+        default=None, description="unit of the samples"
+    )
+    target_unit: SensorUnit | None = Field(default=None, description="unit wanted")
+    factor: Positive | None = Field(
+        default=None, description="target units for one source unit"
+    )
+    provenance: str | None = Field(
+        default=None, min_length=1, description="where the factor comes from"
+    )
+
+    @model_validator(mode="after")
+    def check_whole(self) -> "CalibrationSection":
+        """Refuse a conversion that is not said, or said by nobody."""
+        own = self.model_dump(exclude={"name"})
+        lacking = [key for key, value in own.items() if value is None]
+        if self.name is None and lacking:
+            raise ValueError(f"needs a name, or also {', '.join(lacking)}")
+        if self.factor is not None and self.provenance is None:
+            raise ValueError("a factor of your own needs its provenance")
+        return self
 
 
 class RecordingSection(Section):
@@ -30,6 +61,18 @@ class RecordingSection(Section):
         description="unit of each channel or column whose name states none",
         examples=[{"pressure": "counts"}],
     )
+    calibration: dict[str, CalibrationSection] = Field(
+        default={},
+        description='conversion of a channel: "biotac_pdc" is 0.0365 kPa per count, by '
+        "SynTouch's manual; factor, source_unit and target_unit override it if "
+        "provenance is stated",
+        examples=[{"pressure": {"name": "biotac_pdc"}}],
+    )
+    definitions: str | None = Field(
+        default=None,
+        description="folder of .msg files, for ROS 2 bags that carry no definitions",
+        examples=["src/biotac_sensors"],
+    )
     theta_from: Literal["tangential", "normal"] = Field(
         default="tangential",
         description='what a recorded theta is measured from; "normal": 90 deg - it',
@@ -40,7 +83,7 @@ class RecordingSection(Section):
     tail: Literal["drop", "keep", "error", "salvage"] = Field(
         default="drop",
         description="what to do with a last line that may have been cut off; salvage "
-        "also drops zero bytes",
+        "also drops zero bytes, and reads what there is of a cut .mcap file",
     )
     missing: tuple[str, ...] = Field(
         default=(),
@@ -52,6 +95,9 @@ class RecordingSection(Section):
     )
     trust_units: bool = Field(
         default=False, description="true: accept units that look implausible"
+    )
+    max_bytes: Annotated[int, Field(strict=True, gt=0)] = Field(
+        default=1 << 30, description="most memory that the samples may take [bytes]"
     )
 
 

@@ -4,11 +4,12 @@ import codecs
 import difflib
 import hashlib
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from pushfit.data.faults import refuse
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, Problem
 
 # First bytes, what they are, what to do about it.
 _MAGIC: tuple[tuple[bytes, str, str], ...] = (
@@ -97,6 +98,28 @@ def existing_file(path: str | Path) -> str:
             path=str(path),
         )
     return str(path)
+
+
+def existing_files(paths: Iterable[str | Path]) -> None:
+    """Check that all paths can be read, before any of them is.
+
+    Args:
+        paths: Files as the user named them.
+
+    Raises:
+        ConfigError: If some cannot; `.problems` lists all of them.
+        DataError: If a recorder still has one of them open.
+    """
+    problems = []
+    for path in paths:
+        try:
+            existing_file(path)
+        except ConfigError as error:
+            whole = Problem(code=error.code, message=str(error), path=str(path))
+            problems.append(whole)
+    if problems:
+        message = "; ".join(found.message for found in problems)
+        raise ConfigError(message, code=problems[0].code, problems=tuple(problems))
 
 
 def is_bag(path: str) -> bool:

@@ -19,10 +19,12 @@ def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
         The pushes in the order given, with the sources and notes of all tables.
 
     Raises:
-        DataError: The units differ.
+        DataError: The units differ (`mixed_units`), or two tables come from one
+            recording (`duplicate_recording`).
     """
     if len(tables) == 1:
         return tables[0]
+    _refuse_duplicates(tables)
     units = sorted({table.unit for table in tables})
     if len(units) > 1:
         raise DataError(
@@ -43,3 +45,18 @@ def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
         sources=tuple(source for table in tables for source in table.sources),
         notes=(*origins, *(note for table in tables for note in table.notes)),
     )
+
+
+def _refuse_duplicates(tables: Sequence[PeakTable]) -> None:
+    """Find recordings of the same bytes: counted twice, their pushes claim too much."""
+    first: dict[str, str] = {}
+    for table in tables:
+        # The first source is the recording, the second its schedule.
+        for source in table.sources[:1]:
+            if source.sha256 in first:
+                raise DataError(
+                    f"{source.path}: has the same bytes as {first[source.sha256]}; its "
+                    "pushes would count twice, so name each recording once",
+                    code="duplicate_recording",
+                )
+            first[source.sha256] = source.path

@@ -21,8 +21,8 @@ def mismatch_error(
         extents: All humps that were paired.
 
     Returns:
-        An error with the planned directions against the found ones, and one problem
-        per doubtful push.
+        An error with found and planned pushes of the directions in which they differ,
+        and one problem per doubtful push.
     """
     plan = schedule.repeated(pairs.n_cycles)
     path = schedule.source.path if schedule.source else None
@@ -53,8 +53,8 @@ def mismatch_error(
     return DataError(
         f"{plan.n_pushes} pushes are planned, {n_found} found: "
         f"{'; '.join(p.message for p in problems)}{doubt}. Correct the schedule, state "
-        "min_height, or allow missing pushes.\n"
-        f"{_count_table(plan, pairs)}",
+        "min_height, or set peaks.allow_missing. Found of planned by (theta, alpha): "
+        f"{_counts(plan, pairs)}",
         code="push_mismatch",
         problems=tuple(problems),
     )
@@ -80,15 +80,17 @@ def _between(pairs: Alignment, extents: Sequence[Extent], i: int) -> str:
     return f" before {extents[after[0]].t_start:.2f} s" if after.size else ""
 
 
-def _count_table(plan: PushSchedule, pairs: Alignment) -> str:
-    """Planned and found pushes of every direction, those that differ marked."""
+def _counts(plan: PushSchedule, pairs: Alignment) -> str:
+    """Found and planned pushes of the directions in which they differ."""
     degrees = np.degrees(np.stack([plan.theta, plan.alpha], axis=1)).round(6)
-    lines = ["theta_deg  alpha_deg  expected  found"]
-    for theta, alpha in dict.fromkeys(map(tuple, degrees)):
+    counts = []
+    directions = list(dict.fromkeys(map(tuple, degrees)))
+    for theta, alpha in directions:
         same = (degrees[:, 0] == theta) & (degrees[:, 1] == alpha)
-        expected, found = int(same.sum()), int((pairs.hump[same] >= 0).sum())
-        mark = "  <-" if found != expected else ""
-        lines.append(f"{theta:9g}  {alpha:9g}  {expected:8d}  {found:5d}{mark}")
+        planned, found = int(same.sum()), int((pairs.hump[same] >= 0).sum())
+        if found != planned:
+            counts.append(f"({theta:g}, {alpha:g}) {found} of {planned}")
     if pairs.extra:
-        lines.append(f"{'none':>9}  {'none':>9}  {0:8d}  {len(pairs.extra):5d}  <-")
-    return "\n".join(lines)
+        counts.append(f"none {len(pairs.extra)} of 0")
+    n_whole = len(directions) - len(counts) + bool(pairs.extra)
+    return f"{', '.join(counts)}, the other {n_whole} whole"

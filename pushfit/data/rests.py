@@ -28,6 +28,7 @@ _MAX_SAMPLES = 1024
 _DIP = 0.25
 # Time at either end of a recording that stands for rest, too short for a push [s].
 _END = 0.2
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +152,11 @@ def rest_curve(
         if len(ordered) == 0:
             continue
         n = max(1, len(ordered) // 4)
-        start = int(np.argmin(ordered[n - 1 :] - ordered[: len(ordered) - n + 1]))
+        widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
+        # Of counts many stretches are equally dense; rounding must not choose.
+        narrow = widths.min() + _ROUNDING * (ordered[-1] - ordered[0])
+        ties = np.flatnonzero(widths <= narrow)
+        start = int(ties[len(ties) // 2])
         levels.append(np.median(ordered[start : start + n]))
         middles.append((time[first] + time[last - 1]) / 2)
     return np.interp(time, middles, levels)

@@ -8,12 +8,13 @@ a name without a unit has none, and an implausible number is reported, never res
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.config.inputs import CalibrationSection
 from pushfit.data.faults import did_you_mean
 from pushfit.errors import ConfigError
 
@@ -154,6 +155,23 @@ BIOTAC_PDC = Calibration(
     factor=0.0365,
     provenance="SynTouch BioTac Product Manual V21 (2018): P_DC 0.0365 kPa per count",
 )
+
+CALIBRATIONS = {"biotac_pdc": BIOTAC_PDC}
+
+
+def stated_calibration(section: CalibrationSection) -> Calibration:
+    """Make a calibration as a configuration states it.
+
+    Args:
+        section: A known name, or what replaces parts of it, or all parts.
+
+    Returns:
+        The calibration.
+    """
+    known = asdict(CALIBRATIONS[section.name]) if section.name else {}
+    own = section.model_dump(exclude={"name"}, exclude_none=True)
+    return Calibration(**{**known, **own})
+
 
 # A tactile sensor that reads 2 MPa is broken or not in kPa: fingertips yield far below,
 # and absolute pressure is about 101 kPa.

@@ -18,7 +18,7 @@ def table(name: str, n: int, unit: str = "kpa") -> PeakTable:
         heights={"height": np.arange(n) + 1.0},
         unit=unit,
     )
-    return replace(made, sources=(Source(path=name, sha256="", dialect="x"),))
+    return replace(made, sources=(Source(path=name, sha256=f"{name}{n}", dialect="x"),))
 
 
 def test_pushes_keep_their_order_and_are_numbered_through():
@@ -41,3 +41,14 @@ def test_one_table_stays_as_it_is():
 def test_units_are_not_mixed():
     with pytest.raises(DataError, match="heights in counts and kpa"):
         merge_tables([table("a", 3), table("b", 2, unit="counts")])
+
+
+def test_a_recording_named_twice_is_refused():
+    """Pushes that count twice make intervals narrower by a root of two."""
+    with pytest.raises(DataError, match="b: has the same bytes as a") as caught:
+        merge_tables([table("a", 3), replaced_path(table("a", 3), "b")])
+    assert caught.value.code == "duplicate_recording"
+
+
+def replaced_path(table: PeakTable, path: str) -> PeakTable:
+    return replace(table, sources=(replace(table.sources[0], path=path),))

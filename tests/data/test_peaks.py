@@ -79,6 +79,19 @@ def test_an_inverted_recording_gives_the_same_heights():
     np.testing.assert_array_equal(turned.heights("height"), plain.heights("height"))
 
 
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 100.0), (1e3, 0.0), (0.0365, -3.0)])
+def test_heights_know_no_offset_and_scale_with_the_unit(gain, offset):
+    """Counts leave ties everywhere; rounding must not break them one way or another."""
+    made = simulated(THETA_SWEEP, Grasp(push_length=5e-3, gain=200.0, preload=2.0))
+    moved = with_signal(made.recording, lambda y: gain * y + offset)
+    plain = extract_peaks(made.recording, THETA_SWEEP)
+    table = extract_peaks(moved, THETA_SWEEP)
+    # Rounding of the moved samples, over a height of some counts.
+    np.testing.assert_allclose(
+        table.heights("height"), gain * plain.heights("height"), rtol=1e-9
+    )
+
+
 def test_a_missing_push_is_named_with_its_direction_and_time():
     made = simulated()
     lost = made.recording.time > made.t_start[7] - 0.1
