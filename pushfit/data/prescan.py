@@ -28,7 +28,8 @@ from pushfit.data.textfile import BlockReader, TextFile, open_text
 from pushfit.errors import DataError, Problem
 
 MAX_BYTES = 1 << 30
-_CHUNK_ROWS = 1 << 18
+# The parser holds all fields of a chunk, also those that are not needed.
+_CHUNK_CELLS = 1 << 19
 # Types that pandas parses to, and that the result keeps.
 _PARSED = {"float": np.float64, "int": np.int64, "stamp": str, "text": str}
 _STORED = {"float": np.float64, "int": np.int64, "stamp": np.int64, "text": object}
@@ -210,7 +211,7 @@ def _chunks(
         quoting=csv.QUOTE_MINIMAL if extent.has_quotes else csv.QUOTE_NONE,
         on_bad_lines="error",
         encoding="utf-8",
-        chunksize=_CHUNK_ROWS,
+        chunksize=max(1, _CHUNK_CELLS // layout.n_fields),
         low_memory=False,
     ) as frames:
         yield from frames

@@ -29,6 +29,7 @@ _DIP = 0.25
 # Time at either end of a recording that stands for rest, too short for a push [s].
 _END = 0.2
 _ROUNDING = 1e-9
+_MAX_BLOCKS = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +142,13 @@ def rest_curve(
     Returns:
         Level at every sample.
     """
+    return np.interp(time, *_rest_knots(time, signal))
+
+
+def _rest_knots(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Middles of stretches and their rest levels."""
     n_stretches = max(1, round((time[-1] - time[0]) / _STRETCH))
     edges = np.linspace(time[0], time[-1], n_stretches + 1)
     index = np.searchsorted(time, edges)
@@ -159,7 +167,7 @@ def rest_curve(
         start = int(ties[len(ties) // 2])
         levels.append(np.median(ordered[start : start + n]))
         middles.append((time[first] + time[last - 1]) / 2)
-    return np.interp(time, middles, levels)
+    return np.array(middles), np.array(levels)
 
 
 def without_dips(
@@ -181,20 +189,24 @@ def without_dips(
     Returns:
         The signal with the dips filled, itself if there are none; and the dips.
     """
-    first, last = np.searchsorted(time, [time[0] + _END, time[-1] - _END])
-    ends = (
-        np.median(signal[: max(5, first)]),
-        np.median(signal[min(int(last), len(time) - 5) :]),
-    )
-    line = np.interp(time, time[[0, -1]], ends)
-    rest = np.minimum(rest_curve(time, signal), line)
-    depth = rest - signal
-    least = _DIP * max(0.0, -float(depth.min()))
-    if depth.max() <= least:
+    n_first, n_last = np.searchsorted(time, [time[0] + _END, time[-1] - _END])
+    n_last = min(int(n_last), len(time) - 5)
+    ends = (np.median(signal[: max(5, n_first)]), np.median(signal[n_last:]))
+    knots = _rest_knots(time, signal)
+
+    def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        line = np.interp(when, time[[0, -1]], ends)
+        return np.minimum(np.interp(when, *knots), line)
+
+    # Nearly all recordings end here, so this looks at the extremes of short blocks.
+    blocks = np.arange(0, len(time), 1 + len(time) // _MAX_BLOCKS)
+    rest = rest_at(time[blocks])
+    least = _DIP * float((np.maximum.reduceat(signal, blocks) - rest).max())
+    if (rest - np.minimum.reduceat(signal, blocks)).max() <= max(0.0, least):
         return signal, ()
-    dips = tuple(
-        dip for dip in extents_of(np.maximum(depth, 0.0)) if dip.height > least
-    )
+    rest = rest_at(time)
+    depth = np.maximum(rest - signal, 0.0)
+    dips = tuple(dip for dip in extents_of(depth) if dip.height > least)
     filled = signal.copy() if dips else signal
     for dip in dips:
         part = slice(dip.start, dip.end)

@@ -58,8 +58,10 @@ def _ceiling(
     largest = max(float(top.max(initial=-np.inf)) for top in tops)
     for top in tops:
         n_at = np.count_nonzero(top >= largest)
+        if n_at < _MIN_SAMPLES:
+            continue
         just_below = np.isin(top, np.unique(top)[-4:-1])
-        if n_at >= _MIN_SAMPLES and n_at > 2 * np.count_nonzero(just_below):
+        if n_at > 2 * np.count_nonzero(just_below):
             return largest
     band = _BAND_SIGMAS * sigma
     for top, height in zip(tops, heights, strict=True):
