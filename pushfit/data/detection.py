@@ -16,8 +16,10 @@ from jaxtyping import Float, Int
 _FIRST_SMOOTHING = 0.1
 # Smoothing by a tenth of the width at half height lowers the top of a triangle by 2 %.
 _WIDTH_PER_SMOOTHING = 10.0
-# Of 10^5 independent samples the largest is 4.3 sigma; a hump needs more.
+# Of 10^5 independent samples the largest is 4.3 sigma; a maximum needs more.
 _SIGNIFICANT = 6.0
+# The smallest is as far below; a push, from foot to top, needs more than both.
+_BEYOND_NOISE = 9.0
 # Level of the foot, where a push begins and ends, as a share of its height.
 _FOOT = 0.05
 # A hump below the first share of the largest is a brush; below the second it is one if
@@ -249,7 +251,8 @@ def _detect(
     least, is_stated = min_height, min_height is not None
     if least is None:
         large = _LARGE * float(humps.heights.max(initial=0.0))
-        least = max(significant, _SIGNIFICANT * _rest_wander(humps, trace, large))
+        noise_alone = _BEYOND_NOISE * trace.noise
+        least = max(noise_alone, _SIGNIFICANT * _rest_wander(humps, trace, large))
     humps.drop_below(least)
     heights = humps.heights
     smallest_push = 0.0 if is_stated else _smallest_push(heights)
