@@ -28,6 +28,8 @@ _MAX_SAMPLES = 1024
 _DIP = 0.25
 # Time at either end of a recording that stands for rest, too short for a push [s].
 _END = 0.2
+# Noise of the ends of a recording that is no difference of level [sigma].
+_SLACK = 4.0
 _ROUNDING = 1e-9
 _MAX_BLOCKS = 1 << 14
 
@@ -177,9 +179,9 @@ def without_dips(
 ) -> tuple[Float[np.ndarray, " n"], tuple[Extent, ...]]:
     """Fill what falls far below rest up to it.
 
-    Rest is the lower one of two opinions: the level that most readings have in common,
-    which may be that of long plateaus, and the line between both ends of the recording,
-    which may begin or end inside a push.
+    Rest is the level that most readings have in common. That may be one of long
+    plateaus: where it lies clearly above the line between both ends of the recording,
+    rest is that line. Should an end lie inside a push, the line is too high to matter.
 
     Args:
         time: Sample times [s].
@@ -193,10 +195,12 @@ def without_dips(
     n_last = min(int(n_last), len(time) - 5)
     ends = (np.median(signal[: max(5, n_first)]), np.median(signal[n_last:]))
     knots = _rest_knots(time, signal)
+    slack = _SLACK * Noise.of(signal).sigma
 
     def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
         line = np.interp(when, time[[0, -1]], ends)
-        return np.minimum(np.interp(when, *knots), line)
+        usual = np.interp(when, *knots)
+        return np.where(usual > line + slack, line, usual)
 
     # Nearly all recordings end here, so this looks at the extremes of short blocks.
     blocks = np.arange(0, len(time), 1 + len(time) // _MAX_BLOCKS)
@@ -209,7 +213,9 @@ def without_dips(
     dips = tuple(dip for dip in extents_of(depth) if dip.height > least)
     filled = signal.copy() if dips else signal
     for dip in dips:
-        part = slice(dip.start, dip.end)
+        # With its fringe, which would be the foot of whatever comes next.
+        edges = [dip.t_start - dip.width / 2, dip.t_end + dip.width / 2]
+        part = slice(*np.searchsorted(time, edges))
         filled[part] = np.maximum(signal[part], rest[part])
     return filled, dips
 

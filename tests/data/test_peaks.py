@@ -278,6 +278,13 @@ def test_returns_from_dips_are_no_pushes():
     )
 
 
+def test_a_push_right_after_a_deeper_dip_keeps_its_own_foot():
+    table = extract_peaks(mixed_recording([-2.5, 1, 1, -2.5, 0.9]))
+    error = table.heights("height") - [100, 100, 90]
+    assert np.abs(error / table.sd("height")).max() < MAX_PULL
+    assert (table.frame["t_end_s"] - table.frame["t_start_s"]).max() < 2.5
+
+
 def test_short_rests_between_long_plateaus_are_no_dips():
     """Most readings are those of the plateaus; the ends tell which way is up."""
     time = np.arange(0.0, 60.0, 0.01)
