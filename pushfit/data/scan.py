@@ -186,11 +186,15 @@ def whole_lines(text: TextFile, extent: Extent) -> Iterator[bytes]:
     """Give the rows in blocks that end with a line end."""
     rest = b""
     for block in text.blocks(extent.start, extent.end):
-        data = rest + block
-        cut = data.rfind(b"\n") + 1
-        if cut:
-            yield data[:cut]
-        rest = data[cut:]
+        # The line across two blocks by itself, so that blocks are not copied twice.
+        first, cut = block.find(b"\n") + 1, block.rfind(b"\n") + 1
+        if not cut:
+            rest += block
+            continue
+        yield rest + block[:first]
+        if first < cut:
+            yield block[first:cut]
+        rest = block[cut:]
     if rest:
         yield rest + b"\n"
 

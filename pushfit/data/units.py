@@ -190,8 +190,10 @@ def implausible_signal(values: Float[np.ndarray, " n"], unit: Unit) -> str | Non
     Returns:
         Value, rule and next step as one clause; None where nothing is wrong.
     """
+    if unit.name != "kpa":
+        return None
     finite = values[np.isfinite(values)]
-    if unit.name != "kpa" or finite.size == 0:
+    if finite.size == 0:
         return None
     level = float(np.median(np.abs(finite)))
     if (
