@@ -1,7 +1,7 @@
 """`identify`, `sample`, `fit` and `demo`: from recordings or peaks to a report."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,6 +49,8 @@ def identify(
         invert=invert,
     )
     request = Request(
+        recordings=tuple(map(str, recordings)),
+        schedules=tuple(map(str, schedules or ())),
         out=out,
         engine=engine,
         checkpoint=checkpoint,
@@ -79,6 +81,7 @@ def sample(
         return read_table(table)
 
     request = Request(
+        table=str(table),
         out=out,
         engine=engine,
         checkpoint=checkpoint,
@@ -134,6 +137,9 @@ class Request:
         seed: Seed of all randomness.
         json: Whether to print the summary instead of the report.
         force: Whether the folder may be replaced.
+        recordings: Recordings, as named.
+        schedules: Their schedules.
+        table: Table of peaks, where there are no recordings.
     """
 
     out: Path | None
@@ -142,6 +148,9 @@ class Request:
     seed: int
     json: bool
     force: bool
+    recordings: tuple[str, ...] = ()
+    schedules: tuple[str, ...] = ()
+    table: str | None = None
 
 
 def analyse(
@@ -163,7 +172,7 @@ def analyse(
     """
     cache = enable_compile_cache()
     from pushfit.fit.identify import identify_table
-    from pushfit.fit.results import FitStatus
+    from pushfit.fit.results import FitStatus, Recipe
     from pushfit.report.folder import check_target, write_result_folder
     from pushfit.report.summary import summary_dict
     from pushfit.report.text import render_text
@@ -185,6 +194,12 @@ def analyse(
             progress=progress,
             checkpoint=request.checkpoint,
         )
+    recipe = Recipe(
+        recordings=request.recordings,
+        schedules=request.schedules,
+        table=request.table,
+    )
+    found = replace(found, recipe=recipe)
     if request.out is not None:
         write_result_folder(found, request.out, force=request.force)
         session.say(f"wrote {request.out}")

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import pushfit
-from pushfit.cli import analysis, doctor, files, init
+from pushfit.cli import analysis, doctor, files, init, verify
 from pushfit.cli.session import command
 
 app = typer.Typer(
@@ -54,6 +54,7 @@ for function in (
     files.simulate,
     analysis.demo,
     init.init,
+    verify.verify,
     doctor.doctor,
 ):
     command(app)(function)

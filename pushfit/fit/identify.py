@@ -4,6 +4,7 @@ This is the only place that knows the order of things; commands, batches and rep
 all start from `identify_table`.
 """
 
+import platform
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -150,8 +151,26 @@ def identify_table(
         ),
         status=posterior.status,
         seed=seed,
-        versions={name: version(name) for name in PACKAGES},
+        versions=environment(),
     )
+
+
+def environment() -> dict[str, str]:
+    """Versions and platform: where all agree, equal input gives equal bits.
+
+    Returns:
+        Versions of the packages that compute and of Python, and under "platform" the
+        operating system and the instruction set for which loops are compiled.
+    """
+    # The order of a sum, and with it the last bit, follows the width of the vectors.
+    features = np.show_config(mode="dicts") or {}
+    extensions = features.get("SIMD Extensions", {}).get("found", [])
+    machine = (platform.system(), platform.machine(), *extensions[-1:])
+    return {
+        **{name: version(name) for name in PACKAGES},
+        "python": platform.python_version(),
+        "platform": " ".join(machine),
+    }
 
 
 def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:

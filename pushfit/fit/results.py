@@ -322,6 +322,21 @@ class Band:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """Which files became the table: with config, seed and engine, how to do it again.
+
+    Args:
+        recordings: Recordings, as the user named them.
+        schedules: Their schedules in the same order; none where recordings have angles.
+        table: Table of peak heights, where there were no recordings.
+    """
+
+    recordings: tuple[str, ...] = ()
+    schedules: tuple[str, ...] = ()
+    table: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Identification:
     """Everything one table told: the input of every report.
 
@@ -345,7 +360,9 @@ class Identification:
         warnings: Everything the user should know before quoting a number.
         status: Whether the numerics are to be trusted.
         seed: Seed of every random number.
-        versions: Versions of pushfit and of the packages that computed.
+        versions: Versions of pushfit, of Python and of the packages that computed, and
+            the platform.
+        recipe: Files behind the table; None where it was made in Python.
     """
 
     table: PeakTable
@@ -367,3 +384,4 @@ class Identification:
     status: FitStatus
     seed: int
     versions: Mapping[str, str]
+    recipe: Recipe | None = None

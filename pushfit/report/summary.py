@@ -37,7 +37,7 @@ def summary_dict(identification: Identification) -> dict[str, Json]:
     Returns:
         Dictionary of the form of `summary_schema`.
     """
-    free = identification.alpha_star_model_free
+    free, recipe = identification.alpha_star_model_free, identification.recipe
     status = identification.status
     content = {
         "schema": SCHEMA,
@@ -70,6 +70,7 @@ def summary_dict(identification: Identification) -> dict[str, Json]:
         "warnings": [asdict(notice) for notice in identification.warnings],
         "notes": list(identification.table.notes),
         "inputs": [asdict(source) for source in identification.table.sources],
+        "recipe": None if recipe is None else asdict(recipe),
         "config": identification.config.model_dump(mode="json"),
         "seed": identification.seed,
         "versions": dict(identification.versions),
