@@ -4,6 +4,7 @@ The solver is optimistix; what decides whether its answer may be used is here: f
 residuals, the rank of the Jacobian, the best of all modes rather than the first.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
@@ -105,12 +106,31 @@ def polish(
     Returns:
         Points, sums of squared residuals, and whether the solver met its tolerance.
     """
+    return restarted(lambda points: _polish(problem, points), starts)
+
+
+def restarted(
+    minimiser: Callable[
+        [Float[Array, "k q"]],
+        tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]],
+    ],
+    starts: Float[np.ndarray, "k q"],
+) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
+    """Minima reached from each start, the minimiser restarted while that helps.
+
+    Args:
+        minimiser: Points, sums of squares and success from starts.
+        starts: Coordinates.
+
+    Returns:
+        Points, sums of squares, and whether each has arrived, best first.
+    """
     points = np.asarray(starts)
     costs = np.full(len(points), np.inf)
     is_done = np.zeros(len(points), dtype=bool)
     for _ in range(MAX_ROUNDS):
         found, found_costs, found_done = (
-            np.asarray(a) for a in _polish(problem, jnp.asarray(points))
+            np.asarray(a) for a in minimiser(jnp.asarray(points))
         )
         gain = costs - found_costs
         is_better = np.isfinite(found_costs) & ~(gain <= 0)
@@ -178,24 +198,33 @@ def _with_sigma(problem: Problem, y: Float[Array, " q"]) -> Problem:
 def _polish(
     problem: Problem, starts: Float[Array, "k q"]
 ) -> tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]:
-    solver = optx.LevenbergMarquardt(rtol=RTOL, atol=ATOL)
+    return jax.vmap(lambda start: minimise(problem.data_residuals, start))(starts)
 
-    def solve(
-        start: Float[Array, " q"],
-    ) -> tuple[Float[Array, " q"], Float[Array, ""], Bool[Array, ""]]:
-        solution = optx.least_squares(
-            lambda y, _: problem.data_residuals(y),
-            solver,
-            start,
-            options={"jac": "fwd"},
-            max_steps=MAX_STEPS,
-            throw=False,
-        )
-        cost = jnp.sum(problem.data_residuals(solution.value) ** 2)
-        is_done = solution.result == optx.RESULTS.successful
-        return solution.value, cost, is_done
 
-    return jax.vmap(solve)(starts)
+def minimise(
+    residuals: Callable[[Float[Array, " q"]], Float[Array, " m"]],
+    start: Float[Array, " q"],
+) -> tuple[Float[Array, " q"], Float[Array, ""], Bool[Array, ""]]:
+    """Local minimum of a sum of squares, by Levenberg-Marquardt.
+
+    Args:
+        residuals: Function of the coordinates.
+        start: Where to begin.
+
+    Returns:
+        Coordinates, sum of squares there, and whether the solver met its tolerance.
+    """
+    solution = optx.least_squares(
+        lambda y, _: residuals(y),
+        optx.LevenbergMarquardt(rtol=RTOL, atol=ATOL),
+        start,
+        options={"jac": "fwd"},
+        max_steps=MAX_STEPS,
+        throw=False,
+    )
+    cost = jnp.sum(residuals(solution.value) ** 2)
+    is_done = solution.result == optx.RESULTS.successful
+    return solution.value, cost, is_done
 
 
 @eqx.filter_jit
