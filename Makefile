@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := demo_result
 
-.PHONY: demo test test-slow lint bench docs clean
+.PHONY: demo test test-slow lint bench bench-honesty docs clean
 
 demo: .stamps/run                ## The example grasp, from recordings to theta_c and alpha*
 	$(BIN)/pushfit demo --out $(DEMO) --force
@@ -25,6 +25,9 @@ lint: .stamps/test
 
 bench: .stamps/bench             ## Speed against lmfit and SciPy
 	$(BIN)/pytest -q -p no:xdist --doctest-modules benchmarks
+
+bench-honesty: .stamps/bench     ## What lmfit and SciPy say where nothing is determined
+	$(BIN)/python -m benchmarks.honesty
 
 docs: .stamps/docs               ## The documentation as web pages, in site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
