@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import pushfit
-from pushfit.cli import analysis, doctor, files, init, verify
+from pushfit.cli import analysis, calibrate, doctor, files, init, verify
 from pushfit.cli.session import command
 
 app = typer.Typer(
@@ -55,6 +55,7 @@ for function in (
     analysis.demo,
     init.init,
     verify.verify,
+    calibrate.calibrate,
     doctor.doctor,
 ):
     command(app)(function)

@@ -104,7 +104,7 @@ def identify_table(
     """
     fitted = fit_table(table, config)
     prob = config.report.prob
-    reach = _reach(config)
+    reach = reach_of(config)
     profiles = likelihood_profiles(
         fitted.setup,
         fitted.fit,
@@ -230,7 +230,7 @@ def _posterior(
     checkpoint: Path | None,
 ) -> PosteriorResult:
     """Draws by the engine asked for."""
-    reach = _reach(fitted.config)
+    reach = reach_of(fitted.config)
     if engine == "emcee":
         return sample_posterior(
             fitted.setup,
@@ -278,7 +278,7 @@ def _identifiability(
                     posterior.samples,
                     quantity=quantity.name,
                     reference_alpha=fitted.reference_alpha,
-                    reach=_reach(fitted.config),
+                    reach=reach_of(fitted.config),
                 )
             )
     advice += measurements(
@@ -306,7 +306,8 @@ def _reference_alpha(table: PeakTable, config: GraspConfig) -> float:
     return float(np.radians(counts.index[counts.argmax()]))
 
 
-def _reach(config: GraspConfig) -> tuple[float, float]:
+def reach_of(config: GraspConfig) -> tuple[float, float]:
+    """Lowest and highest azimuth that the finger can push in [rad]."""
     low, high = config.reach.alpha_deg
     return float(np.radians(low)), float(np.radians(high))
 

@@ -15,6 +15,7 @@ from pushfit.errors import ConfigError
 from pushfit.report.figures import (
     Marker,
     all_figures,
+    coverage_figure,
     main_figure,
     peaks_figure,
     quantity_figure,
@@ -239,3 +240,17 @@ def test_a_recording_shows_directions_and_doubts():
 def test_a_wrong_channel_is_refused_with_the_right_ones():
     with pytest.raises(ConfigError, match="it has pressure"):
         peaks_figure(*make_recording(), channel="force")
+
+
+def test_every_quantity_and_claim_of_a_calibration_is_drawn():
+    points = {
+        "theta_c": [(0.5, 0.6, 0.4, 0.8), (0.9, 0.85, 0.6, 0.97)],
+        "A": [(0.5, 0.4, 0.2, 0.6), (0.9, 1.0, 0.8, 1.0)],
+    }
+    figure = coverage_figure(points, n_tables=20)
+    (axes,) = figure.axes
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["50 %", "90 %"]
+    assert len(axes.containers) == 2
+    drawn = np.concatenate([c.lines[0].get_ydata() for c in axes.containers])
+    np.testing.assert_allclose(drawn.astype(float), [60, 85, 40, 100], rtol=EXACT)
+    assert "20 simulated tables" in axes.get_title(loc="left")

@@ -1,5 +1,6 @@
 """Figures: functions from arrays to matplotlib figures, and those of a result."""
 
+from pushfit.report.figures.coverage import coverage_figure
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.direction import Ellipses, ellipse_figure
 from pushfit.report.figures.identification import all_figures, figure_files
@@ -21,6 +22,7 @@ __all__ = [
     "all_figures",
     "alpha_figure",
     "corner_figure",
+    "coverage_figure",
     "ellipse_figure",
     "figure_bytes",
     "figure_files",
