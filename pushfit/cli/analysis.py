@@ -49,8 +49,8 @@ def identify(
         invert=invert,
     )
     request = Request(
-        recordings=tuple(map(str, recordings)),
-        schedules=tuple(map(str, schedules or ())),
+        recordings=tuple(str(path) for path in recordings),
+        schedules=tuple(str(path) for path in schedules or ()),
         out=out,
         engine=engine,
         checkpoint=checkpoint,

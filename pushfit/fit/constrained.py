@@ -6,7 +6,7 @@ program. Excluded: which values to ask for, and what the sums of squares mean.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax
@@ -24,6 +24,9 @@ RTOL = ATOL = 1e-8
 MAX_STEPS = 60
 # Values solved per call of the compiled program, and starts of each.
 CHUNK, N_STARTS = 64, 3
+# Sharpness of the transition that leads to the hard one: of an azimuth sweep with
+# preload every second value of A is then solved, without it one in thirty.
+SOFT = 16.0
 # Offsets of ln A and ln C_rr around each start of the pool: with the value imposed, the
 # old A and C_rr may be decades off.
 SHIFTS = tuple(itertools.product((0.0, -0.7, 0.7), (0.0, -0.5, 0.5, -1.5, 1.5)))
@@ -93,9 +96,10 @@ class ConstrainedFit(eqx.Module):
             # Repeating the last value keeps the shape, and so the compiled program.
             rows = np.minimum(np.arange(first, first + CHUNK), len(value) - 1)
             k, v = jnp.asarray(index[rows]), jnp.asarray(value[rows])
-            chosen = (
-                _screen(self, k, v) if starts is None else jnp.asarray(starts[rows])
-            )
+            if starts is None:
+                chosen = self._seek(k, v)
+            else:
+                chosen = jnp.asarray(starts[rows])
             y, cost = _solve(self, k, v, chosen)
             points.append(np.asarray(y)[: part.size])
             costs.append(np.asarray(cost)[: part.size])
@@ -147,6 +151,22 @@ class ConstrainedFit(eqx.Module):
         # Below the second bound the angle is the lower end of the rolling range.
         is_switch = (F + A * sine > 0) & (A + F * sine >= 0)
         return is_switch | (index != self.quantities.index("theta_c"))
+
+    def _seek(
+        self, index: Int[Array, " k"], value: Float[Array, " k"]
+    ) -> Float[Array, "k s q"]:
+        """Starts from the pool, the last of them carried along a soft transition.
+
+        On either side of a hard switch the other branch has no slope: from the pool
+        alone a solver stops at the first push whose branch would have to change.
+        """
+        chosen = _screen(self, index, value)
+        grasp = self.problem.grasp
+        if np.isfinite(grasp.sharpness):
+            return chosen
+        soft = replace(self.problem, grasp=replace(grasp, sharpness=SOFT))
+        y, _ = _solve(replace(self, problem=soft), index, value, chosen)
+        return chosen.at[:, -1].set(y)
 
     def _pivot_value(self, angle: Scalar, z: Float[Array, " q"]) -> Scalar:
         """Log of the pivot that puts the critical angle at an angle.

@@ -7,6 +7,7 @@ ensemble ever looks at another. emcee's own moves know a single ensemble, and it
 dimensions.
 """
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,9 @@ from emcee.moves import Move
 from emcee.state import State
 from jaxtyping import Bool, Float, Int
 from scipy import special
-from scipy.cluster import vq
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.mixture import GaussianMixture
+from threadpoolctl import threadpool_limits
 
 # Share of the difference moves that jump by the whole difference of two walkers: what
 # carries a walker from one mode straight into another.
@@ -29,14 +32,18 @@ DEGREES_OF_FREEDOM = 6.0
 WIDE_SHARE = 0.1
 # Added to correlations before factorising: far below what heights can resolve.
 RIDGE = 1e-10
+# Least variance of a component, in units of all points together: a thousandth of their
+# spread, which keeps repeated points from becoming a component of their own.
+SMALLEST_VARIANCE = 1e-6
 
 
 class DifferenceMove(Move):
     """Differential evolution within each ensemble.
 
-        q_k = x_k + γ (x_i - x_j),   γ = 2.38 / sqrt(2 d), or 1 for a jump
+        q_k = x_k + γ (x_i - x_j),   γ = 2.38 / sqrt(2 d) 10^-u, or 1 for a jump
 
-    Half of an ensemble moves along differences of the other half, then they swap.
+    with u uniform in 0 to 1: the short steps are for walkers in narrow corners. Half
+    of an ensemble moves along differences of the other half, then they swap.
 
     Args:
         n_ensembles: Number of independent ensembles among the walkers.
@@ -73,7 +80,8 @@ class DifferenceMove(Move):
             difference = state.coords[pair[0]] - state.coords[pair[1]]
             rows = moving.ravel()
             is_jump = random.rand(rows.size, 1) < JUMP_SHARE
-            gamma = np.where(is_jump, 1.0, 2.38 / np.sqrt(2 * n_dim))
+            scale = 2.38 / np.sqrt(2 * n_dim) / 10 ** random.rand(rows.size, 1)
+            gamma = np.where(is_jump, 1.0, scale)
             proposals = state.coords[rows] + gamma * difference.reshape(-1, n_dim)
             accepted |= _accept(model, state, rows, proposals, np.zeros(rows.size))
         return state, accepted
@@ -127,33 +135,35 @@ def fit_mixture(points: Float[np.ndarray, "n p"], rng: np.random.Generator) -> M
         rng: Source of randomness.
 
     Returns:
-        One component per cluster of the whitened points and one as wide as all.
+        Gaussian components found by expectation maximisation, with the tails of
+        Student's t, and one as wide as all points together.
     """
     n, dim = points.shape
     centre, scale = points.mean(axis=0), points.std(axis=0)
     unit = (points - centre) / scale
-    ridge = RIDGE * np.eye(dim)
-    overall = unit.T @ unit / n + ridge
-    white = np.linalg.solve(np.linalg.cholesky(overall), unit.T).T
-    seeds = white[rng.choice(n, N_COMPONENTS, replace=False)]
-    codebook, _ = vq.kmeans(white, seeds)
-    label, _ = vq.vq(white, codebook)
-    count = np.bincount(label, minlength=len(codebook))
-    is_used = count > 0
-    clusters = [unit[label == k] for k in np.flatnonzero(is_used)]
-    means = np.stack([cluster.mean(axis=0) for cluster in clusters])
-    scatter = np.stack(
-        [(c - m).T @ (c - m) for c, m in zip(clusters, means, strict=True)]
+    # Whitened, so that one small number regularises narrow and wide directions alike.
+    overall = scale[:, None] * np.linalg.cholesky(
+        unit.T @ unit / n + RIDGE * np.eye(dim)
     )
-    # Small clusters borrow the typical shape: their own would be singular.
-    shared = np.sum(scatter, axis=0) / n
-    count = count[is_used, None, None]
-    shapes = (scatter + 2 * dim * shared) / (count + 2 * dim) + ridge
-    factors = np.linalg.cholesky(np.concatenate([shapes, overall[None]]))
+    white = np.linalg.solve(overall, (points - centre).T).T
+    found = GaussianMixture(
+        N_COMPONENTS,
+        init_params="k-means++",
+        reg_covar=SMALLEST_VARIANCE,
+        tol=0.01,
+        random_state=int(rng.integers(2**31)),
+    )
+    # The same bits on any machine's number of cores.
+    with threadpool_limits(1), warnings.catch_warnings():
+        # A proposal need not be the best one.
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        found.fit(white)
+    means = np.asarray(found.means_) @ overall.T
+    factors = overall @ np.linalg.cholesky(np.asarray(found.covariances_))
     return Mixture(
-        weights=np.append((1 - WIDE_SHARE) * count.ravel() / n, WIDE_SHARE),
-        means=centre + scale * np.concatenate([means, np.zeros((1, dim))]),
-        factors=scale[:, None] * factors,
+        weights=np.append((1 - WIDE_SHARE) * np.asarray(found.weights_), WIDE_SHARE),
+        means=centre + np.concatenate([means, np.zeros((1, dim))]),
+        factors=np.concatenate([factors, overall[None]]),
     )
 
 

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 from pushfit.coordinates import Coordinates, coordinates
 from pushfit.errors import FitError
 from pushfit.fit.chains import advance, in_chunks
-from pushfit.fit.moves import DifferenceMove
+from pushfit.fit.moves import DifferenceMove, IndependenceMove, fit_mixture
 from pushfit.fit.priors import POSITIVE, UNITS
 from pushfit.fit.problem import Problem
 from pushfit.fit.results import FitResult
@@ -25,10 +25,10 @@ from pushfit.model import Parameters
 
 PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "e1", "e2")
 # Share of the points that a step of the cooling may leave without weight, and steps of
-# the walkers after each: with 0.5 and 6, mode weights are right to a few per cent,
-# which the chain then settles.
-KEPT_SHARE = 0.5
-STEPS_PER_STAGE = 6
+# the walkers after each, whose proposals are fitted to so many points: mode weights
+# are then right within a factor of a few, which the chain settles.
+KEPT_SHARE = 0.3
+STEPS_PER_STAGE, N_MIXTURE_POINTS = 6, 4096
 # No table needs more than some 60: each stage multiplies the information by a factor.
 MAX_STAGES = 500
 # Rows per call of the change of coordinates.
@@ -174,23 +174,23 @@ def _cool(
         Del Moral, Doucet & Jasra (2006), doi:10.1111/j.1467-9868.2006.00553.x.
     """
     random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
-    moves = [(DifferenceMove(n_ensembles), 1.0)]
     beta = 0.0
     _, log_likelihood = log_densities(points)
     for _ in range(MAX_STAGES):
         groups = log_likelihood.reshape(n_ensembles, -1)
         step = _largest_step(groups, 1.0 - beta)
         beta = 1.0 if step >= 1.0 - beta else beta + step
-        chosen = _resample(groups, step, random)
+        cloud = points[_resample(groups, step, random)]
+        # One proposal for all: a region that one ensemble has found, the others reach.
+        mixture = fit_mixture(rng.permutation(cloud)[:N_MIXTURE_POINTS], rng)
+        moves = [(DifferenceMove(n_ensembles), 0.5), (IndependenceMove(mixture), 0.5)]
         power = beta
 
         def log_prob(x: Float[np.ndarray, "n p"], power=power) -> np.ndarray:
             log_prior, log_likelihood = log_densities(x)
             return log_prior + power * log_likelihood
 
-        chain, _ = advance(
-            log_prob, points[chosen], STEPS_PER_STAGE, moves=moves, random=random
-        )
+        chain, _ = advance(log_prob, cloud, STEPS_PER_STAGE, moves=moves, random=random)
         points = chain[-1]
         if beta == 1.0:
             return points
