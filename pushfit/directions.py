@@ -18,6 +18,7 @@ from pushfit.model import (
     push_resistance,
     rolling_limits,
     tangential_stiffness,
+    unit_vector,
 )
 from pushfit.numerics import norm2
 
@@ -50,7 +51,7 @@ def critical_angle(
         Eq. (11).
     """
     group = contact(params)
-    x, y = tangential_stiffness(group, alpha)
+    x, y = tangential_stiffness(group, unit_vector(alpha))
     if grasp.support_span is None:
         return _switch_angle(norm2(x, y), group.C_rr, group.A, grasp)
     limit_x, limit_y = rolling_limits(group, grasp.support_span)
@@ -100,7 +101,7 @@ def best_direction(
     low, high = reach
     axis = soft_axis(params)
     ends = jnp.asarray(reach)
-    stiffness = norm2(*tangential_stiffness(contact(params), ends))
+    stiffness = norm2(*tangential_stiffness(contact(params), unit_vector(ends)))
     softer_end = ends[jnp.argmin(stiffness)]
     is_reached = jnp.mod(axis - low, jnp.pi) <= high - low
     return _half_turn(jnp.where(is_reached, axis, softer_end))

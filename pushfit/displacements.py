@@ -62,10 +62,10 @@ def displacements(params: Parameters, pushes: Pushes, grasp: Grasp) -> Displacem
     """
     group = contact(params)
     force = linear_forces(params, pushes, grasp)
-    pressing = group.A * grasp.push_length * jnp.sin(pushes.theta)
+    pressing = group.A * grasp.push_length * pushes.elevation[1]
     tangential = jnp.stack([force.tangential_x, force.tangential_y])
-    reach = grasp.push_length * jnp.cos(pushes.theta)
-    S_pt = jnp.stack([reach * jnp.cos(pushes.alpha), reach * jnp.sin(pushes.alpha)])
+    reach = grasp.push_length * pushes.elevation[0]
+    S_pt = reach[None] * pushes.azimuth
     S_st = jnp.linalg.solve(support_stiffness(params), tangential)
     S_rt = S_pt - S_st
     return Displacements(

@@ -30,6 +30,11 @@ def as_float(value: ArrayLike) -> Array:
     return jnp.asarray(value, dtype=jnp.float64)
 
 
+def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
+    """(cos, sin) of an angle [rad]."""
+    return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+
 class Parameters(eqx.Module):
     """The six parameters of the paper and the shape of the stiffness ellipse.
 
@@ -58,13 +63,24 @@ class Parameters(eqx.Module):
 class Pushes(eqx.Module):
     """Directions of pushes in the push frame.
 
+    Sines and cosines are kept: they are the same for every set of parameters, and cost
+    more than all else in `forward`.
+
     Args:
         theta: Elevation out of the tangential plane [rad].
         alpha: Azimuth inside it, from the line through the supports [rad].
     """
 
-    theta: Vector = eqx.field(converter=as_float)
-    alpha: Vector = eqx.field(converter=as_float)
+    theta: Vector
+    alpha: Vector
+    elevation: Float[Array, "2 n"]
+    azimuth: Float[Array, "2 n"]
+
+    def __init__(self, theta: ArrayLike, alpha: ArrayLike) -> None:
+        """Keep the angles and their unit vectors (cos, sin)."""
+        self.theta, self.alpha = as_float(theta), as_float(alpha)
+        self.elevation = unit_vector(self.theta)
+        self.azimuth = unit_vector(self.alpha)
 
 
 class Grasp(eqx.Module):
@@ -194,7 +210,7 @@ def contact(params: Parameters | Contact) -> Contact:
 
 
 def tangential_stiffness(
-    contact: Contact, alpha: Float[Array, "*n"]
+    contact: Contact, azimuth: Float[Array, "xy=2 *n"]
 ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
     """Unrolled tangential stiffness felt along an azimuth.
 
@@ -202,7 +218,7 @@ def tangential_stiffness(
 
     Args:
         contact: Contact combinations.
-        alpha: Azimuth [rad].
+        azimuth: u, as of `unit_vector` [-].
 
     Returns:
         The x and y components of the force per tangential displacement [N/m].
@@ -211,7 +227,7 @@ def tangential_stiffness(
         Eq. (10), as a tensor.
     """
     tensor = contact.B * _expm_traceless(contact.f1, contact.f2)
-    x, y = jnp.cos(alpha), jnp.sin(alpha)
+    x, y = azimuth
     return tensor[0, 0] * x + tensor[0, 1] * y, tensor[1, 0] * x + tensor[1, 1] * y
 
 
@@ -251,11 +267,12 @@ def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) ->
         Eqs. (6), (8), (10).
     """
     group = contact(params)
-    pressed = grasp.preload + group.A * grasp.push_length * jnp.sin(pushes.theta)
+    cosine, sine = pushes.elevation
+    pressed = grasp.preload + group.A * grasp.push_length * sine
     # |.| makes an unloaded contact even in θ, as Eqs. (12)-(14) are.
     normal = jnp.abs(pressed)
-    reach = grasp.push_length * jnp.cos(pushes.theta)
-    stiffness_x, stiffness_y = tangential_stiffness(group, pushes.alpha)
+    reach = grasp.push_length * cosine
+    stiffness_x, stiffness_y = tangential_stiffness(group, pushes.azimuth)
     if grasp.support_span is None:
         stiffness = norm2(stiffness_x, stiffness_y)
         limit = group.C_rr * normal

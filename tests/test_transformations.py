@@ -23,7 +23,7 @@ REGISTRY = {
     "support_stiffness": lambda p, pushes, grasp: model.support_stiffness(p),
     "contact": lambda p, pushes, grasp: model.contact(p),
     "tangential_stiffness": lambda p, pushes, grasp: model.tangential_stiffness(
-        model.contact(p), pushes.alpha
+        model.contact(p), pushes.azimuth
     ),
     "critical_angle": lambda p, pushes, grasp: directions.critical_angle(
         p, grasp, pushes.alpha

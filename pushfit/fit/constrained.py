@@ -16,7 +16,13 @@ import optimistix as optx
 from jaxtyping import Array, Float, Int
 
 from pushfit.fit.problem import Problem
-from pushfit.model import Contact, Scalar, rolling_limits, tangential_stiffness
+from pushfit.model import (
+    Contact,
+    Scalar,
+    rolling_limits,
+    tangential_stiffness,
+    unit_vector,
+)
 from pushfit.numerics import norm2
 
 # Sums of squares good to 1e-6 of a unit of chi-square need no more.
@@ -180,7 +186,9 @@ class ConstrainedFit(eqx.Module):
         pivot = pivot_name(self.problem)
         sine, cosine = jnp.sin(angle), jnp.cos(angle)
         unit = eqx.tree_at(lambda c: c.B, group, jnp.ones_like(group.B))
-        x, y = tangential_stiffness(unit, jnp.asarray(self.reference_alpha))
+        x, y = tangential_stiffness(
+            unit, unit_vector(jnp.asarray(self.reference_alpha))
+        )
         if pivot == "ln_A":
             ratio = group.B * norm2(x, y) * cosine / group.C_rr
             return _safe_log((ratio - preload) / sine)
