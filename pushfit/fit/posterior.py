@@ -37,10 +37,11 @@ Progress = Callable[[str, float], None]
 # 4.4 steps for a bimodal table in six coordinates and 21, 15, 13 and NaN (a walker in a
 # corner) for an ellipse in eight; at 1 it is 35. See benchmarks/emcee_mixing.py.
 DIFFERENCE_SHARE = 0.25
-# Starting points of each ensemble are 2 to the power of the coordinates and this. On
-# the bent fibre of an azimuth sweep a region that ends with 12 % of the posterior holds
-# 0.3 % on the way from the prior: 256 points in eight coordinates lose it, 4096 do not.
-LOG2_POINTS = 4
+# Starting points of each ensemble are 2 to the power of the coordinates and this, up to
+# a limit. On the bent fibre of an azimuth sweep a region that ends with 12 % of the
+# posterior holds 0.3 % on the way from the prior: 256 points in eight coordinates lose
+# it, 4096 do not.
+LOG2_POINTS, MAX_POINTS = 4, 4096
 # Steps of the first trial, from whose second half the mixture is fitted again, and the
 # number of points used. A trial in which half the walkers accept less than GOOD_SHARE
 # is followed by another of twice the length: one is enough for most tables, not for
@@ -165,7 +166,8 @@ def _start(
 ) -> Run:
     """First block of a run, after the trial steps that its proposal is fitted to."""
     rng = np.random.default_rng(seed)
-    n_points = max(2 ** (len(problem.names) + LOG2_POINTS), budget.n_walkers)
+    n_points = min(2 ** (len(problem.names) + LOG2_POINTS), MAX_POINTS)
+    n_points = max(n_points, budget.n_walkers)
     points = starting_points(
         problem,
         fit,

@@ -23,7 +23,8 @@ from pushfit.report.strings import (
 )
 
 MAX_CORRELATIONS = 8
-# Quantities that are a set of several pieces or with an open end.
+# Quantities that are a set of several pieces or with an open end, and their value.
+SEE_SET = "see set"
 SET_VERDICTS = frozenset({Verdict.ONE_SIDED, Verdict.SEVERAL_MODES})
 
 WORDS = {
@@ -123,7 +124,7 @@ def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
     value = "not quoted"
     is_set = quantity.verdict in SET_VERDICTS and bool(pieces_for(quantity))
     if is_set:
-        value = "see set"
+        value = SEE_SET
         interval = join_or([format_range(*piece, "") for piece in pieces_for(quantity)])
     elif quantity.estimate is not None and quantity.verdict is Verdict.FIXED:
         value = f"{quantity.estimate:.6g}"

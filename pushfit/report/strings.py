@@ -5,21 +5,12 @@ before it reaches a terminal, a page or a figure. Nothing here knows of results.
 """
 
 import math
+import re
 import unicodedata
 from collections.abc import Sequence
 
-# Units of the tables and of `Quantity.unit` on the left, as printed on the right.
-UNITS = {
-    "deg": "°",
-    "n": "N",
-    "kpa": "kPa",
-    "counts": "counts",
-    "au": "a.u.",
-    "n/m": "N/m",
-    "kpa/m": "kPa/m",
-    "counts/m": "counts/m",
-    "au/m": "a.u./m",
-}
+# Words of units in tables and in `Quantity.unit` on the left, as printed on the right.
+UNITS = {"deg": "°", "n": "N", "kpa": "kPa", "au": "a.u."}
 NO_UNIT = frozenset({"", "-", "–", "1"})
 
 # Letters for prose and, as mathtext, for figures.
@@ -76,9 +67,12 @@ def unit_label(unit: str) -> str:
         unit: As in a table or a `Quantity`.
 
     Returns:
-        For example "kPa/m" for "kpa/m"; an unknown unit as it is.
+        For example "kPa·m/rad" for "kpa·m/rad"; an unknown word as it is.
     """
-    return "" if unit in NO_UNIT else UNITS.get(unit.lower(), printable(unit))
+    if unit in NO_UNIT:
+        return ""
+    words = re.compile(r"[A-Za-z]+")
+    return words.sub(lambda m: UNITS.get(m[0].lower(), m[0]), printable(unit))
 
 
 def symbol(name: str) -> str:

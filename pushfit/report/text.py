@@ -14,6 +14,7 @@ import numpy as np
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (
+    SEE_SET,
     angle_rows,
     cannot_say,
     correlation_rows,
@@ -89,7 +90,7 @@ def _heading(identification: Identification, width: int) -> str:
     if status is not FitStatus.OK:
         lines.append(f"Do not use these numbers: {status.value}.")
     if not quality.is_adequate:
-        lines.append(f"The model does not describe these data. {quality.sentence}")
+        lines.append(quality.sentence)
     n_used = int(np.sum(identification.used))
     files = ", ".join(source.path for source in identification.table.sources)
     version = identification.versions.get("pushfit", "")
@@ -117,8 +118,11 @@ def _quantities(
         return _table(header, rows, width)
     lines = []
     for name, value, interval, unit, verdict, note in rows:
-        text = f"{name} = {value} {unit}".rstrip()
-        text += f" ({interval})" if interval else ""
+        if value == SEE_SET:
+            text = f"{name}: {interval} {unit}".rstrip()
+        else:
+            text = f"{name} = {value} {unit}".rstrip()
+            text += f" ({interval})" if interval else ""
         lines.append(_wrap("; ".join(filter(None, [text, verdict, note])), width, "  "))
     return "\n".join(lines)
 

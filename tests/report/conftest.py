@@ -225,7 +225,7 @@ def inadequate(make_identification, determined) -> Identification:
         r_squared=0.61,
         is_adequate=False,
         outliers=("push 12 (θ 20°, α 90°)",),
-        sentence="χ² = 812 for 65 degrees of freedom; residuals follow the elevation.",
+        sentence="The model does not describe these heights: χ² = 812 for 65.",
     )
     return make_identification(goodness_of_fit=quality)
 

@@ -119,7 +119,7 @@ def test_the_answers_come_first_then_the_figure_then_the_warnings(determined):
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("inadequate", "The model does not describe these data."),
+        ("inadequate", "The model does not describe these heights"),
         ("not_converged", "Do not use these numbers:"),
     ],
 )

@@ -126,7 +126,9 @@ def test_modes_across_the_seam_are_typical_of_their_own_draws(determined):
 
 
 def test_an_inadequate_model_is_the_first_thing_said(inadequate):
-    assert render_text(inadequate).startswith("The model does not describe these data.")
+    assert render_text(inadequate).startswith(
+        "The model does not describe these heights"
+    )
     assert "not to be relied on" in sentence_theta_c(inadequate).lower()
 
 
