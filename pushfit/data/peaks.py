@@ -95,7 +95,12 @@ def extract_peaks(
     """
     settings = PeakSettings.of(settings)
     time, signal = push_signal(recording, settings)
-    found, pairs = _pair(time, signal, schedule, settings)
+    try:
+        found, pairs = _pair(time, signal, schedule, settings)
+    except DataError as error:
+        files = ", ".join(source.path for source in recording.sources)
+        message = f"{files}: {error}" if files else str(error)
+        raise DataError(message, code=error.code, problems=error.problems) from None
     if schedule is None or pairs is None:
         chosen = found.only([k for k, e in enumerate(found.extents) if not e.is_brush])
         plan = recorded_directions(recording, chosen.extents)

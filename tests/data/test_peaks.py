@@ -9,7 +9,7 @@ import pytest
 from pushfit.config.inputs import PeaksSection
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.peaks import extract_peaks, find_pushes
-from pushfit.data.records import Recording
+from pushfit.data.records import Recording, Source
 from pushfit.data.schedule import PushSchedule
 from pushfit.data.simulate import (
     ALPHA_SWEEP,
@@ -318,8 +318,9 @@ def test_a_signal_without_pushes_is_refused(signal):
         time=np.arange(500) / 100,
         channels={"pressure": signal},
         units={"pressure": "kpa"},
+        sources=(Source(path="flat.csv", sha256="", dialect="native csv"),),
     )
-    with pytest.raises(DataError) as caught:
+    with pytest.raises(DataError, match="flat.csv: no pushes found") as caught:
         extract_peaks(recording)
     assert caught.value.code == "no_pushes"
 
