@@ -320,7 +320,7 @@ def test_a_signal_without_pushes_is_refused(signal):
         units={"pressure": "kpa"},
         sources=(Source(path="flat.csv", sha256="", dialect="native csv"),),
     )
-    with pytest.raises(DataError, match="flat.csv: no pushes found") as caught:
+    with pytest.raises(DataError, match=r"flat\.csv: no pushes found") as caught:
         extract_peaks(recording)
     assert caught.value.code == "no_pushes"
 
