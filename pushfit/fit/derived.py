@@ -20,6 +20,8 @@ from pushfit.model import contact
 PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
 # Period of an axis: pushing along α and along α + 180° is the same line [deg].
 HALF_TURN = 180.0
+# A density estimate has fewer bumps than this.
+MAX_PIECES = 100
 
 
 def samples_mapping(
@@ -145,9 +147,12 @@ def highest_density_set(
         return ()
     if is_axis:
         centre, finite = _unwrapped(finite)
-    pieces = array_stats.hdi(finite, prob=prob, method="multimodal")
+    pieces = array_stats.hdi(
+        finite, prob=prob, method="multimodal", max_modes=MAX_PIECES
+    )
     pieces = np.asarray(pieces).reshape(-1, 2)
-    pieces = pieces[np.isfinite(pieces).all(axis=1)]
+    # Unused places are NaN, and a single bin of the density has no width.
+    pieces = pieces[pieces[:, 0] < pieces[:, 1]]
     if not is_axis:
         return tuple((float(low), float(high)) for low, high in pieces)
     starts = np.mod(centre + pieces[:, 0], HALF_TURN)

@@ -57,11 +57,15 @@ def angle_quantity(
 
     Returns:
         The quantity. Estimate and interval are None unless the verdict is DETERMINED;
-        with several modes the interval is kept, which covers them all.
+        with several modes the interval is kept, which covers them all. Where the data
+        hardly narrow the prior nothing is determined, however sharp the profile: a few
+        pushes can be fitted perfectly by a model that knows nothing.
     """
     is_axis = name == "alpha_star"
     verdict = Verdict.NOT_DETERMINED if profile is None else profile.verdict
     draws = posterior.samples.get(name)
+    if draws is not None and _narrowing(name, posterior, prob) < ASSUMED:
+        verdict = Verdict.NOT_DETERMINED
     is_quotable = posterior.status is FitStatus.OK and draws is not None
     sets, interval, estimate, note = (), None, None, ""
     if draws is not None:
@@ -242,6 +246,18 @@ def _contraction(name: str, posterior: PosteriorResult) -> float | None:
     if draws.size == 0 or before.size == 0 or np.var(before) == 0:
         return None
     return contraction(draws, before)
+
+
+def _narrowing(name: str, posterior: PosteriorResult, prob: float) -> float:
+    """Share of the prior's set of an angle that the data removed; 1 without one."""
+    after, before = (
+        sum(high - low for low, high in pieces if low is not None and high is not None)
+        for pieces in (
+            highest_density_set(draws[name], prob, is_axis=name == "alpha_star")
+            for draws in (posterior.samples, posterior.prior_samples)
+        )
+    )
+    return 1.0 - after / before if before > 0 else 1.0
 
 
 def _finite(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:

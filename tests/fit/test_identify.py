@@ -1,5 +1,7 @@
 """Whole identifications: what may be said is said, and nothing more."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from pushfit.config import parse_config
 from pushfit.data.table import read_table
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.identify import fit_table, identify_table
+from pushfit.fit.quantities import angle_quantity
 from pushfit.fit.results import FitStatus, Verdict
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
@@ -44,6 +47,22 @@ def test_a_determined_angle_has_an_interval_that_holds_the_truth(determined):
     assert low < CASES["firm"].critical_angle_deg < high
     assert low < theta_c.estimate < high
     assert len(theta_c.sets) == len(theta_c.likelihood_sets) == 1
+
+
+def test_a_sharp_profile_determines_nothing_where_the_draws_are_those_of_the_prior(
+    determined,
+):
+    """As many parameters as pushes fit anything; the posterior does not follow."""
+    posterior = determined.posterior
+    n = posterior.log_prob.size
+    samples = {k: np.resize(v, n) for k, v in posterior.prior_samples.items()}
+    ignorant = replace(posterior, samples=samples)
+    profile = determined.profiles["theta_c"]
+    theta_c = angle_quantity("theta_c", ignorant, profile, prob=0.9)
+    assert profile.verdict is Verdict.DETERMINED
+    assert theta_c.verdict is Verdict.NOT_DETERMINED
+    assert theta_c.estimate is theta_c.interval is None
+    assert theta_c.sets == ()
 
 
 def test_combinations_are_determined_and_single_stiffnesses_are_not(determined):
