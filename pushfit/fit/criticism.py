@@ -2,16 +2,19 @@
 
 Three questions that fail apart: is the scatter about the fit larger than the noise, do
 residuals follow their neighbours in direction, and does the fit explain the heights.
+The same is asked of heights simulated from the posterior (`predictive`).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy import stats
 from scipy.spatial import KDTree
 
 from pushfit.data.table import PeakTable
 from pushfit.fit.noise import Noise
-from pushfit.fit.results import FitResult, GoodnessOfFit
+from pushfit.fit.results import FitResult, GoodnessOfFit, PredictiveCheck
 
 # Chance of faulting a model that is right, per test.
 LEVEL = 1e-3
@@ -20,10 +23,23 @@ LEVEL = 1e-3
 MIN_R_SQUARED = 0.8
 OUTLIER_SIGMA = 5.0
 N_PERMUTATIONS = 4999
+# With fewer directions a pattern cannot be told from chance.
+MIN_DIRECTIONS = 8
+# What simulated heights lack, by the feature of a predictive check.
+MISSED = {
+    "scatter": "as much scatter",
+    "largest": "as large a residual",
+    "pattern": "residuals that follow their neighbours as much",
+}
 
 
 def goodness_of_fit(
-    table: PeakTable, fit: FitResult, noise: Noise, *, seed: int
+    table: PeakTable,
+    fit: FitResult,
+    noise: Noise,
+    *,
+    seed: int,
+    predictive: tuple[PredictiveCheck, ...] = (),
 ) -> GoodnessOfFit:
     """Compare the residuals of a fit with the noise, with repeats and with each other.
 
@@ -32,6 +48,7 @@ def goodness_of_fit(
         fit: Best fit.
         noise: Noise model of the fit.
         seed: Seed of the permutation test.
+        predictive: Posterior predictive checks of the same fit.
 
     Returns:
         Tests and a sentence.
@@ -46,15 +63,7 @@ def goodness_of_fit(
     lack_of_fit = _lack_of_fit_p_value(table, fit, residuals)
     pattern = _pattern_p_value(table, fit, residuals, seed=seed)
     outliers = np.unique(rows[np.abs(residuals) > OUTLIER_SIGMA])
-    failed = [
-        name
-        for name, p in (
-            ("the scatter about the fit exceeds the noise", p_value),
-            ("the fit misses the means of repeated pushes", lack_of_fit),
-            ("residuals follow their neighbours in direction", pattern),
-        )
-        if p is not None and p < LEVEL
-    ]
+    failed = _failed(p_value, lack_of_fit, pattern, predictive)
     # Repeats or given standard deviations judge a fit better than its share of the
     # variation, which is small for noisy heights of a perfect model too.
     n_directions = np.unique(table.groups[rows]).size
@@ -71,7 +80,28 @@ def goodness_of_fit(
         outliers=tuple(label(table, int(row)) for row in outliers),
         is_adequate=not failed,
         sentence=_sentence(failed, r_squared),
+        predictive=predictive,
     )
+
+
+def _failed(
+    p_value: float | None,
+    lack_of_fit: float | None,
+    pattern: float | None,
+    predictive: tuple[PredictiveCheck, ...],
+) -> list[str]:
+    """What each failed test says."""
+    tests = {
+        "the scatter about the fit exceeds the noise": p_value,
+        "the fit misses the means of repeated pushes": lack_of_fit,
+        "residuals follow their neighbours in direction": pattern,
+    }
+    failed = [name for name, p in tests.items() if p is not None and p < LEVEL]
+    missed = [MISSED[check.feature] for check in predictive if check.p_value < LEVEL]
+    if missed:
+        features = " or ".join(missed)
+        failed.append(f"heights simulated from it almost never show {features}")
+    return failed
 
 
 def label(table: PeakTable, row: int) -> str:
@@ -133,6 +163,65 @@ def _lack_of_fit_p_value(
     return float(stats.f.sf(lack / lack_dof / (pure / pure_dof), lack_dof, pure_dof))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Directions:
+    """Directions that were pushed, each with the nearest other one on the sphere.
+
+    Args:
+        order: Pushes, sorted by direction.
+        first: Where each direction begins in this order.
+        counts: Pushes of each direction.
+        nearest: Nearest other direction of each.
+    """
+
+    order: Int[np.ndarray, " n"]
+    first: Int[np.ndarray, " g"]
+    counts: Int[np.ndarray, " g"]
+    nearest: Int[np.ndarray, " g"]
+
+    def pooled(self, residuals: Float[np.ndarray, "*m n"]) -> Float[np.ndarray, "*m g"]:
+        """Residuals of each direction, summed and over the root of their number.
+
+        Args:
+            residuals: Residual of every push.
+
+        Returns:
+            Of unit variance where the residuals are.
+        """
+        sums = np.add.reduceat(residuals[..., self.order], self.first, axis=-1)
+        return sums / np.sqrt(self.counts)
+
+
+def pushed_directions(
+    table: PeakTable, rows: Int[np.ndarray, " n"]
+) -> Directions | None:
+    """Directions of some pushes of a table.
+
+    Args:
+        table: Peak heights.
+        rows: Rows of the table.
+
+    Returns:
+        Directions; None where they are too few to show a pattern.
+    """
+    group, inverse = np.unique(table.groups[rows], return_inverse=True)
+    if group.size < MIN_DIRECTIONS:
+        return None
+    counts = np.bincount(inverse)
+    theta, alpha = table.theta[rows], table.alpha[rows]
+    vectors = np.stack(
+        [np.cos(theta) * np.cos(alpha), np.cos(theta) * np.sin(alpha), np.sin(theta)]
+    )
+    points = np.stack([np.bincount(inverse, v) / counts for v in vectors], axis=1)
+    _, nearest = KDTree(points).query(points, k=2)
+    return Directions(
+        order=np.argsort(inverse, kind="stable"),
+        first=np.cumsum(counts) - counts,
+        counts=counts,
+        nearest=np.asarray(nearest)[:, 1],
+    )
+
+
 def _pattern_p_value(
     table: PeakTable, fit: FitResult, residuals: Float[np.ndarray, " n"], *, seed: int
 ) -> float | None:
@@ -143,24 +232,16 @@ def _pattern_p_value(
     """
     channel = np.asarray(fit.channel)
     is_first = channel == channel[0]
-    rows = np.asarray(fit.row)[is_first]
-    group, inverse = np.unique(table.groups[rows], return_inverse=True)
-    if group.size < 8:
+    directions = pushed_directions(table, np.asarray(fit.row)[is_first])
+    if directions is None:
         return None
-    counts = np.bincount(inverse)
-    means = np.bincount(inverse, residuals[is_first]) / np.sqrt(counts)
-    theta, alpha = table.theta[rows], table.alpha[rows]
-    vectors = np.stack(
-        [np.cos(theta) * np.cos(alpha), np.cos(theta) * np.sin(alpha), np.sin(theta)]
-    )
-    points = np.stack([np.bincount(inverse, v) / counts for v in vectors], axis=1)
-    _, nearest = KDTree(points).query(points, k=2)
-    neighbour = np.asarray(nearest)[:, 1]
+    means = directions.pooled(residuals[is_first])
+    neighbour = directions.nearest
     rng = np.random.default_rng(seed)
 
     observed = float(means @ means[neighbour])
     # In blocks: all permutations of a large table at once would fill the memory.
-    block = max(1, 2_000_000 // group.size)
+    block = max(1, 2_000_000 // means.size)
     n_larger, n_done = 0, 0
     while n_done < N_PERMUTATIONS:
         n = min(block, N_PERMUTATIONS - n_done)

@@ -31,6 +31,7 @@ from pushfit.fit.notices import (
     table_notices,
 )
 from pushfit.fit.posterior import sample_posterior
+from pushfit.fit.predictive import predictive_checks
 from pushfit.fit.profiles import likelihood_profiles
 from pushfit.fit.quantities import (
     angle_quantity,
@@ -112,7 +113,9 @@ def identify_table(
         prob=prob,
         reach=reach,
     )
-    posterior = _posterior(fitted, seed, engine, progress, checkpoint)
+    posterior = draw_posterior(
+        fitted, seed=seed, engine=engine, progress=progress, checkpoint=checkpoint
+    )
     theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
     alpha_star = angle_quantity(
         "alpha_star", posterior, profiles.get("alpha_star"), prob=prob
@@ -123,7 +126,13 @@ def identify_table(
         "is_length_known": config.push.length_known,
     }
     problem = fitted.setup.problem
-    criticism = goodness_of_fit(fitted.table, fitted.fit, fitted.setup.noise, seed=seed)
+    criticism = goodness_of_fit(
+        fitted.table,
+        fitted.fit,
+        fitted.setup.noise,
+        seed=seed,
+        predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
+    )
     model_free = model_free_direction(fitted.table, prob=prob, seed=seed)
     return Identification(
         table=fitted.table,
@@ -222,14 +231,30 @@ def _fit(
     return setup, fit_least_squares(setup, reference_alpha=reference_alpha)
 
 
-def _posterior(
+def draw_posterior(
     fitted: Fitted,
+    *,
     seed: int,
     engine: str,
-    progress: Progress | None,
-    checkpoint: Path | None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
 ) -> PosteriorResult:
-    """Draws by the engine asked for."""
+    """Draws by the engine asked for.
+
+    Args:
+        fitted: A table with its noise settled.
+        seed: Seed of the draws.
+        engine: "emcee", or "exact" for quadrature.
+        progress: Called with a stage and the share of it that is done.
+        checkpoint: File in which a run of emcee is kept, to be resumed.
+
+    Returns:
+        Draws and their status.
+
+    Raises:
+        ConfigError: If the engine is not known or does not apply.
+        FitError: If nothing is free, or no start has a finite density.
+    """
     reach = reach_of(fitted.config)
     if engine == "emcee":
         return sample_posterior(

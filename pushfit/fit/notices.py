@@ -135,6 +135,13 @@ def result_notices(
     if criticism.outliers:
         names = ", ".join(criticism.outliers)
         yield Notice(code="outliers", text=f"more than 5 sigma from the fit: {names}")
+    scatter = [c.p_value for c in criticism.predictive if c.feature == "scatter"]
+    if setup.noise.kind == "given" and max(scatter, default=0.0) > 1 - LEVEL:
+        yield Notice(
+            code="scatter_below_sd",
+            text="heights simulated with the given standard deviations scatter more "
+            "than these do; if the deviations are too large, so are the intervals",
+        )
     if posterior.status is not FitStatus.OK:
         problems = posterior.diagnostics.problems if posterior.diagnostics else ()
         yield Notice(

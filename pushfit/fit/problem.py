@@ -107,18 +107,21 @@ class Problem(eqx.Module):
         """`residuals` at data coordinates."""
         return self.residuals(self.data_state(y))
 
-    def log_likelihood(self, state: State) -> Scalar:
-        """Normalised log density of the data.
+    def noise(self, state: State) -> Float[Array, "c n"]:
+        """Scale of the noise of every entry; 1 for padding [table unit].
 
-        The noise of an entry is sqrt(sd² + sigma²) where sigma is sampled, else the
-        reference sigma.
+        sqrt(sd² + sigma²) where sigma is sampled, else the reference sigma.
         """
         is_sampled = jnp.asarray(
             [f"ln_sigma_{channel}" in self.names for channel in self.channels]
         )
         sampled = norm2(self.sd, jnp.broadcast_to(state.sigma[:, None], self.sd.shape))
         sigma = jnp.where(is_sampled[:, None], sampled, self.reference_sigma)
-        sigma = jnp.where(self.mask, sigma, 1.0)
+        return jnp.where(self.mask, sigma, 1.0)
+
+    def log_likelihoods(self, state: State) -> Float[Array, "c n"]:
+        """Normalised log density of every entry; 0 for padding."""
+        sigma = self.noise(state)
         scaled = jnp.where(
             self.mask, (self.predict(state) - self.observed) / sigma, 0.0
         )
@@ -126,7 +129,11 @@ class Problem(eqx.Module):
             density = jax.scipy.stats.t.logpdf(scaled, STUDENT_DOF)
         else:
             density = jax.scipy.stats.norm.logpdf(scaled)
-        return jnp.sum(jnp.where(self.mask, density - jnp.log(sigma), 0.0))
+        return jnp.where(self.mask, density - jnp.log(sigma), 0.0)
+
+    def log_likelihood(self, state: State) -> Scalar:
+        """Normalised log density of the data."""
+        return jnp.sum(self.log_likelihoods(state))
 
     def log_prior(self, x: Float[Array, " p"]) -> Scalar:
         """Normalised log density of x before the data."""

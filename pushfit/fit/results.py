@@ -265,6 +265,20 @@ class IdentifiabilityResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PredictiveCheck:
+    """One feature of the residuals beside the same feature of simulated heights.
+
+    Args:
+        feature: "scatter", "largest" or "pattern".
+        p_value: Share of posterior draws whose simulated heights show at least as much
+            of it as the observed ones.
+    """
+
+    feature: str
+    p_value: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class GoodnessOfFit:
     """Whether the model describes the data at all.
 
@@ -279,6 +293,8 @@ class GoodnessOfFit:
         outliers: Labels of pushes whose residual is beyond 5 sigma.
         is_adequate: False if the model does not describe the data.
         sentence: The verdict in words.
+        predictive: Posterior predictive checks; empty where draws are not to be
+            trusted.
     """
 
     chi_square: float
@@ -290,6 +306,7 @@ class GoodnessOfFit:
     outliers: tuple[str, ...]
     is_adequate: bool
     sentence: str
+    predictive: tuple[PredictiveCheck, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,9 +3,11 @@
 Text and page lay out the same rows, so that neither says more than the other.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from pushfit.fit.results import Identification, Quantity, Verdict
+from pushfit.fit.results import Identification, PredictiveCheck, Quantity, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
 from pushfit.report.quoting import is_trusted, pieces_for, quoted
@@ -27,6 +29,12 @@ MAX_CORRELATIONS = 8
 SEE_SET = "see set"
 SET_VERDICTS = frozenset({Verdict.ONE_SIDED, Verdict.SEVERAL_MODES})
 
+# Features that heights simulated from the posterior are compared in.
+PREDICTIVE = {
+    "scatter": "scatter",
+    "largest": "largest residual",
+    "pattern": "pattern",
+}
 WORDS = {
     Verdict.LEARNED: "learned",
     Verdict.PARTLY: "partly learned",
@@ -65,6 +73,7 @@ def fit_rows(identification: Identification) -> list[tuple[str, str]]:
         ("R²", f"{quality.r_squared:.4f}" if np.isfinite(quality.r_squared) else ""),
         ("lack of fit", _p_value(quality.lack_of_fit_p_value).strip(", ")),
         ("pattern", _p_value(quality.pattern_p_value).strip(", ")),
+        ("simulated", _predictive(quality.predictive)),
         ("outliers", ", ".join(quality.outliers)),
         ("noise", _noise(identification)),
         ("optima", _optima(identification)),
@@ -146,6 +155,12 @@ def _p_value(p_value: float | None) -> str:
     if p_value is None or not np.isfinite(p_value):
         return ""
     return ", p < 0.001" if p_value < 1e-3 else f", p = {p_value:.2g}"
+
+
+def _predictive(checks: Sequence[PredictiveCheck]) -> str:
+    """Features of the residuals with their posterior predictive p-values."""
+    parts = [f"{PREDICTIVE[c.feature]}{_p_value(c.p_value)}" for c in checks]
+    return "; ".join(part.replace(", ", " ") for part in parts)
 
 
 def _noise(identification: Identification) -> str:

@@ -218,7 +218,7 @@ def _walk(
             allowed = SHARE_OF_WIDTH * (high - low)  # pyright: ignore
         for key, item in items.items():
             limit = allowed
-            if key == "contraction":
+            if key in ("contraction", "predictive"):
                 limit = SHARE_OF_ONE
             elif key == "sets" and not where.endswith("_deg"):
                 # Into how many pieces a set that fills the prior falls is up to chance.

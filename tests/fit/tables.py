@@ -14,6 +14,12 @@ TOML = """
 length_mm = 5.0
 """
 
+FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
+# With the truth of the case "paper" for all but C_rr, the tangential height of a push
+# below θ_c is A C_rr S_p sin θ: linear in the only free parameter.
+FRICTION_ONLY = "".join(f"[parameters.{n}]\nfixed = {v}\n" for n, v in FIXED.items())
+FRICTION_ONLY += "[parameters.C_rr]\nnormal = { mean = 0.24, sd = 0.01 }\n"
+
 
 def config(text: str = "") -> GraspConfig:
     """A configuration with a push of 5 mm and more text."""

@@ -7,13 +7,13 @@ from scipy import stats
 from pushfit.data.table import PeakTable
 from pushfit.fit.criticism import LEVEL, goodness_of_fit
 from pushfit.fit.noise import Noise
-from pushfit.fit.results import FitResult, FitStatus
+from pushfit.fit.results import FitResult, FitStatus, PredictiveCheck
 
 SIGMA = 0.1
 THETA_DEG = np.repeat(np.linspace(5.0, 85.0, 17), 3)
 
 
-def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG):
+def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG, **checks):
     """Goodness of fit of a prediction, taken as a fit with three coordinates."""
     table = PeakTable.from_arrays(
         theta=np.radians(theta_deg),
@@ -41,7 +41,7 @@ def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG):
     )
     sd = {"height": np.full(n, SIGMA)}
     noise = Noise(kind=kind, sd=sd, sigma=sd, degrees_of_freedom=np.inf)
-    return goodness_of_fit(table, fit, noise, seed=0)
+    return goodness_of_fit(table, fit, noise, seed=0, **checks)
 
 
 def curve() -> np.ndarray:
@@ -112,3 +112,14 @@ def test_an_outlying_push_is_named():
     observed[7] += 10 * SIGMA
     found = criticise(curve(), observed)
     assert found.outliers == ("push 8 (θ = 15°, α = 0°)",)
+
+
+@pytest.mark.parametrize(("p_value", "is_adequate"), [(0.2, True), (LEVEL / 2, False)])
+def test_data_that_simulated_heights_never_resemble_are_not_described(
+    p_value, is_adequate
+):
+    check = PredictiveCheck(feature="largest", p_value=p_value)
+    found = criticise(curve(), noisy(1, curve()), predictive=(check,))
+    assert found.is_adequate == is_adequate
+    assert ("almost never show as large a residual" in found.sentence) != is_adequate
+    assert found.predictive == (check,)

@@ -12,7 +12,7 @@ from pushfit.fit.exact import exact_grid, exact_posterior, why_not_exact
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.quadrature import Cells, cell_nodes
 from pushfit.fit.results import FitStatus
-from tests.fit.tables import case_table, setup_of
+from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.problems import CASES, PUSH, paper_parameters
 
 REACH = (0.0, np.pi)
@@ -22,9 +22,6 @@ KS_LEVEL = 1e-3
 # The brute-force sums below have steps of a tenth of a standard deviation; kinks at
 # pushed elevations leave them this wrong.
 BRUTE_FORCE = 2e-3
-FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
-FRICTION_ONLY = "".join(f"[parameters.{n}]\nfixed = {v}\n" for n, v in FIXED.items())
-FRICTION_ONLY += "[parameters.C_rr]\nnormal = { mean = 0.24, sd = 0.01 }\n"
 # Elevations of one small table: every test of this file shares one compiled program.
 FIVE = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
 CHANNEL = {

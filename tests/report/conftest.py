@@ -17,6 +17,7 @@ from pushfit.fit.results import (
     LikelihoodProfile,
     Mode,
     Notice,
+    PredictiveCheck,
     Verdict,
 )
 from tests.report.makers import (
@@ -110,6 +111,10 @@ def make_identification() -> Callable[..., Identification]:
                 outliers=(),
                 is_adequate=True,
                 sentence="The model describes these data.",
+                predictive=(
+                    PredictiveCheck(feature="scatter", p_value=0.42),
+                    PredictiveCheck(feature="largest", p_value=0.0),
+                ),
             ),
             bands=make_bands(table),
             warnings=(

@@ -132,6 +132,20 @@ def test_an_inadequate_model_is_the_first_thing_said(inadequate):
     assert "not to be relied on" in sentence_theta_c(inadequate).lower()
 
 
+def test_no_parameter_is_quoted_before_the_model_is_said_not_to_describe(inadequate):
+    """Nothing but the alarm comes before it, in particular no symbol with a value."""
+    text = render_text(inadequate)
+    alarm = text.index("The model does not describe these data.")
+    reason = text.index("residuals follow the elevation")
+    first = min(text.index(name) for name in ("K_sn", "C_rr", "θ_c", "α*", "N/m"))
+    assert alarm < reason < first
+
+
+def test_predictive_checks_are_reported_beside_the_other_tests(determined):
+    text = render_text(determined)
+    assert "scatter p = 0.42; largest residual p < 0.001" in text
+
+
 def test_untrusted_numerics_are_the_first_thing_said(not_converged):
     assert render_text(not_converged).startswith("Do not use these numbers")
 
