@@ -18,6 +18,7 @@ from .errors import ConvergenceError as ConvergenceError
 from .errors import DataError as DataError
 from .errors import FitError as FitError
 from .errors import PushfitError as PushfitError
+from .fit.comparison import compare_models as compare_models
 from .fit.identify import identify_table as identify_table
 from .model import Grasp as Grasp
 from .model import Parameters as Parameters

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import pushfit
-from pushfit.cli import analysis, calibrate, doctor, files, init, verify
+from pushfit.cli import analysis, calibrate, compare, doctor, files, init, verify
 from pushfit.cli.session import command
 
 app = typer.Typer(
@@ -56,6 +56,7 @@ for function in (
     init.init,
     verify.verify,
     calibrate.calibrate,
+    compare.compare,
     doctor.doctor,
 ):
     command(app)(function)

@@ -6,6 +6,12 @@ import numpy as np
 
 from pushfit.data.recording import Source
 from pushfit.data.table import PeakTable
+from pushfit.fit.comparison import (
+    Comparison,
+    ModelScore,
+    PushDensities,
+    against_best,
+)
 from pushfit.fit.results import (
     Band,
     Diagnostics,
@@ -242,3 +248,52 @@ def make_parameters(*, with_alpha: bool) -> tuple[Quantity, ...]:
             for name, mean in (("e1", -0.9), ("e2", -1.1))
         ]
     return tuple(parameters)
+
+
+def make_comparison(
+    *, evidence=(12.3, 11.9, -4.0), elpd=(0.0, -0.02, -0.9), **changes
+) -> Comparison:
+    """Scores of twenty pushes: hard and soft alike, no rolling far behind.
+
+    Args:
+        evidence: Log evidence of each model; None for none.
+        elpd: Mean log density of a push under each model.
+        changes: Other fields of every score.
+    """
+    # Differences between models scatter by tenths and have the mean asked for.
+    wave = 0.1 * np.resize([1.0, -1.0], 20)
+    densities = [
+        PushDensities(
+            elpd=mean + i * wave,
+            p_loo=np.full(20, 0.1),
+            pareto_k=np.full(20, 0.3),
+            max_pareto_k=0.7,
+        )
+        for i, mean in enumerate(elpd)
+    ]
+    scores = [
+        ModelScore(
+            name=name,
+            sharpness=8.0 if name == "soft" else np.inf,
+            log_evidence=None if evidence is None else evidence[i],
+            log_evidence_error=None if evidence is None else 1e-6,
+            densities=densities[i],
+            **{
+                "is_adequate": True,
+                "verdict": "The model describes the heights within their noise.",
+                "engine": "exact",
+                "status": FitStatus.OK,
+                **changes,
+            },
+        )
+        for i, name in enumerate(("hard", "soft", "no_rolling"))
+    ]
+    return Comparison(
+        models=against_best(scores),
+        why_no_evidence=None
+        if evidence
+        else "the stiffness ellipse adds two dimensions",
+        n_pushes=20,
+        noise="given",
+        seed=0,
+    )

@@ -1,0 +1,32 @@
+"""`pushfit compare`: hard, soft or no rolling, by evidence and by prediction."""
+
+from pushfit.cache import enable_compile_cache
+from pushfit.cli import options
+from pushfit.cli.session import Session
+from pushfit.errors import FitError
+
+
+def compare(
+    session: Session,
+    table: options.TableFile,
+    config: options.ConfigFile = None,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+) -> int:
+    """Compare a hard, a soft and a never rolling contact on the same pushes."""
+    cache = enable_compile_cache()
+    session.say_more(f"compiled programs: {cache}")
+    from pushfit.config import read_config
+    from pushfit.data.table import read_table
+    from pushfit.fit.comparison import compare_models
+    from pushfit.fit.results import FitStatus
+    from pushfit.report.comparison import comparison_dict, comparison_text
+
+    settings, peaks = read_config(config), read_table(table)
+    with session.progress() as progress:
+        found = compare_models(peaks, settings, seed=seed, progress=progress)
+    if json:
+        session.print_json(comparison_dict(found))
+    else:
+        print(comparison_text(found))
+    return 0 if found.status is FitStatus.OK else FitError.exit_code

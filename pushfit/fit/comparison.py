@@ -1,0 +1,351 @@
+"""Hard, soft or no rolling at all: which of these models the heights speak for.
+
+Each is a fit of the same pushes with the same noise model and priors. They differ only
+in how rolling sets in: by the paper's switch, by a soft minimum, or never. Two criteria
+are kept apart: the evidence, which weighs priors, and the density of each push
+predicted from all others (leave-one-out), which hardly does.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from arviz_stats.base.array import array_stats
+from jaxtyping import Array, Float
+
+from pushfit.config import GraspConfig
+from pushfit.config.parameters import PositivePrior
+from pushfit.data.table import PeakTable
+from pushfit.fit.chains import in_chunks
+from pushfit.fit.criticism import goodness_of_fit
+from pushfit.fit.exact import why_not_exact
+from pushfit.fit.identify import Fitted, draw_posterior, fit_table
+from pushfit.fit.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.problem import Problem
+from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.setup import build_problem
+from pushfit.fit.starts import encode
+
+# Sharpness of the soft model where the configuration names none: at θ_c the tangential
+# force then lies 8 % below the hard switch, at half and at twice the ratio of the two
+# forces 0.05 %.
+SOFT_SHARPNESS = 8.0
+# C_rr of the model that never rolls: the limit C_rr F_n is then above any elastic force
+# at elevations from 0.01° on, for ratios B/A up to 170.
+NEVER_ROLLS = 1e6
+# Differences below these tell nothing: a factor of e between evidences, two standard
+# errors between predictive densities.
+MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS = 1.0, 2.0
+# Pareto k above which importance sampling is not to be relied on, for many draws.
+MAX_PARETO_K = 0.7
+CHUNK = 1024
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PushDensities:
+    """Log predictive density of each push given all others, by PSIS-LOO.
+
+    Args:
+        elpd: ln p(h_i | h_-i), all channels of a push together.
+        p_loo: How far each lies below its density given all pushes.
+        pareto_k: Shape of the tail of its importance weights.
+        max_pareto_k: Largest shape at which the estimate is to be relied on.
+    """
+
+    elpd: Float[np.ndarray, " n"]
+    p_loo: Float[np.ndarray, " n"]
+    pareto_k: Float[np.ndarray, " n"]
+    max_pareto_k: float
+
+    @property
+    def n_unreliable(self) -> int:
+        """Pushes whose density importance sampling does not get right."""
+        return int(np.sum(self.pareto_k > self.max_pareto_k))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelScore:
+    """One model and how well it accounts for the pushes.
+
+    Args:
+        name: "hard", "soft" or "no_rolling".
+        sharpness: Sharpness of the transition; infinite for a hard switch.
+        is_adequate: Whether it describes the heights within their noise.
+        verdict: The same in words.
+        log_evidence: ln p(h); None where quadrature does not apply.
+        log_evidence_error: Bound on its error.
+        densities: Leave-one-out densities; None where draws are not to be trusted.
+        engine: How the posterior was found.
+        status: Whether its numbers are to be trusted.
+        log_bayes_factor: Log evidence minus the highest of all models.
+        elpd_difference: Sum of the densities minus the highest of all models.
+        elpd_difference_se: Standard error of the difference; 0 for the best.
+    """
+
+    name: str
+    sharpness: float
+    is_adequate: bool
+    verdict: str
+    log_evidence: float | None
+    log_evidence_error: float | None
+    densities: PushDensities | None
+    engine: str
+    status: FitStatus
+    log_bayes_factor: float | None = None
+    elpd_difference: float | None = None
+    elpd_difference_se: float | None = None
+
+    @property
+    def elpd_loo(self) -> float | None:
+        """Sum of the leave-one-out densities."""
+        return None if self.densities is None else float(np.sum(self.densities.elpd))
+
+    @property
+    def elpd_loo_se(self) -> float | None:
+        """Its standard error over pushes."""
+        return None if self.densities is None else _sum_se(self.densities.elpd)
+
+    @property
+    def p_loo(self) -> float | None:
+        """Effective number of parameters."""
+        return None if self.densities is None else float(np.sum(self.densities.p_loo))
+
+    @property
+    def is_less_evident(self) -> bool | None:
+        """Whether the evidence speaks against it; None without evidence."""
+        if self.log_bayes_factor is None:
+            return None
+        return self.log_bayes_factor < -MIN_LOG_BAYES_FACTOR
+
+    @property
+    def predicts_worse(self) -> bool | None:
+        """Whether it predicts pushes worse than the best; None where unknown."""
+        if self.elpd_difference is None or self.elpd_difference_se is None:
+            return None
+        return self.elpd_difference < -MIN_STANDARD_ERRORS * self.elpd_difference_se
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """The same pushes under several models.
+
+    Args:
+        models: One score per model.
+        why_no_evidence: Why there is none; None where there is.
+        n_pushes: Pushes that every model was fitted to.
+        noise: Noise model of all of them: "given", "pooled" or "sampled".
+        seed: Seed of the draws.
+    """
+
+    models: tuple[ModelScore, ...]
+    why_no_evidence: str | None
+    n_pushes: int
+    noise: str
+    seed: int
+
+    @property
+    def status(self) -> FitStatus:
+        """That of the first model whose numbers are not to be trusted."""
+        statuses = [model.status for model in self.models]
+        return next((s for s in statuses if s is not FitStatus.OK), FitStatus.OK)
+
+
+def compare_models(
+    table: PeakTable,
+    config: GraspConfig,
+    *,
+    seed: int,
+    progress: Callable[[str, float], None] | None = None,
+) -> Comparison:
+    """Fit a table with a hard transition, with a soft one and without rolling.
+
+    The pushes left out and the noise model are settled once, under the configuration
+    as it is, so that all models answer for the same heights.
+
+    Args:
+        table: Peak heights.
+        config: Configuration in force. A sharpness in it is that of the soft model; a
+            statement on C_rr is overruled where nothing rolls.
+        seed: Seed of the draws.
+        progress: Called with a stage and the share of it that is done.
+
+    Returns:
+        Scores; by quadrature where it applies, else by emcee and without evidence.
+
+    Raises:
+        DataError: If no usable push is left.
+        ConfigError: If the configuration does not fit the table.
+        FitError: If no start gives finite residuals, or nothing is free.
+    """
+    fitted = fit_table(table, config)
+    noise = fitted.setup.noise.kind
+    settled = fitted.config.noise.model_copy(update={"sigma": noise})
+    configs = rival_configs(fitted.config.model_copy(update={"noise": settled}))
+    scores = []
+    for index, (name, rival) in enumerate(configs.items()):
+        if progress is not None:
+            progress(name.replace("_", " "), index / len(configs))
+        scores.append(_score(name, _refitted(fitted, rival), seed))
+    return Comparison(
+        models=against_best(scores),
+        why_no_evidence=why_not_exact(fitted.setup.problem),
+        n_pushes=len(fitted.setup.rows),
+        noise=noise,
+        seed=seed,
+    )
+
+
+def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
+    """The configuration with each way of rolling.
+
+    Args:
+        config: Configuration in force.
+
+    Returns:
+        Configurations by the name of the model.
+    """
+
+    def with_transition(sharpness: float | str, base: GraspConfig) -> GraspConfig:
+        section = base.transition.model_copy(update={"sharpness": sharpness})
+        return base.model_copy(update={"transition": section})
+
+    stated = config.transition.sharpness
+    never = {"C_rr": PositivePrior(fixed=NEVER_ROLLS)}
+    parameters = config.parameters.model_copy(update=never)
+    return {
+        "hard": with_transition("hard", config),
+        "soft": with_transition(SOFT_SHARPNESS if stated == "hard" else stated, config),
+        "no_rolling": with_transition(
+            "hard", config.model_copy(update={"parameters": parameters})
+        ),
+    }
+
+
+def push_densities(
+    problem: Problem,
+    samples: Mapping[str, Float[np.ndarray, " m"]],
+    *,
+    n_pushes: int,
+    efficiency: float = 1.0,
+) -> PushDensities:
+    """Leave-one-out density of each push by Pareto-smoothed importance sampling.
+
+    Args:
+        problem: Problem.
+        samples: Draws from its posterior by name.
+        n_pushes: Columns of the problem that are not padding.
+        efficiency: Independent draws per draw.
+
+    Returns:
+        Densities and how far they may be relied on.
+
+    References:
+        Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
+    """
+    x = encode(problem, samples)
+    densities = in_chunks(
+        lambda rows: _push_log_likelihoods(problem, jnp.asarray(rows)), x, CHUNK
+    )
+    # One chain of draws for each push.
+    by_push = densities.T[:n_pushes, None]
+    elpd, pareto_k, p_loo = array_stats.loo(by_push, r_eff=efficiency)
+    return PushDensities(
+        elpd=np.asarray(elpd),
+        p_loo=np.asarray(p_loo),
+        pareto_k=np.asarray(pareto_k),
+        # Of few draws even a lighter tail is not known well enough.
+        max_pareto_k=min(1 - 1 / math.log10(len(x)), MAX_PARETO_K),
+    )
+
+
+def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:
+    """Scores with their distance from the best, by each criterion.
+
+    Args:
+        scores: Models, not yet compared.
+
+    Returns:
+        The same; a model without a number of its own gets no distance.
+    """
+    evidences = [s.log_evidence for s in scores if s.log_evidence is not None]
+    densities = [s.densities.elpd for s in scores if s.densities is not None]
+    best = max(densities, key=np.sum, default=None)
+    compared = []
+    for score in scores:
+        changes: dict[str, float] = {}
+        if score.log_evidence is not None:
+            changes["log_bayes_factor"] = score.log_evidence - max(evidences)
+        if score.densities is not None and best is not None:
+            difference = score.densities.elpd - best
+            changes["elpd_difference"] = float(np.sum(difference))
+            changes["elpd_difference_se"] = _sum_se(difference)
+        compared.append(replace(score, **changes))
+    return tuple(compared)
+
+
+@eqx.filter_jit
+def _push_log_likelihoods(
+    problem: Problem, x: Float[Array, "m p"]
+) -> Float[Array, "m n"]:
+    """Log density of every push, all channels together, at each draw."""
+
+    def one(x: Float[Array, " p"]) -> Float[Array, " n"]:
+        return jnp.sum(problem.log_likelihoods(problem.state(x)), axis=0)
+
+    return jax.vmap(one)(x)
+
+
+def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
+    """The same pushes under another configuration."""
+    setup = settle_noise(build_problem(fitted.table, config))
+    return Fitted(
+        table=fitted.table,
+        config=config,
+        setup=setup,
+        fit=fit_least_squares(setup, reference_alpha=fitted.reference_alpha),
+        reference_alpha=fitted.reference_alpha,
+        notices=(),
+    )
+
+
+def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
+    """One model, not yet compared."""
+    problem, n_pushes = fitted.setup.problem, len(fitted.setup.rows)
+    engine = "emcee" if why_not_exact(problem) else "exact"
+    posterior = draw_posterior(fitted, seed=seed, engine=engine)
+    is_trusted = posterior.status is FitStatus.OK
+    quality = goodness_of_fit(fitted.table, fitted.fit, fitted.setup.noise, seed=seed)
+    densities = push_densities(
+        problem,
+        posterior.samples,
+        n_pushes=n_pushes,
+        efficiency=_efficiency(posterior),
+    )
+    return ModelScore(
+        name=name,
+        sharpness=problem.grasp.sharpness,
+        is_adequate=quality.is_adequate,
+        verdict=quality.sentence,
+        log_evidence=posterior.log_evidence if is_trusted else None,
+        log_evidence_error=posterior.log_evidence_error if is_trusted else None,
+        densities=densities if is_trusted else None,
+        engine=engine,
+        status=posterior.status,
+    )
+
+
+def _efficiency(posterior: PosteriorResult) -> float:
+    """Independent draws per draw kept."""
+    if posterior.diagnostics is None:
+        return 1.0
+    ess = float(np.mean(list(posterior.diagnostics.ess.values())))
+    return min(1.0, ess / posterior.log_prob.size)
+
+
+def _sum_se(values: Float[np.ndarray, " n"]) -> float:
+    """Standard error of the sum of values that differ from push to push."""
+    return float(np.sqrt(values.size) * np.std(values))

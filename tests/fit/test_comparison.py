@@ -1,0 +1,186 @@
+"""Comparison of models: against closed forms, refits, and brute-force evidence."""
+
+import dataclasses
+
+import equinox as eqx
+import numpy as np
+import pytest
+from scipy import special, stats
+
+from pushfit.fit.comparison import (
+    NEVER_ROLLS,
+    SOFT_SHARPNESS,
+    compare_models,
+    push_densities,
+    rival_configs,
+)
+from pushfit.fit.exact import exact_grid, exact_posterior
+from pushfit.fit.least_squares import fit_least_squares
+from pushfit.fit.setup import build_problem
+from pushfit.model import Parameters, forward
+from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
+from tests.problems import CASES, PUSH
+
+ALPHA, REACH = np.pi / 2, (0.0, np.pi)
+SIGMA, PRIOR_MEAN, PRIOR_SD = 0.01, 0.24, 0.01
+N_DRAWS = 20_000
+# Of the brute-force sums below, by doubling their grids.
+BRUTE_FORCE = 2e-3
+
+
+def monte_carlo_error(log_likelihoods):
+    """Five standard errors of ln mean(1/p) over independent draws."""
+    weights = np.exp(np.min(log_likelihoods, axis=0) - log_likelihoods)
+    spread = np.std(weights, axis=0) / np.mean(weights, axis=0)
+    return 5 * spread / np.sqrt(len(log_likelihoods))
+
+
+def test_densities_are_those_of_linear_regression():
+    """Without h_i the posterior of C_rr is normal, and so is the prediction of h_i."""
+    theta_deg = np.linspace(2.0, 30.0, 30)
+    table = case_table(
+        CASES["paper"],
+        noise=SIGMA,
+        theta_deg=theta_deg,
+        repeats=1,
+        channels=("height_tangential",),
+    )
+    heights = table.heights("height_tangential")
+    slope = 400 * PUSH * np.sin(np.radians(theta_deg))
+
+    def posterior(keep):
+        precision = 1 / PRIOR_SD**2 + np.sum((slope[keep] / SIGMA) ** 2)
+        weighted = PRIOR_MEAN / PRIOR_SD**2
+        weighted += np.sum(slope[keep] * heights[keep]) / SIGMA**2
+        return weighted / precision, precision**-0.5
+
+    draws = np.random.default_rng(0).normal(*posterior(slice(None)), N_DRAWS)
+    problem = setup_of(table, FRICTION_ONLY).problem
+    found = push_densities(problem, {"C_rr": draws}, n_pushes=30)
+    tolerance = monte_carlo_error(
+        stats.norm.logpdf(heights, draws[:, None] * slope, SIGMA)
+    )
+    for i in range(30):
+        mean, sd = posterior(np.arange(30) != i)
+        spread = np.hypot(SIGMA, slope[i] * sd)
+        expected = stats.norm.logpdf(heights[i], slope[i] * mean, spread)
+        assert abs(found.elpd[i] - expected) < tolerance[i], i
+    assert found.n_unreliable == 0
+    # One free parameter, held by its prior too.
+    assert 0 < np.sum(found.p_loo) < 2
+
+
+def test_densities_are_ratios_of_evidences():
+    """ln p(h_i | h_-i) = ln Z - ln Z without h_i, both by quadrature."""
+    table = case_table(
+        CASES["firm"], noise=0.05, theta_deg=np.array([10.0, 30.0, 45.0, 60.0, 80.0])
+    )
+    setup = setup_of(table)
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
+    result = exact_posterior(
+        setup, fit, n_draws=8000, seed=1, reference_alpha=ALPHA, reach=REACH
+    )
+    problem, n = setup.problem, len(setup.rows)
+    found = push_densities(problem, result.samples, n_pushes=n)
+    predicted = forward_heights(problem, result.samples)[:, :n]
+    sigma = np.asarray(problem.reference_sigma)[0, :n]
+    observed = np.asarray(problem.observed)[0, :n]
+    tolerance = monte_carlo_error(stats.norm.logpdf(observed, predicted, sigma))
+    # The pushes with the least and the most weight, and one between.
+    for i in np.argsort(found.p_loo)[[0, n // 2, -1]]:
+        mask = problem.mask.at[0, i].set(False)
+        without = eqx.tree_at(lambda p: p.mask, problem, mask)
+        grid = exact_grid(dataclasses.replace(setup, problem=without), fit)
+        expected = result.log_evidence - grid.log_evidence
+        assert abs(found.elpd[i] - expected) < tolerance[i], i
+
+
+def forward_heights(problem, samples):
+    """Heights of every draw by the model itself."""
+    names = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
+    draws = np.stack([samples[name] for name in names], axis=1)
+    curve = eqx.filter_jit(
+        eqx.filter_vmap(
+            lambda row: forward(Parameters(*row), problem.pushes, problem.grasp).height
+        )
+    )
+    return np.asarray(curve(draws))
+
+
+def test_rivals_differ_in_the_transition_alone():
+    base = config("[transition]\nsharpness = 3.0\n")
+    rivals = rival_configs(base)
+    assert rivals["soft"] == base
+    assert rivals["hard"].transition.sharpness == "hard"
+    assert rivals["no_rolling"].parameters.C_rr.fixed == NEVER_ROLLS
+    assert rival_configs(config())["soft"].transition.sharpness == SOFT_SHARPNESS
+    for rival in rivals.values():
+        same = rival.model_copy(
+            update={"transition": base.transition, "parameters": base.parameters}
+        )
+        assert same == base
+
+
+def test_without_rolling_the_tangential_force_is_elastic_at_every_elevation():
+    case = CASES["paper"]
+    table = case_table(case, theta_deg=np.array([0.01, 1.0, 30.0, 89.0]), repeats=1)
+    problem = build_problem(table, rival_configs(config())["no_rolling"]).problem
+    assert "C_rr" in problem.fixed
+    params = eqx.tree_at(lambda p: p.C_rr, case.params, problem.fixed["C_rr"])
+    channels = forward(params, problem.pushes, problem.grasp)
+    expected = case.B * PUSH * np.cos(table.theta)
+    found = np.asarray(channels.height_tangential)[: table.n_pushes]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["firm"])
+def test_models_are_ranked_as_by_brute_force(name):
+    """Evidence over a dense grid of ln A, ln B and ln C_rr, in NumPy."""
+    theta_deg = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
+    table = case_table(CASES[name], noise=0.15, theta_deg=theta_deg)
+    found = {m.name: m for m in compare_models(table, config(), seed=0).models}
+    for model, score in found.items():
+        expected = brute_force_evidence(table, model)
+        assert abs(score.log_evidence - expected) < BRUTE_FORCE, model
+    best = max(score.log_evidence for score in found.values())
+    for score in found.values():
+        assert score.log_bayes_factor == score.log_evidence - best
+        assert score.elpd_difference <= 0
+    assert found["no_rolling"].is_less_evident
+    assert found["no_rolling"].predicts_worse
+
+
+def brute_force_evidence(table, model):
+    """Log evidence by sums over the three combinations, default priors."""
+    rotation = (np.log(0.5 / 0.04**2), np.hypot(0.8, 2 * 0.3))
+    ln_A, ln_B = np.linspace(4.5, 7.5, 600), np.linspace(3.0, 8.0, 300)
+    ln_C = np.linspace(-4.0, 2.5, 200) if model != "no_rolling" else np.zeros(1)
+    log_f = (
+        log_series_density(ln_A, (np.log(800), 0.8), (np.log(2000), 0.8))[:, None, None]
+        + log_series_density(ln_B, (np.log(400), 0.8), rotation)[:, None]
+        + (stats.norm.logpdf(ln_C, np.log(0.3), 0.8) if ln_C.size > 1 else 0.0)
+    )
+    A, B, C = np.exp(np.stack(np.meshgrid(ln_A, ln_B, ln_C, indexing="ij")))
+    for theta, height, sd in zip(
+        table.theta, table.heights("height"), table.sd("height"), strict=True
+    ):
+        normal = A * PUSH * np.sin(theta)
+        elastic, limit = B * PUSH * np.cos(theta), C * normal
+        if model == "hard":
+            elastic = np.minimum(elastic, limit)
+        elif model == "soft":
+            p = SOFT_SHARPNESS
+            elastic = (elastic**-p + limit**-p) ** (-1 / p)
+        log_f += stats.norm.logpdf(height, np.hypot(normal, elastic), sd)
+    steps = [axis[1] - axis[0] for axis in (ln_A, ln_B, ln_C) if axis.size > 1]
+    return special.logsumexp(log_f) + np.sum(np.log(steps))
+
+
+def log_series_density(values, first, second):
+    """Density of the log of two lognormal springs in series, by a plain sum."""
+    t = np.linspace(-25, 25, 4001)
+    first_log = values[:, None] + np.logaddexp(0, t)
+    second_log = values[:, None] + np.logaddexp(0, -t)
+    density = stats.norm.pdf(first_log, *first) * stats.norm.pdf(second_log, *second)
+    return np.log(np.trapezoid(density, t, axis=1))
