@@ -1,0 +1,151 @@
+"""How often intervals and sets of θ_c hold the truth, over truths from the priors.
+
+    python -m benchmarks.coverage_table [--tables 1000] [--seed 0]
+
+One sweep of 17 elevations with three repeats. Every table has a truth of its own from
+the default priors, and noise of 3 % of the tallest height of one firm grasp. Intervals
+are equal-tailed ones of the exact engine, sets those of the profile likelihood. An
+interval averages over the priors as the truths do, so it holds the truth as often as
+it says; a set promises that only for many data and a smooth likelihood, so what it
+really does is printed beside it. Interrupted, the run prints what it has.
+"""
+
+import argparse
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from pushfit.config import parse_config
+from pushfit.data.simulate import simulate_table
+from pushfit.data.table import PeakTable
+from pushfit.errors import PushfitError
+from pushfit.fit.calibration import LEVELS, simulate_tables
+from pushfit.fit.derived import equal_tailed_interval
+from pushfit.fit.exact import exact_posterior
+from pushfit.fit.identify import Fitted, fit_table, reach_of
+from pushfit.fit.profile_sets import profile_set
+from pushfit.fit.profiles import likelihood_profiles
+from pushfit.fit.results import FitStatus, Piece
+from pushfit.model import Grasp, Parameters
+
+THETA = np.radians(np.arange(5.0, 90.0, 5.0))
+REPEATS, NOISE = 3, 0.03
+PUSH_LENGTH = 5e-3
+# A = 520 and B = 150 N/m; 3 % of its tallest height is the noise of every table.
+FIRM = Parameters(K_sn=1300, K_dn=2600 / 3, K_st=450, C_rr=0.5, C_d=0.36, L=0.04)
+TALLEST = 520 * PUSH_LENGTH
+CONFIG = parse_config(f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n", path="grasp.toml")
+QUANTITIES = ("theta_c", "A", "B", "C_rr")
+WORDS = {"interval": "exact interval", "set": "profile set"}
+N_DRAWS = 4000
+# Probability of the binomial limits that a right count keeps.
+LIMITS_PROB = 0.999
+
+# One table's answers: (quantity, kind, level) -> whether it holds the truth.
+Answers = dict[tuple[str, str, float], bool]
+
+
+def pushes() -> Fitted:
+    """The sweep with its noise, fitted once."""
+    table = simulate_table(
+        FIRM,
+        Grasp(push_length=PUSH_LENGTH),
+        theta=THETA,
+        alpha=0.0,
+        repeats=REPEATS,
+        noise=NOISE * TALLEST,
+        rng=np.random.default_rng(0),
+        state_sd=True,
+    )
+    return fit_table(table, CONFIG)
+
+
+def answers(table: PeakTable, truth: dict[str, float], seed: int) -> Answers | None:
+    """What both kinds of statement say of one table; None without a posterior."""
+    fitted = fit_table(table, CONFIG)
+    words = {"reference_alpha": fitted.reference_alpha, "reach": reach_of(CONFIG)}
+    profiles = likelihood_profiles(fitted.setup, fitted.fit, prob=max(LEVELS), **words)
+    posterior = exact_posterior(
+        fitted.setup, fitted.fit, n_draws=N_DRAWS, seed=seed, **words
+    )
+    if posterior.status is not FitStatus.OK:
+        return None
+    found = {}
+    for name in QUANTITIES:
+        draws = posterior.samples[name]
+        for level in LEVELS:
+            interval = equal_tailed_interval(draws, level)
+            found[name, "interval", level] = is_held((interval,), truth[name])
+            pieces = profile_set(profiles[name], level)
+            found[name, "set", level] = is_held(pieces, truth[name])
+    return found
+
+
+def is_held(pieces: tuple[Piece, ...], truth: float) -> bool:
+    """Whether a piece holds the truth; an open end holds everything beyond."""
+    return any(
+        (-np.inf if low is None else low) <= truth <= (np.inf if high is None else high)
+        for low, high in pieces
+    )
+
+
+def run(n_tables: int, seed: int) -> Iterator[tuple[float, Answers | None]]:
+    """True θ_c and answers of table after table; None where there is no result."""
+    simulation = simulate_tables(pushes(), n_tables, np.random.default_rng(seed))
+    for index, table in enumerate(simulation.tables):
+        truth = {name: float(simulation.truths[name][index]) for name in QUANTITIES}
+        try:
+            yield truth["theta_c"], answers(table, truth, seed + index)
+        except PushfitError as error:
+            print(f"table {index}: {error}", file=sys.stderr)
+            yield truth["theta_c"], None
+
+
+def summary(found: list[tuple[float, Answers | None]]) -> str:
+    """One line for each quantity and kind, one column for each level."""
+    lowest, highest = np.degrees(THETA[[0, -1]])
+    hits = defaultdict(list)
+    for theta_c, held in found:
+        for (name, kind, level), is_hit in (held or {}).items():
+            hits[name, WORDS[kind], level].append(is_hit)
+            if name == "theta_c":
+                is_between = lowest < theta_c < highest
+                where = "between pushes" if is_between else "beyond them"
+                hits[f"theta_c {where}", WORDS[kind], level].append(is_hit)
+    cells = defaultdict(dict)
+    for (name, kind, level), of_this in sorted(hits.items()):
+        n, n_held = len(of_this), sum(of_this)
+        low, high = stats.binom.interval(LIMITS_PROB, n, level)
+        mark = "" if low <= n_held <= high else " *"
+        row = cells[name, kind]
+        row["tables"] = n
+        row[f"{level:.0%}"] = f"{n_held / n:.3f}{mark}"
+        row[f"limits of {level:.0%}"] = f"{low / n:.3f}-{high / n:.3f}"
+    n_failed = sum(held is None for _, held in found)
+    table = pd.DataFrame.from_dict(cells, orient="index").to_string()
+    return f"{table}\n{len(found)} tables, {n_failed} without a result; * beyond limits"
+
+
+def main() -> None:
+    """Print the coverage of every quantity."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tables", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    found = []
+    try:
+        for result in run(options.tables, options.seed):
+            found.append(result)
+            if len(found) % 50 == 0:
+                print(summary(found), file=sys.stderr, flush=True)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+    print(summary(found))
+
+
+if __name__ == "__main__":
+    main()
