@@ -1,7 +1,6 @@
 """What must not matter to a result does not, and what must matter does so exactly.
 
-A run killed and resumed is in tests/fit/test_posterior.py, workers and the order of
-files in tests/test_cli.py.
+A run killed and resumed is in tests/fit/test_posterior.py.
 """
 
 import dataclasses
