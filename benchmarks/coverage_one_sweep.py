@@ -1,6 +1,6 @@
 """How often intervals and sets of θ_c hold the truth, over truths from the priors.
 
-    python -m benchmarks.coverage_table [--tables 1000] [--seed 0]
+    python -m benchmarks.coverage_one_sweep [--tables 1000] [--seed 0]
 
 One sweep of 17 elevations with three repeats. Every table has a truth of its own from
 the default priors, and noise of 3 % of the tallest height of one firm grasp. Intervals
