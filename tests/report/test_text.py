@@ -135,8 +135,8 @@ def test_an_inadequate_model_is_the_first_thing_said(inadequate):
 def test_no_parameter_is_quoted_before_the_model_is_said_not_to_describe(inadequate):
     """Nothing but the alarm comes before it, in particular no symbol with a value."""
     text = render_text(inadequate)
-    alarm = text.index("The model does not describe these data.")
-    reason = text.index("residuals follow the elevation")
+    alarm = text.index("The model does not describe these heights")
+    reason = text.index("χ² = 812")
     first = min(text.index(name) for name in ("K_sn", "C_rr", "θ_c", "α*", "N/m"))
     assert alarm < reason < first
 
