@@ -90,7 +90,7 @@ def worst(slope, expected):
     return np.max(np.abs(slope - expected) / np.maximum(size, 1e-3))
 
 
-# Compiling is all that these cost; the others share what they test with the two.
+# Compiling is all that these cost; the others share most of what they test with it.
 FAST = ("six parameters",)
 
 
