@@ -33,9 +33,9 @@ from pushfit.fit.starts import prior_x_samples, starting_points
 Progress = Callable[[str, float], None]
 
 # Share of the steps that move along differences; the others propose from the mixture.
-# The longest autocorrelation time at shares 0.75, 0.5, 0.25 and 0.1 is 10, 7, 5.5 and
-# 4.4 steps for a bimodal table in six coordinates and 21, 15, 13 and NaN (a walker in a
-# corner) for an ellipse in eight; at 1 it is 35. See benchmarks/emcee_mixing.py.
+# The autocorrelation time of θ_c at shares 0.75, 0.5, 0.25 and 0.1 is 8.6, 5.5, 4.0 and
+# 3.2 steps for a bimodal table, and 22 at 1 (benchmarks/emcee_mixing.py); with an
+# ellipse a smaller share may leave a walker in a corner.
 DIFFERENCE_SHARE = 0.25
 # Starting points of each ensemble are 2 to the power of the coordinates and this, up to
 # a limit. On the bent fibre of an azimuth sweep a region that ends with 12 % of the
