@@ -1,3 +1,5 @@
+from .batch.crew import Crew as Crew
+from .batch.run import identify_batch as identify_batch
 from .config import GraspConfig as GraspConfig
 from .config import read_config as read_config
 from .data.merge import merge_tables as merge_tables

@@ -16,12 +16,12 @@ import pytest
 
 from pushfit import cache
 from pushfit.cli import main
-from pushfit.cli.inputs import reader_options
 from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
 from pushfit.config.inputs import PeaksSection, RecordingSection
 from pushfit.data.dialects import Format
 from pushfit.data.grasp import make_grasp
+from pushfit.data.load import reader_options
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.recording import read_recording
 from pushfit.data.samples import Gaps, ThetaFrom

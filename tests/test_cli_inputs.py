@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pushfit.cli.app import main
-from pushfit.cli.inputs import reader_options
 from pushfit.config import parse_config, read_config
+from pushfit.data.load import reader_options
 from pushfit.data.recording import read_recording
 from pushfit.data.units import BIOTAC_PDC
 from pushfit.errors import ConfigError

@@ -12,7 +12,7 @@ import pytest
 import pushfit
 
 PACKAGE = Path(pushfit.__file__).parent
-LAYERS = ("errors", "config", "model", "data", "fit", "report", "cli")
+LAYERS = ("errors", "config", "model", "data", "fit", "report", "batch", "cli")
 # The other modules at the top level belong to the model.
 MEMBERS = {"atomic": "errors", "cache": "cli", "__main__": "cli", "__init__": "errors"}
 # What a layer must know nothing of, however deep inside a function.
@@ -23,6 +23,7 @@ FORBIDDEN = {
     "data": {"emcee", "optimistix", "matplotlib", "typer", "rich"},
     "fit": {"matplotlib", "typer", "rich", "jinja2"},
     "report": {"optimistix", "typer"},
+    "batch": {"jax", "scipy", "emcee", "optimistix", "matplotlib", "typer", "rich"},
     "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},
 }
 # Parts of declared libraries that are imported under their own name, or all of one.

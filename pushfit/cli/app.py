@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import pushfit
-from pushfit.cli import analysis, calibrate, compare, doctor, files, init, verify
+from pushfit.cli import analysis, batch, calibrate, compare, doctor, files, init, verify
 from pushfit.cli.session import command
 
 app = typer.Typer(
@@ -41,7 +41,7 @@ def pushfit_command(
     """From recordings of slight pushes to contact parameters, theta_c and alpha*.
 
     Exit codes: 0 ok, 1 a bug, 2 usage or config, 3 input rejected, 4 a result not to
-    be trusted, 130 interrupted.
+    be trusted, 5 some items of a batch failed, 130 interrupted.
     """
 
 
@@ -57,6 +57,7 @@ for function in (
     verify.verify,
     calibrate.calibrate,
     compare.compare,
+    batch.batch,
     doctor.doctor,
 ):
     command(app)(function)

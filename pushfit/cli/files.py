@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.inputs import load_peaks, read_settings, reader_options
+from pushfit.cli.inputs import load_peaks, read_settings
 from pushfit.cli.output import refuse_existing
 from pushfit.cli.session import Session
 from pushfit.errors import DataError
@@ -39,6 +39,7 @@ def validate(
     """Say what files hold, or what is wrong with them."""
     from pushfit.data.check import check_files
     from pushfit.data.files import existing_files
+    from pushfit.data.load import reader_options
 
     settings = read_settings(
         config, profile=profile, format=format, map=map, unit=unit, columns=columns
@@ -125,10 +126,10 @@ def draw_peaks(
         settings: Settings in force.
         plot: Picture to write, in the format of its suffix.
     """
-    from pushfit.data.recording import read_recording
+    from pushfit.data.load import configured_recording
     from pushfit.report.figures import peaks_figure, save_figure
 
-    recording = read_recording(path, **reader_options(settings))
+    recording = configured_recording(path, settings)
     figure = peaks_figure(recording, table, channel=settings.peaks.channel)
     save_figure(figure, plot)
 
@@ -174,6 +175,7 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
         Facts by name, as JSON knows them.
     """
     from pushfit.data.check import file_kind
+    from pushfit.data.load import reader_options
     from pushfit.data.recording import read_recording
     from pushfit.data.schedule import read_schedule
     from pushfit.data.table import read_table

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError
@@ -10,28 +10,6 @@ from pushfit.errors import ConfigError
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
     from pushfit.data.table import PeakTable
-
-# Where `[recording]` and `read_recording` have different words.
-READER_NAMES = {"map": "mapping", "unit": "units"}
-
-
-def reader_options(config: "GraspConfig") -> dict[str, Any]:
-    """Keywords of `read_recording` that a configuration asks for.
-
-    Args:
-        config: Settings in force.
-
-    Returns:
-        Keywords.
-    """
-    from pushfit.data.units import stated_calibration
-
-    layout = config.recording.model_dump()
-    calibration = config.recording.calibration
-    layout["calibration"] = {
-        channel: stated_calibration(section) for channel, section in calibration.items()
-    }
-    return {READER_NAMES.get(key, key): value for key, value in layout.items()}
 
 
 def read_settings(
@@ -111,10 +89,8 @@ def load_peaks(
         ConfigError: The schedules do not go with the recordings.
     """
     from pushfit.data.files import existing_files
+    from pushfit.data.load import configured_peaks, configured_recording
     from pushfit.data.merge import merge_tables
-    from pushfit.data.peaks import extract_peaks
-    from pushfit.data.recording import read_recording
-    from pushfit.data.schedule import read_schedule
 
     existing_files([*recordings, *schedules])
     if schedules and len(schedules) != len(recordings):
@@ -125,9 +101,9 @@ def load_peaks(
         )
     tables = []
     for index, path in enumerate(recordings):
-        recording = read_recording(path, **reader_options(config))
-        schedule = read_schedule(schedules[index]) if schedules else None
-        table = extract_peaks(recording, schedule, settings=config.peaks)
+        recording = configured_recording(path, config)
+        schedule = schedules[index] if schedules else None
+        table = configured_peaks(recording, schedule, config)
         for note in table.notes:
             session.say_more(f"{path}: {note}")
         tables.append(table)

@@ -4,10 +4,8 @@ This is the only place that knows the order of things; commands, batches and rep
 all start from `identify_table`.
 """
 
-import platform
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +16,7 @@ from pushfit.errors import ConfigError
 from pushfit.fit.advice import measurements, next_push
 from pushfit.fit.bands import prediction_bands
 from pushfit.fit.criticism import goodness_of_fit
+from pushfit.fit.environment import environment
 from pushfit.fit.exact import exact_posterior, why_not_exact
 from pushfit.fit.identifiability import identifiability
 from pushfit.fit.least_squares import fit_least_squares, settle_noise
@@ -50,7 +49,6 @@ from pushfit.fit.results import (
 from pushfit.fit.setup import Setup, build_problem
 
 Progress = Callable[[str, float], None]
-PACKAGES = ("pushfit", "jax", "optimistix", "emcee", "numpy", "scipy", "pandas")
 # Draws of the exact engine: quantiles good to about 0.02 standard deviations.
 N_EXACT_DRAWS = 8000
 
@@ -162,24 +160,6 @@ def identify_table(
         seed=seed,
         versions=environment(),
     )
-
-
-def environment() -> dict[str, str]:
-    """Versions and platform: where all agree, equal input gives equal bits.
-
-    Returns:
-        Versions of the packages that compute and of Python, and under "platform" the
-        operating system and the instruction set for which loops are compiled.
-    """
-    # The order of a sum, and with it the last bit, follows the width of the vectors.
-    features = np.show_config(mode="dicts") or {}
-    extensions = features.get("SIMD Extensions", {}).get("found", [])
-    machine = (platform.system(), platform.machine(), *extensions[-1:])
-    return {
-        **{name: version(name) for name in PACKAGES},
-        "python": platform.python_version(),
-        "platform": " ".join(machine),
-    }
 
 
 def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:

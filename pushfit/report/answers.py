@@ -1,7 +1,7 @@
 """What may be said of θ_c and α*: the words, the values to mark and the sentence.
 
 Text, page and figures take the two answers from here, so they cannot disagree. The
-rule beside those of `pushfit.report.quoting`: all pieces of a set, never their hull.
+rule beside those of `pushfit.fit.quoting`: all pieces of a set, never their hull.
 """
 
 from dataclasses import dataclass, replace
@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.fit.quoting import Pieces, is_trusted, pieces_for, quoted
 from pushfit.fit.results import (
     FitStatus,
     Identification,
@@ -16,7 +17,6 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
-from pushfit.report.quoting import Pieces, is_trusted, pieces_for, quoted
 from pushfit.report.strings import (
     format_angle,
     format_range,

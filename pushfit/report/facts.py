@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pushfit.fit.quoting import is_trusted, pieces_for, quoted
 from pushfit.fit.results import Identification, PredictiveCheck, Quantity, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
-from pushfit.report.quoting import is_trusted, pieces_for, quoted
 from pushfit.report.strings import (
     format_angle,
     format_number,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pushfit.fit.quoting import STIFFNESSES, is_trusted, quoted
 from pushfit.fit.results import Identification, Verdict
-from pushfit.report.quoting import STIFFNESSES, is_trusted, quoted
 
 # Weaker correlations change no reading of the intervals.
 MIN_CORRELATION = 0.3

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushfit.errors import ConfigError
+from pushfit.fit.quoting import quoted
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (
@@ -28,7 +29,6 @@ from pushfit.report.facts import (
 from pushfit.report.figures.identification import figure_files
 from pushfit.report.figures.main import main_figure
 from pushfit.report.figures.style import figure_bytes
-from pushfit.report.quoting import quoted
 from pushfit.report.strings import SYMBOLS, printable, symbol
 
 if TYPE_CHECKING:

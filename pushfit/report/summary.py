@@ -12,6 +12,7 @@ from importlib import resources
 
 import numpy as np
 
+from pushfit.fit.quoting import quoted
 from pushfit.fit.results import (
     Diagnostics,
     IdentifiabilityResult,
@@ -21,7 +22,6 @@ from pushfit.fit.results import (
 )
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
-from pushfit.report.quoting import quoted
 
 SCHEMA = "pushfit.summary/1"
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from pushfit.fit.quoting import quoted
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (
@@ -21,7 +22,6 @@ from pushfit.report.facts import (
     fit_rows,
     quantity_cells,
 )
-from pushfit.report.quoting import quoted
 from pushfit.report.strings import printable, symbol
 
 # The narrowest terminal, and the narrowest last column of a table; a table that leaves

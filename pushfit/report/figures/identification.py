@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushfit.fit.profile_sets import threshold
+from pushfit.fit.quoting import STIFFNESSES, is_trusted, quoted
 from pushfit.fit.results import FitStatus, Identification, Quantity, Verdict
 from pushfit.report.answers import (
     HALF_TURN,
@@ -32,7 +33,6 @@ from pushfit.report.figures.posterior import (
     quantity_figure,
 )
 from pushfit.report.figures.style import figure_bytes
-from pushfit.report.quoting import STIFFNESSES, is_trusted, quoted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

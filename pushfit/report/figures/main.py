@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pushfit.fit.quoting import Pieces, is_trusted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.report.answers import (
     HALF_TURN,
@@ -22,7 +23,6 @@ from pushfit.report.figures.sweeps import (
     draw_panel,
     theta_figure,
 )
-from pushfit.report.quoting import Pieces, is_trusted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,0 +1,1 @@
+"""Many recordings or tables in one go; each result stands alone."""

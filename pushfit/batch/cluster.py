@@ -1,0 +1,197 @@
+"""Chunks in worker processes, of this machine or of a running dask cluster.
+
+A worker that dies, or passes the time limit, costs no item but its own: dask tries the
+chunk again elsewhere, then it is split, and what still fails is tried once more alone,
+so that nobody pays for a neighbour's crash.
+"""
+
+import contextlib
+import faulthandler
+import logging
+import os
+import tempfile
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from functools import partial
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, TypeVar
+
+from pushfit.batch.items import Failure
+from pushfit.batch.work import Chunk
+from pushfit.errors import ConfigError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Outcome = TypeVar("Outcome")
+Work = Callable[[Chunk], Sequence[Outcome | Failure]]
+
+# One thread each: the workers share the cores among them, and linear algebra or XLA in
+# many threads would only stand in line. NPROC is how XLA is told.
+THREADS = {
+    "NPROC": 1,
+    "OMP_NUM_THREADS": 1,
+    "MKL_NUM_THREADS": 1,
+    "OPENBLAS_NUM_THREADS": 1,
+}
+# Seconds to wait for a scheduler.
+PATIENCE = 20
+
+
+def on_cluster(
+    work: Work[Outcome],
+    chunks: Sequence[Chunk],
+    *,
+    workers: int,
+    scheduler: str | None,
+    time_limit: float | None,
+) -> Generator[tuple[Chunk, Sequence[Outcome | Failure]]]:
+    """Work on chunks in other processes.
+
+    Args:
+        work: What to do with a chunk; importable by name in a fresh process.
+        chunks: Chunks.
+        workers: Number of processes to start, where no scheduler is named.
+        scheduler: Address of a running dask scheduler.
+        time_limit: Longest time for one item [s].
+
+    Yields:
+        Each chunk, or a part of it, with its outcomes, as they come.
+
+    Raises:
+        ConfigError: dask is not installed, the scheduler cannot be reached or is lost,
+            or its workers cannot run pushfit.
+    """
+    guarded = partial(_guarded, work, time_limit)
+    waiting = list(chunks)
+    with _client(workers, scheduler, is_limited=time_limit is not None) as client:
+        for rounds in (_together, _one_by_one, _alone):
+            lost = []
+            for batch in rounds(waiting):
+                for chunk, found in _finished(client, guarded, batch):
+                    if found is None:
+                        lost.append(chunk)
+                    else:
+                        yield chunk, found
+            waiting = lost
+    for chunk in waiting:
+        yield chunk, [_died(item.name, time_limit) for item in chunk]
+
+
+def _together(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
+    """All chunks at once."""
+    return [list(chunks)]
+
+
+def _one_by_one(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
+    """All items at once, each a chunk of its own."""
+    return [[(item,) for chunk in chunks for item in chunk]]
+
+
+def _alone(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
+    """One after the other."""
+    return [[chunk] for chunk in chunks]
+
+
+def _finished(
+    client: "Client", work: Work[Outcome], chunks: Iterable[Chunk]
+) -> Iterator[tuple[Chunk, Sequence[Outcome | Failure] | None]]:
+    """Chunks as they end; None for those whose worker died."""
+    from distributed import KilledWorker, as_completed
+
+    futures = {client.submit(work, chunk, pure=False): chunk for chunk in chunks}
+    for future in as_completed(list(futures)):
+        chunk = futures.pop(future)
+        if future.status == "finished":
+            yield chunk, future.result()
+            continue
+        error = None if future.status == "cancelled" else future.exception()
+        if error is None:
+            raise ConfigError(
+                "the scheduler was lost; what is finished is kept, and the same "
+                "command goes on from there",
+                code="scheduler_lost",
+            )
+        if not isinstance(error, KilledWorker):
+            raise ConfigError(
+                f"the workers cannot run pushfit ({type(error).__name__}: {error}); "
+                "install the same version and its files where they run",
+                code="worker_unusable",
+            )
+        yield chunk, None
+
+
+def _guarded(
+    work: Work[Outcome], time_limit: float | None, chunk: Chunk
+) -> Sequence[Outcome | Failure]:
+    """Work under a time limit, at which the process ends."""
+    if time_limit is None:
+        return work(chunk)
+    with open(os.devnull, "w") as nowhere:
+        # A thread in C, which also ends a process that is stuck in C itself.
+        faulthandler.dump_traceback_later(
+            time_limit * len(chunk), exit=True, file=nowhere
+        )
+        try:
+            return work(chunk)
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+
+
+def _died(item: str, time_limit: float | None) -> Failure:
+    """What is known of an item whose worker died every time."""
+    limit = "" if time_limit is None else f", or it took longer than {time_limit:g} s"
+    return Failure(
+        item=item,
+        stage="worker",
+        code="worker_died",
+        message=f"the worker process died whenever it worked on this item{limit}; "
+        "identify it by itself to see more",
+    )
+
+
+@contextlib.contextmanager
+def _client(
+    workers: int, scheduler: str | None, *, is_limited: bool
+) -> Iterator["Client"]:
+    """Connection to a cluster, that of the user or one for this run."""
+    if find_spec("distributed") is None:
+        raise ConfigError(
+            "worker processes need dask.distributed, which is not installed; "
+            "pip install 'pushfit[distributed]', or use --workers 1",
+            code="no_distributed",
+        )
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    settings = {
+        "distributed.nanny.pre-spawn-environ": THREADS,
+        # A chunk that took too long would take as long again.
+        "distributed.scheduler.allowed-failures": 0 if is_limited else 1,
+        # No chunk waits at a worker that may die.
+        "distributed.scheduler.worker-saturation": 1.0,
+        "distributed.worker.multiprocessing-method": "spawn",
+    }
+    with contextlib.ExitStack() as stack:
+        if scheduler is None:
+            stack.enter_context(config.set(settings))
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address=None,  # pyright: ignore
+                silence_logs=logging.CRITICAL,
+                local_directory=stack.enter_context(tempfile.TemporaryDirectory()),
+            )
+            address = stack.enter_context(cluster)
+        else:
+            address = scheduler
+        try:
+            client = Client(address, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise ConfigError(
+                f"{scheduler}: no scheduler answers ({error}); start one by `dask "
+                "scheduler` and name its address, such as tcp://host:8786",
+                code="no_scheduler",
+            ) from error
+        yield stack.enter_context(client)

@@ -1,0 +1,102 @@
+"""The folder of a batch, and in it the folders of single items."""
+
+import hashlib
+import re
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from pushfit.data.files import sha256_of
+from pushfit.errors import ConfigError
+
+STORE = "batch.sqlite"
+RESULTS, FAILURES, PARQUET = "results.csv", "failures.csv", "results.parquet"
+OUTPUTS = (RESULTS, FAILURES, PARQUET)
+FOLDER, SUMMARY = "items", "summary.json"
+# Long enough to be told apart, short enough for every file system.
+_LONGEST = 60
+
+
+def folder_name(item: str) -> str:
+    """Name of the folder of an item, harmless whatever the item is called.
+
+    Args:
+        item: Name of the item, for example "../runs/foam box.csv".
+
+    Returns:
+        Letters, digits, ".", "-" and "_" of the name, and a digest that keeps names
+        apart which differ in other characters or in case.
+    """
+    clean = re.sub(r"[^A-Za-z0-9.-]+", "_", item).strip("._-")
+    digest = hashlib.sha256(item.encode("utf-8", "backslashreplace")).hexdigest()
+    return f"{clean[-_LONGEST:].lstrip('._-') or 'item'}-{digest[:8]}"
+
+
+def is_current(folder: Path, key: str, written: Mapping[str, tuple[str, str]]) -> bool:
+    """Whether a folder still holds what was written for an item.
+
+    Args:
+        folder: Result folder of the item.
+        key: Key of the item.
+        written: Key and digest of `summary.json` by name of folder.
+    """
+    found = written.get(folder.name)
+    summary = folder / SUMMARY
+    return (
+        found is not None and summary.is_file() and found == (key, sha256_of(summary))
+    )
+
+
+def begin_folder(folder: Path) -> None:
+    """Make the folder of a batch, or check that it is one.
+
+    Args:
+        folder: Folder to create or to go on in.
+
+    Raises:
+        ConfigError: It cannot be made, or holds something else.
+    """
+    if folder.is_symlink() or (folder / FOLDER).is_symlink():
+        raise ConfigError(
+            f"{folder}: is, or holds, a symbolic link, which is never followed for "
+            "writing; name the folder itself",
+            code="output_symlink",
+        )
+    if not folder.parent.is_dir():
+        raise ConfigError(
+            f"{folder}: the folder {folder.parent} does not exist; create it first",
+            code="output_parent",
+        )
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(
+            f"{folder}: is a file; name a folder for the batch", code="output_exists"
+        )
+    folder.mkdir(exist_ok=True)
+    entries = {entry.name for entry in folder.iterdir()}
+    strange = min((name for name in entries if not _is_ours(name)), default="")
+    if strange and STORE not in entries:
+        raise ConfigError(
+            f"{folder}: holds {strange}, which is no part of a batch; name another "
+            "folder",
+            code="output_not_a_batch",
+        )
+
+
+def sweep(folder: Path) -> None:
+    """Remove what killed runs left half written; to be called under the store's lock.
+
+    Args:
+        folder: Folder of the batch.
+    """
+    for name in OUTPUTS:
+        for path in folder.glob(f".{name}.*.tmp"):
+            path.unlink(missing_ok=True)
+    for pattern in (".*.partial", ".*.old"):
+        for path in (folder / FOLDER).glob(pattern):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a batch makes files of this name."""
+    mine = (STORE, *OUTPUTS)
+    return name == FOLDER or name.lstrip(".").startswith(mine)

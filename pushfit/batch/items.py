@@ -1,0 +1,292 @@
+"""What one batch is made of: items, each with all that decides its result.
+
+Whether a result is still valid is judged by the key of its item, a digest of contents;
+names and times of files decide nothing.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pushfit.batch.inputs import schedule_for, settings_for
+from pushfit.config import GraspConfig, read_config
+from pushfit.data.files import FileStamp, existing_file, sha256_of
+from pushfit.data.grasps import GraspRows, is_long_table, read_grasps
+from pushfit.errors import PushfitError
+from pushfit.fit.environment import environment
+
+# Results of another form are computed again.
+FORM = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failure:
+    """Why an item has no result.
+
+    Args:
+        item: Name of the item.
+        stage: "input", "read", "peaks", "fit", "folder" or "worker".
+        code: Stable snake_case word.
+        message: Sentence for the user.
+    """
+
+    item: str
+    stage: str
+    code: str
+    message: str
+
+    @classmethod
+    def of(cls, item: str, stage: str, error: Exception) -> "Failure":
+        """What an error means for an item.
+
+        Args:
+            item: Name of the item.
+            stage: Where it was raised.
+            error: The error; one that is not ours is a bug.
+        """
+        if isinstance(error, PushfitError):
+            return cls(item=item, stage=stage, code=error.code, message=str(error))
+        if isinstance(error, OSError):
+            place = f"{error.filename}: " if error.filename else ""
+            message = f"{place}{error.strerror or error}"
+            return cls(item=item, stage=stage, code="file_error", message=message)
+        message = f"this is a bug ({type(error).__name__}: {error})"
+        return cls(item=item, stage=stage, code="bug", message=message)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """One recording, one table, or one grasp of a long table.
+
+    Args:
+        name: Path as named, and behind "#" the grasp in a long table.
+        path: File.
+        sha256: Digest of its content, or of the rows of the grasp.
+        size: Size of the content in bytes; alike in size is alike in shape.
+        rows: Rows of the grasp; None where the file is the item.
+        schedule: Schedule, used if the file is a recording.
+        schedule_sha256: Digest of it.
+        config: Settings in force.
+        config_from: File that they are from, or "defaults".
+        seed: Seed of its randomness, from the user's seed and the content.
+        key: Digest of all that decides the result.
+    """
+
+    name: str
+    path: str
+    sha256: str
+    size: int
+    rows: GraspRows | None
+    schedule: str | None
+    schedule_sha256: str | None
+    config: GraspConfig
+    config_from: str
+    seed: int
+    key: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What is asked of every item.
+
+    Args:
+        config: Settings of the items that have none of their own.
+        profile: Settings under all others.
+        schedule: Schedule of the recordings that have none of their own.
+        seed: Seed from which the items' seeds derive.
+        engine: "auto", "exact" or "emcee".
+    """
+
+    config: Path | None
+    profile: Path | None
+    schedule: Path | None
+    seed: int
+    engine: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """Everything that a batch is to identify.
+
+    Args:
+        items: What can be tried, sorted by name.
+        failures: What cannot, with the reason.
+    """
+
+    items: tuple[Item, ...]
+    failures: tuple[Failure, ...]
+
+
+def make_plan(paths: tuple[str, ...], request: Request) -> Plan:
+    """Look at every file as far as needed to know its items.
+
+    Args:
+        paths: Files and bag folders.
+        request: What is asked.
+
+    Returns:
+        Items and failures.
+
+    Raises:
+        ConfigError: The common settings or schedule cannot be read.
+    """
+    planner = _Planner(request)
+    items: list[Item] = []
+    failures: list[Failure] = []
+    for path in paths:
+        try:
+            items += planner.items_of(path)
+        except (PushfitError, OSError) as error:
+            failures.append(Failure.of(path, "input", error))
+    return Plan(
+        items=tuple(sorted(items, key=lambda item: item.name)),
+        failures=tuple(failures),
+    )
+
+
+class _Planner:
+    """Makes items; settings and digests that files share are read once."""
+
+    def __init__(self, request: Request) -> None:
+        """Read what is common; a mistake there concerns the whole batch."""
+        self._request = request
+        self._configs: dict[Path | None, GraspConfig] = {}
+        self._digests: dict[str, str] = {}
+        self._settings(request.config)
+        if request.schedule is not None:
+            self._digest(existing_file(request.schedule))
+        self._common = {
+            "form": FORM,
+            "engine": request.engine,
+            "versions": environment(),
+        }
+
+    def items_of(self, path: str) -> Iterator[Item]:
+        """Items of one file."""
+        source = settings_for(path, self._request.config)
+        config = self._settings(source)
+        schedule = schedule_for(path, self._request.schedule)
+        plan = None if schedule is None else str(schedule)
+        shared = {
+            "path": path,
+            "config": config,
+            "config_from": "defaults" if source is None else str(source),
+        }
+        if is_long_table(path):
+            for rows in read_grasps(path):
+                yield self._item(
+                    name=f"{path}#{rows.grasp}",
+                    content=(rows.sha256, rows.frame.size),
+                    rows=rows,
+                    schedule=None,
+                    **shared,
+                )
+            return
+        content = content_digest(path), content_size(path)
+        yield self._item(name=path, content=content, rows=None, schedule=plan, **shared)
+
+    def _item(
+        self,
+        *,
+        name: str,
+        path: str,
+        content: tuple[str, int],
+        rows: GraspRows | None,
+        schedule: str | None,
+        config: GraspConfig,
+        config_from: str,
+    ) -> Item:
+        """One item with its seed and key."""
+        sha256, size = content
+        plan_sha256 = None if schedule is None else self._digest(schedule)
+        seed = derived_seed(self._request.seed, sha256)
+        key = digest_of(
+            self._common
+            | {
+                "content": sha256,
+                "schedule": plan_sha256,
+                "config": config.digest(),
+                "seed": seed,
+            }
+        )
+        return Item(
+            name=name,
+            path=path,
+            sha256=sha256,
+            size=size,
+            rows=rows,
+            schedule=schedule,
+            schedule_sha256=plan_sha256,
+            config=config,
+            config_from=config_from,
+            seed=seed,
+            key=key,
+        )
+
+    def _settings(self, source: Path | None) -> GraspConfig:
+        """Settings of a file, read once."""
+        if source not in self._configs:
+            profile = self._request.profile
+            self._configs[source] = read_config(source, profile=profile)
+        return self._configs[source]
+
+    def _digest(self, path: str) -> str:
+        """Digest of a file that several items share."""
+        if path not in self._digests:
+            self._digests[path] = sha256_of(path)
+        return self._digests[path]
+
+
+def derived_seed(seed: int, sha256: str) -> int:
+    """Seed of one item, whatever its name, its place and its neighbours.
+
+    Args:
+        seed: The user's seed.
+        sha256: Digest of the item's content.
+
+    Returns:
+        Number from 0 to 2³¹ - 1.
+    """
+    return int(digest_of({"seed": seed, "content": sha256})[:8], 16) >> 1
+
+
+def digest_of(content: Mapping[str, object]) -> str:
+    """Sha256 of a document in canonical JSON, hexadecimal.
+
+    Args:
+        content: What JSON knows.
+    """
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def content_digest(path: str) -> str:
+    """Sha256 of a file, or of the names and digests of the files in a bag folder.
+
+    Args:
+        path: File or folder.
+
+    Returns:
+        Hexadecimal digest.
+    """
+    if not os.path.isdir(path):
+        return sha256_of(path)
+    return digest_of({p.name: sha256_of(p) for p in _files_in(path)})
+
+
+def content_size(path: str) -> int:
+    """Size of a file, or of all files in a bag folder [bytes].
+
+    Args:
+        path: File or folder.
+    """
+    files = _files_in(path) if os.path.isdir(path) else [Path(path)]
+    return sum(FileStamp.of(str(file)).size for file in files)
+
+
+def _files_in(folder: str) -> list[Path]:
+    """Files directly in a folder."""
+    return sorted(path for path in Path(folder).iterdir() if path.is_file())

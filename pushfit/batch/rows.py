@@ -1,0 +1,89 @@
+"""One row for each item of a batch: what it was, and what came out."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from pushfit.batch.items import Failure, Item, Plan
+from pushfit.batch.store import Finished
+from pushfit.fit.flat import Cell
+
+FAILED = "failed"
+# What a row says besides the values of the result, in this order.
+ABOUT = (
+    "item",
+    "status",
+    "kind",
+    "sha256",
+    "schedule",
+    "schedule_sha256",
+    "config",
+    "seed",
+    "duplicate_of",
+)
+
+Row = Mapping[str, Cell]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """What a batch says.
+
+    Args:
+        rows: One row for each item, sorted by name.
+        failures: Items without a result or a folder, sorted by name.
+    """
+
+    rows: tuple[Row, ...]
+    failures: tuple[Failure, ...]
+
+
+def collect(
+    plan: Plan, failed: Mapping[str, Failure], find: Callable[[str], Finished | None]
+) -> Answers:
+    """Put everything that is known of the items together.
+
+    Args:
+        plan: All items.
+        failed: What failed, by key of the item.
+        find: What finds a result by key.
+
+    Returns:
+        Rows and failures; neither depends on the order in which they were computed.
+    """
+    first: dict[str, str] = {}
+    failures = list(plan.failures)
+    rows = [_row(failure.item, None) for failure in plan.failures]
+    for item in plan.items:
+        original = first.setdefault(item.key, item.name)
+        if item.key in failed:
+            failures.append(replace(failed[item.key], item=item.name))
+        finished = find(item.key)
+        about = _about(item, finished)
+        about["duplicate_of"] = None if original == item.name else original
+        rows.append(_row(item.name, finished) | about)
+    return Answers(
+        rows=tuple(sorted(rows, key=lambda row: str(row["item"]))),
+        failures=tuple(sorted(failures, key=lambda failure: failure.item)),
+    )
+
+
+def _row(name: str, finished: Finished | None) -> dict[str, Cell]:
+    """Row of an item, so far without where it came from."""
+    row: dict[str, Cell] = dict.fromkeys(ABOUT)
+    row |= {"item": name, "status": FAILED}
+    if finished is not None:
+        row |= {"kind": finished.kind, **finished.values}
+    return row
+
+
+def _about(item: Item, finished: Finished | None) -> dict[str, Cell]:
+    """What an item was made from."""
+    about: dict[str, Cell] = {
+        "sha256": item.sha256,
+        "config": item.config_from,
+        "seed": item.seed,
+    }
+    if finished is not None and finished.kind == "recording":
+        about["schedule"] = item.schedule
+        about["schedule_sha256"] = item.schedule_sha256
+    return about

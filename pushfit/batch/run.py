@@ -1,0 +1,198 @@
+"""A batch from its inputs to its files: plan, compute what is missing, write.
+
+Equal inputs give equal files, byte by byte, whatever the number of workers, the order
+of the inputs, and however often the run was killed on the way.
+"""
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from pushfit.batch.cluster import Work
+from pushfit.batch.crew import Crew
+from pushfit.batch.folders import FOLDER, begin_folder, folder_name, is_current, sweep
+from pushfit.batch.inputs import find_inputs
+from pushfit.batch.items import Failure, Item, Request, make_plan
+from pushfit.batch.outputs import write_outputs
+from pushfit.batch.rows import Row, collect
+from pushfit.batch.store import Finished, Store, open_store
+from pushfit.batch.work import IdentifyMany, identify_chunk, write_folder
+from pushfit.errors import DataError
+from pushfit.fit.many import identify_many
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Batch:
+    """What a batch found.
+
+    Args:
+        rows: One row for each item, sorted by name; see `results.csv`.
+        failures: Items without a result, sorted by name; see `failures.csv`.
+        files: What was written.
+        n_computed: Results that this run computed.
+        n_kept: Results that an earlier run had left.
+        n_left_out: Schedules, settings and other files among the inputs.
+        notice: What the user should know about the store; empty if nothing.
+    """
+
+    rows: tuple[Row, ...]
+    failures: tuple[Failure, ...]
+    files: tuple[Path, ...]
+    n_computed: int
+    n_kept: int
+    n_left_out: int
+    notice: str
+
+
+def identify_batch(
+    inputs: Sequence[str | Path],
+    out: str | Path,
+    *,
+    config: str | Path | None = None,
+    profile: str | Path | None = None,
+    schedule: str | Path | None = None,
+    seed: int = 0,
+    engine: str = "auto",
+    folders: bool = False,
+    crew: Crew | None = None,
+    progress: Progress | None = None,
+    identify: IdentifyMany = identify_many,
+) -> Batch:
+    """Identify every recording, every table, and every grasp of a long table.
+
+    Results that the folder has already are kept where they are still valid: made from
+    the same content, schedule, settings, seed, engine and versions.
+
+    Args:
+        inputs: Files, folders and patterns.
+        out: Folder of the results, old or new; its parent exists.
+        config: Settings of the items that have none of their own: a `NAME.toml` beside
+            the file, or the `grasp.toml` of its folder.
+        profile: Settings under all others.
+        schedule: Schedule of the recordings that have none of their own: a
+            `NAME.schedule.csv` beside the file, or the `schedule.csv` of its folder.
+        seed: Seed from which those of the items derive.
+        engine: "auto", "exact" or "emcee".
+        folders: Also write the complete result of every item.
+        crew: Who works; this process if not stated.
+        progress: Called with a stage and the share of it that is done.
+        identify: What identifies the tables of a chunk.
+
+    Returns:
+        Rows and failures, as in the files.
+
+    Raises:
+        ConfigError: The batch as a whole cannot be done: a missing file, a wrong
+            common setting, a folder that is not a batch's.
+        DataError: There is nothing to identify.
+    """
+    folder = Path(out)
+    found = find_inputs(inputs, out=folder)
+    request = Request(
+        config=_path(config),
+        profile=_path(profile),
+        schedule=_path(schedule),
+        seed=seed,
+        engine=engine,
+    )
+    plan = make_plan(found.paths, request)
+    if not (plan.items or plan.failures):
+        raise DataError(
+            f"{' '.join(map(str, inputs))}: no recording or table there; name files, "
+            "or folders that hold some",
+            code="nothing_to_do",
+        )
+    crew, report = crew or Crew(), progress or (lambda stage, share: None)
+    begin_folder(folder)
+    with open_store(folder) as (store, notice):
+        sweep(folder)
+        # Of duplicates the first by name; the others share its result.
+        unique = {item.key: item for item in reversed(plan.items)}
+        missing = [item for key, item in unique.items() if store.get(key) is None]
+        work = partial(identify_chunk, engine=engine, identify=identify)
+        failed = _compute(work, missing, crew, store=store, report=report)
+        n_failed = len(failed)
+        if folders:
+            whole = [item for key, item in unique.items() if key not in failed]
+            write = partial(write_folder, engine=engine, folder=folder / FOLDER)
+            failed |= _write_folders(
+                write, whole, crew, folder=folder, store=store, report=report
+            )
+        answers = collect(plan, failed, store.get)
+        files = write_outputs(folder, answers)
+    return Batch(
+        rows=answers.rows,
+        failures=answers.failures,
+        files=files,
+        n_computed=len(missing) - n_failed,
+        n_kept=len(unique) - len(missing),
+        n_left_out=found.n_left_out,
+        notice=notice,
+    )
+
+
+def _compute(
+    work: Work[Finished],
+    items: Sequence[Item],
+    crew: Crew,
+    *,
+    store: Store,
+    report: Progress,
+) -> dict[str, Failure]:
+    """Results of items into the store, chunk by chunk; failures by key."""
+    failed: dict[str, Failure] = {}
+    n_done = 0
+    # Closed at once when interrupted, so that no worker outlives this process.
+    with contextlib.closing(crew.work_on(work, crew.chunks(items))) as ended:
+        for chunk, outcomes in ended:
+            good = []
+            for item, outcome in zip(chunk, outcomes, strict=True):
+                if isinstance(outcome, Failure):
+                    failed[item.key] = outcome
+                else:
+                    good.append((item.key, outcome))
+            store.save(good)
+            n_done += len(chunk)
+            report("identifying", n_done / len(items))
+    return failed
+
+
+def _write_folders(
+    work: Work[str],
+    items: Sequence[Item],
+    crew: Crew,
+    *,
+    folder: Path,
+    store: Store,
+    report: Progress,
+) -> dict[str, Failure]:
+    """Result folders that are missing or stale; failures by key."""
+    place = folder / FOLDER
+    place.mkdir(exist_ok=True)
+    written = store.folders()
+    names = {item.key: folder_name(item.name) for item in items}
+    stale = [
+        item
+        for item in items
+        if not is_current(place / names[item.key], item.key, written)
+    ]
+    failed: dict[str, Failure] = {}
+    n_done = 0
+    chunks = replace(crew, chunk=1).chunks(stale)
+    with contextlib.closing(crew.work_on(work, chunks)) as ended:
+        for (item,), (outcome,) in ended:
+            if isinstance(outcome, Failure):
+                failed[item.key] = outcome
+            else:
+                store.save_folder(names[item.key], item.key, outcome)
+            n_done += 1
+            report("writing folders", n_done / len(stale))
+    return failed
+
+
+def _path(given: str | Path | None) -> Path | None:
+    return None if given is None else Path(given)

@@ -1,0 +1,165 @@
+"""The work on one chunk of items, here or in a worker process.
+
+Nothing is raised: whatever happens to an item becomes its outcome, and its neighbours
+go on.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+from pushfit.batch.folders import SUMMARY, folder_name
+from pushfit.batch.items import Failure, Item
+from pushfit.batch.store import Finished
+from pushfit.config import GraspConfig
+from pushfit.data.check import file_kind
+from pushfit.data.files import sha256_of
+from pushfit.data.load import configured_peaks, configured_recording, reader_options
+from pushfit.data.table import PeakTable, read_table
+from pushfit.errors import DataError, PushfitError
+from pushfit.fit.identify import identify_table
+from pushfit.fit.many import ItemResult, engine_for, identify_many
+from pushfit.fit.results import Recipe
+from pushfit.report.folder import write_result_folder
+
+Chunk = tuple[Item, ...]
+
+
+class IdentifyMany(Protocol):
+    """What identifies tables that share a configuration."""
+
+    def __call__(
+        self,
+        tables: Sequence[PeakTable],
+        config: GraspConfig,
+        *,
+        seeds: Sequence[int],
+        engine: str,
+    ) -> list[ItemResult | PushfitError]:
+        """See `pushfit.fit.many.identify_many`."""
+        ...
+
+
+def identify_chunk(
+    chunk: Chunk, *, engine: str, identify: IdentifyMany = identify_many
+) -> list[Finished | Failure]:
+    """Read the items of a chunk and identify them together.
+
+    Args:
+        chunk: Items of one configuration.
+        engine: "auto", "exact" or "emcee".
+        identify: What identifies the tables.
+
+    Returns:
+        The outcome of each item.
+    """
+    loaded = [load(item) for item in chunk]
+    good = [
+        (item, *found)
+        for item, found in zip(chunk, loaded, strict=True)
+        if not isinstance(found, Failure)
+    ]
+    results = iter(_identify(good, engine, identify)) if good else iter(())
+    return [found if isinstance(found, Failure) else next(results) for found in loaded]
+
+
+def load(item: Item) -> tuple[str, PeakTable] | Failure:
+    """Peak heights of an item.
+
+    Args:
+        item: What to read.
+
+    Returns:
+        "recording" or "table" and the peaks, or why there are none.
+    """
+    stage = "read"
+    try:
+        if item.rows is not None:
+            return "table", item.rows.table()
+        kind = file_kind(item.path, **reader_options(item.config))
+        if kind == "schedule":
+            raise DataError(
+                f"{item.path}: is a schedule; name the recording, and its schedule by "
+                "--schedule or as NAME.schedule.csv beside it",
+                code="is_a_schedule",
+            )
+        if kind == "table":
+            table = read_table(item.path)
+        else:
+            recording = configured_recording(item.path, item.config)
+            stage = "peaks"
+            table = configured_peaks(recording, item.schedule, item.config)
+        _check_unchanged(item, table)
+    except Exception as error:
+        return Failure.of(item.name, stage, error)
+    return kind, table
+
+
+def write_folder(chunk: Chunk, *, engine: str, folder: Path) -> list[str | Failure]:
+    """Identify each item by itself and write everything about it.
+
+    Args:
+        chunk: Items.
+        engine: "auto", "exact" or "emcee".
+        folder: Folder in which the items have theirs.
+
+    Returns:
+        Digest of the `summary.json` of each item, or why it has none.
+    """
+    return [_write_folder(item, engine, folder) for item in chunk]
+
+
+def _write_folder(item: Item, engine: str, folder: Path) -> str | Failure:
+    found = load(item)
+    if isinstance(found, Failure):
+        return found
+    kind, table = found
+    plan = (item.schedule,) if item.schedule is not None else ()
+    recipe = Recipe(recordings=(item.path,), schedules=plan)
+    if kind == "table":
+        recipe = Recipe(table=item.path)
+    try:
+        chosen = engine_for(table, item.config, engine)
+        result = identify_table(table, item.config, seed=item.seed, engine=chosen)
+        # Rows of a long table are no file that could be read again by itself.
+        result = replace(result, recipe=recipe if item.rows is None else None)
+        out = write_result_folder(result, folder / folder_name(item.name), force=True)
+        return sha256_of(out / SUMMARY)
+    except Exception as error:
+        return Failure.of(item.name, "folder", error)
+
+
+def _identify(
+    good: Sequence[tuple[Item, str, PeakTable]], engine: str, identify: IdentifyMany
+) -> list[Finished | Failure]:
+    """Outcomes of items that could be read."""
+    try:
+        found = identify(
+            [table for _, _, table in good],
+            good[0][0].config,
+            seeds=[item.seed for item, _, _ in good],
+            engine=engine,
+        )
+    except Exception as error:
+        if len(good) > 1:
+            # One by one, so that only the table behind the bug pays for it.
+            return [_identify([one], engine, identify)[0] for one in good]
+        return [Failure.of(good[0][0].name, "fit", error)]
+    return [
+        Finished(kind=kind, values=result.values, draws=result.draws)
+        if isinstance(result, ItemResult)
+        else Failure.of(item.name, "fit", result)
+        for (item, kind, _), result in zip(good, found, strict=True)
+    ]
+
+
+def _check_unchanged(item: Item, table: PeakTable) -> None:
+    """Refuse what was read if it is not what the key of the item stands for."""
+    read = {source.sha256 for source in table.sources}
+    if not os.path.isdir(item.path) and item.sha256 not in read:
+        raise DataError(
+            f"{item.path}: the file changed since the batch began; run it again",
+            code="file_changed",
+        )

@@ -1,0 +1,90 @@
+"""Many tables through the same question, each for itself.
+
+What comes out for a table depends on that table, the configuration and its seed, never
+on the tables beside it; a table that cannot be identified gives its error in its place.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.config import GraspConfig
+from pushfit.data.table import PeakTable
+from pushfit.errors import PushfitError
+from pushfit.fit.exact import why_not_exact
+from pushfit.fit.flat import Cell, flat_values, pooled_draws
+from pushfit.fit.identify import identify_table
+from pushfit.fit.setup import build_problem
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ItemResult:
+    """What one table told, as one row.
+
+    Args:
+        values: Cells by column; see `pushfit.fit.flat.flat_values`.
+        draws: Posterior draws by name, draw by draw; see
+            `pushfit.fit.flat.pooled_draws`.
+    """
+
+    values: Mapping[str, Cell]
+    draws: Mapping[str, Float[np.ndarray, " n"]]
+
+
+def identify_many(
+    tables: Sequence[PeakTable],
+    config: GraspConfig,
+    *,
+    seeds: Sequence[int],
+    engine: str,
+) -> list[ItemResult | PushfitError]:
+    """Identify tables that share a configuration.
+
+    Args:
+        tables: Peak heights, one table for each grasp.
+        config: Configuration in force for all of them.
+        seeds: Seed of each table.
+        engine: "exact", "emcee", or "auto" for exact where it applies.
+
+    Returns:
+        For each table its row, or the error that stands against it.
+    """
+    return [
+        _identify_one(table, config, seed=seed, engine=engine)
+        for table, seed in zip(tables, seeds, strict=True)
+    ]
+
+
+def engine_for(table: PeakTable, config: GraspConfig, engine: str) -> str:
+    """Engine that is meant for a table.
+
+    Args:
+        table: Peak heights.
+        config: Configuration in force.
+        engine: "exact", "emcee", or "auto" for exact where it applies.
+
+    Returns:
+        "exact" or "emcee".
+
+    Raises:
+        DataError: No usable push is left.
+        ConfigError: The configuration does not fit the table.
+    """
+    if engine != "auto":
+        return engine
+    reason = why_not_exact(build_problem(table, config).problem)
+    return "exact" if reason is None else "emcee"
+
+
+def _identify_one(
+    table: PeakTable, config: GraspConfig, *, seed: int, engine: str
+) -> ItemResult | PushfitError:
+    """One table, its error as a value."""
+    try:
+        chosen = engine_for(table, config, engine)
+        found = identify_table(table, config, seed=seed, engine=chosen)
+    except PushfitError as error:
+        return error
+    return ItemResult(values=flat_values(found), draws=pooled_draws(found))
