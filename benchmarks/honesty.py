@@ -24,9 +24,9 @@ from pushfit.data.simulate import simulate_table
 from pushfit.data.table import PeakTable
 from pushfit.fit.identify import identify_table
 from pushfit.fit.priors import default_priors
+from pushfit.fit.quoting import pieces_for, quoted
 from pushfit.fit.results import FitStatus, Verdict
 from pushfit.model import Grasp, Parameters
-from pushfit.report.quoting import pieces_for, quoted
 
 NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
 PUSH_LENGTH = 5e-3

@@ -99,7 +99,7 @@ def _finished(
     from distributed import KilledWorker, as_completed
 
     futures = {client.submit(work, chunk, pure=False): chunk for chunk in chunks}
-    for future in as_completed(list(futures)):
+    for future in as_completed(list(futures), loop=client.loop):
         chunk = futures.pop(future)
         if future.status == "finished":
             yield chunk, future.result()

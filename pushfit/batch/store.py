@@ -195,7 +195,8 @@ def _opened(path: Path) -> sqlite3.Connection | None:
             for statement in SCHEMA:
                 connection.execute(statement)
         is_ours = _is_ours(connection)
-        connection.commit()
+        # What is not ours stays as it is, to the byte.
+        connection.commit() if is_ours else connection.rollback()
     except sqlite3.OperationalError:
         connection.close()
         raise

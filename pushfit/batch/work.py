@@ -5,15 +5,13 @@ go on.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 from pushfit.batch.folders import SUMMARY, folder_name
 from pushfit.batch.items import Failure, Item
 from pushfit.batch.store import Finished
-from pushfit.config import GraspConfig
 from pushfit.data.check import file_kind
 from pushfit.data.files import sha256_of
 from pushfit.data.load import configured_peaks, configured_recording, reader_options
@@ -25,21 +23,8 @@ from pushfit.fit.results import Recipe
 from pushfit.report.folder import write_result_folder
 
 Chunk = tuple[Item, ...]
-
-
-class IdentifyMany(Protocol):
-    """What identifies tables that share a configuration."""
-
-    def __call__(
-        self,
-        tables: Sequence[PeakTable],
-        config: GraspConfig,
-        *,
-        seeds: Sequence[int],
-        engine: str,
-    ) -> list[ItemResult | PushfitError]:
-        """See `pushfit.fit.many.identify_many`."""
-        ...
+# What identifies tables that share a configuration, as `identify_many` does.
+IdentifyMany = Callable[..., list[ItemResult | PushfitError]]
 
 
 def identify_chunk(

@@ -1,0 +1,79 @@
+"""Which files a batch takes, and what goes with each."""
+
+import pytest
+
+from pushfit.batch.inputs import find_inputs, schedule_for, settings_for, stem_of
+from pushfit.errors import ConfigError
+from tests.batch.makers import write_tables
+
+
+def names(found):
+    return [path.rsplit("/", 1)[-1] for path in found.paths]
+
+
+def test_a_folder_gives_all_tables_below_it(tmp_path):
+    write_tables(tmp_path / "runs", "b", "a")
+    write_tables(tmp_path / "runs" / "deep" / "er", "c")
+    found = find_inputs([tmp_path / "runs"], out=tmp_path / "out")
+    assert sorted(names(found)) == ["a.csv", "b.csv", "c.csv"]
+
+
+def test_the_results_are_no_inputs(tmp_path):
+    write_tables(tmp_path, "a")
+    write_tables(tmp_path / "out", "results")
+    assert names(find_inputs([tmp_path], out=tmp_path / "out")) == ["a.csv"]
+
+
+def test_settings_schedules_and_hidden_files_are_left_out(tmp_path):
+    write_tables(tmp_path, "a", "schedule", "a.schedule", ".hidden")
+    for name in ("grasp.toml", "notes.md"):
+        (tmp_path / name).touch()
+    found = find_inputs([tmp_path], out=tmp_path / "out")
+    assert names(found) == ["a.csv"]
+    assert found.n_left_out == 4
+
+
+def test_a_pattern_finds_files_and_a_file_found_twice_counts_once(tmp_path):
+    write_tables(tmp_path / "runs", "a1", "a2", "b1")
+    pattern = f"{tmp_path}/**/a*.csv"
+    found = find_inputs([pattern, tmp_path / "runs" / "a1.csv"], out=tmp_path / "o")
+    assert names(found) == ["a1.csv", "a2.csv"]
+
+
+def test_any_suffix_can_be_named(tmp_path):
+    (tmp_path / "data.log").write_text("x")
+    assert names(find_inputs([tmp_path / "data.log"], out=tmp_path)) == ["data.log"]
+
+
+def test_everything_that_is_missing_is_named_at_once(tmp_path):
+    with pytest.raises(ConfigError) as raised:
+        find_inputs([tmp_path / "no.csv", tmp_path / "*.none"], out=tmp_path / "o")
+    assert "no.csv" in str(raised.value)
+    assert "*.none" in str(raised.value)
+
+
+def test_a_file_has_its_own_settings_before_those_of_its_folder(tmp_path):
+    common = tmp_path / "common.toml"
+    path = str(tmp_path / "foam.csv.gz")
+    assert settings_for(path, common) == common
+    (tmp_path / "grasp.toml").touch()
+    assert settings_for(path, common) == tmp_path / "grasp.toml"
+    (tmp_path / "foam.toml").touch()
+    assert settings_for(path, common) == tmp_path / "foam.toml"
+
+
+def test_a_recording_has_its_own_schedule_before_the_common_one(tmp_path):
+    path = str(tmp_path / "foam.csv")
+    assert schedule_for(path, None) is None
+    (tmp_path / "schedule.csv").touch()
+    assert schedule_for(path, None) == tmp_path / "schedule.csv"
+    (tmp_path / "foam.schedule.csv").touch()
+    assert schedule_for(path, None) == tmp_path / "foam.schedule.csv"
+
+
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [("a.csv", "a"), ("a.b.csv.gz", "a.b"), ("run_0.db3", "run_0"), ("bag", "bag")],
+)
+def test_the_stem_lacks_only_what_says_how_a_file_is_stored(name, stem):
+    assert stem_of(f"x.csv/{name}") == stem
