@@ -27,12 +27,17 @@ Work = Callable[[Chunk], Sequence[Outcome | Failure]]
 
 # One thread each: the workers share the cores among them, and linear algebra or XLA in
 # many threads would only stand in line. NPROC is how XLA is told.
-THREADS = {
+ENVIRONMENT = {
     "NPROC": 1,
     "OMP_NUM_THREADS": 1,
     "MKL_NUM_THREADS": 1,
     "OPENBLAS_NUM_THREADS": 1,
+    # What dask says of a lost worker is said in the failures, without tracebacks.
+    "DASK_LOGGING__DISTRIBUTED": "critical",
 }
+# Ctrl-C reaches all processes of a terminal; this one ends the workers.
+DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+TALKATIVE = ("distributed", "distributed.client")
 # Seconds to wait for a scheduler.
 PATIENCE = 20
 
@@ -163,13 +168,17 @@ def _client(
     from dask import config
     from distributed import Client, LocalCluster
 
+    if not logging.getLogger("pushfit").isEnabledFor(logging.DEBUG):
+        for name in TALKATIVE:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = {
-        "distributed.nanny.pre-spawn-environ": THREADS,
+        "distributed.nanny.pre-spawn-environ": ENVIRONMENT,
         # A chunk that took too long would take as long again.
         "distributed.scheduler.allowed-failures": 0 if is_limited else 1,
         # No chunk waits at a worker that may die.
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.worker.multiprocessing-method": "spawn",
+        "distributed.worker.preload": [DEAF],
     }
     with contextlib.ExitStack() as stack:
         if scheduler is None:
@@ -179,8 +188,8 @@ def _client(
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
-                dashboard_address=None,  # pyright: ignore
-                silence_logs=logging.CRITICAL,
+                # Any free port: a fixed one may be taken.
+                dashboard_address="127.0.0.1:0",
                 local_directory=stack.enter_context(tempfile.TemporaryDirectory()),
             )
             address = stack.enter_context(cluster)

@@ -47,6 +47,18 @@ def test_the_number_of_workers_does_not_change_a_byte(runs, log, tmp_path):
 
 
 @pytest.mark.slow
+def test_real_numbers_are_the_same_in_worker_processes(tmp_path, monkeypatch):
+    """One thread or several: not a bit may differ."""
+    monkeypatch.chdir(tmp_path)
+    write_tables(tmp_path / "runs", "a", "b", n=12)
+    identify_batch(["runs"], "one")
+    identify_batch(["runs"], "two", crew=Crew(workers=2))
+    assert outputs(tmp_path / "one") == outputs(tmp_path / "two")
+    rows = read_csv(tmp_path / "one" / "results.csv")
+    assert [row["engine"] for row in rows] == ["exact", "exact"]
+
+
+@pytest.mark.slow
 def test_a_worker_that_dies_costs_only_its_own_item(runs, log, tmp_path):
     run("good")
     write_tables(runs, "x_kill", "x_killonce")
@@ -63,11 +75,11 @@ def test_a_worker_that_dies_costs_only_its_own_item(runs, log, tmp_path):
 def test_a_worker_that_hangs_costs_only_its_own_item(runs, log, tmp_path):
     write_tables(runs, "x_hang")
     start = time.monotonic()
-    found = run("out", workers=2, chunk=2, time_limit=3)
+    found = run("out", workers=2, chunk=2, time_limit=3.0)
     assert [f.item for f in found.failures] == ["runs/x_hang.csv"]
     assert "3 s" in found.failures[0].message
-    # Limits of 6, 3 and 3 s, and a few starts of processes.
-    assert time.monotonic() - start < 60
+    # Limits of 6, 3 and 3 s and a few starts of processes, against 1000 s of sleep.
+    assert time.monotonic() - start < 500
 
 
 @pytest.mark.slow
@@ -119,13 +131,13 @@ def wait_for_lines(log: Path, n: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_batch_killed_five_times_loses_and_repeats_nothing(workers, runs, tmp_path):
+@pytest.mark.parametrize(("workers", "n_kills"), [(1, 5), (2, 2)])
+def test_a_killed_batch_loses_and_repeats_nothing(workers, n_kills, runs, tmp_path):
     run("whole")
     log = tmp_path / "killed.txt"
     rng = random.Random(workers)
     n_before = 0
-    for _ in range(5):
+    for _ in range(n_kills):
         process = start("out", log, workers=workers)
         wait_for_lines(log, n_before + 2)
         time.sleep(rng.uniform(0, 0.7))
@@ -138,7 +150,7 @@ def test_a_batch_killed_five_times_loses_and_repeats_nothing(workers, runs, tmp_
     computed = log.read_text().split()
     assert set(computed) == {f"{name}.csv" for name in NAMES}
     # At most the chunk that each worker had in hand is done again, for each kill.
-    assert len(computed) <= len(NAMES) + 5 * 2 * workers
+    assert len(computed) <= len(NAMES) + n_kills * 2 * workers
 
 
 @pytest.mark.slow
@@ -170,7 +182,8 @@ def test_a_batch_that_is_stopped_says_how_to_go_on(number, workers, runs, tmp_pa
         stderr=subprocess.PIPE,
         text=True,
     )
-    wait_for_lines(log, 4)
+    # Two in work, and at most two done that are on their way to the store.
+    wait_for_lines(log, 6)
     # As a terminal does it: to the workers as well.
     os.killpg(process.pid, number)
     _, said = process.communicate(timeout=60)

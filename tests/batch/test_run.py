@@ -198,7 +198,7 @@ def test_a_grasp_that_changed_is_computed_alone(suffix, runs, tmp_path):
 
 
 def test_a_wrong_cell_in_a_long_table_fails_its_grasp_alone(runs, tmp_path):
-    text = long_table({"foam": 0, "wood": 1}).replace("wood,20,", "wood,200,")
+    text = long_table({"foam": 0, "wood": 1}).replace("wood,10,", "wood,200,")
     (tmp_path / "long.csv").write_text(text)
     found = run("long.csv")
     assert [row["status"] for row in found.rows] == ["ok", "failed"]
