@@ -27,7 +27,7 @@ FORBIDDEN = {
     "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},
 }
 # Parts of declared libraries that are imported under their own name, or all of one.
-VENDORED = {"pydantic_core", "markupsafe", "sklearn"}
+VENDORED = {"pydantic_core", "markupsafe", "sklearn", "dask"}
 HEAVY = (
     "jax",
     "pandas",

@@ -10,15 +10,17 @@ dimensions.
 import warnings
 from dataclasses import dataclass
 
+import lazy_loader
 import numpy as np
 from emcee.model import Model
 from emcee.moves import Move
 from emcee.state import State
 from jaxtyping import Bool, Float, Int
 from scipy import special
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.mixture import GaussianMixture
 from threadpoolctl import threadpool_limits
+
+# Half a second to load, and quadrature does without.
+sklearn = lazy_loader.load("sklearn")
 
 # Share of the difference moves that jump by the whole difference of two walkers: what
 # carries a walker from one mode straight into another.
@@ -146,7 +148,7 @@ def fit_mixture(points: Float[np.ndarray, "n p"], rng: np.random.Generator) -> M
         unit.T @ unit / n + RIDGE * np.eye(dim)
     )
     white = np.linalg.solve(overall, (points - centre).T).T
-    found = GaussianMixture(
+    found = sklearn.mixture.GaussianMixture(
         N_COMPONENTS,
         init_params="k-means++",
         reg_covar=SMALLEST_VARIANCE,
@@ -156,7 +158,7 @@ def fit_mixture(points: Float[np.ndarray, "n p"], rng: np.random.Generator) -> M
     # The same bits on any machine's number of cores.
     with threadpool_limits(1), warnings.catch_warnings():
         # A proposal need not be the best one.
-        warnings.simplefilter("ignore", ConvergenceWarning)
+        warnings.simplefilter("ignore", sklearn.exceptions.ConvergenceWarning)
         found.fit(white)
     means = np.asarray(found.means_) @ overall.T
     factors = overall @ np.linalg.cholesky(np.asarray(found.covariances_))

@@ -1,0 +1,91 @@
+"""How long commands take from a cold start, beside the import of JAX alone.
+
+Commands take turns within each round, so that whatever else the machine does hits all
+of them; trust the ratios, not the seconds.
+
+    python -m benchmarks.start_up [--rounds 5]
+"""
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pushfit.data.simulate import simulate_table
+from pushfit.data.table import write_table
+from pushfit.model import Grasp, Parameters
+
+TRUTH = Parameters(K_sn=1200.0, K_dn=600.0, K_st=300.0, C_rr=0.24, C_d=0.24, L=0.04)
+BASE = "import jax"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        print_table(measure(Path(folder), options.rounds))
+
+
+def measure(folder: Path, n_rounds: int) -> dict[str, list[float]]:
+    """Seconds of each command in each round."""
+    table = folder / "table.csv"
+    write_pushes(table)
+    pushfit = [sys.executable, "-m", "pushfit"]
+    commands = {
+        BASE: [sys.executable, "-c", "import jax"],
+        "import pushfit": [sys.executable, "-c", "import pushfit"],
+        "pushfit --help": [*pushfit, "--help"],
+        "pushfit fit, nothing compiled": [*pushfit, "fit", str(table)],
+        "pushfit fit, compiled before": [*pushfit, "fit", str(table)],
+    }
+    seconds: dict[str, list[float]] = {name: [] for name in commands}
+    for number in range(n_rounds):
+        # The second fit of a round finds what the first one compiled.
+        cache = folder / f"cache{number}"
+        cache.mkdir(mode=0o700)
+        for name, command in commands.items():
+            seconds[name].append(timed(command, cache))
+    return seconds
+
+
+def timed(command: list[str], cache: Path) -> float:
+    """Seconds from start to end of a process."""
+    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(cache)}
+    start = time.perf_counter()
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    return time.perf_counter() - start
+
+
+def write_pushes(path: Path) -> None:
+    """A table of 17 elevations, three times each."""
+    theta = np.radians(np.linspace(5, 85, 17))
+    table = simulate_table(
+        TRUTH,
+        Grasp(push_length=5e-3),
+        theta=theta,
+        alpha=np.full_like(theta, np.pi / 2),
+        repeats=3,
+        noise=0.03,
+        rng=np.random.default_rng(0),
+    )
+    write_table(table, path)
+
+
+def print_table(seconds: dict[str, list[float]]) -> None:
+    """Medians, and medians of the ratios within rounds."""
+    print(f"{'command':<32}{'median':>10}{'ratio':>8}")
+    for name, values in seconds.items():
+        ratios = [a / b for a, b in zip(values, seconds[BASE], strict=True)]
+        ratio = statistics.median(ratios)
+        print(f"{name:<32}{statistics.median(values):>8.2f} s{ratio:>8.2f}")
+
+
+if __name__ == "__main__":
+    main()
