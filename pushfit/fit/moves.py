@@ -9,6 +9,7 @@ dimensions.
 
 import warnings
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import lazy_loader
 import numpy as np
@@ -19,8 +20,12 @@ from jaxtyping import Bool, Float, Int
 from scipy import special
 from threadpoolctl import threadpool_limits
 
-# Half a second to load, and quadrature does without.
-sklearn = lazy_loader.load("sklearn")
+if TYPE_CHECKING:
+    import sklearn.exceptions
+    import sklearn.mixture
+else:
+    # Half a second to load, and quadrature does without.
+    sklearn = lazy_loader.load("sklearn")
 
 # Share of the difference moves that jump by the whole difference of two walkers: what
 # carries a walker from one mode straight into another.

@@ -313,3 +313,21 @@ def test_the_draws_of_an_item_are_kept_for_pooling(runs, tmp_path):
     assert kept is not None
     np.testing.assert_array_equal(kept.draws["theta_c_deg"], expected.normal(size=5))
     assert json.loads(json.dumps(kept.values)) == kept.values
+
+
+@pytest.mark.slow
+def test_the_folder_of_an_item_is_written_once_and_mended(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_tables(tmp_path / "runs", "a", n=12)
+    found = run("runs", folders=True)
+    assert found.failures == ()
+    summary = tmp_path / "out" / "items" / folder_name("runs/a.csv") / "summary.json"
+    content = json.loads(summary.read_text())
+    assert content["seed"] == found.rows[0]["seed"]
+    assert content["recipe"]["table"] == "runs/a.csv"
+    written = summary.stat().st_ino
+    run("runs", folders=True)
+    assert summary.stat().st_ino == written
+    summary.write_text("{}")
+    run("runs", folders=True)
+    assert json.loads(summary.read_text()) == content
