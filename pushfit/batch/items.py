@@ -139,7 +139,7 @@ def make_plan(paths: tuple[str, ...], request: Request) -> Plan:
     for path in paths:
         try:
             items += planner.items_of(path)
-        except (PushfitError, OSError) as error:
+        except Exception as error:
             failures.append(Failure.of(path, "input", error))
     return Plan(
         items=tuple(sorted(items, key=lambda item: item.name)),

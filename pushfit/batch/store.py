@@ -96,14 +96,11 @@ class Store:
         Args:
             results: Keys and results.
         """
-        rows = [
+        rows: list[tuple[str | bytes, ...]] = [
             (key, r.kind, json.dumps(r.values, allow_nan=False), _pack(r.draws))
             for key, r in results
         ]
-        with uninterrupted(), self._connection:
-            self._connection.executemany(
-                "INSERT OR REPLACE INTO result VALUES (?, ?, ?, ?)", rows
-            )
+        self._write("INSERT OR REPLACE INTO result VALUES (?, ?, ?, ?)", rows)
 
     def folders(self) -> dict[str, tuple[str, str]]:
         """Key of the item and digest of the `summary.json` written, by folder."""
@@ -118,10 +115,20 @@ class Store:
             key: Key of the item.
             sha256: Digest of its `summary.json`.
         """
-        with uninterrupted(), self._connection:
-            self._connection.execute(
-                "INSERT OR REPLACE INTO folder VALUES (?, ?, ?)", (name, key, sha256)
-            )
+        statement = "INSERT OR REPLACE INTO folder VALUES (?, ?, ?)"
+        self._write(statement, [(name, key, sha256)])
+
+    def _write(self, statement: str, rows: list[tuple[str | bytes, ...]]) -> None:
+        """Write rows in one transaction."""
+        try:
+            with uninterrupted(), self._connection:
+                self._connection.executemany(statement, rows)
+        except sqlite3.OperationalError as error:
+            raise ConfigError(
+                f"{STORE}: cannot be written ({error}); what was finished before is "
+                "kept, so make room and run the same command again",
+                code="store_full",
+            ) from error
 
 
 @contextlib.contextmanager
@@ -146,8 +153,8 @@ def open_store(folder: Path) -> Iterator[tuple[Store, str]]:
             connection = _opened(path)
     except sqlite3.OperationalError as error:
         raise ConfigError(
-            f"{path}: cannot be opened for writing ({error}); another batch may be "
-            "running here: wait for it, or choose another --out",
+            f"{path}: cannot be opened for writing ({error}); wait if another batch is "
+            "running here, otherwise check the permissions or choose another --out",
             code="store_locked",
         ) from error
     if connection is None:
