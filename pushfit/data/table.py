@@ -181,10 +181,12 @@ class PeakTable:
     def groups(self) -> Int[np.ndarray, " n"]:
         """Number of each push's direction, counted from 0 by first appearance."""
         # Whole nanodegrees: directions equal on paper stay equal after a unit change.
-        nano = np.rint(self.frame[["theta_deg", "alpha_deg"]].to_numpy(float) * 1e9)
-        return pd.MultiIndex.from_arrays([nano[:, 0], nano[:, 1] % 360e9]).factorize()[
-            0
-        ]
+        theta, alpha = (
+            np.rint(self.frame[name].to_numpy(float) * 1e9)
+            for name in ("theta_deg", "alpha_deg")
+        )
+        # A complex number is a pair that pandas can count.
+        return pd.factorize(theta + 1j * (alpha % 360e9))[0]
 
     def with_flag(self, rows: Sequence[int], flag: str) -> "PeakTable":
         """The table with one more flag on some rows.

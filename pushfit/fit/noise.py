@@ -135,11 +135,11 @@ def _contradiction(
 ) -> tuple[float, float]:
     """Chi-square p-value that repeats scatter by their sd, and the ratio of scatter."""
     total, dof = 0.0, 0
-    used = table.is_used
+    used, groups = table.is_used, table.groups
     for name, sd in sds.items():
         heights = table.heights(name)
-        for group in np.unique(table.groups[used]):
-            rows = used & (table.groups == group)
+        for group in np.unique(groups[used]):
+            rows = used & (groups == group)
             weight = 1 / sd[rows] ** 2
             mean = np.sum(weight * heights[rows]) / np.sum(weight)
             total += float(np.sum(weight * (heights[rows] - mean) ** 2))
