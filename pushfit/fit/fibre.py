@@ -6,23 +6,34 @@ pair. Excluded: data.
 """
 
 import abc
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Array, Float
+from scipy import ndimage, stats
 
-from pushfit.fit.log_density import LogDensity, Values, prior_density, tabulated
+from pushfit.fit.log_density import (
+    LogDensity,
+    Values,
+    make_table,
+    prior_density,
+    tabulated,
+)
 from pushfit.fit.priors import Prior
 from pushfit.fit.quadrature import draw_from_nodes, gauss_legendre
 
 # Gauss nodes across a conditional density of up to 2 N_SD standard deviations.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
+# Table of quantiles: values of the combination and normal scores, where straight lines
+# between them err by less than a thousandth of a standard deviation.
+N_ROWS, SCORES = 513, np.linspace(-5.0, 5.0, 201)
 # How much finer a table is where one of a pair is fixed.
 EDGE = 16.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)  # no slots: quantiles are cached
 class Pair(abc.ABC):
     """A combination of two independent positive numbers, and its parts given it.
 
@@ -70,13 +81,13 @@ class Pair(abc.ABC):
         )
 
     def split(
-        self, whole: Float[np.ndarray, " n"], rng: np.random.Generator
+        self, whole: Float[np.ndarray, " n"], scores: Float[np.ndarray, " n"]
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Draws of both logs, one pair for each value of the combination.
 
         Args:
             whole: Logs of the combination.
-            rng: Source of randomness.
+            scores: Standard normal numbers; each picks the quantile of a draw.
 
         Returns:
             Logs of the first and of the second.
@@ -89,9 +100,29 @@ class Pair(abc.ABC):
             return np.full(n, a), np.broadcast_to(second, n)
         if not isinstance(b, LogDensity):
             return self.solve(whole, b, is_first=False)[0], np.full(n, b)
-        t, log_joint, _ = self._joint(whole)
-        drawn = draw_from_nodes(t, log_joint, rng.uniform(size=(n, 1)))[:, 0]
-        return self.parts(whole, drawn)
+        low, high = self.interval(whole)
+        return self.parts(whole, np.clip(self._quantile(whole, scores), low, high))
+
+    def _quantile(self, whole: Values, scores: Values) -> Values:
+        """Quantiles of the pair's own coordinate."""
+        rows, table = self._quantiles
+        places = [
+            (whole - rows[0]) / (rows[-1] - rows[0]) * (rows.size - 1),
+            (scores - SCORES[0]) / (SCORES[-1] - SCORES[0]) * (SCORES.size - 1),
+        ]
+        return ndimage.map_coordinates(table, places, order=1, mode="nearest")
+
+    @functools.cached_property
+    def _quantiles(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r s"]]:
+        """Values of the combination, and the quantile at each of `SCORES`."""
+        density = self.density()
+        assert isinstance(density, LogDensity)
+        table = make_table(density)
+        rows = np.linspace(float(table.start), float(table.end), N_ROWS)
+        t, log_joint, _ = self._joint(rows)
+        probs = np.broadcast_to(stats.norm.cdf(SCORES), (N_ROWS, SCORES.size))
+        # The outermost rows may lie outside the range of both.
+        return rows, draw_from_nodes(t, np.maximum(log_joint, -1e300), probs)
 
     def _log_prob(self, whole: Values) -> Values:
         """Log density of the combination."""
@@ -118,8 +149,6 @@ class Pair(abc.ABC):
 
 class Series(Pair):
     """Two springs in series, 1/X = 1/K_1 + 1/K_2; own coordinate ln(K_1/K_2)."""
-
-    __slots__ = ()
 
     def whole(self, first: float, second: float) -> float:
         """-ln(1/K_1 + 1/K_2)."""
@@ -148,8 +177,6 @@ class Series(Pair):
 
 class Quotient(Pair):
     """C_d/L², the spring that tilting adds; own coordinate ln L."""
-
-    __slots__ = ()
 
     def whole(self, first: float, second: float) -> float:
         """Ln C_d - 2 ln L."""
@@ -202,21 +229,21 @@ class Fibre:
         self,
         ln_A: Float[np.ndarray, " n"],
         ln_B: Float[np.ndarray, " n"],
-        rng: np.random.Generator,
+        scores: Float[np.ndarray, "3 n"],
     ) -> dict[str, Float[np.ndarray, " n"]]:
         """Draws of the parameters from the prior given A and B.
 
         Args:
             ln_A: Log of A.
             ln_B: Log of B.
-            rng: Source of randomness.
+            scores: Standard normal numbers that pick the draws.
 
         Returns:
             Logs of K_sn, K_dn, K_st, C_d and L by name.
         """
-        K_sn, K_dn = self.normal.split(ln_A, rng)
-        K_st, rotation = self.tangential.split(ln_B, rng)
-        C_d, L = self.rotation.split(rotation, rng)
+        K_sn, K_dn = self.normal.split(ln_A, scores[0])
+        K_st, rotation = self.tangential.split(ln_B, scores[1])
+        C_d, L = self.rotation.split(rotation, scores[2])
         return dict(zip(self.names, (K_sn, K_dn, K_st, C_d, L), strict=True))
 
 

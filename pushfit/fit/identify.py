@@ -4,7 +4,7 @@ This is the only place that knows the order of things; commands, batches and rep
 all start from `identify_table`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,6 +41,7 @@ from pushfit.fit.results import (
     FitResult,
     IdentifiabilityResult,
     Identification,
+    LikelihoodProfile,
     Notice,
     PosteriorResult,
     Quantity,
@@ -114,6 +115,30 @@ def identify_table(
     posterior = draw_posterior(
         fitted, seed=seed, engine=engine, progress=progress, checkpoint=checkpoint
     )
+    return conclude(fitted, profiles, posterior, config=config, seed=seed)
+
+
+def conclude(
+    fitted: Fitted,
+    profiles: Mapping[str, LikelihoodProfile],
+    posterior: PosteriorResult,
+    *,
+    config: GraspConfig,
+    seed: int,
+) -> Identification:
+    """All that fit, profiles and posterior say together.
+
+    Args:
+        fitted: A table with its noise settled.
+        profiles: Likelihood profiles by name, as far as there are any.
+        posterior: Draws.
+        config: Configuration as it was given.
+        seed: Seed of tests by permutation and simulation.
+
+    Returns:
+        The identification.
+    """
+    prob = config.report.prob
     theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
     alpha_star = angle_quantity(
         "alpha_star", posterior, profiles.get("alpha_star"), prob=prob
@@ -177,30 +202,60 @@ def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:
         ConfigError: If the configuration does not fit the table.
         FitError: If no start gives finite residuals.
     """
-    notices = list(table_notices(table, config))
-    if not config.push.length_known and config.noise.sigma == "auto":
-        # Unequal pushes scatter by more than any sensor noise.
-        config = _with_sigma(config, "sampled")
-    reference_alpha = _reference_alpha(table, config)
+    config, notices = prepared(table, config)
+    reference_alpha = reference_azimuth(table, config)
     setup, fit = _fit(table, config, reference_alpha)
     lost = lost_contact_rows(setup, fit)
     if lost:
         table = table.with_flag(lost, "lost_contact")
-        notices.append(contact_notice(table, lost))
+        notices = (*notices, contact_notice(table, lost))
         setup, fit = _fit(table, config, reference_alpha)
     excess = scatter_notice(setup, fit) if config.noise.sigma == "auto" else None
     if excess is not None:
-        config = _with_sigma(config, "sampled")
+        config = with_sigma(config, "sampled")
+        notices = (*notices, excess)
         setup, fit = _fit(table, config, reference_alpha)
-    found = (excess, contradiction_notice(setup, fit))
     return Fitted(
         table=table,
         config=config,
         setup=setup,
         fit=fit,
         reference_alpha=reference_alpha,
-        notices=(*notices, *setup.noise.notices, *(n for n in found if n)),
+        notices=(*notices, *fit_notices(setup, fit)),
     )
+
+
+def prepared(
+    table: PeakTable, config: GraspConfig
+) -> tuple[GraspConfig, tuple[Notice, ...]]:
+    """The configuration that a table is fitted with, and what it says before.
+
+    Args:
+        table: Peak heights.
+        config: Configuration in force.
+
+    Returns:
+        Configuration and warnings.
+    """
+    notices = tuple(table_notices(table, config))
+    if not config.push.length_known and config.noise.sigma == "auto":
+        # Unequal pushes scatter by more than any sensor noise.
+        config = with_sigma(config, "sampled")
+    return config, notices
+
+
+def fit_notices(setup: Setup, fit: FitResult) -> tuple[Notice, ...]:
+    """What noise and fit say.
+
+    Args:
+        setup: Problem and its provenance.
+        fit: Best fit.
+
+    Returns:
+        Warnings.
+    """
+    contradiction = contradiction_notice(setup, fit)
+    return (*setup.noise.notices, *((contradiction,) if contradiction else ()))
 
 
 def _fit(
@@ -300,7 +355,7 @@ def _identifiability(
     )
 
 
-def _reference_alpha(table: PeakTable, config: GraspConfig) -> float:
+def reference_azimuth(table: PeakTable, config: GraspConfig) -> float:
     """Azimuth with the most distinct elevations, unless the configuration names one."""
     if config.grasp.reference_alpha_deg is not None:
         return float(np.radians(config.grasp.reference_alpha_deg))
@@ -317,6 +372,7 @@ def reach_of(config: GraspConfig) -> tuple[float, float]:
     return float(np.radians(low)), float(np.radians(high))
 
 
-def _with_sigma(config: GraspConfig, sigma: str) -> GraspConfig:
+def with_sigma(config: GraspConfig, sigma: str) -> GraspConfig:
+    """The configuration with another `[noise] sigma`."""
     noise = config.noise.model_copy(update={"sigma": sigma})
     return config.model_copy(update={"noise": noise})

@@ -22,6 +22,11 @@ from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
 
+# Points, sums of squares, and whether the solver arrived, best first.
+Optima = tuple[
+    Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]
+]
+
 # Far below any standard error that real heights allow, and above rounding.
 RTOL = ATOL = 1e-10
 MAX_STEPS = 200
@@ -60,7 +65,28 @@ def fit_least_squares(
     starts = starting_points(problem)
     if setup.best_point is not None:
         starts[-1] = setup.best_point
-    points, costs, is_done = polish(problem, starts)
+    found = polish(problem, starts)
+    return fit_result(setup, found, reference_alpha=reference_alpha, throw=throw)
+
+
+def fit_result(
+    setup: Setup, found: Optima, *, reference_alpha: float, throw: bool = True
+) -> FitResult:
+    """What optima say, however they were found.
+
+    Args:
+        setup: Problem and its provenance, its noise settled.
+        found: Points, sums of squares, and whether the solver arrived; best first.
+        reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
+        throw: Raise instead of returning a result whose status is not OK.
+
+    Returns:
+        Fit with all modes.
+
+    Raises:
+        FitError: If the best has no finite residuals and `throw` is set.
+    """
+    problem, (points, costs, is_done) = setup.problem, found
     best = jnp.asarray(points[0])
     mask = np.asarray(problem.mask)
     jacobian = np.asarray(_jacobian(problem, best))[mask.ravel()]
@@ -165,12 +191,20 @@ def settle_noise(setup: Setup) -> Setup:
     has_weights = len(problem.channels) > 1 or bool(np.any(problem.sd > 0))
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
-        problem = _with_sigma(problem, jnp.asarray(points[0]))
+        problem = with_noise_of(problem, jnp.asarray(points[0]))
     return replace(setup, problem=problem, best_point=points[0])
 
 
-def _with_sigma(problem: Problem, y: Float[Array, " q"]) -> Problem:
-    """The problem with sigma of each channel estimated from the residuals at y."""
+def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
+    """The problem with sigma of each channel estimated from the residuals at y.
+
+    Args:
+        problem: Problem whose noise is sampled.
+        y: Data coordinates of a fit.
+
+    Returns:
+        The problem with other weights.
+    """
     mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
     errors = np.asarray(problem.predict(problem.data_state(y)) - problem.observed)
     share = max(1.0 - len(problem.data_names) / mask.sum(), 1.0 / mask.sum())

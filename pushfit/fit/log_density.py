@@ -69,6 +69,11 @@ class Table(eqx.Module):
         """Last grid point."""
         return self.start + self.step * (self.values.size - 1)
 
+    def shifted(self, by: float) -> "Table":
+        """Density of the log of a number that is exp(by) times as large."""
+        moved = (self.start + by, self.mean + by)
+        return eqx.tree_at(lambda t: (t.start, t.mean), self, moved)
+
     def log_prob(self, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
         """Cubic through the four nearest grid points; -inf outside the grid."""
         place = (u - self.start) / self.step

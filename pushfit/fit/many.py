@@ -2,6 +2,7 @@
 
 What comes out for a table depends on that table, the configuration and its seed, never
 on the tables beside it; a table that cannot be identified gives its error in its place.
+Tables that fit into a lane go through compiled programs together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,6 +17,8 @@ from pushfit.errors import PushfitError
 from pushfit.fit.exact import why_not_exact
 from pushfit.fit.flat import Cell, flat_values, pooled_draws
 from pushfit.fit.identify import identify_table
+from pushfit.fit.lane_results import Fibres, identify_lanes, ready
+from pushfit.fit.results import Identification
 from pushfit.fit.setup import build_problem
 
 
@@ -51,9 +54,26 @@ def identify_many(
     Returns:
         For each table its row, or the error that stands against it.
     """
+    found: list[Identification | PushfitError | None] = [None] * len(tables)
+    fibres, items = Fibres(), {}
+    for index, (table, seed) in enumerate(zip(tables, seeds, strict=True)):
+        if engine == "emcee":
+            break
+        try:
+            item = ready(table, config, fibres, seed=seed)
+        except PushfitError as error:
+            found[index] = error
+        else:
+            if item is not None:
+                items[index] = item
+    together = identify_lanes(list(items.values()), fibres)
+    for index, result in zip(items, together, strict=True):
+        found[index] = result
     return [
         _identify_one(table, config, seed=seed, engine=engine)
-        for table, seed in zip(tables, seeds, strict=True)
+        if result is None
+        else _as_item(result)
+        for table, seed, result in zip(tables, seeds, found, strict=True)
     ]
 
 
@@ -84,7 +104,13 @@ def _identify_one(
     """One table, its error as a value."""
     try:
         chosen = engine_for(table, config, engine)
-        found = identify_table(table, config, seed=seed, engine=chosen)
+        return _as_item(identify_table(table, config, seed=seed, engine=chosen))
     except PushfitError as error:
         return error
+
+
+def _as_item(found: Identification | PushfitError) -> ItemResult | PushfitError:
+    """A result as a row; an error stays what it is."""
+    if isinstance(found, PushfitError):
+        return found
     return ItemResult(values=flat_values(found), draws=pooled_draws(found))

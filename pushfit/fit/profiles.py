@@ -96,7 +96,7 @@ def likelihood_profiles(
         Profiles of theta_c [deg], alpha_star [deg], A, B, C_rr, F_0 and of the free
         parameters of the six, as far as each exists.
     """
-    dof = _degrees_of_freedom(setup, fit)
+    dof = degrees_of_freedom(setup, fit)
     level = threshold(prob, dof)
     curves = _curves(setup.problem, fit, reference_alpha, level)
     words = {"prob": prob, "degrees_of_freedom": dof}
@@ -124,7 +124,8 @@ def likelihood_profiles(
     )
 
 
-def _degrees_of_freedom(setup: Setup, fit: FitResult) -> float:
+def degrees_of_freedom(setup: Setup, fit: FitResult) -> float:
+    """Degrees of freedom of the sigma behind Δχ²; infinite where it was given."""
     if setup.noise.kind == "sampled":
         return float(max(fit.degrees_of_freedom, 1))
     return float(setup.noise.degrees_of_freedom)

@@ -1,0 +1,384 @@
+"""From many tables to their identifications, through lanes.
+
+Tables of equal shape are stacked in chunks of fixed size, so that a table's numbers do
+not depend on its neighbours, and what the compiled programs return becomes the same
+records that a single table gives. A table on which a lane is not exact enough is left
+to the engines for single tables. Excluded: tables that fit into no lane.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from pushfit.config import GraspConfig
+from pushfit.data.table import PeakTable
+from pushfit.fit.exact import posterior_of_draws
+from pushfit.fit.fibre import Fibre, make_fibre
+from pushfit.fit.identify import (
+    Fitted,
+    conclude,
+    fit_notices,
+    prepared,
+    reach_of,
+    reference_azimuth,
+    with_sigma,
+)
+from pushfit.fit.lane_fit import LaneFit, fit_lanes
+from pushfit.fit.lane_posterior import (
+    LaneDraws,
+    draw_lanes,
+    integrate_lanes,
+)
+from pushfit.fit.lane_profile import LaneProfile, profile_lanes
+from pushfit.fit.lanes import Lane, make_lane, prior_tables, why_not_lane
+from pushfit.fit.least_squares import fit_result, with_noise_of
+from pushfit.fit.log_density import Table
+from pushfit.fit.noise_grid import make_noise_grid
+from pushfit.fit.notices import scatter_notice
+from pushfit.fit.problem import Problem
+from pushfit.fit.profile_sets import pieces_below, threshold, verdict_of
+from pushfit.fit.profiles import degrees_of_freedom
+from pushfit.fit.quadrature import draw_from_nodes
+from pushfit.fit.results import (
+    FitResult,
+    FitStatus,
+    Identification,
+    LikelihoodProfile,
+    Notice,
+    PosteriorResult,
+)
+from pushfit.fit.setup import Setup, build_problem
+from pushfit.fit.starts import encode
+
+# Lanes of one call: always so many, the last one repeated.
+N_LANES = 32
+# Draws per table, stratified in θ_c.
+N_DRAWS = 1000
+# A lane whose evidence is known less well than this is done again by itself.
+MAX_ERROR = 2e-3
+# Least squares that a profile undercuts by more than this had missed the best mode.
+MISSED = 0.01
+# Stiffnesses whose priors scale with the unit of the heights.
+SCALED = ("K_sn", "K_dn", "K_st", "C_d")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ready:
+    """A table on its way into a lane.
+
+    Args:
+        table: Peak heights.
+        given: Configuration as it was given.
+        config: Configuration in force.
+        setup: Problem.
+        lane: Its lane.
+        fibre: Prior of the parameters given A and B, stiffnesses divided by `scale`.
+        scale: Unit of stiffness in the fibre.
+        notices: What came up on the way.
+        seed: Seed of the draws.
+    """
+
+    table: PeakTable
+    given: GraspConfig
+    config: GraspConfig
+    setup: Setup
+    lane: Lane
+    fibre: Fibre
+    scale: float
+    notices: tuple[Notice, ...]
+    seed: int
+
+
+class Fibres:
+    """Fibres and their tables, one for all priors that differ in scale alone."""
+
+    def __init__(self) -> None:
+        """Nothing is known yet."""
+        self._known: dict[tuple, tuple[Fibre, tuple[Table, Table, Table]]] = {}
+
+    def of(self, problem: Problem) -> tuple[Fibre, tuple[Table, Table, Table], float]:
+        """Fibre in units of a stiffness, densities of A, B and C_rr, and that unit."""
+        priors = {n: p for n, p in problem.priors.items() if n[:6] != "sigma_"}
+        stiff = [priors.get(name) for name in SCALED]
+        can_scale = all(p is not None and p.kind == "lognormal" for p in stiff)
+        scale = float(priors["K_sn"].first) if can_scale else 1.0
+        for name in SCALED if can_scale else ():
+            # Nine digits, so that rounding cannot make two fibres of one.
+            median = float(f"{float(priors[name].first) / scale:.9g}")
+            priors[name] = eqx.tree_at(
+                lambda p: p.first, priors[name], jnp.asarray(median)
+            )
+        key = tuple(
+            (name, p.kind, float(p.first), float(p.second))
+            for name, p in sorted(priors.items())
+        ) + tuple((name, float(v)) for name, v in sorted(problem.fixed.items()))
+        if key not in self._known:
+            fibre = make_fibre(priors, problem.fixed)
+            self._known[key] = fibre, prior_tables(fibre)
+        fibre, (A, B, C) = self._known[key]
+        return fibre, (A.shifted(np.log(scale)), B.shifted(np.log(scale)), C), scale
+
+
+def ready(
+    table: PeakTable, config: GraspConfig, fibres: Fibres, *, seed: int
+) -> Ready | None:
+    """A table with its lane; None if it fits into none.
+
+    Args:
+        table: Peak heights.
+        config: Configuration as it was given.
+        fibres: Fibres met so far.
+        seed: Seed of the draws.
+
+    Returns:
+        The table, ready to be stacked.
+
+    Raises:
+        DataError: If no usable push is left.
+        ConfigError: If the configuration does not fit the table.
+    """
+    in_force, notices = prepared(table, config)
+    setup = build_problem(table, in_force)
+    if why_not_lane(setup.problem) is not None:
+        return None
+    fibre, tables, scale = fibres.of(setup.problem)
+    return Ready(
+        table=table,
+        given=config,
+        config=in_force,
+        setup=setup,
+        lane=make_lane(setup.problem, tables),
+        fibre=fibre,
+        scale=scale,
+        notices=notices,
+        seed=seed,
+    )
+
+
+def identify_lanes(
+    items: Sequence[Ready], fibres: Fibres
+) -> list[Identification | None]:
+    """Identify tables side by side.
+
+    Args:
+        items: Tables in their lanes.
+        fibres: Fibres met so far.
+
+    Returns:
+        Identifications; None where a lane was not exact enough.
+    """
+    found: list[Identification | None] = [None] * len(items)
+    fits: dict[int, tuple[Ready, FitResult]] = {}
+    again = list(enumerate(items))
+    while again:
+        fitted = [pair for chunk in _chunks(again) for pair in _fitted(chunk)]
+        again = []
+        for index, item, fit in fitted:
+            excess = None
+            if item.config.noise.sigma == "auto":
+                excess = scatter_notice(item.setup, fit)
+            if excess is None:
+                fits[index] = item, fit
+                continue
+            sampled = with_sigma(item.config, "sampled")
+            other = ready(item.table, sampled, fibres, seed=item.seed)
+            if other is not None:
+                notices = (*item.notices, excess)
+                again.append((index, replace(other, given=item.given, notices=notices)))
+    for chunk in _chunks([(i, item) for i, (item, _) in fits.items()]):
+        for index, item, profile, posterior in _integrated(chunk):
+            result = _concluded(item, fits[index][1], profile, posterior)
+            found[index] = result
+    return found
+
+
+def _chunks(
+    items: Sequence[tuple[int, Ready]],
+) -> list[list[tuple[int, Ready]]]:
+    """Items of equal shapes together, at most `N_LANES` at a time."""
+    groups = defaultdict(list)
+    for index, item in items:
+        leaves, structure = jax.tree.flatten(item.lane)
+        groups[structure, tuple(np.shape(leaf) for leaf in leaves)].append(
+            (index, item)
+        )
+    return [
+        group[first : first + N_LANES]
+        for group in groups.values()
+        for first in range(0, len(group), N_LANES)
+    ]
+
+
+def _stacked(chunk: Sequence[tuple[int, Ready]]) -> Lane:
+    """Lanes of a chunk as one, the last one repeated to the full number."""
+    lanes = [item.lane for _, item in chunk]
+    lanes += lanes[-1:] * (N_LANES - len(lanes))
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *lanes)
+
+
+def _fitted(
+    chunk: Sequence[tuple[int, Ready]],
+) -> list[tuple[int, Ready, FitResult]]:
+    """Least squares of a chunk; items without a finite misfit are left out."""
+    fits = jax.tree.map(np.asarray, fit_lanes(_stacked(chunk)))
+    found = []
+    for lane, (index, item) in enumerate(chunk):
+        optima = jax.tree.map(lambda leaf, lane=lane: leaf[lane], fits)
+        fitted = _described(item, optima)
+        if fitted is not None:
+            found.append((index, *fitted))
+    return found
+
+
+def _described(item: Ready, optima: LaneFit) -> tuple[Ready, FitResult] | None:
+    """The fit of one table as a record, its noise settled."""
+    setup, problem = item.setup, item.setup.problem
+    ln_B = optima.u + optima.c + optima.a
+    values = {"ln_A": optima.a, "ln_B": ln_B, "ln_C_rr": optima.c}
+    points = np.stack([values[name] for name in problem.data_names], axis=1)
+    if not np.all(np.isfinite(points[0])):
+        return None
+    if setup.noise.kind == "sampled":
+        problem = with_noise_of(problem, jnp.asarray(points[0]))
+        setup = replace(setup, problem=problem, best_point=points[0])
+    costs = np.asarray(_costs(problem, jnp.asarray(points)))
+    costs = np.where(np.isfinite(costs), costs, np.inf)
+    order = np.argsort(costs, kind="stable")
+    fit = fit_result(
+        setup,
+        (points[order], costs[order], optima.is_done[order]),
+        reference_alpha=reference_azimuth(item.table, item.config),
+        throw=False,
+    )
+    if fit.status is not FitStatus.OK:
+        return None
+    return replace(item, setup=setup), fit
+
+
+def _integrated(
+    chunk: Sequence[tuple[int, Ready]],
+) -> list[tuple[int, Ready, LaneProfile, PosteriorResult]]:
+    """Profiles and posteriors of a chunk, those left out that are not exact enough."""
+    lanes = _stacked(chunk)
+    fits = fit_lanes(lanes)
+    profiles = jax.tree.map(np.asarray, profile_lanes(lanes, fits))
+    posteriors = integrate_lanes(lanes, fits)
+    rngs = [np.random.default_rng(item.seed) for _, item in chunk]
+    uniform = np.zeros((N_LANES, N_DRAWS, 4)) + 0.5
+    for lane, rng in enumerate(rngs):
+        uniform[lane] = rng.uniform(size=(N_DRAWS, 4))
+        # In random order, so that any part of the draws is a sample of the whole.
+        strata = rng.permutation(N_DRAWS)
+        uniform[lane, :, 0] = (strata + uniform[lane, :, 0]) / N_DRAWS
+    draws = jax.tree.map(np.asarray, draw_lanes(lanes, posteriors, uniform))
+    evidence = np.asarray(posteriors.log_evidence)
+    error = np.asarray(posteriors.error)
+    found = []
+    for lane, ((index, item), rng) in enumerate(zip(chunk, rngs, strict=True)):
+        if not (error[lane] < MAX_ERROR and np.isfinite(evidence[lane])):
+            continue
+        one, profile = (
+            jax.tree.map(lambda leaf, lane=lane: leaf[lane], tree)
+            for tree in (draws, profiles)
+        )
+        posterior = _posterior(
+            item, one, (float(evidence[lane]), float(error[lane])), rng
+        )
+        found.append((index, item, profile, posterior))
+    return found
+
+
+def _posterior(
+    item: Ready,
+    draws: LaneDraws,
+    evidence: tuple[float, float],
+    rng: np.random.Generator,
+) -> PosteriorResult:
+    """Draws of all parameters: those behind A and B follow from their prior."""
+    problem, ln_scale = item.setup.problem, np.log(item.scale)
+    ln_A, ln_B = draws.a - ln_scale, draws.u + draws.c + draws.a - ln_scale
+    scores = rng.standard_normal((3, draws.u.size))
+    logs = item.fibre.split(ln_A, ln_B, scores) | {"C_rr": draws.c}
+    logs = {n: v + ln_scale if n in SCALED else v for n, v in logs.items()}
+    if item.setup.noise.kind == "sampled":
+        noise = make_noise_grid(problem)
+        for i, channel in enumerate(problem.channels):
+            ln_sigma = np.asarray(noise.ln_sigma)[i]
+            # Q is in units of the heights, the constants of the grid know the rest.
+            density = np.asarray(noise.constant)[i] - draws.squares[:, i, None] / (
+                2 * np.exp(2 * ln_sigma)
+            )
+            rows = np.broadcast_to(ln_sigma, density.shape)
+            uniform = rng.uniform(size=(draws.u.size, 1))
+            logs[f"sigma_{channel}"] = draw_from_nodes(rows, density, uniform)[:, 0]
+    x = encode(problem, {name: np.exp(values) for name, values in logs.items()})
+    return posterior_of_draws(
+        problem,
+        x,
+        rng=rng,
+        evidence=evidence,
+        seed=item.seed,
+        reference_alpha=reference_azimuth(item.table, item.config),
+        reach=reach_of(item.config),
+    )
+
+
+def _concluded(
+    item: Ready, fit: FitResult, profile: LaneProfile, posterior: PosteriorResult
+) -> Identification | None:
+    """The identification; None where the profile knows a better fit."""
+    problem = item.setup.problem
+    # Lanes of sampled noise measure misfit in units of the heights.
+    is_sampled = item.setup.noise.kind == "sampled"
+    mask = np.asarray(problem.mask)
+    sigma = np.asarray(problem.reference_sigma)[mask][0] if is_sampled else 1.0
+    chi_square = profile.misfit / sigma**2
+    if not np.min(chi_square) > fit.chi_square - MISSED:
+        return None
+    theta_c = _profile(item, fit, np.degrees(np.arctan(np.exp(profile.u))), chi_square)
+    fitted = Fitted(
+        table=item.table,
+        config=item.config,
+        setup=item.setup,
+        fit=fit,
+        reference_alpha=reference_azimuth(item.table, item.config),
+        notices=(*item.notices, *fit_notices(item.setup, fit)),
+    )
+    return conclude(
+        fitted, {"theta_c": theta_c}, posterior, config=item.given, seed=item.seed
+    )
+
+
+def _profile(
+    item: Ready,
+    fit: FitResult,
+    values: Float[np.ndarray, " g"],
+    chi_square: Float[np.ndarray, " g"],
+) -> LikelihoodProfile:
+    """Likelihood profile of θ_c."""
+    keep = np.r_[True, np.diff(values) > 0]
+    values, delta = values[keep], chi_square[keep] - np.min(chi_square)
+    dof = degrees_of_freedom(item.setup, fit)
+    prob = item.given.report.prob
+    pieces = pieces_below(values, delta, threshold(prob, dof))
+    return LikelihoodProfile(
+        name="theta_c",
+        unit="deg",
+        values=values,
+        delta_chi_square=delta,
+        pieces=pieces,
+        prob=prob,
+        verdict=verdict_of(pieces),
+        degrees_of_freedom=dof,
+    )
+
+
+@eqx.filter_jit
+def _costs(problem: Problem, points: Float[Array, "k q"]) -> Float[Array, " k"]:
+    return jax.vmap(lambda y: jnp.sum(problem.data_residuals(y) ** 2))(points)
