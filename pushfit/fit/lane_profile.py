@@ -19,6 +19,8 @@ from pushfit.model import Scalar
 # Places around each of the best modes, in standard deviations of ln tan θ_c.
 N_MODES = 3
 OFFSETS = np.array([0.25, 0.5, 0.8, 1.1, 1.4, 1.65, 1.9, 2.2, 2.6, 3.2, 4.0, 6.0])
+# Values between the neighbours of the best one.
+N_CLOSER = 24
 # All but no prior, so that a flat valley has a bottom.
 WEAK = 1e-6
 # Outer values that share the processor's cache.
@@ -26,9 +28,18 @@ BATCH = 8
 
 
 class LaneProfile(eqx.Module):
-    """Least misfit Q at values of u = ln tan θ_c, ascending."""
+    """Best fit at values of u = ln tan θ_c, ascending.
+
+    Args:
+        u: Values.
+        c: ln C_rr of the best fit at each.
+        a: ln A of it.
+        misfit: Its misfit Q.
+    """
 
     u: Float[Array, " g"]
+    c: Float[Array, " g"]
+    a: Float[Array, " g"]
     misfit: Float[Array, " g"]
 
 
@@ -40,14 +51,28 @@ def profile_lane(lane: Lane, fit: LaneFit) -> LaneProfile:
         fit: Its modes.
 
     Returns:
-        Profile on the grid of single tables, with more values around the modes.
+        Profile on the grid of single tables, at the pushed elevations, where an optimum
+        may sit on a kink, around the modes, and around the best of all these.
     """
     offsets = jnp.asarray(np.concatenate([-OFFSETS[::-1], [0.0], OFFSETS]))
     around = fit.u[:N_MODES, None] + fit.width[:N_MODES, None] * offsets
     grid = jnp.log(jnp.tan(jnp.asarray(THETA_GRID)))
-    u = jnp.sort(jnp.concatenate([grid, jnp.clip(around.ravel(), grid[0], grid[-1])]))
+    theta = jnp.clip(jnp.abs(lane.pushes.theta), THETA_GRID[0], THETA_GRID[-1])
+    wanted = jnp.concatenate([grid, around.ravel(), jnp.log(jnp.tan(theta))])
+    first = _best_fits(lane, jnp.sort(jnp.clip(wanted, grid[0], grid[-1])))
+    best, last = jnp.argmin(first.misfit), first.u.size - 1
+    low = first.u[jnp.maximum(best - 1, 0)]
+    high = first.u[jnp.minimum(best + 1, last)]
+    closer = _best_fits(lane, jnp.linspace(low, high, N_CLOSER))
+    both = jax.tree.map(lambda x, y: jnp.concatenate([x, y]), first, closer)
+    order = jnp.argsort(both.u)
+    return jax.tree.map(lambda values: values[order], both)
 
-    def least(u: Scalar) -> Scalar:
+
+def _best_fits(lane: Lane, u: Float[Array, " g"]) -> LaneProfile:
+    """The best fit at each of several u."""
+
+    def one(u: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         face = lane.face(u)
         misfit, a = jax.vmap(lambda c: least_misfit(lane, face, c))(
             jnp.asarray(LN_C_RR)
@@ -57,10 +82,13 @@ def profile_lane(lane: Lane, fit: LaneFit) -> LaneProfile:
         c = jnp.asarray(LN_C_RR)[best]
         prior = NormalPrior(jnp.stack([c, a[best], c + a[best]]), jnp.full(3, WEAK))
         refined, _, _ = climb(lane, face, (c, a[best]), prior)
-        polished, _ = least_misfit(lane, face, refined)
-        return jnp.minimum(misfit[best], jnp.nan_to_num(polished, nan=jnp.inf))
+        polished, at = least_misfit(lane, face, refined)
+        is_better = polished < misfit[best]
+        chosen = (refined, at, polished), (c, a[best], misfit[best])
+        return jax.tree.map(lambda x, y: jnp.where(is_better, x, y), *chosen)
 
-    return LaneProfile(u, jax.lax.map(least, u, batch_size=BATCH))
+    c, a, misfit = jax.lax.map(one, u, batch_size=BATCH)
+    return LaneProfile(u, c, a, misfit)
 
 
 @eqx.filter_jit

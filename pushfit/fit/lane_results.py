@@ -62,8 +62,8 @@ N_LANES = 32
 N_DRAWS = 1000
 # A lane whose evidence is known less well than this is done again by itself.
 MAX_ERROR = 2e-3
-# Least squares that a profile undercuts by more than this had missed the best mode.
-MISSED = 0.01
+# Two searches whose sums of squares differ by less than this agree.
+AGREED = 1e-3
 # Stiffnesses whose priors scale with the unit of the heights.
 SCALED = ("K_sn", "K_dn", "K_st", "C_d")
 
@@ -174,27 +174,28 @@ def identify_lanes(
         Identifications; None where a lane was not exact enough.
     """
     found: list[Identification | None] = [None] * len(items)
-    fits: dict[int, tuple[Ready, FitResult]] = {}
+    fits: dict[int, tuple[FitResult, LaneProfile]] = {}
+    settled: list[tuple[int, Ready]] = []
     again = list(enumerate(items))
     while again:
         fitted = [pair for chunk in _chunks(again) for pair in _fitted(chunk)]
         again = []
-        for index, item, fit in fitted:
+        for index, item, fit, profile in fitted:
             excess = None
             if item.config.noise.sigma == "auto":
                 excess = scatter_notice(item.setup, fit)
             if excess is None:
-                fits[index] = item, fit
+                fits[index] = fit, profile
+                settled.append((index, item))
                 continue
             sampled = with_sigma(item.config, "sampled")
             other = ready(item.table, sampled, fibres, seed=item.seed)
             if other is not None:
                 notices = (*item.notices, excess)
                 again.append((index, replace(other, given=item.given, notices=notices)))
-    for chunk in _chunks([(i, item) for i, (item, _) in fits.items()]):
-        for index, item, profile, posterior in _integrated(chunk):
-            result = _concluded(item, fits[index][1], profile, posterior)
-            found[index] = result
+    for chunk in _chunks(settled):
+        for index, item, posterior in _integrated(chunk):
+            found[index] = _concluded(item, *fits[index], posterior)
     return found
 
 
@@ -224,23 +225,32 @@ def _stacked(chunk: Sequence[tuple[int, Ready]]) -> Lane:
 
 def _fitted(
     chunk: Sequence[tuple[int, Ready]],
-) -> list[tuple[int, Ready, FitResult]]:
+) -> list[tuple[int, Ready, FitResult, LaneProfile]]:
     """Least squares of a chunk; items without a finite misfit are left out."""
-    fits = jax.tree.map(np.asarray, fit_lanes(_stacked(chunk)))
+    lanes = _stacked(chunk)
+    fits = fit_lanes(lanes)
+    both = jax.tree.map(np.asarray, (fits, profile_lanes(lanes, fits)))
     found = []
     for lane, (index, item) in enumerate(chunk):
-        optima = jax.tree.map(lambda leaf, lane=lane: leaf[lane], fits)
-        fitted = _described(item, optima)
+        optima, profile = jax.tree.map(lambda leaf, lane=lane: leaf[lane], both)
+        fitted = _described(item, optima, profile)
         if fitted is not None:
-            found.append((index, *fitted))
+            found.append((index, *fitted, profile))
     return found
 
 
-def _described(item: Ready, optima: LaneFit) -> tuple[Ready, FitResult] | None:
+def _described(
+    item: Ready, optima: LaneFit, profile: LaneProfile
+) -> tuple[Ready, FitResult] | None:
     """The fit of one table as a record, its noise settled."""
     setup, problem = item.setup, item.setup.problem
-    ln_B = optima.u + optima.c + optima.a
-    values = {"ln_A": optima.a, "ln_B": ln_B, "ln_C_rr": optima.c}
+    # An optimum on a kink, which a solver of smooth problems stops short of.
+    best = int(np.argmin(profile.misfit))
+    u, c, a = (
+        np.append(getattr(profile, name)[best], getattr(optima, name))
+        for name in ("u", "c", "a")
+    )
+    values = {"ln_A": a, "ln_B": u + c + a, "ln_C_rr": c}
     points = np.stack([values[name] for name in problem.data_names], axis=1)
     if not np.all(np.isfinite(points[0])):
         return None
@@ -250,9 +260,11 @@ def _described(item: Ready, optima: LaneFit) -> tuple[Ready, FitResult] | None:
     costs = np.asarray(_costs(problem, jnp.asarray(points)))
     costs = np.where(np.isfinite(costs), costs, np.inf)
     order = np.argsort(costs, kind="stable")
+    # Two searches that agree have arrived.
+    is_done = np.append(True, optima.is_done) | (costs > costs[0] - AGREED)
     fit = fit_result(
         setup,
-        (points[order], costs[order], optima.is_done[order]),
+        (points[order], costs[order], is_done[order]),
         reference_alpha=reference_azimuth(item.table, item.config),
         throw=False,
     )
@@ -263,14 +275,12 @@ def _described(item: Ready, optima: LaneFit) -> tuple[Ready, FitResult] | None:
 
 def _integrated(
     chunk: Sequence[tuple[int, Ready]],
-) -> list[tuple[int, Ready, LaneProfile, PosteriorResult]]:
-    """Profiles and posteriors of a chunk, those left out that are not exact enough."""
+) -> list[tuple[int, Ready, PosteriorResult]]:
+    """Posteriors of a chunk, those left out that are not exact enough."""
     lanes = _stacked(chunk)
-    fits = fit_lanes(lanes)
-    profiles = jax.tree.map(np.asarray, profile_lanes(lanes, fits))
-    posteriors = integrate_lanes(lanes, fits)
+    posteriors = integrate_lanes(lanes, fit_lanes(lanes))
     rngs = [np.random.default_rng(item.seed) for _, item in chunk]
-    uniform = np.zeros((N_LANES, N_DRAWS, 4)) + 0.5
+    uniform = np.full((N_LANES, N_DRAWS, 4), 0.5)
     for lane, rng in enumerate(rngs):
         uniform[lane] = rng.uniform(size=(N_DRAWS, 4))
         # In random order, so that any part of the draws is a sample of the whole.
@@ -281,16 +291,10 @@ def _integrated(
     error = np.asarray(posteriors.error)
     found = []
     for lane, ((index, item), rng) in enumerate(zip(chunk, rngs, strict=True)):
-        if not (error[lane] < MAX_ERROR and np.isfinite(evidence[lane])):
-            continue
-        one, profile = (
-            jax.tree.map(lambda leaf, lane=lane: leaf[lane], tree)
-            for tree in (draws, profiles)
-        )
-        posterior = _posterior(
-            item, one, (float(evidence[lane]), float(error[lane])), rng
-        )
-        found.append((index, item, profile, posterior))
+        if error[lane] < MAX_ERROR and np.isfinite(evidence[lane]):
+            one = jax.tree.map(lambda leaf, lane=lane: leaf[lane], draws)
+            known = float(evidence[lane]), float(error[lane])
+            found.append((index, item, _posterior(item, one, known, rng)))
     return found
 
 
@@ -331,16 +335,15 @@ def _posterior(
 
 def _concluded(
     item: Ready, fit: FitResult, profile: LaneProfile, posterior: PosteriorResult
-) -> Identification | None:
-    """The identification; None where the profile knows a better fit."""
+) -> Identification:
+    """The identification of one table."""
     problem = item.setup.problem
     # Lanes of sampled noise measure misfit in units of the heights.
     is_sampled = item.setup.noise.kind == "sampled"
     mask = np.asarray(problem.mask)
     sigma = np.asarray(problem.reference_sigma)[mask][0] if is_sampled else 1.0
-    chi_square = profile.misfit / sigma**2
-    if not np.min(chi_square) > fit.chi_square - MISSED:
-        return None
+    # Rounding aside, the best of the profile is the best fit.
+    chi_square = np.maximum(profile.misfit / sigma**2, fit.chi_square)
     theta_c = _profile(item, fit, np.degrees(np.arctan(np.exp(profile.u))), chi_square)
     fitted = Fitted(
         table=item.table,
@@ -363,7 +366,7 @@ def _profile(
 ) -> LikelihoodProfile:
     """Likelihood profile of θ_c."""
     keep = np.r_[True, np.diff(values) > 0]
-    values, delta = values[keep], chi_square[keep] - np.min(chi_square)
+    values, delta = values[keep], chi_square[keep] - fit.chi_square
     dof = degrees_of_freedom(item.setup, fit)
     prob = item.given.report.prob
     pieces = pieces_below(values, delta, threshold(prob, dof))
