@@ -26,5 +26,6 @@ from .model import Grasp as Grasp
 from .model import Parameters as Parameters
 from .model import Pushes as Pushes
 from .model import forward as forward
+from .report.stored import read_result as read_result
 
 __version__: str

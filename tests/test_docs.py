@@ -13,7 +13,10 @@ from pushfit.config import template
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 # Commands that fit or sample; the rest take a second at most.
-SLOW = {"identify", "fit", "sample", "verify", "calibrate", "compare", "demo", "batch"}
+SLOW = {
+    *("identify", "fit", "sample", "demo", "batch"),
+    *("verify", "report", "calibrate", "compare"),
+}
 
 
 def blocks(page: Path, language: str) -> list[str]:

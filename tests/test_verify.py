@@ -88,8 +88,8 @@ def test_an_input_that_is_gone_is_refused_by_name(place, capsys):
     assert "--inputs" in message
 
 
-def test_a_folder_that_is_no_result_is_a_usage_error(place, capsys):
-    assert main(["verify", "."]) == 2
+def test_a_folder_that_is_no_result_is_a_rejected_input(place, capsys):
+    assert main(["verify", "."]) == 3
     assert "not a result" in capsys.readouterr().err
 
 

@@ -6,7 +6,17 @@ from typing import Annotated
 import typer
 
 import pushfit
-from pushfit.cli import analysis, batch, calibrate, compare, doctor, files, init, verify
+from pushfit.cli import (
+    analysis,
+    batch,
+    calibrate,
+    compare,
+    doctor,
+    files,
+    init,
+    report,
+    verify,
+)
 from pushfit.cli.session import command
 
 app = typer.Typer(
@@ -54,6 +64,7 @@ for function in (
     files.simulate,
     analysis.demo,
     init.init,
+    report.report,
     verify.verify,
     calibrate.calibrate,
     compare.compare,

@@ -37,7 +37,8 @@ def verify(
     """Compute a result again from its inputs and compare every number."""
     cache = enable_compile_cache()
     session.say_more(f"compiled programs: {cache}")
-    from pushfit.report.reproduction import compare_result, read_summary
+    from pushfit.report.reproduction import compare_result
+    from pushfit.report.stored import read_summary
 
     summary = read_summary(result)
     found = find_inputs(summary, result, inputs)

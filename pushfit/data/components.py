@@ -59,6 +59,19 @@ def push_signal(
     return time, -samples if settings.invert else samples
 
 
+def signal_name(recording: Recording, settings: PeakSettings) -> str:
+    """Words for what `push_signal` returns.
+
+    Args:
+        recording: Samples.
+        settings: Which channel, or which normal.
+    """
+    if settings.normal is not None:
+        return "change of force"
+    name = _channel(recording, settings.channel)
+    return f"{name}, sign changed" if settings.invert else name
+
+
 def measure_components(
     recording: Recording,
     extents: Sequence[Extent],

@@ -1,6 +1,7 @@
 """One table of peak heights from the tables of several recordings of one grasp."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -40,11 +41,17 @@ def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
         for table, end in zip(tables, ends, strict=True)
         if table.sources
     ]
-    return PeakTable.from_frame(
+    merged = PeakTable.from_frame(
         frame,
         sources=tuple(source for table in tables for source in table.sources),
         notes=(*origins, *(note for table in tables for note in table.notes)),
     )
+    traces = tuple(
+        replace(trace, first_row=trace.first_row + int(end) - table.n_pushes)
+        for table, end in zip(tables, ends, strict=True)
+        for trace in table.traces
+    )
+    return replace(merged, traces=traces)
 
 
 def _refuse_duplicates(tables: Sequence[PeakTable]) -> None:

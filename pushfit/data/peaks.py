@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from pushfit.config.inputs import PeaksSection
 from pushfit.data.alignment import Alignment, align
-from pushfit.data.components import measure_components, push_signal
+from pushfit.data.components import measure_components, push_signal, signal_name
 from pushfit.data.detection import Extent, find_extents
 from pushfit.data.directions import recorded_directions
 from pushfit.data.heights import measure_heights
@@ -24,6 +24,7 @@ from pushfit.data.records import Recording
 from pushfit.data.rests import rest_curve, without_dips
 from pushfit.data.schedule import DECIMALS, PushSchedule
 from pushfit.data.table import PeakTable
+from pushfit.data.traces import MAX_KEPT, Trace, envelope
 from pushfit.errors import DataError
 
 DEFAULTS = PeakSettings()
@@ -127,8 +128,23 @@ def extract_peaks(
     sources = recording.sources
     if schedule is not None and schedule.source is not None:
         sources = (*sources, schedule.source)
-    return PeakTable.from_frame(
+    table = PeakTable.from_frame(
         frame, sources=sources, notes=(*notes, *_flag_notes(frame))
+    )
+    return replace(table, traces=(_trace(recording, settings, table=table),))
+
+
+def _trace(recording: Recording, settings: PeakSettings, *, table: PeakTable) -> Trace:
+    """The signal that all rows of a table were measured in."""
+    time, signal = envelope(*push_signal(recording, settings), max_points=MAX_KEPT)
+    return Trace(
+        path=recording.sources[0].path if recording.sources else "",
+        name=signal_name(recording, settings),
+        unit=table.unit,
+        time=time,
+        signal=signal,
+        first_row=0,
+        n_rows=table.n_pushes,
     )
 
 

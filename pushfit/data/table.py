@@ -25,6 +25,7 @@ from pushfit.data.table_rules import (
     LAYOUT,
     canonical_frame,
 )
+from pushfit.data.traces import Trace
 from pushfit.errors import ConfigError, DataError
 
 _PARQUET = frozenset({".parquet", ".pq"})
@@ -44,12 +45,14 @@ class PeakTable:
         unit: Unit of all heights: `n`, `kpa`, `counts` or `au`.
         sources: Files behind the rows.
         notes: What was recognised, left out or filled in, for the user.
+        traces: Signals that the heights were measured in, where there were any.
     """
 
     frame: pd.DataFrame
     unit: str
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
+    traces: tuple[Trace, ...] = ()
 
     @classmethod
     def from_frame(

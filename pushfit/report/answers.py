@@ -103,6 +103,7 @@ def alpha_star_answer(identification: Identification) -> Answer:
     subject = "The best push direction α*"
     if not is_trusted(identification):
         return _unquoted("alpha_star", subject, identification)
+    free = identification.alpha_star_model_free
     draws = _draws(identification, "alpha_star")
     answer = _angle_answer(
         "alpha_star",
@@ -118,7 +119,7 @@ def alpha_star_answer(identification: Identification) -> Answer:
     )
     remarks = [
         _reach_remark(answer, identification.config.reach.alpha_deg),
-        _model_free_remark(quantity, identification.alpha_star_model_free),
+        _model_free_remark(quantity, free and quoted(free, identification)),
     ]
     return _with_caution(_with_remarks(answer, remarks), identification)
 

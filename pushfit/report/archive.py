@@ -1,8 +1,9 @@
-"""The posterior as netCDF: draws, prior, observations, and what they came from.
+"""Every array of a result as netCDF: draws, prior, observations, fit and pictures.
 
 An `xarray.DataTree` in the ArviZ layout, so that any ArviZ function reads it. Draws are
 one chain: the independent ensembles of an emcee run are kept apart in the group
-`ensembles`, in fitting coordinates.
+`ensembles`, in fitting coordinates. With `summary.json` and `peaks.csv` it is all that
+a report shows (`pushfit.report.stored` reads it back).
 """
 
 import json
@@ -20,16 +21,16 @@ if TYPE_CHECKING:
 
 
 def posterior_tree(identification: Identification) -> "DataTree":
-    """Posterior with its prior, data and provenance.
+    """Posterior with its prior, data, fit and provenance.
 
     Args:
         identification: The result.
 
     Returns:
-        Groups `posterior`, `prior`, `observed_data`, `sample_stats` and, from emcee,
-        `ensembles`. The root says seed, versions, sha256 of the inputs, config, status
-        and ci_prob; `status` other than "ok" means that no interval of these draws is
-        to be quoted.
+        Groups `posterior`, `prior`, `observed_data`, `sample_stats`, `fit`, `profiles`,
+        `bands`, `traces` and, from emcee, `ensembles`. The root says seed, versions,
+        sha256 of the inputs, config, status and ci_prob; `status` other than "ok" means
+        that no interval of these draws is to be quoted.
     """
     import arviz_base
     from xarray import DataTree
@@ -62,6 +63,13 @@ def posterior_tree(identification: Identification) -> "DataTree":
     _add_units(tree, identification)
     if posterior.chain is not None:
         tree["ensembles"] = DataTree(_ensembles(identification))
+    for name, dataset in (
+        ("fit", _fit(identification)),
+        ("profiles", _profiles(identification)),
+        ("bands", _bands(identification)),
+        ("traces", _traces(identification)),
+    ):
+        tree[name] = DataTree(dataset)
     tree.attrs = root_attributes(identification)
     return tree
 
@@ -86,8 +94,13 @@ def root_attributes(identification: Identification) -> dict[str, str | int | flo
         "ci_kind": "eti",
         "ci_prob": identification.theta_c.prob,
         "reference_alpha_deg": identification.reference_alpha_deg,
-        **{name: json.dumps(json_safe(part)) for name, part in parts.items()},
+        **{name: _as_text(part) for name, part in parts.items()},
     }
+
+
+def _as_text(value: object) -> str:
+    """Lists and tables as an attribute of netCDF."""
+    return json.dumps(json_safe(value))
 
 
 def _one_chain(
@@ -117,9 +130,115 @@ def _ensembles(identification: Identification) -> "Dataset":
     from xarray import Dataset
 
     posterior = identification.posterior
-    dims = ("ensemble", "step", "walker", "coordinate")
+    variables: dict[str, object] = {
+        "chain": (("ensemble", "step", "walker", "coordinate"), posterior.chain)
+    }
+    if posterior.diagnostics is not None:
+        accepted = posterior.diagnostics.acceptance_fraction
+        variables["acceptance_fraction"] = (("ensemble", "walker"), accepted)
     return Dataset(
-        {"chain": (dims, posterior.chain)},
+        variables,
         coords={"coordinate": list(posterior.chain_names)},
         attrs={"thin": posterior.thin},
+    )
+
+
+def _fit(identification: Identification) -> "Dataset":
+    """The least-squares fit: estimate, covariance, and prediction of every datum."""
+    from xarray import Dataset
+
+    fit = identification.fit
+    return Dataset(
+        {
+            "estimate": ("coordinate", fit.estimate),
+            "covariance": (("coordinate", "other_coordinate"), fit.covariance),
+            "jacobian": (("datum", "coordinate"), fit.jacobian),
+            "sigma": ("datum", fit.sigma),
+            "predicted": ("datum", fit.predicted),
+            "row": ("datum", np.array(fit.row, dtype=int)),
+        },
+        coords={
+            "coordinate": list(fit.names),
+            "datum": list(fit.channel),
+        },
+    )
+
+
+def _profiles(identification: Identification) -> "Dataset":
+    """Likelihood profiles, each on its own grid."""
+    from xarray import Dataset
+
+    return Dataset(
+        {
+            name: (
+                f"{name}_value",
+                profile.delta_chi_square,
+                {
+                    "units": profile.unit,
+                    "pieces": _as_text(profile.pieces),
+                    "prob": profile.prob,
+                    "verdict": profile.verdict.value,
+                    "degrees_of_freedom": profile.degrees_of_freedom,
+                },
+            )
+            for name, profile in identification.profiles.items()
+        },
+        coords={
+            f"{name}_value": profile.values
+            for name, profile in identification.profiles.items()
+        },
+    )
+
+
+# The curves of a band, in the order of the second axis.
+CURVES = ("lower", "median", "upper", "best_fit")
+
+
+def _bands(identification: Identification) -> "Dataset":
+    """Predictions along the sweeps, one variable each, numbered."""
+    from xarray import Dataset
+
+    bands = dict(enumerate(identification.bands))
+    return Dataset(
+        {
+            f"band_{index}": (
+                ("curve", f"angle_{index}"),
+                np.stack([getattr(band, curve) for curve in CURVES]),
+                {
+                    "units": identification.table.unit,
+                    "channel": band.channel,
+                    "swept": band.swept,
+                    "fixed_deg": band.fixed_deg,
+                    "prob": band.prob,
+                    "rows": _as_text(band.rows),
+                },
+            )
+            for index, band in bands.items()
+        },
+        coords={f"angle_{index}": band.angle_deg for index, band in bands.items()}
+        | {"curve": list(CURVES)},
+    )
+
+
+def _traces(identification: Identification) -> "Dataset":
+    """Signals that the heights were measured in, numbered."""
+    from xarray import Dataset
+
+    traces = dict(enumerate(identification.table.traces))
+    return Dataset(
+        {
+            f"trace_{index}": (
+                f"time_{index}",
+                trace.signal,
+                {
+                    "units": trace.unit,
+                    "path": json_safe(trace.path),
+                    "name": json_safe(trace.name),
+                    "first_row": trace.first_row,
+                    "n_rows": trace.n_rows,
+                },
+            )
+            for index, trace in traces.items()
+        },
+        coords={f"time_{index}": trace.time for index, trace in traces.items()},
     )

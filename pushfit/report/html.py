@@ -138,6 +138,8 @@ def _content(identification: Identification) -> dict[str, object]:
             for a in answers
         ],
         "main_caption": _main_caption(identification),
+        "sweeps": _sweep_captions(identification),
+        "recordings": _recording_captions(identification),
         "warnings": [
             {"code": printable(n.code), "text": printable(n.text)}
             for n in identification.warnings
@@ -186,3 +188,28 @@ def _main_caption(identification: Identification) -> str:
     if identification.posterior.status is not FitStatus.OK:
         parts = ["Peak heights of the pushes and the best fit"]
     return "; ".join(parts) + "."
+
+
+def _sweep_captions(identification: Identification) -> list[tuple[str, str]]:
+    """Names and captions of the figures of heights against each angle."""
+    captions = {
+        "theta": "Heights against elevation for every azimuth",
+        "alpha": "Heights against azimuth, as a curve and around the push frame",
+    }
+    return [
+        (f"{swept}{kind}", f"{words}{kind.replace('_', ', ')}.")
+        for swept, words in captions.items()
+        for kind in (c.removeprefix("height") for c in identification.table.channels)
+    ]
+
+
+def _recording_captions(identification: Identification) -> list[tuple[str, str]]:
+    """Names and captions of the figures of the recordings."""
+    return [
+        (
+            f"recording_{index}",
+            f"{printable(trace.path)}: the signal, and where each push was measured "
+            "from its baseline; doubtful pushes in red.",
+        )
+        for index, trace in enumerate(identification.table.traces, start=1)
+    ]

@@ -6,7 +6,6 @@ seed, so the answers are compared with what that can do to them, and numbers tha
 belong to one chain only (its diagnostics, its draws) are not compared at all.
 """
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,10 +15,10 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 
 from pushfit.data.table import PeakTable, read_table
-from pushfit.errors import ConfigError
 from pushfit.fit.results import Identification
 from pushfit.report.archive import posterior_tree
-from pushfit.report.summary import SCHEMA, Json, json_safe, summary_dict
+from pushfit.report.stored import BROKEN, not_whole
+from pushfit.report.summary import Json, json_safe, summary_dict
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -87,37 +86,6 @@ class Reproduction:
         return all(difference.is_tolerated for difference in self.differences)
 
 
-def read_summary(folder: Path) -> dict[str, Json]:
-    """`summary.json` of a result folder.
-
-    Args:
-        folder: Result folder.
-
-    Returns:
-        Its content.
-
-    Raises:
-        ConfigError: The folder holds no result, or one of another schema.
-    """
-    path = folder / "summary.json"
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"{folder}: not a result, because {path.name} cannot be read "
-            f"({error}); name a folder that --out wrote",
-            code="not_a_result",
-        ) from error
-    schema = summary.get("schema") if isinstance(summary, dict) else None
-    if schema != SCHEMA:
-        raise ConfigError(
-            f"{path}: has the schema {schema!r}, and this version knows {SCHEMA!r}; "
-            "use the version of pushfit that wrote it",
-            code="other_schema",
-        )
-    return summary
-
-
 def compare_result(
     folder: Path, summary: Mapping[str, Json], again: Identification
 ) -> Reproduction:
@@ -132,7 +100,7 @@ def compare_result(
         Differences in `summary.json`, `result.nc` and `peaks.csv`.
 
     Raises:
-        ConfigError: A file of the folder is missing or broken.
+        DataError: A file of the folder is missing or broken.
     """
     from xarray import open_datatree
 
@@ -141,11 +109,8 @@ def compare_result(
     try:
         with open_datatree(folder / "result.nc", engine="h5netcdf") as tree:
             recorded = _entries(summary, read_table(folder / "peaks.csv"), tree)
-    except OSError as error:
-        raise ConfigError(
-            f"{folder}: not a whole result: {error}; make it again with --force",
-            code="not_a_result",
-        ) from error
+    except BROKEN as error:
+        raise not_whole(folder, error) from error
     found = _entries(summary_again, again.table, posterior_tree(again))
     nothing = Entry(value=None, allowed=0.0)
     differences = []

@@ -6,6 +6,7 @@ import numpy as np
 
 from pushfit.data.recording import Source
 from pushfit.data.table import PeakTable
+from pushfit.data.traces import Trace
 from pushfit.fit.comparison import (
     Comparison,
     ModelScore,
@@ -66,7 +67,31 @@ def make_table(*, with_alpha: bool) -> PeakTable:
         flags=tuple(flags),
     )
     source = Source(path="theta_sweep.csv", sha256="ab" * 32, dialect="peak table, csv")
-    return replace(table, sources=(source,), notes=("one push is saturated",))
+    middle = np.arange(table.n_pushes) + 0.5
+    times = {"t_start_s": middle - 0.25, "t_peak_s": middle, "t_end_s": middle + 0.25}
+    rests = {"baseline_n": np.zeros(table.n_pushes)}
+    return replace(
+        table,
+        frame=table.frame.assign(**times, **rests),
+        sources=(source,),
+        notes=("one push is saturated",),
+        traces=(make_trace(table),),
+    )
+
+
+def make_trace(table: PeakTable, *, path: str = "theta_sweep.csv") -> Trace:
+    """One triangular push per second."""
+    time = np.arange(0.0, table.n_pushes, 0.1)
+    shape = np.clip(1 - 4 * np.abs(time % 1 - 0.5), 0, None)
+    return Trace(
+        path=path,
+        name="force",
+        unit="n",
+        time=time,
+        signal=shape * table.heights("height")[time.astype(int)],
+        first_row=0,
+        n_rows=table.n_pushes,
+    )
 
 
 def make_quantity(name: str, estimate: float, **changes: object) -> Quantity:

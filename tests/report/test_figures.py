@@ -11,6 +11,7 @@ from matplotlib.colors import to_rgb
 
 from pushfit.data.recording import Recording
 from pushfit.data.table import PeakTable
+from pushfit.data.traces import envelope
 from pushfit.errors import ConfigError
 from pushfit.report.figures import (
     Marker,
@@ -24,7 +25,7 @@ from pushfit.report.figures import (
 from pushfit.report.figures.diagnostics import autocorrelation
 from pushfit.report.figures.direction import ellipse_points
 from pushfit.report.figures.main import sweep_figures, sweeps_of
-from pushfit.report.figures.recording import MAX_POINTS, envelope
+from pushfit.report.figures.recording import MAX_POINTS
 from pushfit.report.figures.style import SERIES, figure_bytes
 
 EXACT = 1e-12  # equal on paper: a few ulp of numbers of order one
@@ -177,7 +178,7 @@ def test_a_thinned_signal_keeps_its_extremes():
     rng = np.random.default_rng(2)
     signal = rng.normal(size=50_000)
     time = np.arange(signal.size) * 0.01
-    thin_time, thin = envelope(time, signal)
+    thin_time, thin = envelope(time, signal, max_points=MAX_POINTS)
     assert thin.size <= MAX_POINTS
     assert (thin.min(), thin.max()) == (signal.min(), signal.max())
     assert np.all(np.diff(thin_time) > 0)
@@ -186,7 +187,8 @@ def test_a_thinned_signal_keeps_its_extremes():
 def test_a_gap_stays_a_gap_in_a_thinned_signal():
     signal = np.ones(50_000)
     signal[20_000:30_000] = np.nan
-    time, thin = envelope(np.arange(signal.size) * 0.01, signal)
+    time = np.arange(signal.size) * 0.01
+    time, thin = envelope(time, signal, max_points=MAX_POINTS)
     inside = (time > 201.0) & (time < 299.0)
     assert np.isnan(thin[inside]).all()
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pushfit.errors import ConfigError
+from pushfit.errors import DataError
 from pushfit.report import folder as folder_module
 from pushfit.report.folder import write_result_folder
-from pushfit.report.reproduction import SHARE_OF_WIDTH, compare_result, read_summary
+from pushfit.report.reproduction import SHARE_OF_WIDTH, compare_result
+from pushfit.report.stored import read_summary
 
 
 @pytest.fixture
@@ -108,15 +109,15 @@ def test_an_axis_that_passes_zero_has_hardly_moved(determined, tmp_path, monkeyp
 
 
 def test_a_folder_that_is_no_result_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match="not a result") as caught:
+    with pytest.raises(DataError, match="not a result") as caught:
         read_summary(tmp_path)
-    assert caught.value.exit_code == 2
+    assert caught.value.exit_code == 3
     (tmp_path / "summary.json").write_text(json.dumps({"schema": "other/1"}))
-    with pytest.raises(ConfigError, match="other/1"):
+    with pytest.raises(DataError, match="other/1"):
         read_summary(tmp_path)
 
 
 def test_a_result_that_lacks_its_posterior_is_refused(result, determined):
     (result / "result.nc").unlink()
-    with pytest.raises(ConfigError, match="not a whole result"):
+    with pytest.raises(DataError, match="not a whole result"):
         compare_result(result, read_summary(result), determined)

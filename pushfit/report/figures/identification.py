@@ -32,6 +32,7 @@ from pushfit.report.figures.posterior import (
     learned_figure,
     quantity_figure,
 )
+from pushfit.report.figures.recording import signal_figure
 from pushfit.report.figures.style import figure_bytes
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ def all_figures(identification: Identification) -> dict[str, "Figure"]:
         where the library `corner` is installed.
     """
     figures = {"main": main_figure(identification)}
+    for index, trace in enumerate(identification.table.traces, start=1):
+        figures[f"recording_{index}"] = signal_figure(trace, identification.table)
     figures |= sweep_figures(identification)
     if identification.fit.status is FitStatus.OK:
         figures["residuals"] = _residuals(identification)

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from pushfit.data.recording import Recording
 from pushfit.data.table import PeakTable
+from pushfit.data.traces import Trace, envelope
 from pushfit.errors import ConfigError
 from pushfit.report.figures.style import (
     ALARM,
@@ -63,35 +64,6 @@ class PushMarks:
     baseline: Float[np.ndarray, " p"]
     height: Float[np.ndarray, " p"]
     flags: tuple[str, ...]
-
-
-def envelope(
-    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Signal thinned for drawing, with the extremes of every stretch kept.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples.
-
-    Returns:
-        Times and samples, at most `MAX_POINTS`, unchanged if there are few.
-    """
-    if time.size <= MAX_POINTS:
-        return time, signal
-    stretches = np.array_split(np.arange(time.size), MAX_POINTS // 2)
-    filled = np.nan_to_num(signal, nan=0.0)
-    keep = [
-        extreme
-        for stretch in stretches
-        for extreme in sorted(
-            {
-                int(stretch[np.argmin(filled[stretch])]),
-                int(stretch[np.argmax(filled[stretch])]),
-            }
-        )
-    ]
-    return time[keep], signal[keep]
 
 
 def direction_labels(
@@ -238,7 +210,12 @@ def recording_figure(
     edges = _row_edges(time, [marks.t_peak[chunk] for chunk in chunks])
     for axes, chunk, (start, end) in zip(panels, chunks, edges, strict=True):
         inside = (time >= start) & (time <= end)
-        axes.plot(*envelope(time[inside], signal[inside]), color=DATA, lw=0.8, zorder=2)
+        axes.plot(
+            *envelope(time[inside], signal[inside], max_points=MAX_POINTS),
+            color=DATA,
+            lw=0.8,
+            zorder=2,
+        )
         rows = [int(row) for row in chunk]
         draw_pushes(axes, marks, rows)
         label_pushes(axes, marks, rows)
@@ -290,13 +267,46 @@ def peaks_figure(
             f"{', '.join(recording.channels)}; name one of them",
             code="unknown_channel",
         )
-    frame = table.frame
-    unknown = np.full(table.n_pushes, np.nan)
+    return recording_figure(
+        recording.time,
+        recording.channels[chosen],
+        marks_of(table, range(table.n_pushes)),
+        unit=recording.units[chosen],
+        channel=chosen,
+    )
+
+
+def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
+    """A recording as the table keeps it, with the pushes that were taken from it.
+
+    Args:
+        trace: The signal.
+        table: The table it belongs to.
+    """
+    rows = range(trace.first_row, trace.first_row + trace.n_rows)
+    return recording_figure(
+        trace.time,
+        trace.signal,
+        marks_of(table, rows),
+        unit=trace.unit,
+        channel=trace.name,
+    )
+
+
+def marks_of(table: PeakTable, rows: Sequence[int]) -> PushMarks:
+    """Where some pushes of a table were measured.
+
+    Args:
+        table: Peaks, with their times where these are known.
+        rows: Which of them.
+    """
+    frame = table.frame.iloc[list(rows)]
+    unknown = np.full(len(frame), np.nan)
 
     def column(name: str) -> Float[np.ndarray, " p"]:
         return frame[name].to_numpy(dtype=float) if name in frame else unknown
 
-    marks = PushMarks(
+    return PushMarks(
         push=frame["push"].to_numpy(dtype=int),
         theta_deg=column("theta_deg"),
         alpha_deg=column("alpha_deg"),
@@ -304,13 +314,6 @@ def peaks_figure(
         t_end=column("t_end_s"),
         t_peak=column("t_peak_s"),
         baseline=column(f"baseline_{table.unit}"),
-        height=table.heights(table.channels[0]),
-        flags=tuple(";".join(sorted(words)) for words in table.flags),
-    )
-    return recording_figure(
-        recording.time,
-        recording.channels[chosen],
-        marks,
-        unit=recording.units[chosen],
-        channel=chosen,
+        height=column(f"{table.channels[0]}_{table.unit}"),
+        flags=tuple(";".join(sorted(table.flags[row])) for row in rows),
     )

@@ -1,0 +1,66 @@
+"""The signal that pushes were taken from, thinned to what a picture can show.
+
+A table carries the traces of its recordings, so that a report can show every push where
+it was measured without the recording itself.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+# A page of six rows at 300 dpi, two points per pixel.
+MAX_KEPT = 24_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """One recording as its pushes were found in it.
+
+    Args:
+        path: Recording as the user named it.
+        name: Channel.
+        unit: Unit of the signal, that of the heights.
+        time: Sample times [s].
+        signal: Samples, pushes going up [unit].
+        first_row: First row of the peak table that was measured in it.
+        n_rows: Number of its rows.
+    """
+
+    path: str
+    name: str
+    unit: str
+    time: Float[np.ndarray, " n"]
+    signal: Float[np.ndarray, " n"]
+    first_row: int
+    n_rows: int
+
+
+def envelope(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"], *, max_points: int
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Signal thinned for drawing, with the extremes of every stretch kept.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+        max_points: How many samples may stay.
+
+    Returns:
+        Times and samples, unchanged if there are few.
+    """
+    if time.size <= max_points:
+        return time, signal
+    stretches = np.array_split(np.arange(time.size), max_points // 2)
+    filled = np.nan_to_num(signal, nan=0.0)
+    keep = [
+        extreme
+        for stretch in stretches
+        for extreme in sorted(
+            {
+                int(stretch[np.argmin(filled[stretch])]),
+                int(stretch[np.argmax(filled[stretch])]),
+            }
+        )
+    ]
+    return time[keep], signal[keep]
