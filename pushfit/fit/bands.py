@@ -18,7 +18,7 @@ from pushfit.fit.results import Band, FitResult
 from pushfit.model import Parameters, Pushes, forward
 
 MIN_ANGLES = 3
-MAX_BANDS = 8
+MAX_BANDS = 16
 N_GRID = 121
 N_DRAWS = 400
 # A sweep is drawn this far past its ends [deg].
@@ -43,7 +43,7 @@ def prediction_bands(
         prob: Probability of the bands.
 
     Returns:
-        At most eight bands per channel.
+        At most sixteen bands per channel.
     """
     bands = []
     for swept, fixed_deg, rows in _sweeps(table):

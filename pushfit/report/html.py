@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Mapping
 from importlib import resources
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,7 +81,7 @@ def render_html(
     style = resources.files("pushfit.report").joinpath("templates/report.css")
     css = style.read_text(encoding="utf-8")
     digest = hashlib.sha256(css.encode()).digest()
-    files = dict(files or figure_files(identification))
+    files = dict(files or figure_files(identification, is_wanted=_is_shown))
     stacked = main_figure(identification, is_stacked=True)
     files["main_stacked.svg"] = figure_bytes(stacked, "svg")
     page = environment.get_template("report.html.j2").render(
@@ -107,12 +108,17 @@ def letters(text: str) -> "Markup":
     return Markup(INDEXED.sub(lowered, str(escape(text))))
 
 
+def _is_shown(name: str, suffix: str) -> bool:
+    """Whether a page shows a figure in this format."""
+    return suffix == ("png" if name in AS_PIXELS else "svg")
+
+
 def _images(files: Mapping[str, bytes]) -> dict[str, str]:
     """Figures as data addresses, by name."""
     images = {}
     for file, content in files.items():
         name, _, suffix = file.rpartition(".")
-        if suffix == ("png" if name in AS_PIXELS else "svg"):
+        if _is_shown(name, suffix):
             text = base64.b64encode(content).decode("ascii")
             images[name] = f"data:{MIME[suffix]};base64,{text}"
     return images
@@ -122,7 +128,9 @@ def _content(identification: Identification) -> dict[str, object]:
     """Everything that the template prints, as plain text."""
     quality, status = identification.goodness_of_fit, identification.status
     table = identification.table
-    names = [printable(source.path) for source in table.sources]
+    # A path says more than a reader asks; the whole of it is under Provenance.
+    paths = [trace.path for trace in table.traces] or [s.path for s in table.sources]
+    names = dict.fromkeys(printable(PurePath(path).name) for path in paths)
     heading = ", ".join(names) or "Push exploration"
     answers = (theta_c_answer(identification), alpha_star_answer(identification))
     return {

@@ -25,8 +25,8 @@ from pushfit.report.figures import (
 from pushfit.report.figures.diagnostics import autocorrelation
 from pushfit.report.figures.direction import ellipse_points
 from pushfit.report.figures.main import sweep_figures, sweeps_of
-from pushfit.report.figures.recording import MAX_POINTS
-from pushfit.report.figures.style import SERIES, figure_bytes
+from pushfit.report.figures.recording import MAX_POINTS, signal_figure
+from pushfit.report.figures.style import SERIES, figure_bytes, series_colours
 
 EXACT = 1e-12  # equal on paper: a few ulp of numbers of order one
 
@@ -256,3 +256,49 @@ def test_every_quantity_and_claim_of_a_calibration_is_drawn():
     drawn = np.concatenate([c.lines[0].get_ydata() for c in axes.containers])
     np.testing.assert_allclose(drawn.astype(float), [60, 85, 40, 100], rtol=EXACT)
     assert "20 simulated tables" in axes.get_title(loc="left")
+
+
+def test_no_push_lies_under_a_legend(determined):
+    figure = main_figure(determined)
+    figure_bytes(figure, "png")
+    for axes in figure.axes:
+        legend = axes.get_legend().get_window_extent()
+        assert legend.y1 < axes.get_window_extent().y0
+
+
+def test_series_beyond_the_palette_keep_colours_of_their_own():
+    assert series_colours(3) == list(SERIES[:3])
+    assert len(set(series_colours(12))) == 12
+
+
+def test_a_sharp_angle_is_drawn_over_many_bins():
+    """On the grid of the profile all draws would fall into one or two."""
+    rng = np.random.default_rng(1)
+    grid = np.union1d(np.linspace(-90.0, 90.0, 181), np.linspace(37.0, 43.0, 61))
+    draws = rng.normal(40.0, 0.3, 4000)
+    figure = quantity_figure(
+        (grid, ((grid - 40.0) / 0.3) ** 2),
+        draws,
+        rng.uniform(-90.0, 90.0, 4000),
+        marker=Marker(name="theta_c", estimates=(40.0,)),
+        likelihood_pieces=((39.5, 40.5),),
+        level=2.7,
+        prob=0.9,
+        modes=(40.0,),
+    )
+    low, high = figure.axes[-1].get_xlim()
+    assert low < draws.min()
+    assert draws.max() < high
+    assert high - low < 20 * draws.std()
+    curve = figure.axes[0].lines[0]
+    drawn = np.interp(40.15, curve.get_xdata(), curve.get_ydata())
+    # Between points 0.1 apart the root is interpolated, not the square.
+    assert drawn == pytest.approx(0.25, abs=0.02)
+
+
+def test_a_result_shows_its_recording_with_every_push(determined):
+    (trace,) = determined.table.traces
+    figure = signal_figure(trace, determined.table)
+    words = figure._suptitle.get_text()
+    assert words.startswith("69 pushes, 1 doubtful")
+    assert figure.axes[0].get_ylabel() == "force [N]"

@@ -41,7 +41,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(
         html_module,
         "figure_files",
-        lambda result: {"main.svg": figure_bytes(main_figure(result), "svg")},
+        lambda result, **_: {"main.svg": figure_bytes(main_figure(result), "svg")},
     )
 
 

@@ -21,7 +21,7 @@ def undrawn(monkeypatch):
     """Folders and pages without figures."""
     monkeypatch.setattr(folder_module, "figure_files", lambda _: {})
     monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "")
-    monkeypatch.setattr(html_module, "figure_files", lambda _: {})
+    monkeypatch.setattr(html_module, "figure_files", lambda _, **__: {})
     monkeypatch.setattr(html_module, "main_figure", lambda _, **__: None)
     monkeypatch.setattr(html_module, "figure_bytes", lambda *_: b"<svg/>")
 

@@ -4,7 +4,8 @@ Everything is drawn by the functions beside this module; here is only the choice
 to draw, so that text, page and figures mark the same answers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
@@ -71,18 +72,23 @@ def all_figures(identification: Identification) -> dict[str, "Figure"]:
     return figures
 
 
-def figure_files(identification: Identification) -> dict[str, bytes]:
+def figure_files(
+    identification: Identification,
+    *,
+    is_wanted: Callable[[str, str], bool] = lambda name, suffix: True,
+) -> dict[str, bytes]:
     """Content of the files of all figures, each as PNG and SVG.
 
     Args:
         identification: The result.
+        is_wanted: Whether a figure is wanted in a format, both by name.
 
     Returns:
         Content by file name, "main.png" and so on.
     """
     files = {}
     for name, figure in all_figures(identification).items():
-        for suffix in ("png", "svg"):
+        for suffix in filter(partial(is_wanted, name), ("png", "svg")):
             files[f"{name}.{suffix}"] = figure_bytes(figure, suffix)
     return files
 

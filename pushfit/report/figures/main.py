@@ -21,6 +21,7 @@ from pushfit.report.figures.sweeps import (
     Sweep,
     alpha_figure,
     draw_panel,
+    legend_height,
     theta_figure,
 )
 
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 # Fewer directions than this are no sweep.
 MIN_DIRECTIONS = 3
+# What the first figure shows at a glance; the others have a figure of their own.
+MAX_SWEEPS = 5
 OTHER = {"theta": "alpha", "alpha": "theta"}
 
 
@@ -86,6 +89,17 @@ def _sweep(
     )
 
 
+def _richest(sweeps: list[Sweep]) -> list[Sweep]:
+    """The sweeps with most directions, where there are too many for one look."""
+    if len(sweeps) <= MAX_SWEEPS:
+        return sweeps
+    counts = [np.unique(sweep.angle_deg.round(3)).size for sweep in sweeps]
+    most = max(counts)
+    kept = [s for s, count in zip(sweeps, counts, strict=True) if count == most]
+    step = -(-len(kept) // MAX_SWEEPS)
+    return kept[::step]
+
+
 def marker_of(answer: Answer) -> Marker:
     """What figures mark of an answer.
 
@@ -136,17 +150,22 @@ def main_figure(
     channels = identification.table.channels
     swept = [s for s in answers if sweeps_of(identification, s, channels[0])]
     swept = swept or ["theta"]
-    panels = [(channel, angle) for channel in channels for angle in swept]
+    panels = {
+        (channel, angle): _richest(sweeps_of(identification, angle, channel))
+        for channel in channels
+        for angle in swept
+    }
     n_columns = 1 if is_stacked else len(swept)
     n_rows = len(panels) // n_columns
     # One panel alone, or a stack, may be as wide as a column and a half.
     width = 1.25 * COLUMN if is_stacked else COLUMN * max(1.5, n_columns) + 0.4
-    figure = new_figure(width=width, height=3.2 * n_rows)
+    height = 3.0 + max(legend_height(sweeps) for sweeps in panels.values())
+    figure = new_figure(width=width, height=height * n_rows)
     grid = figure.subplots(n_rows, n_columns, squeeze=False)
-    for axes, (channel, angle) in zip(grid.flat, panels, strict=True):
+    for axes, ((channel, angle), sweeps) in zip(grid.flat, panels.items(), strict=True):
         draw_panel(
             axes,
-            sweeps_of(identification, angle, channel),
+            sweeps,
             swept=angle,
             channel=channel,
             unit=identification.table.unit,

@@ -20,10 +20,14 @@ from pushfit.report.figures.style import (
 from pushfit.report.strings import unit_label
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # More draws change no pixel of a corner plot and cost a second each.
 MAX_DRAWS = 20_000
+N_BINS = 24
+# Width of a panel in widths of the posterior, at most.
+ZOOM = 4.0
 
 
 @styled
@@ -35,8 +39,9 @@ def corner_figure(
 ) -> "Figure":
     """Posterior draws in pairs, the prior behind in grey.
 
-    Positive quantities that the prior leaves open over more than a factor of ten are on
-    a logarithmic axis.
+    Each panel shows the posterior and as much of the prior beside it as keeps the
+    posterior legible. Positive quantities that are shown over more than a factor of ten
+    are on a logarithmic axis.
 
     Args:
         samples: Posterior draws by name, none of them constant.
@@ -47,19 +52,19 @@ def corner_figure(
     from matplotlib.lines import Line2D
 
     names = list(samples)
-    limits = {name: _corner_range(samples[name], prior[name]) for name in names}
-    scales = ["log" if _is_wide(*limits[name]) else "linear" for name in names]
+    windows = [_window(samples[name], prior[name]) for name in names]
+    scales = ["log" if _is_wide(*window) else "linear" for window in windows]
     size = max(3.2, 1.45 * len(names) + 0.6)
     # corner places its panels itself and refuses a layout engine.
     figure = new_figure(width=size, height=size, layout=None)
-    for draws, colour, order in ((prior, PRIOR, 1), (samples, DATA, 2)):
+    for draws, colour in ((prior, PRIOR), (samples, DATA)):
         table = np.column_stack([draws[name] for name in names])
         table = table[np.isfinite(table).all(axis=1)][:MAX_DRAWS]
         corner.corner(
             table,
             fig=figure,
-            bins=30,
-            range=[limits[name] for name in names],
+            bins=N_BINS,
+            range=[_bulk(draws[name]) for name in names],
             axes_scale=scales,  # pyright: ignore[reportArgumentType]
             color=colour,
             levels=(0.5, 0.9),
@@ -67,12 +72,16 @@ def corner_figure(
             plot_density=False,
             no_fill_contours=True,
             smooth=1.0,
-            smooth1d=1.0,
-            weights=np.full(len(table), 1 / len(table)),
-            hist_kwargs={"zorder": order},
             contour_kwargs={"linewidths": 1.2 if colour == DATA else 0.8},
             max_n_ticks=3,
         )
+    grid = np.array(figure.axes).reshape(len(names), len(names))
+    for index, name in enumerate(names):
+        for axes in grid[index:, index]:
+            axes.set_xlim(*windows[index])
+        for axes in grid[index, :index]:
+            axes.set_ylim(*windows[index])
+        _draw_margin(grid[index, index], samples[name], prior[name])
     _label_corner(figure, names, units)
     margin = 0.75 / size
     figure.subplots_adjust(left=margin, bottom=margin, right=0.98, top=0.98)
@@ -85,15 +94,51 @@ def corner_figure(
     return figure
 
 
-def _corner_range(
+def _draw_margin(
+    axes: "Axes", samples: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
+) -> None:
+    """Densities of both over the scale of the axis, in place of corner's counts."""
+    is_log = axes.get_xscale() == "log"
+    for artist in (*axes.patches, *axes.lines, *axes.collections):
+        artist.remove()
+    top = 0.0
+    for draws, colour in ((prior, PRIOR), (samples, DATA)):
+        low, high = _bulk(draws)
+        if is_log:
+            edges = np.geomspace(max(low, 1e-6 * high), high, N_BINS + 1)
+        else:
+            edges = np.linspace(low, high, N_BINS + 1)
+        counts, _ = np.histogram(draws[np.isfinite(draws)], edges)
+        widths = np.diff(np.log(edges) if is_log else edges)
+        density = counts / (draws.size * widths)
+        top = max(top, float(density.max()))
+        axes.stairs(density, edges, color=colour, lw=1.3)
+    axes.set_ylim(0, 1.08 * top)
+    axes.set_yticks([])
+
+
+def _bulk(draws: Float[np.ndarray, " n"]) -> tuple[float, float]:
+    """Range of nearly all draws."""
+    low, high = np.nanquantile(draws, [0.0005, 0.9995])
+    return float(low), float(high)
+
+
+def _window(
     samples: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
 ) -> tuple[float, float]:
-    """Range that holds the posterior and the bulk of the prior."""
-    low, high = np.nanquantile(samples, [0.002, 0.998])
-    prior_low, prior_high = np.nanquantile(prior, [0.05, 0.95])
-    low, high = min(low, prior_low), max(high, prior_high)
-    margin = 0.03 * (high - low) + 1e-12 * max(abs(high), 1.0)
-    return float(low if low > 0 else low - margin), float(high + margin)
+    """Range to show: the posterior, and of the prior what leaves it legible."""
+    ends, bulk = _bulk(samples), np.nanquantile(prior, [0.05, 0.95])
+    # Ratios count where the prior is open over decades.
+    is_log = _is_wide(float(bulk[0]), float(bulk[1])) and ends[0] > 0
+    low, high = np.log(ends) if is_log else np.array(ends)
+    first, last = np.log(bulk) if is_log else bulk
+    room = (ZOOM - 1) / 2 * (high - low)
+    shown = np.array(
+        [max(min(low, first), low - room), min(max(high, last), high + room)]
+    )
+    shown += 0.1 * (high - low) * np.array([-1, 1])
+    start, end = np.exp(shown) if is_log else shown
+    return float(start), float(end)
 
 
 def _is_wide(low: float, high: float) -> bool:

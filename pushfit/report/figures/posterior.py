@@ -30,8 +30,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 N_BINS = 60
+N_CURVE = 400
 # Largest Δχ² shown: 3.3 sigma, beyond every usual level.
 MAX_DELTA = 11.0
+# A range that is most of the grid is shown as the whole grid.
+MOST = 0.6
 
 
 def shade(axes: "Axes", pieces: Pieces, colour: str) -> None:
@@ -58,6 +61,7 @@ def draw_profile(
     pieces: Pieces,
     level: float,
     prob: float,
+    limits: tuple[float, float],
 ) -> None:
     """Draw a likelihood profile with its level and set.
 
@@ -68,8 +72,13 @@ def draw_profile(
         pieces: Likelihood set.
         level: Δχ² of the set.
         prob: Its probability.
+        limits: Range of the quantity.
     """
-    axes.plot(values, delta_chi_square, color=DATA)
+    # A profile is nearly a parabola at every optimum, so its root is what is straight
+    # between the points of the grid.
+    grid = np.union1d(values, np.linspace(*limits, N_CURVE))
+    root = np.interp(grid, values, np.sqrt(np.maximum(delta_chi_square, 0.0)))
+    axes.plot(grid, root**2, color=DATA)
     axes.axhline(level, color=BLACK, lw=0.8, ls="--")
     axes.annotate(
         f"{100 * prob:g} %",
@@ -81,7 +90,7 @@ def draw_profile(
         fontsize=8,
     )
     axes.set_ylim(0, MAX_DELTA)
-    axes.set_xlim(float(values[0]), float(values[-1]))
+    axes.set_xlim(*limits)
     axes.set_ylabel("Δχ² of the profile")
     shade(axes, pieces, DATA)
 
@@ -156,16 +165,20 @@ def quantity_figure(
         unit: Unit of the quantity.
         modes: Values at the local optima of the likelihood.
     """
-    limits = _limits(profile, samples)
+    limits = _limits(profile, samples, modes)
     n_rows = 2 if profile is not None else 1
     figure = new_figure(width=1.5 * COLUMN, height=0.8 + 1.5 * n_rows)
     panels = np.atleast_1d(figure.subplots(n_rows, 1, sharex=True))
     draw_posterior(panels[-1], samples, prior, marker=marker, limits=limits)
     if profile is not None:
         draw_profile(
-            panels[0], *profile, pieces=likelihood_pieces, level=level, prob=prob
+            panels[0],
+            *profile,
+            pieces=likelihood_pieces,
+            level=level,
+            prob=prob,
+            limits=limits,
         )
-        panels[0].set_xlim(*limits)
         inside = [mode for mode in modes if limits[0] <= mode <= limits[1]]
         if inside:
             heights = np.full(len(inside), 0.35)
@@ -186,17 +199,30 @@ def quantity_figure(
 
 
 def _limits(
-    profile: tuple[np.ndarray, np.ndarray] | None, samples: np.ndarray
+    profile: tuple[np.ndarray, np.ndarray] | None,
+    samples: np.ndarray,
+    modes: Sequence[float],
 ) -> tuple[float, float]:
-    """Range to show: the grid of the profile, else the draws."""
-    if profile is not None:
-        return float(profile[0][0]), float(profile[0][-1])
+    """Range that holds the draws, the optima and the profile up to its top.
+
+    An answer that is sharp on the grid of the profile would be a single bin on it.
+    """
     finite = samples[np.isfinite(samples)]
-    if finite.size == 0:
-        return 0.0, 1.0
-    low, high = np.quantile(finite, [0.001, 0.999])
-    margin = max(0.5 * (high - low), 1e-3 * abs(high), 1e-12)
-    return float(low - margin), float(high + margin)
+    inside = [np.quantile(finite, [0.001, 0.999])] if finite.size else []
+    whole = (-np.inf, np.inf)
+    if profile is not None:
+        values, delta = profile
+        whole = float(values[0]), float(values[-1])
+        inside.append(values[delta < MAX_DELTA])
+        inside.append(np.array([m for m in modes if whole[0] <= m <= whole[1]]))
+    shown = np.concatenate(inside) if inside else np.empty(0)
+    if shown.size == 0:
+        return whole if profile is not None else (0.0, 1.0)
+    low, high = float(shown.min()), float(shown.max())
+    margin = max(0.4 * (high - low), 1e-3 * abs(high), 1e-12)
+    limits = max(low - margin, whole[0]), min(high + margin, whole[1])
+    is_most = limits[1] - limits[0] > MOST * (whole[1] - whole[0])
+    return whole if is_most else limits
 
 
 @styled

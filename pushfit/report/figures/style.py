@@ -28,6 +28,9 @@ SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = ("-", "--", "-.", ":")
 
+# More series than this are told apart by an ordered ramp, safe for every colour vision.
+RAMP, RAMP_END = "cividis", 0.9
+
 # What data say, what priors say, and what asks for attention, in every figure.
 DATA, PRIOR, ALARM = BLUE, GREY, VERMILLION
 
@@ -125,6 +128,31 @@ def math_symbol(name: str) -> str:
     if name in SYMBOLS:
         return SYMBOLS[name][1]
     return drawable(name).replace("$", r"\$").replace("_", " ")
+
+
+def series_colours(n: int) -> list[str]:
+    """Colours of n ordered series.
+
+    Args:
+        n: Number of series.
+    """
+    if n <= len(SERIES):
+        return list(SERIES[:n])
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    ramp = colormaps[RAMP]
+    return [to_hex(ramp(RAMP_END * i / (n - 1))) for i in range(n)]
+
+
+def angle_words(letter: str, value_deg: float) -> str:
+    """Entry of a legend, "θ = −30°".
+
+    Args:
+        letter: θ or α.
+        value_deg: The angle [deg].
+    """
+    return f"{letter} = {value_deg:g}°".replace("-", "\N{MINUS SIGN}")
 
 
 def axis_label(name: str, unit: str) -> str:

@@ -18,12 +18,13 @@ from pushfit.report.figures.style import (
     DASHES,
     MARKERS,
     PAGE,
-    SERIES,
+    angle_words,
     channel_label,
     drawable,
     math_symbol,
     new_figure,
     place_legend,
+    series_colours,
     styled,
 )
 
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
 
 Pieces = Sequence[tuple[float | None, float | None]]
 
-# More entries than this leave no room for the data beside the legend.
-MAX_LEGEND = 8
+# Entries of a legend side by side, below the panel, where no push can lie under them.
+LEGEND_COLUMNS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,17 +82,19 @@ class Marker:
     text: str = ""
 
 
-def draw_sweep(axes: "Axes", sweep: Sweep, *, index: int, label: str) -> None:
+def draw_sweep(
+    axes: "Axes", sweep: Sweep, *, index: int, colour: str, label: str
+) -> None:
     """Draw one sweep: pushes, best fit and band.
 
     Args:
         axes: Cartesian axes with the angle in degrees, or polar in radians.
         sweep: What to draw.
-        index: Number of the series; decides colour, marker and dashes.
+        index: Number of the series; decides marker and dashes.
+        colour: Of the series.
         label: Entry of the legend.
     """
     scale = np.radians if axes.name == "polar" else np.asarray
-    colour = SERIES[index % len(SERIES)]
     dashes = DASHES[index % len(DASHES)]
     if sweep.grid_deg.size:
         grid = scale(sweep.grid_deg)
@@ -152,6 +155,15 @@ def draw_marker(axes: "Axes", marker: Marker) -> None:
         )
 
 
+def legend_height(sweeps: Sequence[Sweep]) -> float:
+    """Room that the legend below a panel takes [inch].
+
+    Args:
+        sweeps: Those of the panel.
+    """
+    return 0.25 + 0.17 * -(-len(sweeps) // LEGEND_COLUMNS)
+
+
 def draw_panel(
     axes: "Axes",
     sweeps: Sequence[Sweep],
@@ -174,9 +186,10 @@ def draw_panel(
         prob: Probability of the bands.
     """
     letter = {"theta": "α", "alpha": "θ"}[swept]
+    colours = series_colours(len(sweeps))
     for index, sweep in enumerate(sweeps):
-        shown = f"{letter} = {sweep.fixed_deg:g}°" if index < MAX_LEGEND else "_"
-        draw_sweep(axes, sweep, index=index, label=shown)
+        label = angle_words(letter, sweep.fixed_deg)
+        draw_sweep(axes, sweep, index=index, colour=colours[index], label=label)
     # Heights change sign with the elevation where the grasp is preloaded; along the
     # azimuth zero would only flatten the curve.
     if swept == "theta":
@@ -195,7 +208,16 @@ def draw_panel(
         title += f", {100 * prob:g} % band"
     if not all(sweep.is_used.all() for sweep in sweeps):
         title += "; ×: left out"
-    place_legend(axes, loc="best", title=title, title_fontsize=8, alignment="left")
+    place_legend(
+        axes,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.17),
+        ncols=LEGEND_COLUMNS,
+        columnspacing=1.0,
+        handletextpad=0.3,
+        title=title,
+        title_fontsize=8,
+    )
 
 
 @styled
@@ -216,7 +238,7 @@ def theta_figure(
         prob: Probability of the bands.
         theta_c: Critical angle to mark.
     """
-    figure = new_figure(width=1.5 * COLUMN, height=3.6)
+    figure = new_figure(width=1.5 * COLUMN, height=3.4 + legend_height(sweeps))
     draw_panel(
         figure.subplots(),
         sweeps,
@@ -239,8 +261,9 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
     """
     from matplotlib.ticker import MaxNLocator
 
+    colours = series_colours(len(sweeps))
     for index, sweep in enumerate(sweeps):
-        draw_sweep(axes, sweep, index=index, label="_")
+        draw_sweep(axes, sweep, index=index, colour=colours[index], label="_")
     top = 1.08 * max(float(np.nanmax(s.height, initial=0.0)) for s in sweeps) or 1.0
     for start, end in marker.pieces:
         ends = np.radians(
@@ -278,7 +301,7 @@ def alpha_figure(
         alpha_star: Best push direction to mark.
     """
     marker = alpha_star or Marker(name="alpha_star")
-    figure = new_figure(width=PAGE, height=3.4)
+    figure = new_figure(width=PAGE, height=3.2 + legend_height(sweeps))
     grid = figure.add_gridspec(1, 2, width_ratios=(1.25, 1))
     draw_panel(
         figure.add_subplot(grid[0]),
@@ -291,5 +314,10 @@ def alpha_figure(
     )
     polar = figure.add_subplot(grid[1], projection="polar")
     draw_polar(polar, sweeps, marker)
-    polar.set_title(channel_label(channel, unit), fontsize=8, fontweight="normal")
+    polar.set_title(
+        f"{channel_label(channel, unit)}, around the push frame",
+        loc="center",
+        fontsize=8,
+        fontweight="normal",
+    )
     return figure
