@@ -1,22 +1,16 @@
 """The report as one HTML file that needs nothing else and runs nothing.
 
-Styles and figures are inside; a content security policy allows no script, no address,
-and only the one style sheet, by its hash. Every value passes Jinja2's autoescape, and
-text from users also loses its control characters.
+Styles and figures are inside; the policy allows no script and no address. Text from
+users loses its control characters before it is escaped.
 """
 
 import base64
-import hashlib
 import json
-import re
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pushfit.errors import ConfigError
 from pushfit.fit.quoting import quoted
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
@@ -30,21 +24,12 @@ from pushfit.report.facts import (
 from pushfit.report.figures.identification import figure_files
 from pushfit.report.figures.main import main_figure
 from pushfit.report.figures.style import figure_bytes
-from pushfit.report.strings import SYMBOLS, printable, symbol
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
+from pushfit.report.pages import render_page
+from pushfit.report.strings import printable, symbol
 
 # Dense figures, smaller as pixels than as paths.
 AS_PIXELS = frozenset({"corner_parameters", "corner_combinations", "traces"})
 MIME = {"svg": "image/svg+xml", "png": "image/png"}
-
-# Letters with an index, as they occur in prose: K_sn, θ_c, F_0.
-INDEXED = re.compile(
-    r"(?<!\w)("
-    + "|".join(re.escape(prose) for prose, _ in SYMBOLS.values() if "_" in prose)
-    + r")(?!\w)"
-)
 
 
 def render_html(
@@ -62,50 +47,11 @@ def render_html(
     Raises:
         ConfigError: Jinja2 is not installed.
     """
-    try:
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-        from markupsafe import Markup
-    except ImportError as error:
-        raise ConfigError(
-            "the HTML report needs Jinja2, which is not installed; "
-            "install pushfit[report] or use the text report",
-            code="html_unavailable",
-        ) from error
-    environment = Environment(
-        loader=PackageLoader("pushfit.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.filters["letters"] = letters
-    style = resources.files("pushfit.report").joinpath("templates/report.css")
-    css = style.read_text(encoding="utf-8")
-    digest = hashlib.sha256(css.encode()).digest()
     files = dict(files or figure_files(identification, is_wanted=_is_shown))
     stacked = main_figure(identification, is_stacked=True)
     files["main_stacked.svg"] = figure_bytes(stacked, "svg")
-    page = environment.get_template("report.html.j2").render(
-        style=Markup(css),
-        style_hash=base64.b64encode(digest).decode(),
-        images=_images(files),
-        **_content(identification),
-    )
-    return page + "\n"
-
-
-def letters(text: str) -> "Markup":
-    """Escaped text in which indices are set as such, θ_c as θ with a low c.
-
-    Args:
-        text: Anything; only what is escaped is searched for letters.
-    """
-    from markupsafe import Markup, escape
-
-    def lowered(match: re.Match[str]) -> str:
-        letter, _, index = match.group().partition("_")
-        return f"{letter}<sub>{index}</sub>"
-
-    return Markup(INDEXED.sub(lowered, str(escape(text))))
+    content = _content(identification) | {"images": _images(files)}
+    return render_page("report.html.j2", content)
 
 
 def _is_shown(name: str, suffix: str) -> bool:

@@ -5,10 +5,12 @@ import shutil
 import subprocess
 from dataclasses import replace
 
+import pandas as pd
 import pytest
 from matplotlib.image import imread
 
 from pushfit.report import html as html_module
+from pushfit.report.batch_html import render_batch
 from pushfit.report.figures import figure_bytes, main_figure
 from pushfit.report.html import render_html
 from tests.report.makers import make_trace
@@ -119,3 +121,30 @@ def test_it_prints(page):
     printed = page.with_suffix(".pdf")
     browse(page, "--no-pdf-header-footer", f"--print-to-pdf={printed}")
     assert printed.read_bytes().startswith(b"%PDF")
+
+
+def test_a_batch_is_sorted_by_a_click(tmp_path):
+    """The unknown stays last, whichever way the known go."""
+    frame = pd.DataFrame(
+        {"item": ["a", "b", "c"], "theta_c_deg": [40.0, None, 9.0]}
+    ).assign(status="ok")
+    path = tmp_path / "batch.html"
+    page = render_batch(frame)
+    # What a click would do; allowed here by a policy of the test's own.
+    page = re.sub(r"script-src '[^']*'", "script-src 'unsafe-inline'", page)
+    clicks = "<script>document.querySelectorAll('.sortable th')[2].click()</script>"
+    orders = []
+    for n_clicks in (0, 1, 2):
+        path.write_text(page.replace("</body>", n_clicks * clicks + "</body>"))
+        tree, console = browse(path, "--dump-dom")
+        assert console == ""
+        orders.append(re.findall(r'class="item">(.)<', tree))
+    assert orders == [list("abc"), list("cab"), list("acb")]
+
+
+def test_the_script_of_a_batch_is_allowed_by_its_policy(tmp_path):
+    path = tmp_path / "batch.html"
+    path.write_text(render_batch(pd.DataFrame({"item": ["a"], "status": ["ok"]})))
+    tree, console = browse(path, "--dump-dom")
+    assert console == ""
+    assert 'tabindex="0"' in tree

@@ -9,7 +9,8 @@ import pytest
 
 from pushfit.report import html as html_module
 from pushfit.report.figures import figure_bytes, main_figure
-from pushfit.report.html import letters, render_html
+from pushfit.report.html import render_html
+from pushfit.report.pages import letters
 from tests.report.makers import HOSTILE
 
 ALLOWED = frozenset(
