@@ -178,3 +178,12 @@ def test_the_picture_is_drawn_when_pushes_are_missing(tmp_path, capsys):
     assert main(["peaks", sweep, "-s", str(plan), "--plot", str(picture)]) == 3
     assert "push 199" in capsys.readouterr().err
     assert picture.stat().st_size > 10_000
+
+
+def test_the_picture_is_drawn_where_directions_are_unknown(tmp_path, capsys):
+    """It shows how many rows a schedule needs, and in which order."""
+    plot = tmp_path / "found.svg"
+    sweep = str(EXAMPLE / "alpha_sweep.csv")
+    assert main(["peaks", sweep, "--plot", str(plot)]) == 3
+    assert "no angles theta and alpha of its 18 pushes" in capsys.readouterr().err
+    assert plot.read_bytes().startswith(b"<?xml")

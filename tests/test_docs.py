@@ -66,7 +66,8 @@ def test_the_python_of_a_page_runs(page, workplace, capsys):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_every_file_that_a_page_links_to_exists(page):
-    targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8"))
+    prose = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.S | re.M)
+    targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", prose)
     missing = [target for target in targets if not (page.parent / target).exists()]
     assert missing == []
 

@@ -21,7 +21,6 @@ from pushfit.cli.session import command
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     # Plain help and usage errors: readable in logs, and rich stays unloaded.
     rich_markup_mode=None,
     pretty_exceptions_enable=False,

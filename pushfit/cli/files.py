@@ -102,12 +102,12 @@ def peaks(
             found = settings.peaks.model_copy(update={"allow_missing": True})
             settings = settings.model_copy(update={"peaks": found})
             table = load_peaks(session, [recording], schedules, settings)
-            draw_peaks(recording, table, settings, plot)
-            session.say(f"wrote {plot}")
+            draw_peaks(session, table, plot)
+        if plot is not None and error.code == "no_directions":
+            draw_found(session, recording, settings, plot=plot)
         raise
     if plot is not None:
-        draw_peaks(recording, table, settings, plot)
-        session.say(f"wrote {plot}")
+        draw_peaks(session, table, plot)
     if output is None:
         print(table.frame.to_csv(index=False), end="")
         return
@@ -115,23 +115,38 @@ def peaks(
     session.say(f"wrote {output}: {table.n_pushes} pushes")
 
 
-def draw_peaks(
-    path: Path, table: "PeakTable", settings: "GraspConfig", plot: Path
+def draw_found(
+    session: Session, path: Path, settings: "GraspConfig", *, plot: Path
 ) -> None:
-    """Draw a recording with what was taken from it.
+    """Draw a recording whose directions are not known, its pushes numbered.
 
     Args:
+        session: Where messages go.
         path: Recording.
-        table: Its peaks.
         settings: Settings in force.
         plot: Picture to write, in the format of its suffix.
     """
     from pushfit.data.load import configured_recording
-    from pushfit.report.figures import peaks_figure, save_figure
+    from pushfit.data.peak_settings import PeakSettings
+    from pushfit.report.figures import found_figure, save_figure
 
     recording = configured_recording(path, settings)
-    figure = peaks_figure(recording, table, channel=settings.peaks.channel)
-    save_figure(figure, plot)
+    save_figure(found_figure(recording, PeakSettings.of(settings.peaks)), plot)
+    session.say(f"wrote {plot}")
+
+
+def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:
+    """Draw the signal of a recording with what was taken from it.
+
+    Args:
+        session: Where messages go.
+        table: Its peaks.
+        plot: Picture to write, in the format of its suffix.
+    """
+    from pushfit.report.figures import save_figure, signal_figure
+
+    save_figure(signal_figure(table.traces[0], table), plot)
+    session.say(f"wrote {plot}")
 
 
 def simulate(

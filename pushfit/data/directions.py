@@ -34,8 +34,9 @@ def recorded_directions(
     """
     if recording.theta is None or recording.alpha is None:
         raise DataError(
-            "the recording has no angles theta and alpha; give a schedule of the "
-            "pushes, or map the columns that hold the angles",
+            f"the recording has no angles theta and alpha of its {len(extents)} "
+            "pushes; give a schedule with a row push,theta_deg,alpha_deg,repeat for "
+            "each, or map the columns that hold the angles",
             code="no_directions",
         )
     theta, alpha = np.empty(len(extents)), np.empty(len(extents))

@@ -10,7 +10,13 @@ from pushfit.report.figures.posterior import (
     learned_figure,
     quantity_figure,
 )
-from pushfit.report.figures.recording import PushMarks, peaks_figure, recording_figure
+from pushfit.report.figures.recording import (
+    PushMarks,
+    found_figure,
+    peaks_figure,
+    recording_figure,
+    signal_figure,
+)
 from pushfit.report.figures.style import figure_bytes, save_figure
 from pushfit.report.figures.sweeps import Marker, Sweep, alpha_figure, theta_figure
 
@@ -26,6 +32,7 @@ __all__ = [
     "ellipse_figure",
     "figure_bytes",
     "figure_files",
+    "found_figure",
     "learned_figure",
     "main_figure",
     "peaks_figure",
@@ -33,6 +40,7 @@ __all__ = [
     "recording_figure",
     "residual_figure",
     "save_figure",
+    "signal_figure",
     "theta_figure",
     "trace_figure",
 ]

@@ -6,12 +6,15 @@ that a reader can disagree with it.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from pushfit.data.components import push_signal, signal_name
+from pushfit.data.peak_settings import PeakSettings
+from pushfit.data.peaks import find_pushes
 from pushfit.data.recording import Recording
 from pushfit.data.table import PeakTable
 from pushfit.data.traces import Trace, envelope
@@ -37,6 +40,8 @@ PUSHES_PER_ROW = 30
 MAX_ROWS = 6
 # Two per pixel of a page at 300 dpi; a longer signal is drawn as its envelope.
 MAX_POINTS = 4000
+# Times beyond this are those of a clock and are counted from the first [s].
+MAX_TIME = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +101,8 @@ def label_words(
     """
     if theta_deg.size == 0:
         return ""
+    if not np.isfinite(theta_deg).all():
+        return "labels: number of the push, whose direction is unknown"
     vary_theta = np.unique(theta_deg).size > 1
     vary_alpha = np.unique(alpha_deg).size > 1
     if vary_theta and vary_alpha:
@@ -146,7 +153,9 @@ def label_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
         marks: All pushes.
         rows: Which to label, in the order of time.
     """
-    labels = direction_labels(marks.theta_deg, marks.alpha_deg)
+    labels = [str(number) for number in marks.push]
+    if np.isfinite(marks.theta_deg).all():
+        labels = direction_labels(marks.theta_deg, marks.alpha_deg)
     groups: list[list[int]] = []
     for row in rows:
         if groups and labels[groups[-1][-1]] == labels[row]:
@@ -201,6 +210,9 @@ def recording_figure(
         unit: Unit of the signal.
         channel: Name of the signal.
     """
+    # Seconds since 1970 would leave no room for themselves.
+    origin = float(np.floor(time[0])) if abs(time[0]) > MAX_TIME else 0.0
+    time, marks = time - origin, _shifted(marks, origin)
     n_pushes = marks.push.size
     n_rows = int(np.clip(-(-n_pushes // PUSHES_PER_ROW), 1, MAX_ROWS))
     figure = new_figure(width=PAGE, height=0.6 + 1.9 * n_rows)
@@ -222,7 +234,7 @@ def recording_figure(
         axes.set_ylabel(axis_label(channel, unit))
         axes.margins(x=0.01, y=0.08)
         axes.grid(visible=False, axis="x")
-    panels[-1].set_xlabel("time [s]")
+    panels[-1].set_xlabel("time [s]" + (f" after {origin:.0f} s" if origin else ""))
     words = label_words(marks.theta_deg, marks.alpha_deg)
     doubtful = sum(bool(flag) for flag in marks.flags)
     doubt = f", {doubtful} doubtful" if doubtful else ""
@@ -233,6 +245,16 @@ def recording_figure(
         fontsize=9,
     )
     return figure
+
+
+def _shifted(marks: PushMarks, origin: float) -> PushMarks:
+    """Marks on a clock that starts later."""
+    return replace(
+        marks,
+        t_start=marks.t_start - origin,
+        t_end=marks.t_end - origin,
+        t_peak=marks.t_peak - origin,
+    )
 
 
 def _row_edges(
@@ -290,6 +312,34 @@ def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
         marks_of(table, rows),
         unit=trace.unit,
         channel=trace.name,
+    )
+
+
+def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
+    """A recording with the pushes found in it, numbered: what a schedule has to name.
+
+    Args:
+        recording: The recording.
+        settings: How to look.
+    """
+    extents = find_pushes(recording, settings=settings)
+    numbers = np.arange(1, len(extents) + 1)
+    unknown = np.full(numbers.size, np.nan)
+    marks = PushMarks(
+        push=numbers,
+        theta_deg=unknown,
+        alpha_deg=unknown,
+        t_start=np.array([extent.t_start for extent in extents]),
+        t_end=np.array([extent.t_end for extent in extents]),
+        t_peak=np.array([extent.t_peak for extent in extents]),
+        baseline=unknown,
+        height=unknown,
+        flags=("",) * numbers.size,
+    )
+    name = signal_name(recording, settings)
+    unit = recording.units.get(name, next(iter(recording.units.values())))
+    return recording_figure(
+        *push_signal(recording, settings), marks, unit=unit, channel=name
     )
 
 
