@@ -293,3 +293,12 @@ def test_the_same_seed_gives_the_same_numbers(tmp_path, capsys):
         )
         documents.append(result.stdout)
     assert documents[0] == documents[1]
+
+
+def test_completion_is_offered_for_the_shell(capsys, monkeypatch):
+    """Which shell it is, typer asks the processes above; here it is told."""
+    monkeypatch.setattr("shellingham.detect_shell", lambda: ("bash", "/bin/bash"))
+    assert main(["--show-completion"]) == 0
+    assert "complete -o default -F _pushfit_completion pushfit" in (
+        capsys.readouterr().out
+    )

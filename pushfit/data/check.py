@@ -20,6 +20,7 @@ from pushfit.errors import Problem, PushfitError
 
 FileKind = Literal["recording", "schedule", "table"]
 
+_PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
 _HEIGHTS = ("height", "height_normal", "height_tangential")
 
 
@@ -31,8 +32,8 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
         **recording_options: As for `pushfit.data.recording.read_recording`.
 
     Returns:
-        `table` if there are heights, `schedule` if there are angles but no signals,
-        else `recording`.
+        `table` if there are heights, `schedule` if there are angles but neither signals
+        nor samples in time, else `recording`.
 
     Raises:
         ConfigError: If the path cannot be read.
@@ -52,7 +53,10 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     is_signal = any(unit and unit.quantity == "signal" for _, unit in parts)
     stated = {*recording_options.get("mapping", {}).values()}
     stated |= {*recording_options.get("units", {})}
-    has_plan = {"theta", "alpha"} <= stems and not is_signal
+    # Samples of a log have a time and readings whose unit is not said; a plan has none.
+    is_log = any(unit and unit.quantity == "time" for _, unit in parts)
+    is_log = is_log and not stems <= _PLAN
+    has_plan = {"theta", "alpha"} <= stems and not is_signal and not is_log
     return "schedule" if has_plan and stated.isdisjoint(names) else "recording"
 
 

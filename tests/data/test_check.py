@@ -36,8 +36,16 @@ def test_the_columns_tell_what_a_file_is(text, kind, write):
     assert file_kind(write("file.csv", text)) == kind
 
 
-def test_a_mapped_signal_makes_a_recording_of_what_looks_like_a_plan(write):
+def test_samples_in_time_are_no_plan_even_where_no_unit_is_said(write):
+    """The reader of recordings then says what is missing: the unit."""
     path = write("file.csv", "time_s,pdc,theta_deg,alpha_deg\n0,1,30,0\n1,2,30,0\n")
+    assert file_kind(path) == "recording"
+    (problem,) = check_files([path])
+    assert "--unit" in problem.message
+
+
+def test_a_mapped_signal_makes_a_recording_of_what_looks_like_a_plan(write):
+    path = write("file.csv", "pdc,theta_deg,alpha_deg\n1,30,0\n2,30,0\n")
     assert file_kind(path) == "schedule"
     assert file_kind(path, units={"pdc": "counts"}) == "recording"
 
