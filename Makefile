@@ -39,7 +39,7 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 .stamps/run: $(BIN)/python pyproject.toml constraints.txt
-	$(INSTALL) -e .
+	$(INSTALL) -e '.[report]'
 	mkdir -p .stamps && touch $@
 
 .stamps/%: $(BIN)/python pyproject.toml constraints.txt

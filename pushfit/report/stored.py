@@ -44,7 +44,10 @@ if TYPE_CHECKING:
 Groups = Mapping[str, "Dataset"]
 
 # What a file that was cut, changed or written by another version makes readers raise.
-BROKEN = (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError)
+BROKEN = (
+    *(OSError, RuntimeError, KeyError, ValueError),
+    *(TypeError, AttributeError, IndexError),
+)
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:
