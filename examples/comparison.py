@@ -1,4 +1,4 @@
-"""The same heights for curve_fit, lmfit and pushfit, as a user would call them.
+"""The same heights for curve_fit, lmfit, pyPESTO and pushfit, as users call them.
 
     python examples/comparison.py [--noise 0.03] [--seed 3]
 
@@ -7,12 +7,20 @@ equations of the paper and the noise; pushfit gets the table and the push length
 """
 
 import argparse
+import logging
 import warnings
 
 import lmfit
 import numpy as np
 import pandas as pd
 from scipy.optimize import curve_fit
+
+try:
+    import pypesto
+    import pypesto.optimize
+    import pypesto.profile
+except ImportError:
+    pypesto = None
 
 import pushfit
 from pushfit.config import parse_config
@@ -122,6 +130,44 @@ def _quoted(name: str, fit: lmfit.model.ModelResult) -> str:
     return f"{name} = {parameter.value:.4g} ± {error}"
 
 
+def by_pypesto(frame: pd.DataFrame) -> str:
+    """Twenty starts and a profile of pyPESTO, with θ_c as one of three parameters."""
+    if pypesto is None:
+        return "not installed; pip install pypesto"
+    logging.disable(logging.WARNING)
+    theta = np.radians(frame["theta_deg"].to_numpy())
+    y, sd = frame["height_n"].to_numpy(), frame["height_sd_n"].to_numpy()
+
+    def cost(x):
+        A, C_rr, tangent = np.exp(x[0]), np.exp(x[1]), np.tan(np.radians(x[2]))
+        normal = A * PUSH_LENGTH * np.sin(theta)
+        elastic = C_rr * A * tangent * PUSH_LENGTH * np.cos(theta)
+        predicted = np.hypot(normal, np.minimum(C_rr * normal, elastic))
+        return 0.5 * np.sum(((predicted - y) / sd) ** 2)
+
+    problem = pypesto.Problem(
+        objective=pypesto.Objective(fun=cost),
+        lb=[np.log(10), np.log(0.01), 1.0],
+        ub=[np.log(1e4), np.log(5), 89.0],
+    )
+    optimizer = pypesto.optimize.ScipyOptimizer(method="Nelder-Mead")
+    quiet = {"progress_bar": False, "filename": None}
+    result = pypesto.optimize.minimize(
+        problem, optimizer=optimizer, n_starts=20, **quiet
+    )
+    best = result.optimize_result.list[0].x[2]
+    result = pypesto.profile.parameter_profile(
+        problem, result=result, optimizer=optimizer, profile_index=[2], **quiet
+    )
+    profile = result.profile_result.list[0][2]
+    low, high = pypesto.profile.calculate_approximate_ci(
+        profile.x_path[2],
+        profile.ratio_path,
+        pypesto.profile.chi2_quantile_to_ratio(0.9),
+    )
+    return f"theta_c = {best:.1f}° (90 % profile: {low:.0f}° to {high:.0f}°), no K_sn"
+
+
 def by_pushfit(frame: pd.DataFrame) -> str:
     """`identify_table` by quadrature."""
     config = parse_config("[push]\nlength_mm = 5.0\n", path="grasp.toml")
@@ -143,6 +189,7 @@ def main() -> None:
         ("curve_fit", by_curve_fit),
         ("lmfit", by_lmfit),
         ("curve_fit of A, B, C_rr", by_curve_fit_of_three),
+        ("pyPESTO of three", by_pypesto),
         ("pushfit", by_pushfit),
     ):
         print(f"{name:<24}{program(frame)}")

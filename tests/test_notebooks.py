@@ -58,6 +58,7 @@ def test_the_comparison_prints_a_line_for_each_program(capsys, monkeypatch):
         "curve_fit",
         "lmfit    ",
         "curve_fit",
+        "pyPESTO o",
         "pushfit  ",
     ]
     assert "90 % interval" in lines[-1]

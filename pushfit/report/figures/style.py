@@ -213,9 +213,12 @@ def figure_bytes(figure: "Figure", suffix: str) -> bytes:
         figure: Any figure of this package.
         suffix: "png", "svg" or "pdf".
     """
+    if figure.get_layout_engine() is not None:
+        # Solved once and by one renderer: faster, and no picture depends on the format
+        # that came before it.
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
     stream = io.BytesIO()
     metadata = dict(METADATA.get(suffix, {}))
     figure.savefig(stream, format=suffix, metadata=metadata)
-    # The layout is found by the first drawing; each further one would solve it again.
-    figure.set_layout_engine("none")
     return stream.getvalue()
