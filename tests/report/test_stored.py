@@ -1,6 +1,7 @@
 """A result folder read back says what was written, or why it cannot."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -16,20 +17,34 @@ from pushfit.report.summary import summary_dict
 from pushfit.report.text import render_text
 
 
+def leave_out_figures(patch):
+    """Folders and pages without figures."""
+    patch.setattr(folder_module, "figure_files", lambda _: {})
+    patch.setattr(folder_module, "render_html", lambda _, **__: "")
+    patch.setattr(html_module, "figure_files", lambda _, **__: {})
+    patch.setattr(html_module, "main_figure", lambda _, **__: None)
+    patch.setattr(html_module, "figure_bytes", lambda *_: b"<svg/>")
+
+
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Folders and pages without figures."""
-    monkeypatch.setattr(folder_module, "figure_files", lambda _: {})
-    monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "")
-    monkeypatch.setattr(html_module, "figure_files", lambda _, **__: {})
-    monkeypatch.setattr(html_module, "main_figure", lambda _, **__: None)
-    monkeypatch.setattr(html_module, "figure_bytes", lambda *_: b"<svg/>")
+    """Nothing is drawn in this test."""
+    leave_out_figures(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def made(make_identification, tmp_path_factory):
+    """A result folder, written once."""
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out_figures(patch)
+        folder = tmp_path_factory.mktemp("stored") / "result"
+        return write_result_folder(make_identification(), folder, force=False)
 
 
 @pytest.fixture
-def result(determined, tmp_path, undrawn):
-    """A result folder without its drawings."""
-    return write_result_folder(determined, tmp_path / "result", force=False)
+def result(made, tmp_path, undrawn):
+    """A copy of it to work on."""
+    return shutil.copytree(made, tmp_path / "result")
 
 
 def assert_reads_back(identification, folder):
