@@ -9,8 +9,16 @@ Excluded: priors and data.
 import equinox as eqx
 import jax.numpy as jnp
 
-from pushfit.model import Parameters, Scalar, as_float, contact
-from pushfit.numerics import asinhc, norm2, sinhc
+from pushfit.containers import (
+    Contact,
+    Parameters,
+    Scalar,
+    anisotropy_stretch,
+    as_float,
+    contact,
+    support,
+)
+from pushfit.numerics import norm2
 
 
 class Coordinates(eqx.Module):
@@ -54,7 +62,7 @@ def coordinates(params: Parameters) -> Coordinates:
         f1=group.f1,
         f2=group.f2,
         ln_r=jnp.log(params.K_sn / params.K_dn),
-        ln_s=jnp.log(params.K_st * params.L**2 / params.C_d),
+        ln_s=jnp.log(group.s),
         ln_L=jnp.log(params.L),
     )
 
@@ -63,10 +71,8 @@ def parameters(coords: Coordinates) -> Parameters:
     """Parameters at given fitting coordinates; inverse of `coordinates`.
 
         K_sn = A (1 + r),   K_dn = A (1 + 1/r)
-        |e|/2 = |f|/2 + asinh(s sinh(|f|/2))
-        K_st = B sqrt(1 + 2 s cosh(|e|/2) + s²),   C_d = K_st L² / s
 
-    Without an ellipse K_st = B (1 + s).
+    The others follow as in `pushfit.containers.support`.
 
     Args:
         coords: Coordinates.
@@ -74,21 +80,26 @@ def parameters(coords: Coordinates) -> Parameters:
     Returns:
         Parameters.
     """
-    A, B, r, s = (
-        jnp.exp(x) for x in (coords.ln_A, coords.ln_B, coords.ln_r, coords.ln_s)
+    A, r = jnp.exp(coords.ln_A), jnp.exp(coords.ln_r)
+    group = Contact(
+        A=A,
+        B=jnp.exp(coords.ln_B),
+        C_rr=jnp.exp(coords.ln_C_rr),
+        f1=coords.f1,
+        f2=coords.f2,
+        L=jnp.exp(coords.ln_L),
+        s=jnp.exp(coords.ln_s),
     )
-    stretch, half_f = _stretch(coords.f1, coords.f2, s)
-    K_st = B * jnp.sqrt(1 + 2 * s * jnp.cosh(stretch * half_f) + s * s)
-    L = jnp.exp(coords.ln_L)
+    springs = support(group)
     return Parameters(
         K_sn=A * (1 + r),
         K_dn=A * (1 + 1 / r),
-        K_st=K_st,
-        C_rr=jnp.exp(coords.ln_C_rr),
-        C_d=K_st * L**2 / s,
-        L=L,
-        e1=coords.f1 * stretch,
-        e2=coords.f2 * stretch,
+        K_st=springs.K_st,
+        C_rr=group.C_rr,
+        C_d=springs.C_d,
+        L=group.L,
+        e1=springs.e1,
+        e2=springs.e2,
     )
 
 
@@ -107,12 +118,7 @@ def log_volume(coords: Coordinates) -> Scalar:
         Log volume ratio, never negative.
     """
     s = jnp.exp(coords.ln_s)
-    stretch, half_f = _stretch(coords.f1, coords.f2, s)
+    half_f = norm2(coords.f1, coords.f2) / 2
+    stretch = anisotropy_stretch(half_f, s)
     slope = 1 + s * jnp.cosh(half_f) / jnp.sqrt(1 + (s * jnp.sinh(half_f)) ** 2)
     return jnp.log(stretch) + jnp.log(slope)
-
-
-def _stretch(f1: Scalar, f2: Scalar, s: Scalar) -> tuple[Scalar, Scalar]:
-    """|e| / |f| and |f| / 2."""
-    half = norm2(f1, f2) / 2
-    return 1 + s * asinhc(s * jnp.sinh(half)) * sinhc(half), half

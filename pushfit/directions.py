@@ -8,6 +8,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from pushfit.critical_tilt import tilting_critical_angle
 from pushfit.model import (
     Contact,
     Grasp,
@@ -30,7 +31,26 @@ N_AZIMUTHS = 361
 def critical_angle(
     params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
-    """Elevation below which the object rolls.
+    """Elevation below which the object rolls, by the mechanics that the grasp names.
+
+    By tilting mechanics it belongs to the push length of the grasp.
+
+    Args:
+        params: Parameters.
+        grasp: Grasp.
+        alpha: Azimuth of the push [rad].
+
+    Returns:
+        θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
+        rolls [rad].
+    """
+    return CRITICAL_ANGLES[grasp.mechanics](params, grasp, alpha)
+
+
+def linear_critical_angle(
+    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Elevation below which the object rolls in small pushes.
 
         θ_c = atan(B / (A C_rr)) - arcsin(C_rr F_0 / (S_p R))
         R = sqrt(B² + (A C_rr)²)
@@ -44,8 +64,8 @@ def critical_angle(
         alpha: Azimuth of the push [rad].
 
     Returns:
-        θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
-        rolls because C_rr F_0 > S_p R [rad].
+        θ_c in (-π/2, π/2]; NaN where the contact never rolls because C_rr F_0 > S_p R
+        [rad].
 
     References:
         Eq. (11).
@@ -58,6 +78,9 @@ def critical_angle(
     about_y = _switch_angle(jnp.abs(x), limit_x, group.A, grasp)
     about_x = _switch_angle(jnp.abs(y), limit_y, group.A, grasp)
     return jnp.fmax(about_y, about_x)
+
+
+CRITICAL_ANGLES = {"linear": linear_critical_angle, "tilting": tilting_critical_angle}
 
 
 def soft_axis(params: Parameters) -> Scalar:

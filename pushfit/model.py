@@ -4,246 +4,30 @@ Pure JAX functions of small containers, float64, safe under jit, vmap and grad w
 the physics is defined. Everything outside this module meets the mechanics through one
 function, `forward`. Excluded: files, units other than SI (angles in radians), noise,
 and estimation. Extensions of the paper (preload, soft transition, stiffness ellipse,
-two supports) are neutral unless asked for.
+two supports, tilting) are neutral unless asked for.
 
 References:
     Eq. (n) is equation n of He & Zhang (2014), doi:10.1007/s11432-014-5216-3.
 """
 
-import math
-
-import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
 
-from pushfit.numerics import asinhc, norm2, sinhc, softclip
-
-jax.config.update("jax_enable_x64", True)
-
-Scalar = Float[Array, ""]
-Vector = Float[Array, " n"]
-
-
-def as_float(value: ArrayLike) -> Array:
-    """Converter of container fields: any number becomes a float64 array."""
-    return jnp.asarray(value, dtype=jnp.float64)
-
-
-def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
-    """(cos, sin) of an angle [rad]."""
-    return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-
-
-class Parameters(eqx.Module):
-    """The six parameters of the paper and the shape of the stiffness ellipse.
-
-    Args:
-        K_sn: Normal stiffness of the support finger, Eqs. (5), (6) [N/m].
-        K_dn: Normal contact stiffness, Eqs. (5), (6) [N/m].
-        K_st: Tangential stiffness of the support finger, geometric mean of the two
-            axes of the ellipse, Eq. (10) [N/m].
-        C_rr: Rolling friction coefficient, Eq. (7) [-].
-        C_d: Rotational deformation coefficient, Eq. (9) [N·m/rad].
-        L: Distance between push contact and support contact, Eqs. (4), (7) [m].
-        e1: Ellipse shape along x against y; |e| is the log ratio of the axes [-].
-        e2: Ellipse shape along the diagonals; atan2(e2, e1)/2 is the stiff axis [-].
-    """
-
-    K_sn: Scalar = eqx.field(converter=as_float)
-    K_dn: Scalar = eqx.field(converter=as_float)
-    K_st: Scalar = eqx.field(converter=as_float)
-    C_rr: Scalar = eqx.field(converter=as_float)
-    C_d: Scalar = eqx.field(converter=as_float)
-    L: Scalar = eqx.field(converter=as_float)
-    e1: Scalar = eqx.field(converter=as_float, default=0.0)
-    e2: Scalar = eqx.field(converter=as_float, default=0.0)
-
-
-class Pushes(eqx.Module):
-    """Directions of pushes in the push frame.
-
-    Sines and cosines are kept: they are the same for every set of parameters, and cost
-    more than all else in `forward`.
-
-    Args:
-        theta: Elevation out of the tangential plane [rad].
-        alpha: Azimuth inside it, from the line through the supports [rad].
-    """
-
-    theta: Vector
-    alpha: Vector
-    elevation: Float[Array, "2 n"]
-    azimuth: Float[Array, "2 n"]
-
-    def __init__(self, theta: ArrayLike, alpha: ArrayLike) -> None:
-        """Keep the angles and their unit vectors (cos, sin)."""
-        self.theta, self.alpha = as_float(theta), as_float(alpha)
-        self.elevation = unit_vector(self.theta)
-        self.azimuth = unit_vector(self.alpha)
-
-
-class Grasp(eqx.Module):
-    """What is known about the grasp and the sensor, the same for every push.
-
-    Args:
-        push_length: S_p [m].
-        preload: F_0, normal force before the push [N].
-        gain: Sensor units per newton.
-        offset: Sensor reading added to the magnitude `height` [sensor units].
-        sharpness: p of the soft transition, at least 1; infinity is the paper's
-            hard switch [-].
-        support_span: |AB|, distance between two supports [m]; None is the paper's
-            single limit.
-        mechanics: Name of an entry of `MECHANICS`.
-    """
-
-    push_length: Scalar = eqx.field(converter=as_float)
-    preload: Scalar = eqx.field(converter=as_float, default=0.0)
-    gain: Scalar = eqx.field(converter=as_float, default=1.0)
-    offset: Scalar = eqx.field(converter=as_float, default=0.0)
-    sharpness: float = eqx.field(static=True, default=math.inf)
-    support_span: float | None = eqx.field(static=True, default=None)
-    mechanics: str = eqx.field(static=True, default="linear")
-
-
-class Contact(eqx.Module):
-    """The combinations of the parameters that linear forces depend on.
-
-    Args:
-        A: Normal series stiffness [N/m].
-        B: Unrolled tangential series stiffness, geometric mean over azimuth [N/m].
-        C_rr: Rolling friction coefficient [-].
-        f1: Anisotropy of the tensor B, built as `Parameters.e1` is for the support.
-        f2: Anisotropy of the tensor B, built as `Parameters.e2` is for the support.
-        L: Distance between the contacts; enters only with two supports [m].
-    """
-
-    A: Scalar = eqx.field(converter=as_float)
-    B: Scalar = eqx.field(converter=as_float)
-    C_rr: Scalar = eqx.field(converter=as_float)
-    f1: Scalar = eqx.field(converter=as_float, default=0.0)
-    f2: Scalar = eqx.field(converter=as_float, default=0.0)
-    L: Scalar = eqx.field(converter=as_float, default=1.0)
-
-
-class Forces(eqx.Module):
-    """Contact forces at the end of a push.
-
-    Args:
-        normal: Normal force with the preload, F_0 + F_pn [N].
-        tangential_x: Component of F_pt along the supports [N].
-        tangential_y: Component of F_pt across the supports [N].
-        in_contact: False where F_0 > 0 and the push has lifted the finger off.
-    """
-
-    normal: Vector
-    tangential_x: Vector
-    tangential_y: Vector
-    in_contact: Array
-
-
-class Channels(eqx.Module):
-    """What sensors would report for each push, as changes from before the push.
-
-    Args:
-        height: Magnitude, gain (|F| - F_0) + offset [sensor units].
-        height_normal: Normal component, gain (F_n - F_0) [sensor units].
-        height_tangential: Tangential magnitude, gain F_pt [sensor units].
-        in_contact: False where the push has lifted the finger off.
-    """
-
-    height: Vector
-    height_normal: Vector
-    height_tangential: Vector
-    in_contact: Array
-
-
-def support_stiffness(params: Parameters) -> Float[Array, "2 2"]:
-    """Tangential stiffness tensor of the support finger.
-
-        K = K_st expm(½ [[e1, e2], [e2, -e1]])
-
-    Args:
-        params: Parameters.
-
-    Returns:
-        Symmetric positive-definite matrix; K_st times the identity at e = 0 [N/m].
-
-    References:
-        The stiffness ellipse of the paper's section 3.1, static part of Eq. (1).
-    """
-    return params.K_st * _expm_traceless(params.e1, params.e2)
-
-
-def contact(params: Parameters | Contact) -> Contact:
-    """Combinations of the parameters that the linear forces depend on.
-
-        A = K_sn K_dn / (K_sn + K_dn),   B = (K⁻¹ + (L²/C_d) I)⁻¹
-
-    Without an ellipse B = K_st C_d / (L² K_st + C_d).
-
-    Args:
-        params: Parameters, or the combinations themselves, which pass unchanged.
-
-    Returns:
-        Contact combinations.
-
-    References:
-        Eqs. (6), (10).
-    """
-    if isinstance(params, Contact):
-        return params
-    s = params.K_st * params.L**2 / params.C_d
-    half = norm2(params.e1, params.e2) / 2
-    root = jnp.sqrt(1 + 2 * s * jnp.cosh(half) + s * s)
-    # Both tensors share their axes: sinh(|f|/2) = sinh(|e|/2) / root.
-    scale = asinhc(jnp.sinh(half) / root) * sinhc(half) / root
-    return Contact(
-        A=params.K_sn * params.K_dn / (params.K_sn + params.K_dn),
-        B=params.K_st / root,
-        C_rr=params.C_rr,
-        f1=params.e1 * scale,
-        f2=params.e2 * scale,
-        L=params.L,
-    )
-
-
-def tangential_stiffness(
-    contact: Contact, azimuth: Float[Array, "xy=2 *n"]
-) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-    """Unrolled tangential stiffness felt along an azimuth.
-
-        B u(α),   u = (cos α, sin α)
-
-    Args:
-        contact: Contact combinations.
-        azimuth: u, as of `unit_vector` [-].
-
-    Returns:
-        The x and y components of the force per tangential displacement [N/m].
-
-    References:
-        Eq. (10), as a tensor.
-    """
-    tensor = contact.B * _expm_traceless(contact.f1, contact.f2)
-    x, y = azimuth
-    return tensor[0, 0] * x + tensor[0, 1] * y, tensor[1, 0] * x + tensor[1, 1] * y
-
-
-def rolling_limits(contact: Contact, support_span: float) -> tuple[Scalar, Scalar]:
-    """Largest tangential over normal force that two supports bear without rolling.
-
-        C_rr + |AB|/(2L) along the supports,   C_rr across them
-
-    Args:
-        contact: Contact combinations.
-        support_span: |AB|, distance between the supports [m].
-
-    Returns:
-        The limits along x and along y [-].
-    """
-    return contact.C_rr + support_span / (2 * contact.L), contact.C_rr
+from pushfit.containers import Channels as Channels
+from pushfit.containers import Contact as Contact
+from pushfit.containers import Forces as Forces
+from pushfit.containers import Grasp as Grasp
+from pushfit.containers import Parameters as Parameters
+from pushfit.containers import Pushes as Pushes
+from pushfit.containers import Scalar as Scalar
+from pushfit.containers import Vector as Vector
+from pushfit.containers import as_float as as_float
+from pushfit.containers import contact as contact
+from pushfit.containers import rolling_limits as rolling_limits
+from pushfit.containers import support_stiffness as support_stiffness
+from pushfit.containers import tangential_stiffness as tangential_stiffness
+from pushfit.containers import unit_vector as unit_vector
+from pushfit.numerics import norm2, softclip
+from pushfit.tilting import tilting_forces
 
 
 def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
@@ -290,7 +74,7 @@ def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) ->
     )
 
 
-MECHANICS = {"linear": linear_forces}
+MECHANICS = {"linear": linear_forces, "tilting": tilting_forces}
 
 
 def forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
@@ -354,11 +138,3 @@ def push_resistance(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
     """
     channels = forward(params, pushes, grasp)
     return (channels.height - grasp.offset) / (grasp.gain * grasp.push_length)
-
-
-def _expm_traceless(a: Scalar, b: Scalar) -> Float[Array, "2 2"]:
-    """Expm(½ [[a, b], [b, -a]]) in closed form."""
-    half = norm2(a, b) / 2
-    slope = sinhc(half) / 2
-    mean = jnp.cosh(half)
-    return jnp.array([[mean + slope * a, slope * b], [slope * b, mean - slope * a]])

@@ -1,0 +1,134 @@
+"""Where an object that tilts stops to roll: the critical angle and the tilt there.
+
+Both belong to pushes of one length. Excluded: forces (`pushfit.tilting`).
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from pushfit.containers import (
+    Contact,
+    Grasp,
+    Parameters,
+    Scalar,
+    Vector,
+    contact,
+    unit_vector,
+)
+from pushfit.roots import falling_root
+from pushfit.tilting import (
+    MAX_SINE,
+    Hold,
+    check_supports,
+    cosine_of,
+    displacement,
+    make_hold,
+)
+
+# Range of the resultant force in which a critical tilt is sought, as a multiple of the
+# normal force of a push straight down: the force there leans by at most 60° from it.
+FORCE_RANGE = 2.0
+
+Tie = tuple[Hold, Scalar, Scalar]
+
+
+def tilting_critical_angle(
+    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Elevation below which the object rolls, of pushes of one length.
+
+        F_t = F sin(φ - γ),   F_n = F cos(φ - γ),   γ = F L sin φ / C_d,   φ = atan C_rr
+        S_p cos θ_c = F_t / K_st + L sin γ
+        S_p sin θ_c = (F_n - F_0) / A + L (1 - cos γ)
+
+    At θ_c both arguments of the minimum are equal: the resultant F leans by φ from the
+    normal of the tilted face, and its moment is C_d γ. The two displacements are those
+    of one push where the sum of their squares is S_p², which fixes F.
+
+    Args:
+        params: Parameters.
+        grasp: Grasp.
+        alpha: Azimuth of the push [rad].
+
+    Returns:
+        θ_c in (-π/2, π/2], the paper's for S_p / L → 0; NaN where the contact never
+        rolls [rad].
+
+    Raises:
+        ConfigError: If the grasp has two supports.
+    """
+    state, force, exists = _critical_force(params, grasp, jnp.asarray(alpha))
+    along, into = _critical_displacement(state[0], state[1], force)
+    angle = jnp.arctan2(jnp.where(exists, into, 0.0), jnp.where(exists, along, 1.0))
+    return jnp.where(exists, angle, jnp.nan).reshape(jnp.shape(alpha))
+
+
+def critical_tilt(
+    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Tilt of the object in a push at the critical angle.
+
+        γ_c = F L sin φ / C_d
+
+    Args:
+        params: Parameters.
+        grasp: Grasp.
+        alpha: Azimuth of the push [rad].
+
+    Returns:
+        γ_c; NaN where the contact never rolls [rad].
+
+    Raises:
+        ConfigError: If the grasp has two supports.
+    """
+    (hold, lean, _), force, exists = _critical_force(params, grasp, jnp.asarray(alpha))
+    tilt = force * hold.L * jnp.sin(lean) / hold.C_d
+    return jnp.where(exists, tilt, jnp.nan).reshape(jnp.shape(alpha))
+
+
+def _critical_force(
+    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
+) -> tuple[Tie, Vector, Bool[Array, " n"]]:
+    """Resultant at the tie with what it depends on, and whether there is a tie."""
+    check_supports(grasp)
+    group = contact(params)
+    azimuth = unit_vector(jnp.ravel(alpha))
+    hold = make_hold(group, grasp, elevation=jnp.zeros_like(azimuth), azimuth=azimuth)
+    lean = jnp.arctan(group.C_rr)
+    zero = jnp.zeros_like(hold.into)
+    straight = hold.preload + hold.A * grasp.push_length
+    fallen = jnp.arcsin(MAX_SINE) * hold.C_d / hold.L
+    # Divided only where it is the smaller: C_rr = 0 has no largest force.
+    is_limited = fallen * jnp.cos(lean) < FORCE_RANGE * straight * jnp.sin(lean)
+    upper = zero + jnp.where(
+        is_limited,
+        fallen / jnp.where(is_limited, jnp.sin(lean), 1.0),
+        FORCE_RANGE * straight / jnp.cos(lean),
+    )
+
+    def room(state: Tie, force: Vector) -> Vector:
+        """By how much the squares fall short of S_p², as a share of it."""
+        along, into = _critical_displacement(state[0], state[1], force)
+        return 1 - (along**2 + into**2) / state[2] ** 2
+
+    def closing(state: Tie, force: Vector) -> Vector:
+        return jax.jvp(lambda f: room(state, f), (force,), (jnp.ones_like(force),))[1]
+
+    state = (hold, lean, grasp.push_length)
+    # With a preload the least force that a push can reach may be above zero; θ_c is
+    # where the push leaves the range, not where it enters it.
+    closest = jax.lax.stop_gradient(falling_root(closing, state, (zero, upper), zero))
+    force = falling_root(room, state, (closest, upper), upper)
+    return state, force, (room(state, closest) > 0) & (room(state, upper) < 0)
+
+
+def _critical_displacement(
+    hold: Hold, lean: Scalar, force: Vector
+) -> tuple[Vector, Vector]:
+    """Displacement along and into the object of a push that ends at the tie."""
+    tilt = force * hold.L * jnp.sin(lean) / hold.C_d
+    sine = jnp.sin(tilt)
+    along = displacement(hold, force * jnp.sin(lean - tilt), sine)
+    pressing = (force * jnp.cos(lean - tilt) - hold.preload) / hold.A
+    return along, pressing + hold.L * sine**2 / (1 + cosine_of(sine))

@@ -1,0 +1,301 @@
+"""Tilting mechanics: an object that leans while it is pushed, instead of only turning.
+
+Equations (6)-(11) hold for vanishing pushes. A real push tilts the object by some
+degrees: the normal force then acts off the axis, the push point sinks, and rolling
+friction acts along the tilted face. Each push is one scalar equilibrium for the tilt γ,
+
+    F_n = max( F_0 + A (S_p sin θ - L (1 - cos γ)), 0 )
+    F_t = K_st (S_p cos θ - L sin γ)
+    F_t L cos γ + F_n L sin γ = min( C_d γ, C_rr L N ),   N = F_n cos γ - F_t sin γ
+
+solved here for x = sin γ once with each argument of the minimum. Since F_t falls with
+γ, the smaller of the two forces is the equilibrium, and `softmin` of them is the soft
+transition. A support with a stiffness ellipse deflects along a direction of its own,
+but the object leans along its tangential force, so the equilibrium stays scalar.
+Excluded: two supports, whose limits differ along and across them.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from pushfit.containers import (
+    Contact,
+    Forces,
+    Grasp,
+    Parameters,
+    Pushes,
+    Scalar,
+    Vector,
+    contact,
+    support,
+    tangential_compliance,
+)
+from pushfit.errors import ConfigError
+from pushfit.numerics import norm2, softmin
+from pushfit.roots import falling_root
+
+# Sine of the largest tilt, 82°: an object that leans further has fallen over.
+MAX_SINE = 0.99
+
+
+class Hold(eqx.Module):
+    """Springs, friction and pushes of an equilibrium.
+
+    Args:
+        A: Normal series stiffness [N/m].
+        C_rr: Rolling friction coefficient [-].
+        C_d: Rotational deformation coefficient [N·m/rad].
+        L: Distance between the contacts [m].
+        preload: F_0 [N].
+        compliance: Inverse of the tangential stiffness of the support, xx, xy, yy
+            [m/N].
+        azimuth: (cos α, sin α) of each push [-].
+        along: S_p cos θ [m].
+        into: S_p sin θ [m].
+    """
+
+    A: Scalar
+    C_rr: Scalar
+    C_d: Scalar
+    L: Scalar
+    preload: Scalar
+    compliance: tuple[Scalar, Scalar, Scalar]
+    azimuth: tuple[Vector, Vector]
+    along: Vector
+    into: Vector
+
+
+def make_hold(
+    group: Contact,
+    grasp: Grasp,
+    *,
+    elevation: Float[Array, "2 n"],
+    azimuth: Float[Array, "2 n"],
+) -> Hold:
+    """What the equilibrium of every push needs.
+
+    Args:
+        group: Contact combinations.
+        grasp: Grasp.
+        elevation: (cos θ, sin θ) [-].
+        azimuth: (cos α, sin α) [-].
+    """
+    springs = support(group)
+    tensor = tangential_compliance(springs)
+    cosine, sine = elevation
+    return Hold(
+        A=group.A,
+        C_rr=group.C_rr,
+        C_d=springs.C_d,
+        L=group.L,
+        preload=grasp.preload,
+        compliance=(tensor[0, 0], tensor[0, 1], tensor[1, 1]),
+        azimuth=(azimuth[0], azimuth[1]),
+        along=grasp.push_length * cosine,
+        into=grasp.push_length * sine,
+    )
+
+
+def tilting_forces(
+    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
+) -> Forces:
+    """Contact forces of pushes that tilt the object.
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor.
+
+    Returns:
+        Forces of every push, in the frame that does not tilt. Negative F_t, where the
+        support pulls an object back that would lean further, keeps its direction.
+
+    Raises:
+        ConfigError: If the grasp has two supports.
+    """
+    check_supports(grasp)
+    hold = make_hold(
+        contact(params), grasp, elevation=pushes.elevation, azimuth=pushes.azimuth
+    )
+    sine, force = equilibrium(hold, grasp.sharpness)
+    lean_x, lean_y = lean_direction(hold, force, sine)
+    pressed = pressed_force(hold, sine)
+    return Forces(
+        normal=jnp.maximum(pressed, 0.0),
+        tangential_x=force * lean_x,
+        tangential_y=force * lean_y,
+        in_contact=pressed >= 0,
+    )
+
+
+def equilibrium(hold: Hold, sharpness: float) -> tuple[Vector, Vector]:
+    """Sine of the tilt and tangential force of every push.
+
+        F_t = softmin(F_unrolled, F_rolled)
+
+    Args:
+        hold: Springs, friction and pushes.
+        sharpness: p of `softmin`; infinity is the hard switch [-].
+
+    Returns:
+        sin γ [-] and F_t along the lean [N]; F_t is negative where the object leans
+        beyond the push.
+    """
+    if sharpness == jnp.inf:
+
+        def smaller(hold: Hold, sine: Vector) -> Vector:
+            return jnp.minimum(elastic_force(hold, sine), rolling_force(hold, sine))
+
+        start = jnp.maximum(_unrolled_guess(hold), _rolled_guess(hold))
+        sine = _tilted_by(smaller, hold, start)
+        return sine, smaller(hold, sine)
+    unrolled, rolled = unrolled_sine(hold), rolled_sine(hold)
+    elastic, limit = elastic_force(hold, unrolled), rolling_force(hold, rolled)
+    smallest = jnp.minimum(elastic, limit)
+    # A force that turns negative is the smaller one by far: nothing is left to soften.
+    is_soft = smallest > 0
+    a, b = jnp.where(is_soft, elastic, 1.0), jnp.where(is_soft, limit, 1.0)
+    force = jnp.where(is_soft, softmin(a, b, sharpness), smallest)
+
+    def given(state: tuple[Hold, Vector], sine: Vector) -> Vector:
+        return state[0].along - displacement(state[0], state[1], sine)
+
+    start = jnp.maximum(unrolled, rolled)
+    return falling_root(given, (hold, force), _bracket(hold), start), force
+
+
+def unrolled_sine(hold: Hold) -> Vector:
+    """Sine of the tilt at which the deformed contact balances the forces [-]."""
+    return _tilted_by(elastic_force, hold, _unrolled_guess(hold))
+
+
+def rolled_sine(hold: Hold) -> Vector:
+    """Sine of the tilt at which rolling friction balances the forces; 0 if none [-]."""
+    return _tilted_by(rolling_force, hold, _rolled_guess(hold))
+
+
+def _tilted_by(
+    balance: Callable[[Hold, Vector], Vector], hold: Hold, start: Vector
+) -> Vector:
+    """Sine of the tilt at which the push has just the length that the forces need."""
+
+    def excess(hold: Hold, sine: Vector) -> Vector:
+        return hold.along - displacement(hold, balance(hold, sine), sine)
+
+    return falling_root(excess, hold, _bracket(hold), start)
+
+
+def _unrolled_guess(hold: Hold) -> Vector:
+    """Tilt of a small push that deforms the contact [-]."""
+    turning = hold.C_d / hold.L - jnp.maximum(hold.preload + hold.A * hold.into, 0.0)
+    bending = jnp.maximum(turning, 0.0) * _mean_compliance(hold)
+    return hold.along / (hold.L + bending)
+
+
+def _rolled_guess(hold: Hold) -> Vector:
+    """Tilt of a small push that rolls [-]."""
+    pressed = jnp.maximum(hold.preload + hold.A * hold.into, 0.0)
+    compliance = _mean_compliance(hold)
+    # F_t falls with the tilt, by F_n for each radian.
+    left = jnp.maximum(hold.L - compliance * pressed, hold.L / 2)
+    return (hold.along - compliance * hold.C_rr * pressed) / left
+
+
+def pressed_force(hold: Hold, sine: Vector) -> Vector:
+    """F_0 + A (S_p sin θ - L (1 - cos γ)); negative where contact is lost [N]."""
+    sinking = hold.L * sine**2 / (1 + cosine_of(sine))
+    return hold.preload + hold.A * (hold.into - sinking)
+
+
+def elastic_force(hold: Hold, sine: Vector) -> Vector:
+    """F_t at which C_d γ balances the moments, (C_d γ/L - F_n sin γ) / cos γ [N]."""
+    normal = jnp.maximum(pressed_force(hold, sine), 0.0)
+    return (hold.C_d / hold.L * jnp.arcsin(sine) - normal * sine) / cosine_of(sine)
+
+
+def rolling_force(hold: Hold, sine: Vector) -> Vector:
+    """F_t at which C_rr L N balances the moments, F_n tan(atan C_rr - γ) [N]."""
+    normal = jnp.maximum(pressed_force(hold, sine), 0.0)
+    cosine = cosine_of(sine)
+    return normal * (hold.C_rr * cosine - sine) / (cosine + hold.C_rr * sine)
+
+
+def displacement(hold: Hold, force: Vector, sine: Vector) -> Vector:
+    """How far a push must go along its azimuth for a force and a tilt along one line.
+
+        S_p cos θ u = (F_t K⁻¹ + L sin γ) n,   |n| = 1
+
+    Args:
+        hold: Springs and pushes.
+        force: F_t [N].
+        sine: sin γ [-].
+
+    Returns:
+        S_p cos θ; F_t / K_st + L sin γ without an ellipse [m].
+    """
+    (x, y), determinant, trace = _solved_lean(hold, force, sine)
+    size = norm2(x, y)
+    is_stable = (trace > 0) & (size > 0)
+    # Where the support would pull more than the object leans no push leads there; half
+    # the trace keeps the sign and the slope for the search.
+    ratio = determinant / jnp.where(is_stable, size, 1.0)
+    return jnp.where(is_stable, ratio, trace / 2)
+
+
+def lean_direction(hold: Hold, force: Vector, sine: Vector) -> tuple[Vector, Vector]:
+    """Components of n, the direction in which the object leans [-]."""
+    (x, y), _, _ = _solved_lean(hold, force, sine)
+    size = norm2(x, y)
+    is_known = size > 0
+    safe = jnp.where(is_known, size, 1.0)
+    # An object that neither leans nor is pulled would lean along the push.
+    along_x, along_y = hold.azimuth
+    return jnp.where(is_known, x / safe, along_x), jnp.where(
+        is_known, y / safe, along_y
+    )
+
+
+def _solved_lean(
+    hold: Hold, force: Vector, sine: Vector
+) -> tuple[tuple[Vector, Vector], Vector, Vector]:
+    """Adj(M) u, det M and tr M of M = F_t K⁻¹ + L sin γ."""
+    xx, xy, yy = (force * c for c in hold.compliance)
+    xx, yy = xx + hold.L * sine, yy + hold.L * sine
+    u_x, u_y = hold.azimuth
+    return (yy * u_x - xy * u_y, xx * u_y - xy * u_x), xx * yy - xy * xy, xx + yy
+
+
+def _mean_compliance(hold: Hold) -> Scalar:
+    """Of the support over all azimuths [m/N]."""
+    return (hold.compliance[0] + hold.compliance[2]) / 2
+
+
+def _bracket(hold: Hold) -> tuple[Vector, Vector]:
+    """Sines between which a tilt is sought."""
+    return jnp.zeros_like(hold.into), jnp.full_like(hold.into, MAX_SINE)
+
+
+def cosine_of(sine: Vector) -> Vector:
+    """Cosine of an angle below a right one [-]."""
+    return jnp.sqrt(1 - sine**2)
+
+
+def check_supports(grasp: Grasp) -> None:
+    """Refuse limits that differ along and across the supports.
+
+    Args:
+        grasp: Grasp.
+
+    Raises:
+        ConfigError: If the grasp has two supports.
+    """
+    if grasp.support_span is not None:
+        raise ConfigError(
+            f"tilting mechanics know one rolling limit, but support_span = "
+            f"{grasp.support_span:g} m gives one for each axis; leave the span out, or "
+            'take mechanics = "linear"',
+            code="tilting_two_supports",
+        )
