@@ -1,6 +1,6 @@
-"""Where an object that tilts stops to roll: the critical angle and the tilt there.
+"""Where an object that tilts stops to roll: critical angle, tilt and friction.
 
-Both belong to pushes of one length. Excluded: forces (`pushfit.tilting`).
+All belong to pushes of one length. Excluded: forces (`pushfit.tilting`).
 """
 
 import jax
@@ -23,7 +23,10 @@ from pushfit.tilting import (
     check_supports,
     cosine_of,
     displacement,
+    elastic_force,
     make_hold,
+    pressed_force,
+    unrolled_sine,
 )
 
 # Range of the resultant force in which a critical tilt is sought, as a multiple of the
@@ -85,6 +88,43 @@ def critical_tilt(
     (hold, lean, _), force, exists = _critical_force(params, grasp, jnp.asarray(alpha))
     tilt = force * hold.L * jnp.sin(lean) / hold.C_d
     return jnp.where(exists, tilt, jnp.nan).reshape(jnp.shape(alpha))
+
+
+def critical_friction(
+    params: Parameters | Contact,
+    grasp: Grasp,
+    direction: tuple[Float[Array, "*n"], Float[Array, "*n"]],
+) -> Float[Array, "*n"]:
+    """Rolling friction with which a push in a given direction just does not roll.
+
+        C_rr = C_d γ / (L N),   γ the tilt without rolling
+
+    Args:
+        params: Parameters; their C_rr plays no part.
+        grasp: Grasp.
+        direction: θ and α of the push [rad].
+
+    Returns:
+        C_rr; NaN where the push loses contact [-].
+
+    Raises:
+        ConfigError: If the grasp has two supports.
+    """
+    check_supports(grasp)
+    theta, alpha = (jnp.ravel(jnp.asarray(angle)) for angle in direction)
+    hold = make_hold(
+        contact(params),
+        grasp,
+        elevation=unit_vector(theta),
+        azimuth=unit_vector(alpha),
+    )
+    sine = unrolled_sine(hold)
+    normal, tangential = pressed_force(hold, sine), elastic_force(hold, sine)
+    across = normal * cosine_of(sine) - tangential * sine
+    is_held = (normal > 0) & (across > 0)
+    torque = hold.C_d * jnp.arcsin(sine) / hold.L
+    friction = torque / jnp.where(is_held, across, 1.0)
+    return jnp.where(is_held, friction, jnp.nan).reshape(jnp.shape(direction[0]))
 
 
 def _critical_force(

@@ -117,7 +117,8 @@ def test_every_example_of_the_template_is_valid(section, line):
         ("[transition]\nsharpness = 0.5", "sharpness = 0.5: must be 'hard' or must be"),
         ("[reach]\nalpha_deg = [0]", "reach.alpha_deg = [0]: has too few values"),
         ("[reach]\nalpha_deg = [9, 0]", "reach: give [low, high] with low < high"),
-        ('[grasp]\nmechanics = "tilting"', "mechanics"),
+        ('[grasp]\nmechanics = "tilting"', "set push.length_mm"),
+        ('[grasp]\nmechanics = "rigid"', "mechanics"),
         (
             "[sensor]\nn_per_kpa = 1\nkpa_per_count = 1\ncounts_per_n = 1",
             "follows from the other factors; remove it",

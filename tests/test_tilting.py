@@ -332,6 +332,7 @@ def test_slopes_of_the_critical_angle_equal_differences():
         np.testing.assert_allclose(slopes[i], expected, rtol=DIFFERENCE, atol=EXACT)
 
 
+@pytest.mark.slow
 def test_slopes_are_finite_everywhere_in_the_range():
     """Contact loss, the tie and a push straight down among them."""
     params, grasp = paper_parameters(), tilting()

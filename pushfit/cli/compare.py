@@ -1,4 +1,4 @@
-"""`pushfit compare`: hard, soft or no rolling, by evidence and by prediction."""
+"""`pushfit compare`: rolling and mechanics, by evidence and by prediction."""
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
@@ -13,7 +13,7 @@ def compare(
     seed: options.Seed = 0,
     json: options.Json = False,
 ) -> int:
-    """Compare a hard, a soft and a never rolling contact on the same pushes."""
+    """Compare ways of rolling, and where L is stated both mechanics, on one table."""
     cache = enable_compile_cache()
     session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config

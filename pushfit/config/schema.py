@@ -68,9 +68,10 @@ class PushSection(Section):
 class GraspSection(Section):
     """How the object is held."""
 
-    mechanics: Literal["linear"] = Field(
+    mechanics: Literal["linear", "tilting"] = Field(
         default="linear",
-        description='"linear": the equations of the paper, for small tilts',
+        description='"linear": the equations of the paper, for small tilts; "tilting": '
+        "exact for real pushes, needs push.length_mm and parameters.L",
     )
     preload_n: Preload = Field(
         default=None,
@@ -193,7 +194,26 @@ class GraspConfig(Section):
                 "parameters.F_0 is a prior of an estimated preload; "
                 'set grasp.preload_n = "estimate" or remove it'
             )
+        reason = self.why_not_tilting()
+        if self.grasp.mechanics == "tilting" and reason is not None:
+            raise ValueError(f'grasp.mechanics = "tilting": {reason}')
         return self
+
+    def why_not_tilting(self) -> str | None:
+        """Why tilting mechanics do not apply, and what to do; None where they do."""
+        if not self.push.is_length_known:
+            return "the tilt depends on the push length; set push.length_mm"
+        if self.parameters.L is None:
+            return (
+                "the tilt depends on L; measure it and set parameters.L, for example "
+                "normal = { mean = 0.04, sd = 0.001 }"
+            )
+        if self.grasp.support_span_mm is not None:
+            return (
+                "these mechanics know one rolling limit, but grasp.support_span_mm "
+                "gives one for each axis; remove it"
+            )
+        return None
 
     @property
     def preload_is_estimated(self) -> bool:

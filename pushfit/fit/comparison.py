@@ -1,7 +1,8 @@
-"""Hard, soft or no rolling at all: which of these models the heights speak for.
+"""Hard, soft or no rolling, linear or tilting: which model the heights speak for.
 
-Each is a fit of the same pushes with the same noise model and priors. They differ only
-in how rolling sets in: by the paper's switch, by a soft minimum, or never. Two criteria
+Each is a fit of the same pushes with the same noise model and priors. They differ in
+how rolling sets in, by the paper's switch, by a soft minimum, or never, and in whether
+the object tilts. Two criteria
 are kept apart: the evidence, which weighs priors, and the density of each push
 predicted from all others (leave-one-out), which hardly does.
 """
@@ -72,7 +73,8 @@ class ModelScore:
     """One model and how well it accounts for the pushes.
 
     Args:
-        name: "hard", "soft" or "no_rolling".
+        name: "hard", "soft" or "no_rolling" by the mechanics of the configuration;
+            "tilting" or "linear" for a hard transition by the other mechanics.
         sharpness: Sharpness of the transition; infinite for a hard switch.
         is_adequate: Whether it describes the heights within their noise.
         verdict: The same in words.
@@ -161,7 +163,7 @@ def compare_models(
     seed: int,
     progress: Callable[[str, float], None] | None = None,
 ) -> Comparison:
-    """Fit a table with a hard transition, with a soft one and without rolling.
+    """Fit a table with a hard transition, a soft one, none, and by other mechanics.
 
     The pushes left out and the noise model are settled once, under the configuration
     as it is, so that all models answer for the same heights.
@@ -200,7 +202,9 @@ def compare_models(
 
 
 def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
-    """The configuration with each way of rolling.
+    """The configuration with each way of rolling, and with the other mechanics.
+
+    Tilting mechanics are among them where the push length and L are stated.
 
     Args:
         config: Configuration in force.
@@ -216,13 +220,20 @@ def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
     stated = config.transition.sharpness
     never = {"C_rr": PositivePrior(fixed=NEVER_ROLLS)}
     parameters = config.parameters.model_copy(update=never)
-    return {
+    configs = {
         "hard": with_transition("hard", config),
         "soft": with_transition(SOFT_SHARPNESS if stated == "hard" else stated, config),
         "no_rolling": with_transition(
             "hard", config.model_copy(update={"parameters": parameters})
         ),
     }
+    if config.why_not_tilting() is None:
+        is_linear = config.grasp.mechanics == "linear"
+        other = "tilting" if is_linear else "linear"
+        grasp = config.grasp.model_copy(update={"mechanics": other})
+        rival = config.model_copy(update={"grasp": grasp})
+        configs[other] = with_transition("hard", rival)
+    return configs
 
 
 def push_densities(

@@ -15,9 +15,12 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float, Int
 
-from pushfit.fit.problem import Problem
+from pushfit.critical_tilt import critical_friction
+from pushfit.directions import critical_angle
+from pushfit.fit.problem import Problem, State
 from pushfit.model import (
     Contact,
+    Grasp,
     Scalar,
     rolling_limits,
     tangential_stiffness,
@@ -37,8 +40,11 @@ SOFT = 16.0
 # Offsets of ln A and ln C_rr around each start of the pool: with the value imposed, the
 # old A and C_rr may be decades off.
 SHIFTS = tuple(itertools.product((0.0, -0.7, 0.7), (0.0, -0.5, 0.5, -1.5, 1.5)))
-# Coordinates that θ_c replaces, first choice first.
-PIVOTS = ("ln_B", "ln_C_rr", "ln_A")
+# Coordinates that θ_c replaces, first choice first. Where the object tilts only C_rr
+# follows from the angle without a search: it is what the unrolled push needs there.
+PIVOTS = {"linear": ("ln_B", "ln_C_rr", "ln_A"), "tilting": ("ln_C_rr",)}
+# Distance of an imposed θ_c of tilting mechanics from another crossing [rad].
+SAME_ANGLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,10 +159,16 @@ class ConstrainedFit(eqx.Module):
         if "theta_c" not in self.quantities:
             return jnp.asarray(True)
         state = self.problem.data_state(y)
-        A, F = state.params.A, state.preload / self.problem.grasp.push_length
-        sine = jnp.sin(value)
-        # Below the second bound the angle is the lower end of the rolling range.
-        is_switch = (F + A * sine > 0) & (A + F * sine >= 0)
+        if self.problem.grasp.mechanics == "tilting":
+            grasp = self._grasp(state)
+            alpha = jnp.asarray(self.reference_alpha)
+            angle = critical_angle(state.params, grasp, alpha)
+            is_switch = jnp.abs(angle - value) < SAME_ANGLE
+        else:
+            A, F = state.params.A, state.preload / self.problem.grasp.push_length
+            sine = jnp.sin(value)
+            # Below the second bound the angle is the lower end of the rolling range.
+            is_switch = (F + A * sine > 0) & (A + F * sine >= 0)
         return is_switch | (index != self.quantities.index("theta_c"))
 
     def _seek(
@@ -175,6 +187,10 @@ class ConstrainedFit(eqx.Module):
         y, _ = _solve(replace(self, problem=soft), index, value, chosen)
         return chosen.at[:, -1].set(y)
 
+    def _grasp(self, state: State) -> Grasp:
+        """The grasp with the preload of a point."""
+        return eqx.tree_at(lambda g: g.preload, self.problem.grasp, state.preload)
+
     def _pivot_value(self, angle: Scalar, z: Float[Array, " q"]) -> Scalar:
         """Log of the pivot that puts the critical angle at an angle.
 
@@ -183,6 +199,10 @@ class ConstrainedFit(eqx.Module):
         grasp = self.problem.grasp
         state = self.problem.data_state(z)
         group: Contact = state.params  # pyright: ignore[reportAssignmentType]
+        if grasp.mechanics == "tilting":
+            direction = (angle, jnp.asarray(self.reference_alpha))
+            friction = critical_friction(group, self._grasp(state), direction)
+            return _safe_log(jnp.where(jnp.isnan(friction), 0.0, friction))
         preload = state.preload / grasp.push_length
         pivot = pivot_name(self.problem)
         sine, cosine = jnp.sin(angle), jnp.cos(angle)
@@ -210,7 +230,8 @@ class ConstrainedFit(eqx.Module):
 
 def pivot_name(problem: Problem) -> str | None:
     """Data coordinate that θ_c replaces; None where nothing is free to move it."""
-    return next((name for name in PIVOTS if name in problem.data_names), None)
+    pivots = PIVOTS[problem.grasp.mechanics]
+    return next((name for name in pivots if name in problem.data_names), None)
 
 
 def _safe_log(value: Scalar) -> Scalar:

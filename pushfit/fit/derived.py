@@ -48,6 +48,25 @@ def samples_mapping(
 
 
 @eqx.filter_jit
+def critical_angle_at(
+    problem: Problem, y: Float[Array, " q"], reference_alpha: float
+) -> Float[Array, ""]:
+    """θ_c at data coordinates.
+
+    Args:
+        problem: Problem.
+        y: Data coordinates.
+        reference_alpha: Azimuth of θ_c [rad].
+
+    Returns:
+        θ_c; NaN where the contact never rolls [rad].
+    """
+    state = problem.data_state(y)
+    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+    return critical_angle(state.params, grasp, jnp.asarray(reference_alpha))
+
+
+@eqx.filter_jit
 def _quantities(
     problem: Problem,
     x_samples: Float[Array, "n p"],

@@ -48,6 +48,7 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.fit.setup import Setup, build_problem
+from pushfit.fit.tilt_check import tilt_notice
 
 Progress = Callable[[str, float], None]
 # Draws of the exact engine: quantiles good to about 0.02 standard deviations.
@@ -156,6 +157,13 @@ def conclude(
         seed=seed,
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
     )
+    tilt = tilt_notice(
+        fitted.setup,
+        fitted.fit,
+        posterior,
+        theta_c,
+        reference_alpha=fitted.reference_alpha,
+    )
     model_free = model_free_direction(fitted.table, prob=prob, seed=seed)
     return Identification(
         table=fitted.table,
@@ -180,6 +188,7 @@ def conclude(
             *result_notices(
                 fitted.setup, posterior, criticism, (theta_c, alpha_star), model_free
             ),
+            *([] if tilt is None else [tilt]),
         ),
         status=posterior.status,
         seed=seed,

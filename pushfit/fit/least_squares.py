@@ -15,8 +15,8 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 from scipy import optimize
 
-from pushfit.directions import critical_angle
 from pushfit.errors import FitError
+from pushfit.fit.derived import critical_angle_at
 from pushfit.fit.problem import Problem
 from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.scan import starting_points
@@ -89,8 +89,9 @@ def fit_result(
     problem, (points, costs, is_done) = setup.problem, found
     best = jnp.asarray(points[0])
     mask = np.asarray(problem.mask)
-    jacobian = np.asarray(_jacobian(problem, best))[mask.ravel()]
-    residuals = np.asarray(problem.data_residuals(best))[mask.ravel()]
+    is_data = np.r_[mask.ravel(), np.ones(problem.n_pulls, bool)]
+    jacobian = np.asarray(_jacobian(problem, best))[is_data]
+    residuals = np.asarray(problem.data_residuals(best))[is_data]
     if not np.isfinite(costs[0]):
         status = FitStatus.NO_FINITE_START
     elif is_done[0] or _is_flat(jacobian, residuals):
@@ -111,7 +112,7 @@ def fit_result(
         modes=_modes(problem, points, costs, reference_alpha),
         chi_square=float(costs[0]),
         n_data=int(mask.sum()),
-        n_free=len(problem.data_names),
+        n_free=len(problem.data_names) - problem.n_pulls,
         sigma=np.asarray(problem.reference_sigma)[mask],
         predicted=predicted[mask],
         channel=tuple(problem.channels[i] for i in channel_index),
@@ -207,7 +208,8 @@ def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
     """
     mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
     errors = np.asarray(problem.predict(problem.data_state(y)) - problem.observed)
-    share = max(1.0 - len(problem.data_names) / mask.sum(), 1.0 / mask.sum())
+    n_free = len(problem.data_names) - problem.n_pulls
+    share = max(1.0 - n_free / mask.sum(), 1.0 / mask.sum())
     sigma = np.array(problem.reference_sigma)
     for c in range(len(problem.channels)):
         r, s = errors[c, mask[c]], sd[c, mask[c]]
@@ -307,9 +309,7 @@ def _modes(
         if any(np.max(np.abs(point - other)) < SAME_MODE for other in kept):
             continue
         kept.append(point)
-        state = problem.data_state(jnp.asarray(point))
-        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
-        angle = float(critical_angle(state.params, grasp, jnp.asarray(reference_alpha)))
+        angle = float(critical_angle_at(problem, jnp.asarray(point), reference_alpha))
         modes.append(
             Mode(
                 coordinates=dict(zip(problem.data_names, point.tolist(), strict=True)),

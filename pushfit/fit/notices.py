@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,9 +10,7 @@ from scipy import stats
 
 from pushfit.config import GraspConfig
 from pushfit.data.table import PeakTable
-from pushfit.displacements import displacements
 from pushfit.fit.criticism import LEVEL, label
-from pushfit.fit.derived import PARAMETERS
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -22,10 +21,7 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.fit.setup import Setup
-from pushfit.model import Parameters, contact, forward
-
-# Above this tilt the linear mechanics bias θ_c by degrees at a push of 5 mm [deg].
-LARGE_TILT_DEG = 2.0
+from pushfit.model import contact, forward
 
 
 def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
@@ -69,11 +65,12 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
         fit: Best fit.
 
     Returns:
-        Rows; empty without a preload, when contact cannot be lost.
+        Rows; by linear mechanics none without a preload, which are even in θ then.
     """
     problem = setup.problem
     state = problem.data_state(jnp.asarray(fit.estimate))
-    channels = forward(state.params, problem.pushes, problem.grasp)
+    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+    channels = forward(state.params, problem.pushes, grasp)
     is_lost = ~np.asarray(channels.in_contact)[: len(setup.rows)]
     return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
 
@@ -158,7 +155,6 @@ def result_notices(
             )
     yield from _disagreement(alpha_star, model_free)
     yield from _bounds(setup, posterior)
-    yield from _tilt(setup, posterior)
 
 
 def _disagreement(
@@ -201,25 +197,6 @@ def _bounds(setup: Setup, posterior: PosteriorResult) -> Iterator[Notice]:
                     text=f"{name} presses against its bound {bound:g}; its interval is "
                     "one of the prior, so widen the bound or accept one side",
                 )
-
-
-def _tilt(setup: Setup, posterior: PosteriorResult) -> Iterator[Notice]:
-    """The linear solution implies a tilt beyond its own validity."""
-    problem = setup.problem
-    middle = {n: float(np.median(posterior.samples[n])) for n in PARAMETERS}
-    for name in ("e1", "e2"):
-        if name in posterior.samples:
-            middle[name] = float(np.median(posterior.samples[name]))
-    params = Parameters(**middle)
-    tilt = np.asarray(displacements(params, problem.pushes, problem.grasp).tilt)
-    largest = float(np.degrees(np.max(tilt[: len(setup.rows)])))
-    if largest > LARGE_TILT_DEG:
-        yield Notice(
-            code="large_tilt",
-            text=f"the fit implies that the object tilts by up to {largest:.0f}°; the "
-            "paper's equations hold for small tilts, and at 2° and more θ_c may be off "
-            "by several degrees beyond its interval",
-        )
 
 
 def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from pushfit.coordinates import Coordinates, log_volume, parameters
+from pushfit.fit.data_point import POINTS
 from pushfit.fit.priors import Prior
 from pushfit.model import (
     Contact,
@@ -69,6 +70,10 @@ class Problem(eqx.Module):
         names: Names of the entries of x.
         data_names: Names of the entries of y.
         likelihood: "normal" or "student_t".
+        pull: What is known beforehand of data coordinates that heights hardly see, as
+            residuals pull · y - pull_offset of unit variance; no rows where heights
+            see all of them.
+        pull_offset: See `pull`.
     """
 
     pushes: Pushes
@@ -83,6 +88,13 @@ class Problem(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True)
     data_names: tuple[str, ...] = eqx.field(static=True)
     likelihood: str = eqx.field(static=True, default="normal")
+    pull: Float[Array, "k q"] | None = None
+    pull_offset: Float[Array, " k"] | None = None
+
+    @property
+    def n_pulls(self) -> int:
+        """Data coordinates that what is known beforehand holds in place."""
+        return 0 if self.pull is None else self.pull.shape[0]
 
     def predict(self, state: State) -> Float[Array, "c n"]:
         """Noise-free heights of every channel and row [table unit]."""
@@ -104,8 +116,11 @@ class Problem(eqx.Module):
         return difference.ravel()
 
     def data_residuals(self, y: Float[Array, " q"]) -> Float[Array, " m"]:
-        """`residuals` at data coordinates."""
-        return self.residuals(self.data_state(y))
+        """`residuals` at data coordinates, followed by those of `pull`."""
+        residuals = self.residuals(self.data_state(y))
+        if self.pull is None or self.pull_offset is None:
+            return residuals
+        return jnp.concatenate([residuals, self.pull @ y - self.pull_offset])
 
     def noise(self, state: State) -> Float[Array, "c n"]:
         """Scale of the noise of every entry; 1 for padding [table unit].
@@ -181,17 +196,9 @@ class Problem(eqx.Module):
             Contact combinations and preload.
         """
         w = dict(zip(self.data_names, y, strict=True))
-        zero = jnp.zeros(())
-        group = Contact(
-            A=jnp.exp(w["ln_A"]) if "ln_A" in w else _fixed_A(self.fixed),
-            B=jnp.exp(w["ln_B"]) if "ln_B" in w else _fixed_B(self.fixed),
-            C_rr=jnp.exp(w["ln_C_rr"]) if "ln_C_rr" in w else self.fixed["C_rr"],
-            f1=w.get("f1", zero),
-            f2=w.get("f2", zero),
-            L=jnp.exp(w["ln_L"]) if "ln_L" in w else self.fixed.get("L", zero + 1),
-        )
+        group = POINTS[self.grasp.mechanics](w, self.fixed)
         preload = jnp.exp(w["ln_F_0"]) if "ln_F_0" in w else self.grasp.preload
-        return State(group, preload, jnp.zeros(len(self.channels)), zero)
+        return State(group, preload, jnp.zeros(len(self.channels)), jnp.zeros(()))
 
 
 def _normal_pair(
@@ -258,14 +265,6 @@ def _prior_scale(
     for channel, sigma in zip(channels, state.sigma, strict=True):
         scale[f"sigma_{channel}"] = jnp.log(sigma)
     return scale
-
-
-def _fixed_A(fixed: Mapping[str, Scalar]) -> Scalar:
-    return fixed["K_sn"] * fixed["K_dn"] / (fixed["K_sn"] + fixed["K_dn"])
-
-
-def _fixed_B(fixed: Mapping[str, Scalar]) -> Scalar:
-    return 1 / (1 / fixed["K_st"] + fixed["L"] ** 2 / fixed["C_d"])
 
 
 def _signed_root_deviance(r: Float[Array, "*s"]) -> Float[Array, "*s"]:

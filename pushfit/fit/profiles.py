@@ -8,13 +8,12 @@ critical angles stay two, and an end that no push bounds stays open.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.directions import critical_angle
 from pushfit.fit.constrained import ConstrainedFit
+from pushfit.fit.derived import critical_angle_at
 from pushfit.fit.implied import implied_profiles
 from pushfit.fit.priors import UNITS
 from pushfit.fit.problem import Problem
@@ -30,8 +29,8 @@ AXIS_GRID = np.radians(np.arange(-90.0, 90.1, 5.0))
 # Distances from the modes at which logs are tried; 8 is a factor 3000 and stands for
 # the end of the range.
 LOG_OFFSETS = np.array([0.02, 0.06, 0.15, 0.3, 0.6, 1.0, 1.6, 2.4, 3.5, 5.0, 8.0])
-# The ellipse is reported by its axis; L is bounded by its prior alone.
-UNPROFILED = ("f1", "f2", "ln_L")
+# The ellipse is reported by its axis; s and L are bounded by their priors alone.
+UNPROFILED = ("f1", "f2", "ln_s", "ln_L")
 # Rounds of secant steps towards each end of a set, and the share of the threshold to
 # which Δχ² meets it there.
 N_ROUNDS, LEVEL_TOLERANCE = 6, 2e-3
@@ -180,12 +179,8 @@ def _values_at(
     if name == "alpha_star":
         f1 = problem.data_names.index("f1")
         return _wrapped(np.arctan2(-modes[:, f1 + 1], -modes[:, f1]) / 2)
-    angles = []
-    for mode in modes:
-        state = problem.data_state(jnp.asarray(mode))
-        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
-        alpha = jnp.asarray(solver.reference_alpha)
-        angles.append(float(critical_angle(state.params, grasp, alpha)))
+    alpha = solver.reference_alpha
+    angles = [critical_angle_at(problem, jnp.asarray(mode), alpha) for mode in modes]
     return np.array(angles)
 
 

@@ -134,11 +134,12 @@ class FitResult:
         covariance: (JᵀJ)⁻¹ of the weighted residuals at the best fit; NaN where the
             Jacobian does not determine every coordinate.
         jacobian: Weighted residuals against coordinates at the best fit.
-        singular_values: Of the Jacobian, descending.
+        singular_values: Of the Jacobian, descending; by tilting mechanics it has rows
+            for what is known beforehand of s and L, without which they would vanish.
         modes: Every local optimum found, best first.
         chi_square: Sum of squared weighted residuals at the best fit.
-        n_data: Number of residuals.
-        n_free: Number of data coordinates.
+        n_data: Number of data.
+        n_free: Number of data coordinates that only the data hold.
         sigma: Noise standard deviation assumed for each residual [table unit].
         predicted: Best-fit value of each residual's datum [table unit].
         channel: Channel of each residual.
@@ -168,7 +169,7 @@ class FitResult:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Residuals minus data coordinates."""
+        """Data minus data coordinates that only they hold."""
         return self.n_data - self.n_free
 
 

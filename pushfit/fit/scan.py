@@ -1,7 +1,8 @@
 """A look at the whole likelihood before any solver starts, so that no mode is missed.
 
 With F_0 = 0 heights are linear in A once the ratio B / (A C_rr), C_rr and the shape of
-the ellipse are given. A grid over those few numbers with A profiled in closed form sees
+the ellipse are given, by either mechanics; where the object tilts s and L are held at
+what is known of them. A grid over those few numbers with A profiled in closed form sees
 every basin; with a preload A joins the grid. Excluded: polishing.
 """
 
@@ -15,6 +16,7 @@ from jaxtyping import Array, Float
 from scipy import ndimage
 
 from pushfit.fit.problem import Problem
+from pushfit.fit.pulls import held_values
 from pushfit.model import contact
 
 # Nodes of the grid. tan ψ = B / (A C_rr), so ψ is θ_c without preload; in C_rr and A
@@ -27,6 +29,8 @@ ELLIPSE_RATIOS, ELLIPSE_AXES = (0.7, 1.8, 4.5), np.radians(np.arange(0.0, 180.0,
 # Cells evaluated at a time: some 30 MB for 64 rows.
 CHUNK = 4096
 N_STARTS = 16
+# s = K_st L²/C_d of a start whose B leaves none.
+SMALLEST_S = 0.02
 
 
 def starting_points(problem: Problem) -> Float[np.ndarray, "k q"]:
@@ -70,7 +74,7 @@ def _cells(problem: Problem) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
         LN_C_RR if "ln_C_rr" in names else [_fixed_log(problem, "C_rr")],
         range(len(ellipse)),
         LN_F_0_OFFSETS if "ln_F_0" in names else [0.0],
-        LN_A_OFFSETS if "ln_A" in names and not is_linear(problem) else [0.0],
+        LN_A_OFFSETS if "ln_A" in names and not _has_free_scale(problem) else [0.0],
     ]
     grid = [np.ravel(g) for g in np.meshgrid(*axes, indexing="ij")]
     shapes = np.asarray(ellipse)[grid[2].astype(int)]
@@ -93,6 +97,16 @@ def is_linear(problem: Problem) -> bool:
     return no_preload and float(problem.grasp.offset) == 0
 
 
+def _has_free_scale(problem: Problem) -> bool:
+    """Whether A need not be a grid axis.
+
+    Where the object tilts all springs must scale together; with one of them fixed, s
+    takes the place of ln B and no longer scales.
+    """
+    is_held = "ln_s" in problem.data_names and "ln_B" not in problem.data_names
+    return is_linear(problem) and not is_held
+
+
 def _points(problem: Problem, cells: dict[str, np.ndarray]) -> Float[np.ndarray, "k q"]:
     """Data coordinates of every cell, A in closed form where that exists."""
     force = np.max(np.abs(problem.observed)) / float(problem.grasp.gain)
@@ -103,6 +117,7 @@ def _points(problem: Problem, cells: dict[str, np.ndarray]) -> Float[np.ndarray,
         "f2": cells["f2"],
         "ln_F_0": np.log(force) + cells["ln_F_0"],
         "ln_L": np.full(ln_ratio.size, _prior_log(problem, "L")),
+        "ln_s": np.zeros(ln_ratio.size),
     }
     if "ln_A" in problem.data_names:
         ln_scale = np.log(force / float(problem.grasp.push_length))
@@ -112,13 +127,27 @@ def _points(problem: Problem, cells: dict[str, np.ndarray]) -> Float[np.ndarray,
         ln_A = float(jnp.log(contact(state.params).A))
         values["ln_A"] = np.full(ln_ratio.size, ln_A)
     values["ln_B"] = values["ln_A"] + ln_ratio
+    if "ln_s" in problem.data_names and "ln_B" not in problem.data_names:
+        values["ln_s"] = _log_s(problem, values)
     points = np.stack([values[name] for name in problem.data_names], axis=1)
+    points = held_values(problem, points)
     if not is_linear(problem) or not {"ln_A", "ln_B"} <= set(problem.data_names):
         return points
     scale = np.asarray(_best_log_scale(problem, jnp.asarray(points)))
     for name in ("ln_A", "ln_B"):
         points[:, problem.data_names.index(name)] += scale
     return points
+
+
+def _log_s(problem: Problem, values: dict[str, np.ndarray]) -> Float[np.ndarray, " k"]:
+    """Ln s that gives B, with K_st or C_d fixed; at least a little of either spring."""
+    B = np.exp(values["ln_B"])
+    if "K_st" in problem.fixed:
+        s = float(problem.fixed["K_st"]) / B - 1
+    else:
+        rotation = float(problem.fixed["C_d"]) / np.exp(2 * values["ln_L"])
+        s = B / np.maximum(rotation - B, SMALLEST_S * B)
+    return np.log(np.maximum(s, SMALLEST_S))
 
 
 @eqx.filter_jit

@@ -15,9 +15,11 @@ from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.table import PeakTable
 from pushfit.errors import DataError
+from pushfit.fit.data_point import data_names
 from pushfit.fit.noise import Noise, choose_noise
 from pushfit.fit.priors import Prior, default_priors, priors_from_config
 from pushfit.fit.problem import Problem
+from pushfit.fit.pulls import with_pulls
 from pushfit.model import Grasp, Pushes
 
 # One compiled program serves every table of up to this many rows, then of twice as
@@ -141,26 +143,6 @@ def sampling_names(
     return tuple(names)
 
 
-def data_names(
-    priors: Mapping[str, Prior], fixed: Mapping[str, float], grasp: Grasp
-) -> tuple[str, ...]:
-    """Names of the data coordinates: the combinations that forces depend on."""
-    names = []
-    if not {"K_sn", "K_dn"} <= set(fixed):
-        names.append("ln_A")
-    if not {"K_st", "C_d", "L"} <= set(fixed):
-        names.append("ln_B")
-    if "C_rr" in priors:
-        names.append("ln_C_rr")
-    if "e1" in priors or fixed.get("e1", 0.0) or fixed.get("e2", 0.0):
-        names += ["f1", "f2"]
-    if "F_0" in priors:
-        names.append("ln_F_0")
-    if "L" in priors and grasp.support_span is not None:
-        names.append("ln_L")
-    return tuple(names)
-
-
 def _assemble(
     table: PeakTable,
     used: np.ndarray,
@@ -181,7 +163,7 @@ def _assemble(
 
     heights = {name: table.heights(name) for name in table.channels}
     row_mask = np.arange(used.size + padding) < used.size
-    return Problem(
+    problem = Problem(
         pushes=Pushes(padded(table.theta, 0.5), padded(table.alpha, 0.0)),
         observed=stacked(heights, 0.0),
         sd=stacked(noise.sd, 0.0),
@@ -195,3 +177,4 @@ def _assemble(
         data_names=data_names(priors, fixed, grasp),
         likelihood=config.noise.likelihood,
     )
+    return with_pulls(problem) if grasp.mechanics == "tilting" else problem

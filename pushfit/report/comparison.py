@@ -55,6 +55,16 @@ def comparison_sentences(comparison: Comparison) -> list[str]:
             is_worse=lambda model: model.is_less_evident,
             reason=lambda model: _odds(model.log_bayes_factor),
         )
+        sampled = [
+            model_name(model)
+            for model in comparison.models
+            if model.engine != "exact" and model.log_evidence is None
+        ]
+        if sampled:
+            sentences.append(
+                f"The posterior of {join_and(sampled)} is sampled, which gives no "
+                "evidence; prediction compares it with the others."
+            )
     else:
         sentences.append(
             f"There is no evidence to compare, because {comparison.why_no_evidence}."

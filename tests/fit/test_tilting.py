@@ -1,0 +1,273 @@
+"""Fits by tilting mechanics: coordinates, recovery, sets, and when it is warned."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from pushfit.data.schedule import PushSchedule
+from pushfit.data.simulate import Session, simulate_recording, simulate_table
+from pushfit.directions import critical_angle
+from pushfit.errors import ConfigError
+from pushfit.fit.comparison import rival_configs
+from pushfit.fit.data_point import tilting_point
+from pushfit.fit.exact import why_not_exact
+from pushfit.fit.identify import fit_table, identify_table, reach_of
+from pushfit.fit.profiles import likelihood_profiles
+from pushfit.fit.pulls import held_names, held_values
+from pushfit.fit.results import FitStatus, Verdict
+from pushfit.fit.setup import build_problem
+from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.tilt_check import fit_tilting
+from pushfit.model import Grasp, Parameters, Pushes, contact, forward
+from tests.fit.tables import config
+from tests.problems import PUSH, TILTED_ELLIPSE, paper_parameters
+
+EXACT = 1e-12  # equal on paper
+THETA_DEG = np.arange(10.0, 90.0, 5.0)
+FIRM = Parameters(1300, 2600 / 3, 450, 0.5, 0.36, 0.04)
+TILTING = Grasp(push_length=PUSH, mechanics="tilting")
+LENGTH = "[parameters.L]\nfixed = 0.04\n"
+MEASURED = "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
+MECHANICS = '[grasp]\nmechanics = "tilting"\n'
+COMPONENTS = ("height_normal", "height_tangential")
+
+
+def pushed(params=FIRM, grasp=TILTING, *, noise=0.02, seed=0, **changes):
+    """A sweep of θ; without noise where noise is 0."""
+    words = {"theta": np.radians(THETA_DEG), "alpha": 0.0, "repeats": 3}
+    return simulate_table(
+        params,
+        grasp,
+        noise=noise,
+        rng=np.random.default_rng(seed),
+        state_sd=noise > 0,
+        **(words | changes),
+    )
+
+
+def true_angle(params=FIRM, grasp=TILTING) -> float:
+    return float(np.degrees(critical_angle(params, grasp, jnp.asarray(0.0))))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (MECHANICS, "measure it and set parameters.L"),
+        (
+            '[grasp]\nmechanics = "tilting"\nsupport_span_mm = 40.0\n' + LENGTH,
+            "one rolling limit",
+        ),
+    ],
+)
+def test_what_tilting_mechanics_lack_is_refused_with_the_remedy(text, reason):
+    with pytest.raises(ConfigError, match=reason):
+        config(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        (LENGTH, ("ln_A", "ln_B", "ln_C_rr", "ln_s")),
+        (
+            MEASURED,
+            ("ln_A", "ln_B", "ln_C_rr", "ln_s", "ln_L"),
+        ),
+        (
+            LENGTH + "[parameters.K_st]\nfixed = 450\n",
+            ("ln_A", "ln_C_rr", "ln_s"),
+        ),
+        (
+            LENGTH + "[parameters.K_st]\nfixed = 450\n[parameters.C_d]\nfixed = 0.36\n",
+            ("ln_A", "ln_C_rr"),
+        ),
+    ],
+)
+def test_s_and_L_are_data_coordinates_as_far_as_they_are_free(text, names):
+    """Every point of the prior has the same heights in both coordinate systems."""
+    problem = build_problem(
+        pushed(noise=0.1, repeats=1), config(MECHANICS + text)
+    ).problem
+    assert problem.data_names == names
+    x = prior_x_samples(problem, np.random.default_rng(1), 3)
+    for point in x:
+        z = dict(zip(problem.names, jnp.asarray(point), strict=True))
+        y = {name: z[name] for name in names}
+        found = tilting_point(y, problem.fixed)
+        expected = contact(problem.state(jnp.asarray(point)).params)
+        for name in ("A", "B", "C_rr", "L", "s"):
+            np.testing.assert_allclose(
+                getattr(found, name), getattr(expected, name), rtol=EXACT
+            )
+
+
+def test_what_is_known_of_L_and_s_holds_them_and_nothing_else():
+    text = MECHANICS + "[parameters.L]\nlognormal = { median = 0.04, sd_log = 0.05 }\n"
+    problem = build_problem(pushed(noise=0.1, repeats=1), config(text)).problem
+    assert held_names(problem.data_names) == ("ln_L", "ln_s")
+    pull = np.asarray(problem.pull)
+    on_L = dict(zip(problem.data_names, pull[0], strict=True))
+    # 4000 draws know a standard deviation to 1.1 %.
+    np.testing.assert_allclose(on_L["ln_L"], 1 / 0.05, rtol=0.05)
+    assert all(on_L[name] == 0 for name in ("ln_A", "ln_B", "ln_C_rr", "ln_s"))
+    points = held_values(problem, np.random.default_rng(0).normal(size=(4, 5)))
+    np.testing.assert_allclose(
+        points @ pull.T - np.asarray(problem.pull_offset), 0.0, atol=1e-9
+    )
+
+
+def test_the_exact_engine_declines_by_name():
+    problem = build_problem(pushed(repeats=1), config(MECHANICS + LENGTH)).problem
+    assert "tilting mechanics depend on more than A, B" in str(why_not_exact(problem))
+
+
+def test_comparison_takes_up_the_other_mechanics_where_L_is_stated():
+    assert "tilting" not in rival_configs(config())
+    base = config(LENGTH)
+    rival = rival_configs(base)["tilting"]
+    assert rival.grasp.mechanics == "tilting"
+    same = rival.model_copy(update={"grasp": base.grasp})
+    assert same == base
+    assert "linear" in rival_configs(config(MECHANICS + LENGTH))
+
+
+def test_tables_and_recordings_are_simulated_by_the_mechanics_of_the_grasp():
+    table = pushed(noise=0.0, repeats=1, theta=np.radians([2.0, 20.0, 60.0]))
+    pushes = Pushes(np.radians([2.0, 20.0, 60.0]), np.zeros(3))
+    expected = forward(FIRM, pushes, TILTING).height
+    np.testing.assert_allclose(table.heights("height"), expected, rtol=EXACT)
+    # 2° without a preload: the push point sinks by more than it is pressed.
+    assert list(table.flags) == [{"lost_contact"}, set(), set()]
+    schedule = PushSchedule.planned(np.radians([20.0, 60.0]), 0.0, repeats=1)
+    made = {
+        mechanics: simulate_recording(
+            FIRM,
+            dataclasses.replace(TILTING, mechanics=mechanics),
+            schedule,
+            session=Session(angle_resolution=1e-9),
+            rng=np.random.default_rng(0),
+        )
+        for mechanics in ("linear", "tilting")
+    }
+    heights = {
+        name: found.recording.channels["pressure"].max() for name, found in made.items()
+    }
+    assert heights["tilting"] < heights["linear"]
+    np.testing.assert_allclose(heights["tilting"], np.max(expected[1:]), rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("channels", [("height",), COMPONENTS], ids=["height", "parts"])
+def test_the_truth_is_recovered_without_noise(channels):
+    table = pushed(noise=0.0, channels=channels)
+    text = MECHANICS + LENGTH + '[noise]\nsigma = "sampled"\n'
+    fitted = fit_table(table, config(text))
+    assert fitted.fit.status is FitStatus.OK
+    truth = contact(FIRM)
+    values = fitted.fit.modes[0].coordinates
+    # Noise-free heights weigh so much that what is known of s cannot shift it.
+    for name in ("A", "B", "C_rr", "s"):
+        np.testing.assert_allclose(
+            np.exp(values[f"ln_{name}"]), getattr(truth, name), rtol=1e-3, err_msg=name
+        )
+    np.testing.assert_allclose(fitted.fit.modes[0].theta_c_deg, true_angle(), rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_at_the_truth_a_preloaded_ellipse_leaves_no_residual():
+    params = paper_parameters(**TILTED_ELLIPSE)
+    grasp = dataclasses.replace(TILTING, preload=0.5)
+    theta_deg, alpha_deg = np.meshgrid([10.0, 25.0, 45.0, 70.0], np.arange(0, 180, 30))
+    table = pushed(
+        params,
+        grasp,
+        noise=0.0,
+        theta=np.radians(theta_deg.ravel()),
+        alpha=np.radians(alpha_deg.ravel()),
+        repeats=1,
+        channels=COMPONENTS,
+    )
+    text = '[grasp]\nmechanics = "tilting"\npreload_n = 0.5\n'
+    settings = config(text + LENGTH + '[noise]\nsigma = "sampled"\n')
+    problem = build_problem(table, settings).problem
+    assert problem.data_names == ("ln_A", "ln_B", "ln_C_rr", "f1", "f2", "ln_s")
+    group = contact(params)
+    logs = [float(np.log(getattr(group, name))) for name in ("A", "B", "C_rr", "s")]
+    y = jnp.array([*logs[:3], float(group.f1), float(group.f2), logs[3]])
+    errors = problem.predict(problem.data_state(y)) - problem.observed
+    errors = np.asarray(errors)[np.asarray(problem.mask)]
+    np.testing.assert_allclose(errors, 0.0, atol=EXACT)
+
+
+@pytest.mark.slow
+def test_profiles_hold_the_truth_and_leave_s_to_its_prior():
+    settings = config(
+        MECHANICS + "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
+    )
+    fitted = fit_table(pushed(), settings)
+    profiles = likelihood_profiles(
+        fitted.setup,
+        fitted.fit,
+        reference_alpha=fitted.reference_alpha,
+        prob=0.99,
+        reach=reach_of(settings),
+    )
+    assert profiles["theta_c"].verdict is Verdict.DETERMINED
+    ((low, high),) = profiles["theta_c"].pieces
+    assert low < true_angle() < high
+    for name, value in (("A", 520.0), ("B", 150.0), ("C_rr", 0.5)):
+        ((low, high),) = profiles[name].pieces
+        assert low < value < high, name
+    assert "s" not in profiles
+    assert profiles["K_st"].verdict is Verdict.ONE_SIDED
+
+
+@pytest.mark.slow
+def test_an_identification_by_tilting_mechanics_is_whole():
+    """Emcee, sets, criticism and verdicts agree on what these heights tell."""
+    settings = config(
+        MECHANICS + "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
+    )
+    result = identify_table(pushed(channels=COMPONENTS), settings, seed=1)
+    assert result.status is FitStatus.OK
+    assert result.theta_c.verdict is Verdict.DETERMINED
+    low, high = result.theta_c.interval
+    assert low < true_angle() < high
+    assert result.goodness_of_fit.is_adequate
+    verdicts = {q.name: q.verdict for q in result.parameters}
+    assert verdicts["K_st"] is not Verdict.LEARNED
+    assert verdicts["C_d"] is not Verdict.LEARNED
+    assert "large_tilt" not in {warning.code for warning in result.warnings}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("push_length", "warns"), [(5e-3, True), (5e-4, False)], ids=["5 mm", "0.5 mm"]
+)
+def test_linear_results_warn_where_the_tilt_moves_the_critical_angle(
+    push_length, warns
+):
+    grasp = Grasp(push_length=push_length, mechanics="tilting")
+    noise = 0.02 * push_length / PUSH
+    table = pushed(grasp=grasp, noise=noise, channels=COMPONENTS)
+    settings = config(LENGTH)
+    push = settings.push.model_copy(update={"length_mm": 1e3 * push_length})
+    settings = settings.model_copy(update={"push": push})
+    result = identify_table(table, settings, seed=1, engine="exact")
+    texts = [w.text for w in result.warnings if w.code == "large_tilt"]
+    assert bool(texts) is warns
+    if warns:
+        assert f"{result.fit.modes[0].theta_c_deg:.1f}°" in texts[0]
+
+
+@pytest.mark.slow
+def test_the_cheap_fit_of_the_warning_is_the_fit_by_tilting_mechanics():
+    table = pushed(channels=COMPONENTS)
+    cheap = fit_tilting(
+        build_problem(table, config(LENGTH)).problem, reference_alpha=0.0
+    )
+    full = fit_table(table, config(MECHANICS + LENGTH))
+    np.testing.assert_allclose(
+        cheap.theta_c_deg, full.fit.modes[0].theta_c_deg, rtol=1e-4
+    )
