@@ -71,7 +71,7 @@ class GraspSection(Section):
     mechanics: Literal["linear", "tilting"] = Field(
         default="linear",
         description='"linear": the equations of the paper, for small tilts; "tilting": '
-        "exact for real pushes, needs push.length_mm and parameters.L",
+        "for pushes of millimetres, needs push.length_mm and parameters.L",
     )
     preload_n: Preload = Field(
         default=None,
