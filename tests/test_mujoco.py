@@ -37,8 +37,9 @@ BOX = """
 """
 RISE, STEPS = 1000, 4000  # half a second of pushing, one and a half of rest
 AT_REST = 1e-6  # [m/s]
-# The constraint yields a little; the paper's equations are off by 5 % at 20°.
-ONE_PERCENT = 0.01
+# The constraint yields a millionth of the push; the equations of the paper are off by
+# up to 30 %.
+YIELDING = 1e-4
 
 
 def simulated_forces(theta: float) -> tuple[float, float]:
@@ -61,4 +62,4 @@ def test_forces_are_those_of_a_simulated_box(theta_deg):
     found = eqx.filter_jit(model.forces)(params, sweep([theta_deg], [0.0]), grasp)
     expected = simulated_forces(np.radians(theta_deg))
     got = [float(found.normal[0]), float(found.tangential_x[0])]
-    np.testing.assert_allclose(got, expected, rtol=ONE_PERCENT)
+    np.testing.assert_allclose(got, expected, rtol=YIELDING)

@@ -133,9 +133,9 @@ class FitResult:
         estimate: Best fit in these coordinates.
         covariance: (JᵀJ)⁻¹ of the weighted residuals at the best fit; NaN where the
             Jacobian does not determine every coordinate.
-        jacobian: Weighted residuals against coordinates at the best fit.
-        singular_values: Of the Jacobian, descending; by tilting mechanics it has rows
-            for what is known beforehand of s and L, without which they would vanish.
+        jacobian: Weighted residuals against coordinates at the best fit; by tilting
+            mechanics with a row each for what is known beforehand of s and L.
+        singular_values: Of the Jacobian, descending.
         modes: Every local optimum found, best first.
         chi_square: Sum of squared weighted residuals at the best fit.
         n_data: Number of data.
@@ -150,7 +150,7 @@ class FitResult:
     names: tuple[str, ...]
     estimate: Float[np.ndarray, " p"]
     covariance: Float[np.ndarray, "p p"]
-    jacobian: Float[np.ndarray, "n p"]
+    jacobian: Float[np.ndarray, "m p"]
     singular_values: Float[np.ndarray, " p"]
     modes: tuple[Mode, ...]
     chi_square: float
