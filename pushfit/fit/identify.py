@@ -162,6 +162,7 @@ def conclude(
         fitted.fit,
         posterior,
         theta_c,
+        config=config,
         reference_alpha=fitted.reference_alpha,
     )
     model_free = model_free_direction(fitted.table, prob=prob, seed=seed)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import optimize
 
+from pushfit.config import GraspConfig
 from pushfit.displacements import displacements
 from pushfit.fit.data_point import data_names
 from pushfit.fit.derived import PARAMETERS, critical_angle_at
@@ -114,15 +115,20 @@ def tilt_notice(
     posterior: PosteriorResult,
     theta_c: Quantity,
     *,
+    config: GraspConfig,
     reference_alpha: float,
 ) -> Notice | None:
     """Warn where linear mechanics move θ_c by a good part of its interval.
+
+    Where tilting mechanics do not apply, for example because L is not stated, the size
+    of the tilt decides alone.
 
     Args:
         setup: Problem.
         fit: Least squares of it.
         posterior: Draws.
         theta_c: θ_c as reported.
+        config: Configuration in force.
         reference_alpha: Azimuth of θ_c [rad].
 
     Returns:
@@ -137,11 +143,13 @@ def tilt_notice(
         return None
     linear = fit.modes[0].theta_c_deg
     start = f"the fit implies that the object tilts by up to {tilt:.0f}°"
-    if problem.grasp.support_span is not None:
+    reason = config.why_not_tilting()
+    if reason is not None:
         return Notice(
             code="large_tilt",
             text=f"{start}; the paper's equations hold for small tilts, and at 2° and "
-            "more θ_c may be off by several degrees beyond its interval",
+            "more θ_c may be off by several degrees beyond its interval. It is not "
+            f"computed by tilting mechanics: {reason}",
         )
     tilting = fit_tilting(problem, reference_alpha=reference_alpha)
     if linear is None or tilting.theta_c_deg is None:
