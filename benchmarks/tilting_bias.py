@@ -93,7 +93,7 @@ def answer(
 
 def run(n_tables: int, seed: int, channels: tuple[str, ...]) -> pd.DataFrame:
     """One row for each table and mechanics."""
-    rows = []
+    rows: list[dict[str, object]] = []
     try:
         for index in range(n_tables):
             for length in LENGTHS:
