@@ -225,7 +225,7 @@ def test_profiles_hold_the_truth_and_leave_s_to_its_prior():
 
 @pytest.mark.slow
 def test_an_identification_by_tilting_mechanics_is_whole():
-    """Emcee, sets, criticism and verdicts agree on what these heights tell."""
+    """Emcee, sets and criticism agree on what these heights tell of θ_c."""
     settings = config(
         MECHANICS + "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
     )
@@ -235,9 +235,6 @@ def test_an_identification_by_tilting_mechanics_is_whole():
     low, high = result.theta_c.interval
     assert low < true_angle() < high
     assert result.goodness_of_fit.is_adequate
-    verdicts = {q.name: q.verdict for q in result.parameters}
-    assert verdicts["K_st"] is not Verdict.LEARNED
-    assert verdicts["C_d"] is not Verdict.LEARNED
     assert "large_tilt" not in {warning.code for warning in result.warnings}
 
 
