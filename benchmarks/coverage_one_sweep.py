@@ -21,15 +21,12 @@ from scipy import stats
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.data.table import PeakTable
-from pushfit.errors import PushfitError
 from pushfit.fit.calibration import LEVELS, simulate_tables
 from pushfit.fit.derived import equal_tailed_interval
-from pushfit.fit.exact import exact_posterior
-from pushfit.fit.identify import Fitted, fit_table, reach_of
+from pushfit.fit.identify import Fitted, fit_table
+from pushfit.fit.lane_results import N_LANES, Fibres, identify_lanes, ready
 from pushfit.fit.profile_sets import profile_set
-from pushfit.fit.profiles import likelihood_profiles
-from pushfit.fit.results import FitStatus, Piece
+from pushfit.fit.results import Identification, Piece
 from pushfit.model import Grasp, Parameters
 
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
@@ -41,7 +38,6 @@ TALLEST = 520 * PUSH_LENGTH
 CONFIG = parse_config(f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n", path="grasp.toml")
 QUANTITIES = ("theta_c", "A", "B", "C_rr")
 WORDS = {"interval": "exact interval", "set": "profile set"}
-N_DRAWS = 4000
 # Probability of the binomial limits that a right count keeps.
 LIMITS_PROB = 0.999
 
@@ -64,25 +60,18 @@ def pushes() -> Fitted:
     return fit_table(table, CONFIG)
 
 
-def answers(table: PeakTable, truth: dict[str, float], seed: int) -> Answers | None:
-    """What both kinds of statement say of one table; None without a posterior."""
-    fitted = fit_table(table, CONFIG)
-    words = {"reference_alpha": fitted.reference_alpha, "reach": reach_of(CONFIG)}
-    profiles = likelihood_profiles(fitted.setup, fitted.fit, prob=max(LEVELS), **words)
-    posterior = exact_posterior(
-        fitted.setup, fitted.fit, n_draws=N_DRAWS, seed=seed, **words
-    )
-    if posterior.status is not FitStatus.OK:
-        return None
-    found = {}
+def answers(found: Identification, truth: dict[str, float]) -> Answers:
+    """What both kinds of statement say of one table."""
+    held = {}
     for name in QUANTITIES:
-        draws = posterior.samples[name]
+        draws = found.posterior.samples[name]
         for level in LEVELS:
             interval = equal_tailed_interval(draws, level)
-            found[name, "interval", level] = is_held((interval,), truth[name])
-            pieces = profile_set(profiles[name], level)
-            found[name, "set", level] = is_held(pieces, truth[name])
-    return found
+            held[name, "interval", level] = is_held((interval,), truth[name])
+            if name in found.profiles:
+                pieces = profile_set(found.profiles[name], level)
+                held[name, "set", level] = is_held(pieces, truth[name])
+    return held
 
 
 def is_held(pieces: tuple[Piece, ...], truth: float) -> bool:
@@ -96,13 +85,16 @@ def is_held(pieces: tuple[Piece, ...], truth: float) -> bool:
 def run(n_tables: int, seed: int) -> Iterator[tuple[float, Answers | None]]:
     """True θ_c and answers of table after table; None where there is no result."""
     simulation = simulate_tables(pushes(), n_tables, np.random.default_rng(seed))
-    for index, table in enumerate(simulation.tables):
-        truth = {name: float(simulation.truths[name][index]) for name in QUANTITIES}
-        try:
-            yield truth["theta_c"], answers(table, truth, seed + index)
-        except PushfitError as error:
-            print(f"table {index}: {error}", file=sys.stderr)
-            yield truth["theta_c"], None
+    fibres = Fibres()
+    for first in range(0, n_tables, N_LANES):
+        tables = simulation.tables[first : first + N_LANES]
+        items = [
+            ready(table, CONFIG, fibres, seed=seed + first + i)
+            for i, table in enumerate(tables)
+        ]
+        for i, found in enumerate(identify_lanes([x for x in items if x], fibres)):
+            truth = {n: float(simulation.truths[n][first + i]) for n in QUANTITIES}
+            yield truth["theta_c"], None if found is None else answers(found, truth)
 
 
 def summary(found: list[tuple[float, Answers | None]]) -> str:

@@ -49,7 +49,9 @@ def samples_mapping(
 
 @eqx.filter_jit
 def critical_angle_at(
-    problem: Problem, y: Float[Array, " q"], reference_alpha: float
+    problem: Problem,
+    y: Float[Array, " q"],
+    reference_alpha: float | Float[Array, ""],
 ) -> Float[Array, ""]:
     """θ_c at data coordinates.
 

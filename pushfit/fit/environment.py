@@ -1,5 +1,6 @@
 """Versions and platform on which numbers depend."""
 
+import functools
 import platform
 from importlib.metadata import version
 
@@ -8,6 +9,7 @@ import numpy as np
 PACKAGES = ("pushfit", "jax", "optimistix", "emcee", "numpy", "scipy", "pandas")
 
 
+@functools.cache
 def environment() -> dict[str, str]:
     """Versions and platform: where all agree, equal input gives equal bits.
 

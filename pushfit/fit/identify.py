@@ -126,6 +126,7 @@ def conclude(
     *,
     config: GraspConfig,
     seed: int,
+    with_sets: bool = True,
 ) -> Identification:
     """All that fit, profiles and posterior say together.
 
@@ -135,6 +136,7 @@ def conclude(
         posterior: Draws.
         config: Configuration as it was given.
         seed: Seed of tests by permutation and simulation.
+        with_sets: Whether parameters and combinations get highest-density sets.
 
     Returns:
         The identification.
@@ -148,6 +150,7 @@ def conclude(
         "prob": prob,
         "unit": fitted.table.unit,
         "is_length_known": config.push.length_known,
+        "with_sets": with_sets,
     }
     problem = fitted.setup.problem
     criticism = goodness_of_fit(

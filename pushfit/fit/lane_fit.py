@@ -5,8 +5,6 @@ same grid with A in closed form, and optimistix polishes the best basins of all 
 together. Excluded: posteriors.
 """
 
-import functools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -146,11 +144,10 @@ def least_misfit(lane: Lane, face: Face, c: Scalar) -> tuple[Scalar, Scalar]:
     only one.
     """
     parabola = lane.parabola(lane.shape(face, c))
-    channels = zip(parabola.curvature, parabola.best, strict=True)
-    pull = sum(k * best for k, best in channels)
-    largest = functools.reduce(jnp.maximum, [jnp.abs(best) for best in parabola.best])
-    A = jnp.maximum(pull / sum(parabola.curvature), SMALLEST_SHARE * largest)
-    return sum(parabola.squares(A)), jnp.log(A)
+    curvature, best = jnp.stack(parabola.curvature), jnp.stack(parabola.best)
+    A = jnp.sum(curvature * best) / jnp.sum(curvature)
+    A = jnp.maximum(A, SMALLEST_SHARE * jnp.max(jnp.abs(best)))
+    return jnp.sum(jnp.stack(parabola.squares(A))), jnp.log(A)
 
 
 class NormalPrior(eqx.Module):

@@ -111,7 +111,7 @@ def integrate_lane(lane: Lane, fit: LaneFit) -> LanePosterior:
     log_screen = _screened_mass(middle, width, seen.log_density)
     kept = jnp.sort(jnp.argsort(-log_screen)[:N_CELLS])
     low, half = edges[:-1][kept], width[kept] / 2
-    u = (low + half)[:, None] + half[:, None] * jnp.asarray(NODES)
+    u = (low + half)[:, None] + half[:, None] * jnp.asarray(NODES)[None]
     inner = jax.lax.map(lambda v: _over_C(lane, v), u.ravel(), batch_size=BATCH)
     ridge, t, log_inner, log_f, inner_error = inner
     log_f = log_f.reshape(u.shape)
@@ -124,7 +124,7 @@ def integrate_lane(lane: Lane, fit: LaneFit) -> LanePosterior:
         logsumexp(log_screen[kept]) - peak
     )
     error = jnp.sum(_rule_errors(f, half, kronrod, gauss)) + jnp.maximum(left_out, 0.0)
-    mass = half[:, None] * f * jnp.asarray(KRONROD)
+    mass = half[:, None] * f * jnp.asarray(KRONROD)[None]
     error = error + jnp.sum(mass * inner_error.reshape(u.shape))
     last = jnp.arange(u.size) % NODES.size == NODES.size - 1
     adjoining = jnp.repeat(jnp.append(jnp.diff(kept) == 1, False), NODES.size)
@@ -177,11 +177,12 @@ def _edges(lane: Lane, fit: LaneFit) -> Float[Array, " e"]:
     knots = jnp.where(used, knots, low)
     if np.isfinite(lane.grasp.sharpness):
         knots = knots[:1]
-    distance = jnp.abs(fit.u[:N_MODES, None] - fit.u[:N_MODES])
-    is_repeat = jnp.any(jnp.tril(distance < fit.width[:N_MODES] / 2, -1), axis=1)
+    distance = jnp.abs(fit.u[:N_MODES, None] - fit.u[None, :N_MODES])
+    is_near = distance < fit.width[None, :N_MODES] / 2
+    is_repeat = jnp.any(jnp.tril(is_near, -1), axis=1)
     matters = (fit.chi_square[:N_MODES] < fit.chi_square[0] + FAR) & ~is_repeat
     rungs = jnp.concatenate([-jnp.asarray(LADDER), jnp.asarray(LADDER)])
-    ladders = fit.u[:N_MODES, None] + fit.width[:N_MODES, None] * rungs
+    ladders = fit.u[:N_MODES, None] + fit.width[:N_MODES, None] * rungs[None]
     ladders = jnp.where(matters[:, None], ladders, low)
     even = jnp.linspace(low, high, N_EVEN + 1)
     edges = jnp.concatenate([knots, ladders.ravel(), even])
@@ -240,7 +241,7 @@ def _mode_of_A(lane: Lane, parabola: Parabola, ratio: Scalar) -> tuple[Scalar, S
         rates = lane.rates(parabola.squares(A))
         weights = [k * rate for k, rate in zip(parabola.curvature, rates, strict=True)]
         off = [w * (A - best) for w, best in zip(weights, parabola.best, strict=True)]
-        return sum(weights), sum(off)
+        return jnp.asarray(sum(weights)), jnp.asarray(sum(off))
 
     weight, off = weighted(jnp.exp(mean_A))
     # With sigma known this is the best A; else a first guess of it.
@@ -420,7 +421,7 @@ def _drawn(segments: Segments, uniform: Scalar) -> tuple[Array, Scalar]:
 
 
 def _ridge_at(
-    posterior: LanePosterior, u: Scalar, node: Scalar, chosen: Scalar
+    posterior: LanePosterior, u: Scalar, node: Array, chosen: Array
 ) -> tuple[Scalar, Scalar]:
     """Centre and scale of the ridge between two nodes, or at the chosen one."""
     centre, scale = posterior.centre, posterior.scale

@@ -55,7 +55,7 @@ def profile_lane(lane: Lane, fit: LaneFit) -> LaneProfile:
         may sit on a kink, around the modes, and around the best of all these.
     """
     offsets = jnp.asarray(np.concatenate([-OFFSETS[::-1], [0.0], OFFSETS]))
-    around = fit.u[:N_MODES, None] + fit.width[:N_MODES, None] * offsets
+    around = fit.u[:N_MODES, None] + fit.width[:N_MODES, None] * offsets[None]
     grid = jnp.log(jnp.tan(jnp.asarray(THETA_GRID)))
     theta = jnp.clip(jnp.abs(lane.pushes.theta), THETA_GRID[0], THETA_GRID[-1])
     wanted = jnp.concatenate([grid, around.ravel(), jnp.log(jnp.tan(theta))])

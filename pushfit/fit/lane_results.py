@@ -286,7 +286,8 @@ def _integrated(
         # In random order, so that any part of the draws is a sample of the whole.
         strata = rng.permutation(N_DRAWS)
         uniform[lane, :, 0] = (strata + uniform[lane, :, 0]) / N_DRAWS
-    draws = jax.tree.map(np.asarray, draw_lanes(lanes, posteriors, uniform))
+    draws = draw_lanes(lanes, posteriors, jnp.asarray(uniform))
+    draws = jax.tree.map(np.asarray, draws)
     evidence = np.asarray(posteriors.log_evidence)
     error = np.asarray(posteriors.error)
     found = []
@@ -354,7 +355,12 @@ def _concluded(
         notices=(*item.notices, *fit_notices(item.setup, fit)),
     )
     return conclude(
-        fitted, {"theta_c": theta_c}, posterior, config=item.given, seed=item.seed
+        fitted,
+        {"theta_c": theta_c},
+        posterior,
+        config=item.given,
+        seed=item.seed,
+        with_sets=False,
     )
 
 

@@ -122,13 +122,15 @@ class Lane(eqx.Module):
 
     def log_likelihood(self, squares: tuple[Scalar, ...]) -> Scalar:
         """Log likelihood of the misfits Q of the channels."""
+        total = jnp.zeros(())
         if not self.scatter:
-            return sum(self.constant) - sum(squares) / 2
-        places = [
-            jnp.clip(jnp.log(square), table.start, table.end)
-            for square, table in zip(squares, self.scatter, strict=True)
-        ]
-        return sum(t.log_prob(x) for t, x in zip(self.scatter, places, strict=True))
+            for constant, square in zip(self.constant, squares, strict=True):
+                total = total + constant - square / 2
+            return total
+        for table, square in zip(self.scatter, squares, strict=True):
+            place = jnp.clip(jnp.log(square), table.start, table.end)
+            total = total + table.log_prob(place)
+        return total
 
     def rates(self, squares: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         """About -2 d ln L / dQ: 1 where sigma is known, else n / Q."""
@@ -172,8 +174,11 @@ def why_not_lane(problem: Problem) -> str | None:
 
 def prior_tables(fibre: Fibre) -> tuple[Table, Table, Table]:
     """Densities of ln A, ln B and ln C_rr; all three are free in a lane."""
-    densities = (fibre.normal.density(), fibre.tangential.density(), fibre.C_rr)
-    return tuple(make_table(d) for d in densities if isinstance(d, LogDensity))
+    A, B, C_rr = fibre.normal.density(), fibre.tangential.density(), fibre.C_rr
+    assert isinstance(A, LogDensity)
+    assert isinstance(B, LogDensity)
+    assert isinstance(C_rr, LogDensity)
+    return make_table(A), make_table(B), make_table(C_rr)
 
 
 def make_lane(problem: Problem, tables: tuple[Table, Table, Table]) -> Lane:
@@ -184,7 +189,7 @@ def make_lane(problem: Problem, tables: tuple[Table, Table, Table]) -> Lane:
         tables: `prior_tables` of its fibre.
 
     Returns:
-        Lane with NumPy arrays, to be stacked.
+        Lane, to be stacked.
     """
     mask, observed = np.asarray(problem.mask), np.asarray(problem.observed)
     used = np.any(mask, axis=0)
@@ -210,22 +215,17 @@ def make_lane(problem: Problem, tables: tuple[Table, Table, Table]) -> Lane:
         kept = angle[used][first]
         return np.concatenate([kept, np.full(size - n_directions, fill)])
 
-    names = [f"sigma_{channel}" for channel in problem.channels]
-    noise = make_noise_grid(problem)
+    constant = np.where(mask, np.log(sigma) + np.log(2 * np.pi) / 2, 0.0)
     n_heights = np.sum(mask, axis=1).astype(float)
     return Lane(
         pushes=Pushes(padded(theta, 0.5), padded(alpha, 0.0)),
-        mean=mean,
-        weight=weight,
-        within=within,
-        n_heights=n_heights,
+        mean=jnp.asarray(mean),
+        weight=jnp.asarray(weight),
+        within=jnp.asarray(within),
+        n_heights=jnp.asarray(n_heights),
         grasp=problem.grasp,
-        constant=np.asarray(noise.constant)[:, 0],
-        scatter=tuple(
-            _scatter(np.asarray(noise.ln_sigma)[i], problem, name, within[i], i)
-            for i, name in enumerate(names)
-            if is_sampled
-        ),
+        constant=jnp.asarray(-np.sum(constant, axis=1)),
+        scatter=(_scatter(problem, float(within[0])),) if is_sampled else (),
         prior_A=tables[0],
         prior_B=tables[1],
         prior_C=tables[2],
@@ -242,18 +242,13 @@ def _is_sampled(problem: Problem) -> bool:
     return f"sigma_{problem.channels[0]}" in problem.priors
 
 
-def _scatter(
-    ln_sigma: Float[np.ndarray, " k"],
-    problem: Problem,
-    name: str,
-    within: float,
-    channel: int,
-) -> Table:
-    """Log likelihood of one channel over the log of its sum of squares."""
-    mask = np.asarray(problem.mask)[channel]
-    heights = np.asarray(problem.observed)[channel, mask]
+def _scatter(problem: Problem, within: float) -> Table:
+    """Log likelihood of the only channel over the log of its sum of squares."""
+    ln_sigma = np.asarray(make_noise_grid(problem).ln_sigma)[0]
+    heights = np.asarray(problem.observed)[np.asarray(problem.mask)]
     n = heights.size
-    prior = np.asarray(problem.priors[name].log_prob(jnp.asarray(ln_sigma)))
+    prior = problem.priors[f"sigma_{problem.channels[0]}"]
+    prior = np.asarray(prior.log_prob(jnp.asarray(ln_sigma)))
     step = np.log(ln_sigma[1] - ln_sigma[0])
     constant = prior + step - n * (ln_sigma + np.log(2 * np.pi) / 2)
     low = max(float(within), n * float(np.exp(2 * ln_sigma[0])))

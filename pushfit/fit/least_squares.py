@@ -102,7 +102,7 @@ def fit_result(
         raise FitError(status.value, code=status.name.lower())
     singular_values = np.linalg.svd(jacobian, compute_uv=False)
     channel_index, column = np.nonzero(mask)
-    predicted = np.asarray(problem.predict(problem.data_state(best)))
+    predicted = np.asarray(_predicted(problem, best))
     return FitResult(
         names=problem.data_names,
         estimate=points[0],
@@ -207,7 +207,7 @@ def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
         The problem with other weights.
     """
     mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
-    errors = np.asarray(problem.predict(problem.data_state(y)) - problem.observed)
+    errors = np.asarray(_predicted(problem, y) - problem.observed)
     n_free = len(problem.data_names) - problem.n_pulls
     share = max(1.0 - n_free / mask.sum(), 1.0 / mask.sum())
     sigma = np.array(problem.reference_sigma)
@@ -303,13 +303,15 @@ def _modes(
 ) -> tuple[Mode, ...]:
     """Distinct optima that could matter, best first."""
     modes, kept = [], []
-    for point, cost in zip(points, costs, strict=True):
+    angles = np.asarray(
+        _critical_angles(problem, jnp.asarray(points), jnp.asarray(reference_alpha))
+    )
+    for point, cost, angle in zip(points, costs, angles, strict=True):
         if not cost <= costs[0] + KEPT_DELTA_CHI_SQUARE:
             continue
         if any(np.max(np.abs(point - other)) < SAME_MODE for other in kept):
             continue
         kept.append(point)
-        angle = float(critical_angle_at(problem, jnp.asarray(point), reference_alpha))
         modes.append(
             Mode(
                 coordinates=dict(zip(problem.data_names, point.tolist(), strict=True)),
@@ -318,3 +320,15 @@ def _modes(
             )
         )
     return tuple(modes)
+
+
+@eqx.filter_jit
+def _predicted(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
+    return problem.predict(problem.data_state(y))
+
+
+@eqx.filter_jit
+def _critical_angles(
+    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
+) -> Float[Array, " k"]:
+    return jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(points)

@@ -210,6 +210,8 @@ def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:
         A warning; None where they can.
     """
     fixed = {name: float(value) for name, value in setup.problem.fixed.items()}
+    if not {"K_sn", "K_dn", "K_st"} & set(fixed):
+        return None
     group = contact(setup.problem.data_state(jnp.asarray(fit.estimate)).params)
     A, B = (float(value) for value in jax.tree.leaves((group.A, group.B)))
     for name, found in (("K_sn", A), ("K_dn", A), ("K_st", B)):

@@ -103,6 +103,7 @@ def parameter_quantities(
     prob: float,
     unit: str,
     is_length_known: bool,
+    with_sets: bool = True,
 ) -> tuple[Quantity, ...]:
     """The parameters with what the data added to their priors.
 
@@ -113,6 +114,7 @@ def parameter_quantities(
         prob: Probability of intervals and sets.
         unit: Unit of the heights.
         is_length_known: Whether stiffness may be quoted.
+        with_sets: Whether to look for highest-density sets, the slowest part.
 
     Returns:
         The six parameters, e1, e2, F_0 and sigmas, as far as they exist.
@@ -134,6 +136,7 @@ def parameter_quantities(
                 verdict=_parameter_verdict(name, setup, posterior),
                 note="fixed" if prior is None else prior.describe(),
                 is_quoted=is_length_known or not _needs_length(name),
+                with_sets=with_sets,
             )
         )
     return tuple(quantities)
@@ -147,6 +150,7 @@ def combination_quantities(
     prob: float,
     unit: str,
     is_length_known: bool,
+    with_sets: bool = True,
 ) -> tuple[Quantity, ...]:
     """A, B and the shape of B: what linear forces depend on beside C_rr.
 
@@ -157,6 +161,7 @@ def combination_quantities(
         prob: Probability of intervals and sets.
         unit: Unit of the heights.
         is_length_known: Whether stiffness may be quoted.
+        with_sets: Whether to look for highest-density sets, the slowest part.
 
     Returns:
         The combinations that were sampled.
@@ -179,6 +184,7 @@ def combination_quantities(
                 verdict=verdict,
                 note=FORMULAS[name],
                 is_quoted=is_length_known or not _needs_length(name),
+                with_sets=with_sets,
             )
         )
     return tuple(quantities)
@@ -202,6 +208,7 @@ def _quantity(
     verdict: Verdict,
     note: str,
     is_quoted: bool,
+    with_sets: bool,
 ) -> Quantity:
     """A parameter or combination; its interval is a posterior one, prior included."""
     draws = posterior.samples[name]
@@ -217,7 +224,7 @@ def _quantity(
         estimate=median(draws) if is_quotable else None,
         interval=equal_tailed_interval(draws, prob) if has_spread else None,
         prob=prob,
-        sets=highest_density_set(draws, prob) if has_spread else (),
+        sets=highest_density_set(draws, prob) if has_spread and with_sets else (),
         likelihood_sets=pieces if is_quoted else (),
         verdict=verdict,
         contraction=None if is_fixed else _contraction(name, posterior),

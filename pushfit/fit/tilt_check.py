@@ -28,7 +28,7 @@ from pushfit.fit.results import (
 )
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
-from pushfit.model import Parameters, forward
+from pushfit.model import Grasp, Parameters, Pushes, forward
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
 LARGE_TILT_DEG = 2.0
@@ -70,7 +70,7 @@ def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
     names = [n for n in (*PARAMETERS, "e1", "e2") if n in posterior.samples]
     middle = {n: float(np.median(posterior.samples[n])) for n in names}
     params = Parameters(**middle)
-    tilt = np.asarray(displacements(params, problem.pushes, problem.grasp).tilt)
+    tilt = np.asarray(_tilt(params, problem.pushes, problem.grasp))
     return float(np.degrees(np.max(tilt[: len(setup.rows)])))
 
 
@@ -194,3 +194,8 @@ def _in_contact(problem: Problem, y: Float[Array, " q"]) -> Bool[Array, " n"]:
     state = problem.data_state(y)
     grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
     return forward(state.params, problem.pushes, grasp).in_contact
+
+
+@eqx.filter_jit
+def _tilt(params: Parameters, pushes: Pushes, grasp: Grasp) -> Float[Array, " n"]:
+    return displacements(params, pushes, grasp).tilt
