@@ -23,10 +23,10 @@ from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.calibration import LEVELS, simulate_tables
 from pushfit.fit.derived import equal_tailed_interval
-from pushfit.fit.identify import Fitted, fit_table
+from pushfit.fit.identify import Fitted, fit_table, identify_table
 from pushfit.fit.lane_results import N_LANES, Fibres, identify_lanes, ready
 from pushfit.fit.profile_sets import profile_set
-from pushfit.fit.results import Identification, Piece
+from pushfit.fit.results import FitStatus, Identification, Piece
 from pushfit.model import Grasp, Parameters
 
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
@@ -87,14 +87,19 @@ def run(n_tables: int, seed: int) -> Iterator[tuple[float, Answers | None]]:
     simulation = simulate_tables(pushes(), n_tables, np.random.default_rng(seed))
     fibres = Fibres()
     for first in range(0, n_tables, N_LANES):
-        tables = simulation.tables[first : first + N_LANES]
-        items = [
-            ready(table, CONFIG, fibres, seed=seed + first + i)
-            for i, table in enumerate(tables)
-        ]
-        for i, found in enumerate(identify_lanes([x for x in items if x], fibres)):
-            truth = {n: float(simulation.truths[n][first + i]) for n in QUANTITIES}
-            yield truth["theta_c"], None if found is None else answers(found, truth)
+        items = {
+            index: ready(simulation.tables[index], CONFIG, fibres, seed=seed + index)
+            for index in range(first, min(first + N_LANES, n_tables))
+        }
+        lanes = {index: item for index, item in items.items() if item is not None}
+        found = dict(zip(lanes, identify_lanes([*lanes.values()], fibres), strict=True))
+        for index in items:
+            result = found.get(index) or identify_table(
+                simulation.tables[index], CONFIG, seed=seed + index, engine="exact"
+            )
+            truth = {n: float(simulation.truths[n][index]) for n in QUANTITIES}
+            is_usable = result.status is FitStatus.OK
+            yield truth["theta_c"], answers(result, truth) if is_usable else None
 
 
 def summary(found: list[tuple[float, Answers | None]]) -> str:
