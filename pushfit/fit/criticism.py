@@ -54,8 +54,9 @@ def goodness_of_fit(
         Tests and a sentence.
     """
     rows = np.asarray(fit.row)
+    heights = {name: table.heights(name) for name in table.channels}
     observed = np.array(
-        [table.heights(c)[r] for c, r in zip(fit.channel, fit.row, strict=True)]
+        [heights[c][r] for c, r in zip(fit.channel, fit.row, strict=True)]
     )
     residuals = (fit.predicted - observed) / fit.sigma
     r_squared = _r_squared(observed, fit.predicted, np.asarray(fit.channel))

@@ -91,7 +91,7 @@ def fit_result(
     mask = np.asarray(problem.mask)
     is_data = np.r_[mask.ravel(), np.ones(problem.n_pulls, bool)]
     jacobian = np.asarray(_jacobian(problem, best))[is_data]
-    residuals = np.asarray(problem.data_residuals(best))[is_data]
+    residuals = np.asarray(_residuals(problem, best))[is_data]
     if not np.isfinite(costs[0]):
         status = FitStatus.NO_FINITE_START
     elif is_done[0] or _is_flat(jacobian, residuals):
@@ -332,3 +332,8 @@ def _critical_angles(
     problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
 ) -> Float[Array, " k"]:
     return jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(points)
+
+
+@eqx.filter_jit
+def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
+    return problem.data_residuals(y)

@@ -89,7 +89,15 @@ def test_a_result_that_cannot_be_read_is_none(tmp_path):
         assert store.get("a") is None
 
 
-def test_ctrl_c_waits_until_the_result_is_kept():
+@pytest.fixture
+def ctrl_c():
+    """Python's own handler, which a process in the background has not."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_waits_until_the_result_is_kept(ctrl_c):
     reached = []
 
     def write() -> None:
