@@ -1,6 +1,6 @@
 """How often intervals and sets of θ_c hold the truth, over truths from the priors.
 
-    python -m benchmarks.coverage_one_sweep [--tables 1000] [--seed 0]
+    python -m benchmarks.coverage_one_sweep [--tables 1000] [--seed 0] [--noise 0.03]
 
 One sweep of 17 elevations with three repeats. Every table has a truth of its own from
 the default priors, and noise of 3 % of the tallest height of one firm grasp. Intervals
@@ -45,7 +45,7 @@ LIMITS_PROB = 0.999
 Answers = dict[tuple[str, str, float], bool]
 
 
-def pushes() -> Fitted:
+def pushes(noise: float = NOISE) -> Fitted:
     """The sweep with its noise, fitted once."""
     table = simulate_table(
         FIRM,
@@ -53,7 +53,7 @@ def pushes() -> Fitted:
         theta=THETA,
         alpha=0.0,
         repeats=REPEATS,
-        noise=NOISE * TALLEST,
+        noise=noise * TALLEST,
         rng=np.random.default_rng(0),
         state_sd=True,
     )
@@ -68,7 +68,7 @@ def answers(found: Identification, truth: dict[str, float]) -> Answers:
         for level in LEVELS:
             interval = equal_tailed_interval(draws, level)
             held[name, "interval", level] = is_held((interval,), truth[name])
-            if name in found.profiles:
+            if name == "theta_c":
                 pieces = profile_set(found.profiles[name], level)
                 held[name, "set", level] = is_held(pieces, truth[name])
     return held
@@ -82,9 +82,11 @@ def is_held(pieces: tuple[Piece, ...], truth: float) -> bool:
     )
 
 
-def run(n_tables: int, seed: int) -> Iterator[tuple[float, Answers | None]]:
+def run(
+    n_tables: int, seed: int, noise: float
+) -> Iterator[tuple[float, Answers | None]]:
     """True θ_c and answers of table after table; None where there is no result."""
-    simulation = simulate_tables(pushes(), n_tables, np.random.default_rng(seed))
+    simulation = simulate_tables(pushes(noise), n_tables, np.random.default_rng(seed))
     fibres = Fibres()
     for first in range(0, n_tables, N_LANES):
         items = {
@@ -132,10 +134,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tables", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--noise", type=float, default=NOISE)
     options = parser.parse_args()
     found = []
     try:
-        for result in run(options.tables, options.seed):
+        for result in run(options.tables, options.seed, options.noise):
             found.append(result)
             if len(found) % 50 == 0:
                 print(summary(found), file=sys.stderr, flush=True)

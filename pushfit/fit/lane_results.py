@@ -29,12 +29,9 @@ from pushfit.fit.identify import (
     reference_azimuth,
     with_sigma,
 )
+from pushfit.fit.lane_draws import LaneDraws, draw_lanes
 from pushfit.fit.lane_fit import LaneFit, fit_lanes
-from pushfit.fit.lane_posterior import (
-    LaneDraws,
-    draw_lanes,
-    integrate_lanes,
-)
+from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import LaneProfile, profile_lanes
 from pushfit.fit.lanes import Lane, make_lane, prior_tables, why_not_lane
 from pushfit.fit.least_squares import fit_result, with_noise_of

@@ -7,8 +7,9 @@ import pytest
 from pushfit.fit import lane_results
 from pushfit.fit.exact import exact_grid
 from pushfit.fit.identify import identify_table
+from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import SmallNormal, fit_lanes
-from pushfit.fit.lane_posterior import draw_lanes, integrate_lanes
+from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import profile_lanes
 from pushfit.fit.lane_results import Fibres, identify_lanes, ready
 from pushfit.fit.lanes import why_not_lane
