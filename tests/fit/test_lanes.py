@@ -194,6 +194,10 @@ def test_other_models_agree_with_the_adaptive_engine(text, channels):
     table = case_table(
         CASES["firm"], noise=0.05, seed=3, theta_deg=NINE, channels=channels
     )
+    if "sampled" in text:
+        # With given deviations sampled noise adds to them, which no lane holds.
+        without = table.frame[[n for n in table.frame if "_sd_" not in n]]
+        table = type(table).from_frame(without)
     fibres = Fibres()
     item = ready(table, config(text), fibres, seed=0)
     (own,) = identify_lanes([item], fibres)
