@@ -1,0 +1,96 @@
+"""How a user of lmfit or SciPy would do what pushfit does, with its model and noise.
+
+Local fits are of A, B and C_rr in logs from the medians of the priors, which hides
+their ambiguity and is to the advantage of the peers. The sampler of lmfit gets all six
+parameters in logs with the priors of pushfit as further residuals, so that its
+posterior is the same.
+"""
+
+import lmfit
+import numpy as np
+from jaxtyping import Float
+from scipy import optimize
+
+from benchmarks.tables import NAMES, PUSH_LENGTH
+from pushfit.data.table import PeakTable
+from pushfit.fit.diagnostics import autocorr_time
+from pushfit.fit.priors import default_priors
+
+N_WALKERS = 64
+PRIORS = default_priors(None)
+MEDIANS = np.array([np.log(float(PRIORS[name].first)) for name in NAMES])
+SPREADS = np.array([float(PRIORS[name].second) for name in NAMES])
+
+
+def combined(logs: Float[np.ndarray, "*n 6"]) -> Float[np.ndarray, "*n 3"]:
+    """Logs of A, B and C_rr, Eqs. (12) and (13) of the paper."""
+    K_sn, K_dn, K_st, C_rr, C_d, L = np.exp(np.moveaxis(logs, -1, 0))
+    A, B = K_sn * K_dn / (K_sn + K_dn), K_st * C_d / (L**2 * K_st + C_d)
+    return np.log(np.stack([A, B, C_rr], axis=-1))
+
+
+def residuals(
+    logs: Float[np.ndarray, " 3"], table: tuple[np.ndarray, ...]
+) -> Float[np.ndarray, " n"]:
+    """Weighted residuals at logs of A, B and C_rr, Eq. (14) of the paper."""
+    sine, cosine, heights, sd = table
+    A, B, C_rr = np.exp(logs)
+    normal = A * sine
+    return (np.hypot(normal, np.minimum(C_rr * normal, B * cosine)) - heights) / sd
+
+
+def arrays(table: PeakTable) -> tuple[np.ndarray, ...]:
+    """What the residuals need of a table."""
+    depth, width = PUSH_LENGTH * np.sin(table.theta), PUSH_LENGTH * np.cos(table.theta)
+    sd = table.sd("height")
+    assert sd is not None
+    return depth, width, table.heights("height"), sd
+
+
+def fit_by_scipy(table: tuple[np.ndarray, ...]) -> float:
+    """Half the chi-square that `least_squares` finds."""
+    start = combined(MEDIANS)
+    return float(optimize.least_squares(residuals, start, args=(table,)).cost)
+
+
+def fit_by_lmfit(table: tuple[np.ndarray, ...]) -> float:
+    """Half the chi-square that `minimize` finds."""
+    params = lmfit.Parameters()
+    for name, start in zip(("ln_A", "ln_B", "ln_C_rr"), combined(MEDIANS), strict=True):
+        params.add(name, value=start)
+
+    def function(params: lmfit.Parameters) -> Float[np.ndarray, " n"]:
+        values = params.valuesdict()
+        return residuals(np.array(list(values.values())), table)
+
+    return float(lmfit.minimize(function, params, method="leastsq").chisqr) / 2
+
+
+def sample_by_lmfit(
+    table: tuple[np.ndarray, ...], starts: Float[np.ndarray, "w 6"], n_steps: int
+) -> float:
+    """Effective draws of θ_c that `emcee` of lmfit makes."""
+    params = lmfit.Parameters()
+    for name, start in zip(NAMES, np.median(starts, axis=0), strict=True):
+        params.add(name, value=start)
+
+    def function(params: lmfit.Parameters) -> Float[np.ndarray, " n"]:
+        logs = np.array(list(params.valuesdict().values()))
+        pulls = (logs - MEDIANS) / SPREADS
+        return np.concatenate([residuals(combined(logs), table), pulls])
+
+    found = lmfit.minimize(
+        function,
+        params,
+        method="emcee",
+        nan_policy="omit",
+        nwalkers=N_WALKERS,
+        steps=n_steps,
+        pos=starts,
+        progress=False,
+        is_weighted=True,
+        seed=0,
+    )
+    A, B, C_rr = np.moveaxis(combined(found.chain), -1, 0)
+    trace = np.arctan(np.exp(B - A - C_rr))[:, None, :]
+    return trace.size / autocorr_time(trace)

@@ -1,0 +1,235 @@
+"""Speed of pushfit beside its peers; `make bench` prints the table.
+
+Everything is warm: compiled and loaded before the first round. Tables have 51 rows.
+"""
+
+import itertools
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from benchmarks import peers, recording_scale, tables, tilting_cost
+from pushfit.fit.exact import exact_posterior
+from pushfit.fit.identify import fit_table, reach_of
+from pushfit.fit.lane_fit import fit_lanes
+from pushfit.fit.lane_posterior import draw_lanes, integrate_lanes
+from pushfit.fit.lane_profile import profile_lanes
+from pushfit.fit.lane_results import N_DRAWS, N_LANES, Fibres
+from pushfit.fit.least_squares import fit_least_squares
+from pushfit.fit.many import identify_many
+from pushfit.fit.posterior import sample_posterior
+from pushfit.fit.starts import prior_x_samples
+
+pytestmark = pytest.mark.benchmark(timer=time.process_time, disable_gc=True)
+
+N_PEER = 8
+# Tables that emcee samples, and steps of lmfit's.
+N_SAMPLED, N_STEPS = 3, 1500
+N_RECORDED = 500_000
+
+
+@pytest.fixture(scope="module")
+def swept() -> list:
+    """As many tables as go through one call."""
+    return tables.prior_tables(N_LANES)
+
+
+@pytest.fixture(scope="module")
+def lanes(swept):
+    return tables.stacked(tables.in_lanes(swept))
+
+
+@pytest.fixture(scope="module")
+def fitted(swept) -> list:
+    return [fit_table(table, tables.CONFIG) for table in swept[:N_SAMPLED]]
+
+
+@pytest.fixture
+def questions(fitted) -> dict:
+    """What the engines for single tables are asked, besides the table."""
+    return {"reference_alpha": 0.0, "reach": reach_of(tables.CONFIG), "seed": 0}
+
+
+@pytest.fixture(scope="module")
+def local_fits(swept) -> dict:
+    """Local fits of a few tables by the peers."""
+    pairs = [peers.arrays(table) for table in swept[:N_PEER]]
+
+    def all_by(fit) -> float:
+        for pair in pairs:
+            fit(pair)
+        return N_PEER
+
+    return {
+        "lmfit `minimize`, one start": lambda: all_by(peers.fit_by_lmfit),
+        "SciPy `least_squares`, one start": lambda: all_by(peers.fit_by_scipy),
+    }
+
+
+def in_turn(function, items):
+    """A call of the function with the next item, endlessly."""
+    endless = itertools.cycle(items)
+    return lambda: function(next(endless))
+
+
+@pytest.mark.parametrize(
+    ("peer", "target"),
+    [("lmfit `minimize`, one start", 150), ("SciPy `least_squares`, one start", 60)],
+)
+def test_least_squares_in_lanes(compare, lanes, local_fits, peer, target):
+    def ours() -> float:
+        jax.block_until_ready(fit_lanes(lanes))
+        return N_LANES
+
+    ours = ("least squares in lanes, global, per table", ours)
+    compare(ours, (peer, local_fits[peer]), rounds=9, target=target)
+
+
+def test_least_squares_with_profile_in_lanes(compare, lanes, local_fits):
+    def ours() -> float:
+        jax.block_until_ready(profile_lanes(lanes, fit_lanes(lanes)))
+        return N_LANES
+
+    peer = "lmfit `minimize`, one start"
+    ours = ("the same with the profile of θ_c", ours)
+    compare(ours, (peer, local_fits[peer]), rounds=9)
+
+
+def test_least_squares_from_tables(compare, swept, local_fits):
+    fibres = Fibres()
+
+    def ours() -> float:
+        items = tables.in_lanes(swept, fibres=fibres)
+        jax.block_until_ready(fit_lanes(tables.stacked(items)))
+        return N_LANES
+
+    peer = "lmfit `minimize`, one start"
+    ours = ("least squares in lanes, tables made into lanes first", ours)
+    compare(ours, (peer, local_fits[peer]), rounds=5)
+
+
+def test_a_single_fit(compare, fitted, local_fits):
+    def one(item) -> float:
+        fit_least_squares(item.setup, reference_alpha=0.0)
+        return 1.0
+
+    peer = "lmfit `minimize`, one start"
+    ours = ("one table by itself, global", in_turn(one, fitted))
+    compare(ours, (peer, local_fits[peer]), rounds=9)
+
+
+@pytest.fixture(scope="module")
+def posteriors(lanes):
+    """Posteriors of all tables, and as many draws of each as a batch makes."""
+    uniform = np.random.default_rng(0).uniform(size=(N_LANES, N_DRAWS, 4))
+
+    def ours() -> float:
+        found = integrate_lanes(lanes, fit_lanes(lanes))
+        jax.block_until_ready(draw_lanes(lanes, found, uniform))
+        return N_LANES
+
+    return ours
+
+
+def test_posterior_in_lanes_against_emcee(compare, posteriors, fitted, questions):
+    def sampled(item) -> float:
+        sample_posterior(item.setup, item.fit, **questions)
+        return 1.0
+
+    ours = (f"exact posterior in lanes, {N_DRAWS} draws, per table", posteriors)
+    peer = ("pushfit's emcee until it has converged", in_turn(sampled, fitted))
+    compare(ours, peer, rounds=N_SAMPLED, target=500)
+
+
+def test_posterior_in_lanes_against_a_single_one(
+    compare, posteriors, fitted, questions
+):
+    def single(item) -> float:
+        exact_posterior(item.setup, item.fit, n_draws=N_DRAWS, **questions)
+        return 1.0
+
+    ours = (f"exact posterior in lanes, {N_DRAWS} draws, per table", posteriors)
+    peer = ("adaptive quadrature, one table", in_turn(single, fitted))
+    compare(ours, peer, rounds=N_SAMPLED)
+
+
+@pytest.fixture(scope="module")
+def lmfit_runs(swept, fitted):
+    """Runs of lmfit's emcee that start in the posterior and need no burn-in."""
+    words = {"reference_alpha": 0.0, "reach": reach_of(tables.CONFIG), "seed": 0}
+    items = []
+    for table, item in zip(swept, fitted, strict=False):
+        found = exact_posterior(item.setup, item.fit, n_draws=peers.N_WALKERS, **words)
+        starts = np.stack([np.log(found.samples[n]) for n in tables.NAMES], axis=1)
+        items.append((peers.arrays(table), starts))
+    return in_turn(lambda pair: peers.sample_by_lmfit(*pair, N_STEPS), items)
+
+
+def test_effective_draws_of_emcee(compare, fitted, questions, lmfit_runs):
+    def ours(item) -> float:
+        found = sample_posterior(item.setup, item.fit, **questions)
+        return found.diagnostics.ess["theta_c"]
+
+    ours = ("emcee, per effective draw of θ_c", in_turn(ours, fitted))
+    compare(ours, ("lmfit `.emcee`", lmfit_runs), rounds=N_SAMPLED, target=60)
+
+
+def test_posterior_in_lanes_against_lmfit(compare, posteriors, lmfit_runs):
+    ours = (f"exact posterior in lanes, {N_DRAWS} draws, per table", posteriors)
+    peer = (
+        f"lmfit `.emcee`, per {N_DRAWS} effective draws",
+        lambda: lmfit_runs() / N_DRAWS,
+    )
+    compare(ours, peer, rounds=N_SAMPLED, target=1000)
+
+
+def test_identification_of_many_tables(compare, swept, lmfit_runs):
+    def ours() -> float:
+        identify_many(swept, tables.CONFIG, seeds=range(N_LANES), engine="exact")
+        return N_LANES
+
+    ours = ("whole identification in a batch, per table", ours)
+    peer = (
+        f"lmfit `.emcee`, per {N_DRAWS} effective draws",
+        lambda: lmfit_runs() / N_DRAWS,
+    )
+    compare(ours, peer, rounds=N_SAMPLED)
+
+
+def test_reading_and_peaks(compare, tmp_path):
+    path = tmp_path / "recording.csv"
+    n_pushes = recording_scale.write(path, N_RECORDED)
+
+    def million(reader):
+        def run() -> float:
+            reader(path, n_pushes)
+            return N_RECORDED / 1e6
+
+        return run
+
+    ours = (
+        "reading a recording and its peaks, per million rows",
+        million(recording_scale.extract),
+    )
+    peer = ("bare `pandas.read_csv`", million(recording_scale.read_bare))
+    compare(ours, peer, rounds=5, target=3, is_cost=True)
+
+
+def test_tilting(compare):
+    rng = np.random.default_rng(1)
+    posed = {name: tilting_cost.problem(name) for name in tilting_cost.MECHANICS}
+    x = jnp.asarray(prior_x_samples(posed["tilting"], rng, tilting_cost.N_DRAWS))
+    model = {n: jax.jit(jax.vmap(tilting_cost.heights(p))) for n, p in posed.items()}
+
+    def heights(name):
+        def run() -> float:
+            jax.block_until_ready(model[name](x))
+            return 1.0
+
+        return run
+
+    ours = (f"tilting mechanics, {tilting_cost.N_DRAWS} × 51 heights", heights("tilting"))
+    compare(ours, ("linear mechanics", heights("linear")), rounds=15, is_cost=True)
