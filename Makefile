@@ -23,8 +23,8 @@ lint: .stamps/test
 	$(BIN)/ruff format --check --quiet
 	$(BIN)/pyright --warnings
 
-bench: .stamps/bench             ## Speed against lmfit and SciPy
-	$(BIN)/pytest -q -p no:xdist --doctest-modules benchmarks
+bench: .stamps/bench             ## Speed beside lmfit, SciPy, emcee and pandas; minutes
+	$(BIN)/pytest -q -p no:xdist -o addopts=--import-mode=importlib --benchmark-quiet benchmarks
 
 bench-honesty: .stamps/bench     ## What lmfit and SciPy say where nothing is determined
 	$(BIN)/python -m benchmarks.honesty

@@ -43,13 +43,11 @@ class Row:
 
     def cells(self) -> tuple[str, ...]:
         """The row as text."""
-        sign, verdict = ("≤", "<=") if self.is_cost else ("≥", ">=")
-        bound = "" if self.target is None else f"{sign} {self.target:g}"
+        bound = ""
         if self.target is not None:
-            is_met = self.ratio <= self.target if verdict == "<=" else (
-                self.ratio >= self.target
-            )
-            bound += ", met" if is_met else ", missed"
+            is_met = (self.ratio <= self.target) == self.is_cost
+            sign = "≤" if self.is_cost else "≥"
+            bound = f"{sign} {self.target:g}, {'met' if is_met else 'missed'}"
         ours, other = (f"{1e3 * value:.3g} ms" for value in self.seconds)
         return self.what, ours, self.peer, other, f"{self.ratio:.3g}", bound
 
@@ -69,9 +67,13 @@ def compare(benchmark, request) -> Callable[..., None]:
         rounds: int,
         target: float | None = None,
         is_cost: bool = False,
+        is_peer_warm: bool = False,
     ) -> None:
         (what, run), (other, run_peer) = ours, peer
-        run(), run_peer()  # what is loaded or compiled once
+        # What is loaded or compiled once does not count.
+        run()
+        if not is_peer_warm:
+            run_peer()
         done, costs = [], []
 
         def turn_of_peer() -> None:
@@ -79,7 +81,9 @@ def compare(benchmark, request) -> Callable[..., None]:
             amount = run_peer()
             costs.append((time.process_time() - start) / amount)
 
-        benchmark.pedantic(lambda: done.append(run()), setup=turn_of_peer, rounds=rounds)
+        benchmark.pedantic(
+            lambda: done.append(run()), setup=turn_of_peer, rounds=rounds
+        )
         own = np.array(benchmark.stats.stats.data) / np.array(done)
         ratios = own / costs if is_cost else costs / own
         row = Row(

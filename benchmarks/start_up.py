@@ -1,4 +1,4 @@
-"""How long commands take from a cold start, beside the import of JAX alone.
+"""How long commands take from a cold start, beside a script with lmfit and pandas.
 
 Commands take turns within each round, so that whatever else the machine does hits all
 of them; trust the ratios, not the seconds.
@@ -8,7 +8,6 @@ of them; trust the ratios, not the seconds.
 
 import argparse
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -22,7 +21,26 @@ from pushfit.data.table import write_table
 from pushfit.model import Grasp, Parameters
 
 TRUTH = Parameters(K_sn=1200.0, K_dn=600.0, K_st=300.0, C_rr=0.24, C_d=0.24, L=0.04)
-BASE = "import jax"
+LMFIT = "lmfit and pandas, one local fit"
+BASES = ("import jax", LMFIT)
+# What a user of lmfit would run instead of `pushfit fit`.
+SCRIPT = """
+import sys
+import lmfit
+import numpy as np
+import pandas as pd
+table = pd.read_csv(sys.argv[1])
+theta, heights = np.radians(table["theta_deg"]), table["height_n"]
+def residuals(params):
+    A, B, C_rr = np.exp(list(params.valuesdict().values()))
+    normal = A * np.sin(theta)
+    predicted = np.hypot(normal, np.minimum(C_rr * normal, B * np.cos(theta)))
+    return np.asarray(5e-3 * predicted - heights) / 0.03
+params = lmfit.Parameters()
+for name, start in (("ln_A", 6.3), ("ln_B", 5.0), ("ln_C_rr", -1.2)):
+    params.add(name, value=start)
+print(lmfit.fit_report(lmfit.minimize(residuals, params)))
+"""
 
 
 def main() -> None:
@@ -39,7 +57,8 @@ def measure(folder: Path, n_rounds: int) -> dict[str, list[float]]:
     write_pushes(table)
     pushfit = [sys.executable, "-m", "pushfit"]
     commands = {
-        BASE: [sys.executable, "-c", "import jax"],
+        BASES[0]: [sys.executable, "-c", "import jax"],
+        LMFIT: [sys.executable, "-c", SCRIPT, str(table)],
         "import pushfit": [sys.executable, "-c", "import pushfit"],
         "pushfit --help": [*pushfit, "--help"],
         "pushfit fit, nothing compiled": [*pushfit, "fit", str(table)],
@@ -80,11 +99,12 @@ def write_pushes(path: Path) -> None:
 
 def print_table(seconds: dict[str, list[float]]) -> None:
     """Medians, and medians of the ratios within rounds."""
-    print(f"{'command':<32}{'median':>10}{'ratio':>8}")
+    print(f"| command | median | {' | '.join(f'ratio to: {b}' for b in BASES)} |")
+    print("|---|---|---|---|")
     for name, values in seconds.items():
-        ratios = [a / b for a, b in zip(values, seconds[BASE], strict=True)]
-        ratio = statistics.median(ratios)
-        print(f"{name:<32}{statistics.median(values):>8.2f} s{ratio:>8.2f}")
+        ratios = [np.median(np.divide(values, seconds[base])) for base in BASES]
+        cells = [f"{np.median(values):.2f} s", *(f"{ratio:.2f}" for ratio in ratios)]
+        print(f"| {name} | {' | '.join(cells)} |")
 
 
 if __name__ == "__main__":

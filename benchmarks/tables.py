@@ -52,7 +52,9 @@ def prior_tables(
     return tables
 
 
-def in_lanes(tables: Sequence[PeakTable], *, fibres: Fibres | None = None) -> list[Ready]:
+def in_lanes(
+    tables: Sequence[PeakTable], *, fibres: Fibres | None = None
+) -> list[Ready]:
     """Tables with their lanes."""
     fibres = fibres or Fibres()
     found = [ready(table, CONFIG, fibres, seed=k) for k, table in enumerate(tables)]
