@@ -39,6 +39,14 @@ def residuals(
     return (np.hypot(normal, np.minimum(C_rr * normal, B * cosine)) - heights) / sd
 
 
+def posterior_residuals(
+    logs: Float[np.ndarray, " 6"], table: tuple[np.ndarray, ...]
+) -> Float[np.ndarray, " m"]:
+    """Residuals of all six parameters, priors included."""
+    pulls = (logs - MEDIANS) / SPREADS
+    return np.concatenate([residuals(combined(logs), table), pulls])
+
+
 def arrays(table: PeakTable) -> tuple[np.ndarray, ...]:
     """What the residuals need of a table."""
     depth, width = PUSH_LENGTH * np.sin(table.theta), PUSH_LENGTH * np.cos(table.theta)
@@ -75,9 +83,7 @@ def sample_by_lmfit(
         params.add(name, value=start)
 
     def function(params: lmfit.Parameters) -> Float[np.ndarray, " n"]:
-        logs = np.array(list(params.valuesdict().values()))
-        pulls = (logs - MEDIANS) / SPREADS
-        return np.concatenate([residuals(combined(logs), table), pulls])
+        return posterior_residuals(np.array(list(params.valuesdict().values())), table)
 
     found = lmfit.minimize(
         function,
