@@ -48,7 +48,10 @@ class Row:
             is_met = (self.ratio <= self.target) == self.is_cost
             sign = "≤" if self.is_cost else "≥"
             bound = f"{sign} {self.target:g}, {'met' if is_met else 'missed'}"
-        ours, other = (f"{1e3 * value:.3g} ms" for value in self.seconds)
+        ours, other = (
+            f"{value:.3g} s" if value >= 1 else f"{1e3 * value:.3g} ms"
+            for value in self.seconds
+        )
         return self.what, ours, self.peer, other, f"{self.ratio:.3g}", bound
 
 
