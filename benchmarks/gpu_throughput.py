@@ -13,8 +13,9 @@ import jax
 import numpy as np
 
 from benchmarks import tables
+from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_posterior import draw_lanes, integrate_lanes
+from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_results import N_DRAWS, N_LANES, Fibres
 from pushfit.fit.lanes import Lane
 

@@ -16,8 +16,9 @@ import pytest
 from benchmarks import peers, recording_scale, tables, tilting_cost
 from pushfit.fit.exact import exact_posterior
 from pushfit.fit.identify import fit_table, reach_of
+from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_posterior import draw_lanes, integrate_lanes
+from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import profile_lanes
 from pushfit.fit.lane_results import N_DRAWS, N_LANES, Fibres
 from pushfit.fit.least_squares import fit_least_squares
