@@ -11,7 +11,8 @@ from pushfit.errors import ConfigError
 
 STORE = "batch.sqlite"
 RESULTS, FAILURES, PARQUET = "results.csv", "failures.csv", "results.parquet"
-OUTPUTS = (RESULTS, FAILURES, PARQUET)
+POPULATION, REPORT = "population.csv", "report.html"
+OUTPUTS = (RESULTS, FAILURES, PARQUET, POPULATION, REPORT)
 FOLDER, SUMMARY = "items", "summary.json"
 # Long enough to be told apart, short enough for every file system.
 _LONGEST = 60

@@ -19,7 +19,7 @@ from pushfit.errors import PushfitError
 from pushfit.fit.environment import environment
 
 # Results of another form are computed again.
-FORM = 1
+FORM = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

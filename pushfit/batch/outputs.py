@@ -1,4 +1,4 @@
-"""The files of a batch: one table of results, one of failures.
+"""The files of a batch: tables of results, failures and the population, and a page.
 
 Cells of a spreadsheet that begin like a formula would be run by it, so text that starts
 so gets an apostrophe in front; numbers are left alone, and Parquet needs none.
@@ -13,9 +13,11 @@ from pathlib import Path
 import pandas as pd
 
 from pushfit.atomic import atomic_path
-from pushfit.batch.folders import FAILURES, PARQUET, RESULTS
+from pushfit.batch.folders import FAILURES, PARQUET, POPULATION, REPORT, RESULTS
+from pushfit.batch.population import COLUMNS
 from pushfit.batch.rows import Answers, Row
 from pushfit.fit.flat import Cell
+from pushfit.report.batch_html import render_batch
 from pushfit.report.strings import printable
 
 # What a spreadsheet takes for a formula (OWASP, CSV injection).
@@ -23,12 +25,15 @@ REASON = ("item", "stage", "code", "message")
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
-def write_outputs(folder: Path, answers: Answers) -> tuple[Path, ...]:
+def write_outputs(
+    folder: Path, answers: Answers, population: Sequence[Row]
+) -> tuple[Path, ...]:
     """Write what a batch found, each file complete or as it was.
 
     Args:
         folder: Folder of the batch.
         answers: Rows and failures.
+        population: What the items have in common; see `pushfit.batch.population`.
 
     Returns:
         The files.
@@ -41,6 +46,11 @@ def write_outputs(folder: Path, answers: Answers) -> tuple[Path, ...]:
     if find_spec("pyarrow"):
         _write_parquet(folder / PARQUET, columns, rows)
         written.append(folder / PARQUET)
+    _write_csv(folder / POPULATION, COLUMNS, population)
+    written.append(folder / POPULATION)
+    if find_spec("jinja2"):
+        _write_page(folder / REPORT, answers, population)
+        written.append(folder / REPORT)
     return tuple(written)
 
 
@@ -76,6 +86,16 @@ def _write_parquet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> N
     )
     with atomic_path(path) as temporary:
         frame.to_parquet(temporary, index=False, engine="pyarrow")
+
+
+def _write_page(path: Path, answers: Answers, population: Sequence[Row]) -> None:
+    messages = {failure.item: failure.message for failure in answers.failures}
+    frame = pd.DataFrame(
+        [row | {"message": messages.get(str(row["item"]))} for row in answers.rows]
+    )
+    page = render_batch(frame, population)
+    with atomic_path(path) as temporary:
+        Path(temporary).write_text(page, encoding="utf-8", newline="\n")
 
 
 def _typed(cells: list[Cell]) -> pd.Series:

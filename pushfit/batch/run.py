@@ -16,6 +16,7 @@ from pushfit.batch.folders import FOLDER, begin_folder, folder_name, is_current,
 from pushfit.batch.inputs import find_inputs
 from pushfit.batch.items import Failure, Item, Request, make_plan
 from pushfit.batch.outputs import write_outputs
+from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.work import IdentifyMany, identify_chunk, write_folder
@@ -31,6 +32,7 @@ class Batch:
 
     Args:
         rows: One row for each item, sorted by name; see `results.csv`.
+        population: One row for each quantity that was pooled; see `population.csv`.
         failures: Items without a result, sorted by name; see `failures.csv`.
         files: What was written.
         n_computed: Results that this run computed.
@@ -40,6 +42,7 @@ class Batch:
     """
 
     rows: tuple[Row, ...]
+    population: tuple[Row, ...]
     failures: tuple[Failure, ...]
     files: tuple[Path, ...]
     n_computed: int
@@ -123,9 +126,13 @@ def identify_batch(
                 write, whole, crew, folder=folder, store=store, report=report
             )
         answers = collect(plan, failed, store.get)
-        files = write_outputs(folder, answers)
+        report("pooling", 0.0)
+        population = pool_items(unique.values(), store.get)
+        files = write_outputs(folder, answers, population)
+        report("pooling", 1.0)
     return Batch(
         rows=answers.rows,
+        population=population,
         failures=answers.failures,
         files=files,
         n_computed=len(missing) - n_failed,

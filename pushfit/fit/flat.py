@@ -9,8 +9,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+from arviz_stats.base.array import array_stats
 from jaxtyping import Float
 
+from pushfit.fit.log_density import Table
 from pushfit.fit.quoting import STIFFNESSES, is_trusted, quoted
 from pushfit.fit.results import Identification, Quantity
 
@@ -20,6 +22,12 @@ Cell = float | int | str | None
 N_POOLED = 400
 # Draws that are pooled, by the name of the sample; all but the angle in logs.
 POOLED = {"theta_c": "theta_c_deg", "A": "ln_A", "B": "ln_B", "C_rr": "ln_C_rr"}
+# Begins the name of the column with the log prior density of each draw.
+LOG_PRIOR = "log_prior_"
+# Angles nearer to an end of 0° to 90° count as this far from it.
+MIN_ANGLE_DEG = 1e-3
+# A density of ln tan θ_c that is lower has hardly a draw of the prior behind it.
+MIN_DENSITY = 1e-6
 
 
 def flat_values(identification: Identification) -> dict[str, Cell]:
@@ -54,18 +62,24 @@ def flat_values(identification: Identification) -> dict[str, Cell]:
     return {name: _known(value) for name, value in row.items()}
 
 
-def pooled_draws(identification: Identification) -> dict[str, Float[np.ndarray, " n"]]:
-    """Draws of what can be compared between grasps.
+def pooled_draws(
+    identification: Identification, priors: Mapping[str, Table]
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Draws of what can be compared between grasps, and their prior densities.
 
     Args:
         identification: The result.
+        priors: Prior densities of ln A, ln B and ln C_rr; see
+            `pushfit.fit.lanes.prior_tables`.
 
     Returns:
         `theta_c_deg` [deg], NaN where the contact never rolls, and `ln_A`, `ln_B` and
-        `ln_C_rr`, draw by draw. Empty without a trusted posterior; without A and B
-        where the push length is unknown.
+        `ln_C_rr`, draw by draw; with each the log of its marginal prior density there,
+        in a column with `LOG_PRIOR` in front. Empty without a trusted posterior;
+        without A and B where the push length is unknown; a fixed number has no density.
     """
-    samples = identification.posterior.samples
+    posterior = identification.posterior
+    samples = posterior.samples
     if not is_trusted(identification):
         return {}
     is_length_known = identification.config.push.length_known
@@ -76,7 +90,45 @@ def pooled_draws(identification: Identification) -> dict[str, Float[np.ndarray, 
             thinned = np.linspace(0, values.size - 1, min(N_POOLED, values.size))
             chosen = values[thinned.astype(int)]
             draws[column] = chosen if name == "theta_c" else np.log(chosen)
+            if name in priors:
+                log_prior = _tabulated(priors[name], draws[column])
+                draws[f"{LOG_PRIOR}{column}"] = log_prior
+    if "theta_c_deg" in draws and "theta_c" in posterior.prior_samples:
+        log_prior = _angle_log_prior(
+            draws["theta_c_deg"], np.asarray(posterior.prior_samples["theta_c"])
+        )
+        if log_prior is not None:
+            draws[f"{LOG_PRIOR}theta_c_deg"] = log_prior
     return draws
+
+
+def _tabulated(
+    prior: Table, values: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Log density from its table; 20 points per standard deviation need no cubic."""
+    heights = np.asarray(prior.values)
+    grid = float(prior.start) + float(prior.step) * np.arange(heights.size)
+    return np.interp(values, grid, heights)
+
+
+def _angle_log_prior(
+    degrees: Float[np.ndarray, " n"], prior_degrees: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, " n"] | None:
+    """Log density of θ_c where the contact rolls, from draws; None if it is fixed."""
+
+    def stretched(angle: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        # ln tan θ has no ends at which a kernel would lose mass.
+        inside = np.clip(angle, MIN_ANGLE_DEG, 90 - MIN_ANGLE_DEG)
+        return np.log(np.tan(np.radians(inside)))
+
+    u = stretched(prior_degrees[np.isfinite(prior_degrees)])
+    if u.size < N_POOLED or np.ptp(u) == 0:
+        return None
+    grid, density, _ = array_stats.kde(u)
+    at = stretched(degrees)
+    log_density = np.log(np.maximum(np.interp(at, grid, density), MIN_DENSITY))
+    # du/dθ = 1/(sin θ cos θ) = 2 cosh u per radian
+    return log_density + np.log(2 * np.cosh(at)) + np.log(np.pi / 180)
 
 
 def _angle(quantity: Quantity) -> dict[str, Cell]:

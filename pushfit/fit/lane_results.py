@@ -97,10 +97,10 @@ class Fibres:
 
     def __init__(self) -> None:
         """Nothing is known yet."""
-        self._known: dict[tuple, tuple[Fibre, tuple[Table, Table, Table]]] = {}
+        self._known: dict[tuple, tuple[Fibre, dict[str, Table]]] = {}
 
-    def of(self, problem: Problem) -> tuple[Fibre, tuple[Table, Table, Table], float]:
-        """Fibre in units of a stiffness, densities of A, B and C_rr, and that unit."""
+    def of(self, problem: Problem) -> tuple[Fibre, dict[str, Table], float]:
+        """Fibre in units of a stiffness, its `prior_tables` without, and that unit."""
         priors = {n: p for n, p in problem.priors.items() if n[:6] != "sigma_"}
         stiff = [priors.get(name) for name in SCALED]
         can_scale = all(p is not None and p.kind == "lognormal" for p in stiff)
@@ -118,8 +118,9 @@ class Fibres:
         if key not in self._known:
             fibre = make_fibre(priors, problem.fixed)
             self._known[key] = fibre, prior_tables(fibre)
-        fibre, (A, B, C) = self._known[key]
-        return fibre, (A.shifted(np.log(scale)), B.shifted(np.log(scale)), C), scale
+        fibre, tables = self._known[key]
+        by = {"A": np.log(scale), "B": np.log(scale), "C_rr": 0.0}
+        return fibre, {n: t.shifted(by[n]) for n, t in tables.items()}, scale
 
 
 def ready(

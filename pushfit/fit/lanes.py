@@ -5,6 +5,8 @@ C_rr is a parabola in A, known from two sums over directions. It holds arrays on
 lanes of equal shape are stacked and mapped. Excluded: searching and integrating.
 """
 
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -172,21 +174,22 @@ def why_not_lane(problem: Problem) -> str | None:
     return None
 
 
-def prior_tables(fibre: Fibre) -> tuple[Table, Table, Table]:
-    """Densities of ln A, ln B and ln C_rr; all three are free in a lane."""
-    A, B, C_rr = fibre.normal.density(), fibre.tangential.density(), fibre.C_rr
-    assert isinstance(A, LogDensity)
-    assert isinstance(B, LogDensity)
-    assert isinstance(C_rr, LogDensity)
-    return make_table(A), make_table(B), make_table(C_rr)
+def prior_tables(fibre: Fibre) -> dict[str, Table]:
+    """Densities of ln A, ln B and ln C_rr by name of the number, if it is free."""
+    densities = {
+        "A": fibre.normal.density(),
+        "B": fibre.tangential.density(),
+        "C_rr": fibre.C_rr,
+    }
+    return {n: make_table(d) for n, d in densities.items() if isinstance(d, LogDensity)}
 
 
-def make_lane(problem: Problem, tables: tuple[Table, Table, Table]) -> Lane:
+def make_lane(problem: Problem, tables: Mapping[str, Table]) -> Lane:
     """The lane of a problem for which `why_not_lane` has no reason.
 
     Args:
         problem: Problem with its noise weights settled.
-        tables: `prior_tables` of its fibre.
+        tables: `prior_tables` of its fibre; all three numbers are free in a lane.
 
     Returns:
         Lane, to be stacked.
@@ -226,9 +229,9 @@ def make_lane(problem: Problem, tables: tuple[Table, Table, Table]) -> Lane:
         grasp=problem.grasp,
         constant=jnp.asarray(-np.sum(constant, axis=1)),
         scatter=(_scatter(problem, float(within[0])),) if is_sampled else (),
-        prior_A=tables[0],
-        prior_B=tables[1],
-        prior_C=tables[2],
+        prior_A=tables["A"],
+        prior_B=tables["B"],
+        prior_C=tables["C_rr"],
         channels=problem.channels,
     )
 

@@ -16,7 +16,7 @@ from pushfit.data.table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.exact import why_not_exact
 from pushfit.fit.flat import Cell, flat_values, pooled_draws
-from pushfit.fit.identify import identify_table
+from pushfit.fit.identify import identify_table, prepared
 from pushfit.fit.lane_results import Fibres, identify_lanes, ready
 from pushfit.fit.results import Identification
 from pushfit.fit.setup import build_problem
@@ -70,9 +70,9 @@ def identify_many(
     for index, result in zip(items, together, strict=True):
         found[index] = result
     return [
-        _identify_one(table, config, seed=seed, engine=engine)
+        _identify_one(table, config, fibres, seed=seed, engine=engine)
         if result is None
-        else _as_item(result)
+        else _as_item(result, fibres)
         for table, seed, result in zip(tables, seeds, found, strict=True)
     ]
 
@@ -99,18 +99,23 @@ def engine_for(table: PeakTable, config: GraspConfig, engine: str) -> str:
 
 
 def _identify_one(
-    table: PeakTable, config: GraspConfig, *, seed: int, engine: str
+    table: PeakTable, config: GraspConfig, fibres: Fibres, *, seed: int, engine: str
 ) -> ItemResult | PushfitError:
     """One table, its error as a value."""
     try:
         chosen = engine_for(table, config, engine)
-        return _as_item(identify_table(table, config, seed=seed, engine=chosen))
+        found = identify_table(table, config, seed=seed, engine=chosen)
+        return _as_item(found, fibres)
     except PushfitError as error:
         return error
 
 
-def _as_item(found: Identification | PushfitError) -> ItemResult | PushfitError:
+def _as_item(
+    found: Identification | PushfitError, fibres: Fibres
+) -> ItemResult | PushfitError:
     """A result as a row; an error stays what it is."""
     if isinstance(found, PushfitError):
         return found
-    return ItemResult(values=flat_values(found), draws=pooled_draws(found))
+    config, _ = prepared(found.table, found.config)
+    _, tables, _ = fibres.of(build_problem(found.table, config).problem)
+    return ItemResult(values=flat_values(found), draws=pooled_draws(found, tables))

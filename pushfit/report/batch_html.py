@@ -97,8 +97,9 @@ def render_batch(
             `<name>_sets` (JSON) and `<name>_verdict`; of `A`, `B` and `C_rr` the same
             without `_deg`, and `<name>_unit`. Columns and cells may be missing.
         population: One row per quantity: `quantity`, `unit`, `mean`, `mean_low`,
-            `mean_high`, `spread`, `spread_low`, `spread_high`, and `outliers`, names
-            of items.
+            `mean_high`, `spread`, `spread_low`, `spread_high`, `n_items`, and
+            `outliers` and `not_usable`, names of items. With an upper end alone a
+            number is below it.
         title: Heading.
 
     Returns:
@@ -234,17 +235,25 @@ def _p_value(value: float | None) -> str:
 def _population_row(row: Record) -> dict[str, object]:
     """One quantity of the population as printed."""
     name, unit = _word(row, "quantity"), _word(row, "unit")
-    outliers = row.get("outliers")
-    if isinstance(outliers, str):
-        outliers = [part for part in outliers.split(";") if part]
-    listed = outliers if isinstance(outliers, list | tuple) else ()
+    n_items = _number(row, "n_items")
     return {
         "symbol": symbol(name),
         "unit": unit_label(unit),
         "mean": _with_range(row, "mean"),
         "spread": _with_range(row, "spread"),
-        "outliers": ", ".join(printable(str(item)) for item in listed),
+        "n_items": "" if n_items is None else f"{n_items:.0f}",
+        "outliers": _names(row, "outliers"),
+        "not_usable": _names(row, "not_usable"),
     }
+
+
+def _names(row: Record, column: str) -> str:
+    """Names of items, in a list or joined by ";"."""
+    names = row.get(column)
+    if isinstance(names, str):
+        names = [part for part in names.split(";") if part]
+    listed = names if isinstance(names, list | tuple) else ()
+    return ", ".join(printable(str(item)) for item in listed)
 
 
 def _with_range(row: Record, name: str) -> str:
@@ -252,7 +261,7 @@ def _with_range(row: Record, name: str) -> str:
     value = _number(row, name)
     low, high = _number(row, f"{name}_low"), _number(row, f"{name}_high")
     if value is None:
-        return ""
+        return "" if high is None else f"below {format_number(high)}"
     if low is None or high is None or not low < high:
         return format_number(value)
     spread = spread_of(value, (low, high))

@@ -31,5 +31,5 @@ def read_csv(path: Path) -> list[dict[str, str]]:
 
 def outputs(folder: Path) -> dict[str, bytes]:
     """Content of the files of a batch, without the store."""
-    names = ("results.csv", "failures.csv", "results.parquet")
-    return {name: (folder / name).read_bytes() for name in names}
+    names = ("results.csv", "failures.csv", "results.parquet", "population.csv")
+    return {name: (folder / name).read_bytes() for name in (*names, "report.html")}

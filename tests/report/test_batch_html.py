@@ -142,3 +142,10 @@ def test_the_policy_names_the_one_script_by_its_hash(frame):
         f"script-src 'sha256-{digest}'" in page
     )
     assert "unsafe" not in page
+
+
+def test_a_spread_that_may_be_zero_is_a_bound(frame):
+    row = {"quantity": "ln_A", "mean": 6.2, "spread": None, "spread_high": 0.3}
+    text = Page(render_batch(frame, [row])).text
+    assert "below 0.300" in text
+    assert "ln A" in text

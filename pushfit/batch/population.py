@@ -1,0 +1,121 @@
+"""What the items of a batch have in common: one row for each quantity.
+
+All items of the batch are one population; equal content counts once. A and B are
+pooled where their units agree. Excluded: the statistics, in `pushfit.fit.pooling`.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from pushfit.batch.items import Item
+from pushfit.batch.rows import Row
+from pushfit.batch.store import Finished
+from pushfit.fit.flat import LOG_PRIOR, Cell
+from pushfit.fit.item_likelihoods import ItemDraws
+from pushfit.fit.pooling import Population, pool
+
+COLUMNS = (
+    "quantity",
+    "unit",
+    "mean",
+    "mean_low",
+    "mean_high",
+    "spread",
+    "spread_low",
+    "spread_high",
+    "n_items",
+    "n_left_out",
+    "effective_draws",
+    "outliers",
+    "not_usable",
+    "warnings",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pooled:
+    """A quantity that is pooled.
+
+    Args:
+        quantity: Name of it in the row.
+        column: Column of its draws.
+        scale: How much items may well differ [unit of the draws].
+        unit: Unit, or the column of the row of an item that has it.
+    """
+
+    quantity: str
+    column: str
+    scale: float
+    unit: str
+
+
+# Hand-held things differ by factors; a third of all directions is a wide spread.
+POOLED = (
+    Pooled(quantity="theta_c", column="theta_c_deg", scale=30.0, unit="deg"),
+    Pooled(quantity="ln_A", column="ln_A", scale=1.0, unit="A_unit"),
+    Pooled(quantity="ln_B", column="ln_B", scale=1.0, unit="B_unit"),
+    Pooled(quantity="ln_C_rr", column="ln_C_rr", scale=1.0, unit="1"),
+)
+
+
+def pool_items(
+    items: Iterable[Item], find: Callable[[str], Finished | None]
+) -> tuple[Row, ...]:
+    """Pool what the items of a batch tell.
+
+    Args:
+        items: Items, each content once.
+        find: What finds a result by key.
+
+    Returns:
+        Rows with the cells of `COLUMNS`; none for a quantity with fewer than three
+        usable items. They do not depend on the order of the items.
+    """
+    ordered = sorted(items, key=lambda item: item.name)
+    return tuple(row for pooled in POOLED for row in _rows(pooled, ordered, find))
+
+
+def _rows(
+    pooled: Pooled, items: Sequence[Item], find: Callable[[str], Finished | None]
+) -> list[Row]:
+    """Rows of one quantity, one for each unit."""
+    groups: dict[str, list[ItemDraws]] = {}
+    n_all: dict[str, int] = {}
+    for item in items:
+        finished = find(item.key)
+        if finished is None:
+            continue
+        unit = pooled.unit
+        if unit.endswith("_unit"):
+            unit = str(finished.values.get(unit) or "")
+        n_all[unit] = n_all.get(unit, 0) + 1
+        draws = finished.draws.get(pooled.column)
+        log_prior = finished.draws.get(f"{LOG_PRIOR}{pooled.column}")
+        if draws is not None and log_prior is not None:
+            one = ItemDraws(name=item.name, draws=draws, log_prior=log_prior)
+            groups.setdefault(unit, []).append(one)
+    rows = []
+    for unit, group in sorted(groups.items()):
+        found = pool(group, scale=pooled.scale)
+        if found is not None:
+            rows.append(_row(pooled.quantity, unit, found, n_all[unit]))
+    return rows
+
+
+def _row(quantity: str, unit: str, found: Population, n_all: int) -> Row:
+    """Cells of one population."""
+    cells: tuple[Cell, ...] = (
+        quantity,
+        unit,
+        found.mean,
+        *found.mean_interval,
+        found.spread,
+        *found.spread_interval,
+        found.n_items,
+        n_all - found.n_items,
+        round(found.effective_draws),
+        ";".join(found.outliers),
+        ";".join(found.not_usable),
+        "grid_edge" if found.is_edge_reached else "",
+    )
+    return dict(zip(COLUMNS, cells, strict=True))
