@@ -91,7 +91,7 @@ def _write_parquet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> N
 def _write_page(path: Path, answers: Answers, population: Sequence[Row]) -> None:
     messages = {failure.item: failure.message for failure in answers.failures}
     frame = pd.DataFrame(
-        [row | {"message": messages.get(str(row["item"]))} for row in answers.rows]
+        [{**row, "message": messages.get(str(row["item"]))} for row in answers.rows]
     )
     page = render_batch(frame, population)
     with atomic_path(path) as temporary:

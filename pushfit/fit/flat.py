@@ -91,10 +91,10 @@ def pooled_draws(
             chosen = values[thinned.astype(int)]
             draws[column] = chosen if name == "theta_c" else np.log(chosen)
             if name in priors:
-                log_prior = _tabulated(priors[name], draws[column])
+                log_prior = tabulated_prior(priors[name], draws[column])
                 draws[f"{LOG_PRIOR}{column}"] = log_prior
     if "theta_c_deg" in draws and "theta_c" in posterior.prior_samples:
-        log_prior = _angle_log_prior(
+        log_prior = prior_of_angle(
             draws["theta_c_deg"], np.asarray(posterior.prior_samples["theta_c"])
         )
         if log_prior is not None:
@@ -102,19 +102,32 @@ def pooled_draws(
     return draws
 
 
-def _tabulated(
+def tabulated_prior(
     prior: Table, values: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Log density from its table; 20 points per standard deviation need no cubic."""
+    """Log density from its table; 20 points per standard deviation need no cubic.
+
+    Args:
+        prior: Table of a prior density.
+        values: Where it is wanted.
+    """
     heights = np.asarray(prior.values)
     grid = float(prior.start) + float(prior.step) * np.arange(heights.size)
     return np.interp(values, grid, heights)
 
 
-def _angle_log_prior(
+def prior_of_angle(
     degrees: Float[np.ndarray, " n"], prior_degrees: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, " n"] | None:
-    """Log density of θ_c where the contact rolls, from draws; None if it is fixed."""
+    """Log density of θ_c where the contact rolls, from draws of the prior.
+
+    Args:
+        degrees: Where it is wanted; NaN where it never rolls [deg].
+        prior_degrees: Draws, likewise [deg].
+
+    Returns:
+        Log density per degree; None if the angle is fixed.
+    """
 
     def stretched(angle: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         # ln tan θ has no ends at which a kernel would lose mass.

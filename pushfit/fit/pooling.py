@@ -189,7 +189,7 @@ class _Grid:
 
         ends = np.min(self.mean - self.step), np.max(self.mean + self.step)
         low, high = (
-            float(optimize.brentq(excess, *ends, args=(prob,)))
+            float(np.asarray(optimize.brentq(excess, *ends, args=(prob,))))
             for prob in ((1 - PROB) / 2, (1 + PROB) / 2)
         )
         return low, high
