@@ -16,17 +16,17 @@ from pushfit.containers import (
     contact,
     unit_vector,
 )
+from pushfit.numerics import sine, versine
 from pushfit.roots import falling_root
 from pushfit.tilting import (
-    MAX_SINE,
+    MAX_TILT,
     Hold,
     check_supports,
-    cosine_of,
     displacement,
     elastic_force,
     make_hold,
     pressed_force,
-    unrolled_sine,
+    unrolled_tilt,
 )
 
 # Range of the resultant force in which a critical tilt is sought, as a multiple of the
@@ -118,11 +118,11 @@ def critical_friction(
         elevation=unit_vector(theta),
         azimuth=unit_vector(alpha),
     )
-    sine = unrolled_sine(hold)
-    normal, tangential = pressed_force(hold, sine), elastic_force(hold, sine)
-    across = normal * cosine_of(sine) - tangential * sine
+    tilt = unrolled_tilt(hold)
+    normal, tangential = pressed_force(hold, tilt), elastic_force(hold, tilt)
+    across = normal * (1 - versine(tilt)) - tangential * sine(tilt)
     is_held = (normal > 0) & (across > 0)
-    torque = hold.C_d * jnp.arcsin(sine) / hold.L
+    torque = hold.C_d * tilt / hold.L
     friction = torque / jnp.where(is_held, across, 1.0)
     return jnp.where(is_held, friction, jnp.nan).reshape(jnp.shape(direction[0]))
 
@@ -138,7 +138,7 @@ def _critical_force(
     lean = jnp.arctan(group.C_rr)
     zero = jnp.zeros_like(hold.into)
     straight = hold.preload + hold.A * grasp.push_length
-    fallen = jnp.arcsin(MAX_SINE) * hold.C_d / hold.L
+    fallen = MAX_TILT * hold.C_d / hold.L
     # Divided only where it is the smaller: C_rr = 0 has no largest force.
     is_limited = fallen * jnp.cos(lean) < FORCE_RANGE * straight * jnp.sin(lean)
     upper = zero + jnp.where(
@@ -168,7 +168,6 @@ def _critical_displacement(
 ) -> tuple[Vector, Vector]:
     """Displacement along and into the object of a push that ends at the tie."""
     tilt = force * hold.L * jnp.sin(lean) / hold.C_d
-    sine = jnp.sin(tilt)
-    along = displacement(hold, force * jnp.sin(lean - tilt), sine)
+    along = displacement(hold, force * jnp.sin(lean - tilt), tilt)
     pressing = (force * jnp.cos(lean - tilt) - hold.preload) / hold.A
-    return along, pressing + hold.L * sine**2 / (1 + cosine_of(sine))
+    return along, pressing + hold.L * versine(tilt)

@@ -5,12 +5,20 @@ physics is defined; `pushfit.model` uses them instead of repairing each formula.
 Excluded: anything that knows what a push is.
 """
 
+import math
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 # Below this argument four terms of a series in it are exact to 1e-18, while the closed
 # form divides 0 by 0 at the origin.
 SERIES_LIMIT = 1e-3
+
+# Taylor coefficients of sin(x)/x and of (1 - cos x)/x² in x²: for |x| <= 1.5 the term
+# after the last is below 1e-17.
+SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(11))
+VERSINE = tuple((-1) ** k / math.factorial(2 * k + 2) for k in range(11))
 
 
 def norm2(x: Float[Array, "*s"], y: Float[Array, "*s"]) -> Float[Array, "*s"]:
@@ -79,3 +87,29 @@ def asinhc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     terms = 3 / 40 - square * (15 / 336 - square * (105 / 3456 - square * 945 / 42240))
     series = 1 - square * (1 / 6 - square * terms)
     return jnp.where(is_small, series, jnp.arcsinh(safe) / safe)
+
+
+@jax.custom_jvp
+def sine(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Sin x for |x| <= 1.5: products alone, which run many at a time."""
+    return x * _horner(SINE, x * x)
+
+
+@jax.custom_jvp
+def versine(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """1 - cos x for |x| <= 1.5, exact for small x too."""
+    return x * x * _horner(VERSINE, x * x)
+
+
+sine.defjvps(lambda rate, _, x: (1 - versine(x)) * rate)
+versine.defjvps(lambda rate, _, x: sine(x) * rate)
+
+
+def _horner(
+    coefficients: tuple[float, ...], x: Float[Array, "*s"]
+) -> Float[Array, "*s"]:
+    """Polynomial with the coefficients of rising powers."""
+    value = jnp.full_like(x, coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        value = value * x + coefficient
+    return value

@@ -8,7 +8,7 @@ friction acts along the tilted face. Each push is one scalar equilibrium for the
     F_t = K_st (S_p cos θ - L sin γ)
     F_t L cos γ + F_n L sin γ = min( C_d γ, C_rr L N ),   N = F_n cos γ - F_t sin γ
 
-solved here for x = sin γ once with each argument of the minimum. Since F_t falls with
+solved here once with each argument of the minimum. Since F_t falls with
 γ, the smaller of the two forces is the equilibrium, and `softmin` of them is the soft
 transition. A support with a stiffness ellipse deflects along a direction of its own,
 but the object leans along its tangential force, so the equilibrium stays scalar.
@@ -34,11 +34,11 @@ from pushfit.containers import (
     tangential_compliance,
 )
 from pushfit.errors import ConfigError
-from pushfit.numerics import norm2, softmin
+from pushfit.numerics import norm2, sine, softmin, versine
 from pushfit.roots import falling_root
 
-# Sine of the largest tilt, 82°: an object that leans further has fallen over.
-MAX_SINE = 0.99
+# Largest tilt, 82° [rad]: an object that leans further has fallen over.
+MAX_TILT = 1.43
 
 
 class Hold(eqx.Module):
@@ -85,7 +85,7 @@ def make_hold(
     """
     springs = support(group)
     tensor = tangential_compliance(springs)
-    cosine, sine = elevation
+    cosine, sin = elevation
     return Hold(
         A=group.A,
         C_rr=group.C_rr,
@@ -95,7 +95,7 @@ def make_hold(
         compliance=(tensor[0, 0], tensor[0, 1], tensor[1, 1]),
         azimuth=(azimuth[0], azimuth[1]),
         along=grasp.push_length * cosine,
-        into=grasp.push_length * sine,
+        into=grasp.push_length * sin,
     )
 
 
@@ -120,9 +120,9 @@ def tilting_forces(
     hold = make_hold(
         contact(params), grasp, elevation=pushes.elevation, azimuth=pushes.azimuth
     )
-    sine, force = equilibrium(hold, grasp.sharpness)
-    lean_x, lean_y = lean_direction(hold, force, sine)
-    pressed = pressed_force(hold, sine)
+    tilt, force = equilibrium(hold, grasp.sharpness)
+    lean_x, lean_y = lean_direction(hold, force, tilt)
+    pressed = pressed_force(hold, tilt)
     return Forces(
         normal=jnp.maximum(pressed, 0.0),
         tangential_x=force * lean_x,
@@ -132,7 +132,7 @@ def tilting_forces(
 
 
 def equilibrium(hold: Hold, sharpness: float) -> tuple[Vector, Vector]:
-    """Sine of the tilt and tangential force of every push.
+    """Tilt and tangential force of every push.
 
         F_t = softmin(F_unrolled, F_rolled)
 
@@ -141,18 +141,18 @@ def equilibrium(hold: Hold, sharpness: float) -> tuple[Vector, Vector]:
         sharpness: p of `softmin`; infinity is the hard switch [-].
 
     Returns:
-        sin γ [-] and F_t along the lean [N]; F_t is negative where the object leans
+        γ [rad] and F_t along the lean [N]; F_t is negative where the object leans
         beyond the push.
     """
     if sharpness == jnp.inf:
 
-        def smaller(hold: Hold, sine: Vector) -> Vector:
-            return jnp.minimum(elastic_force(hold, sine), rolling_force(hold, sine))
+        def smaller(hold: Hold, tilt: Vector) -> Vector:
+            return jnp.minimum(elastic_force(hold, tilt), rolling_force(hold, tilt))
 
         start = jnp.maximum(_unrolled_guess(hold), _rolled_guess(hold))
-        sine = _tilted_by(smaller, hold, start)
-        return sine, smaller(hold, sine)
-    unrolled, rolled = unrolled_sine(hold), rolled_sine(hold)
+        tilt = _tilted_by(smaller, hold, start)
+        return tilt, smaller(hold, tilt)
+    unrolled, rolled = unrolled_tilt(hold), rolled_tilt(hold)
     elastic, limit = elastic_force(hold, unrolled), rolling_force(hold, rolled)
     smallest = jnp.minimum(elastic, limit)
     # A force that turns negative is the smaller one by far: nothing is left to soften.
@@ -160,30 +160,30 @@ def equilibrium(hold: Hold, sharpness: float) -> tuple[Vector, Vector]:
     a, b = jnp.where(is_soft, elastic, 1.0), jnp.where(is_soft, limit, 1.0)
     force = jnp.where(is_soft, softmin(a, b, sharpness), smallest)
 
-    def given(state: tuple[Hold, Vector], sine: Vector) -> Vector:
-        return state[0].along - displacement(state[0], state[1], sine)
+    def given(state: tuple[Hold, Vector], tilt: Vector) -> Vector:
+        return state[0].along - displacement(state[0], state[1], tilt)
 
     start = jnp.maximum(unrolled, rolled)
     return falling_root(given, (hold, force), _bracket(hold), start), force
 
 
-def unrolled_sine(hold: Hold) -> Vector:
-    """Sine of the tilt at which the deformed contact balances the forces [-]."""
+def unrolled_tilt(hold: Hold) -> Vector:
+    """Tilt at which the deformed contact balances the forces [rad]."""
     return _tilted_by(elastic_force, hold, _unrolled_guess(hold))
 
 
-def rolled_sine(hold: Hold) -> Vector:
-    """Sine of the tilt at which rolling friction balances the forces; 0 if none [-]."""
+def rolled_tilt(hold: Hold) -> Vector:
+    """Tilt at which rolling friction balances the forces; 0 if none [rad]."""
     return _tilted_by(rolling_force, hold, _rolled_guess(hold))
 
 
 def _tilted_by(
     balance: Callable[[Hold, Vector], Vector], hold: Hold, start: Vector
 ) -> Vector:
-    """Sine of the tilt at which the push has just the length that the forces need."""
+    """Tilt at which the push has just the length that the forces need."""
 
-    def excess(hold: Hold, sine: Vector) -> Vector:
-        return hold.along - displacement(hold, balance(hold, sine), sine)
+    def excess(hold: Hold, tilt: Vector) -> Vector:
+        return hold.along - displacement(hold, balance(hold, tilt), tilt)
 
     return falling_root(excess, hold, _bracket(hold), start)
 
@@ -199,31 +199,31 @@ def _rolled_guess(hold: Hold) -> Vector:
     """Tilt of a small push that rolls [-]."""
     pressed = jnp.maximum(hold.preload + hold.A * hold.into, 0.0)
     compliance = _mean_compliance(hold)
-    # F_t falls with the tilt, by F_n for each radian.
-    left = jnp.maximum(hold.L - compliance * pressed, hold.L / 2)
+    # F_t falls with the tilt, by F_n / cos² φ for each radian.
+    falling = compliance * pressed * (1 + hold.C_rr**2)
+    left = jnp.maximum(hold.L - falling, hold.L / 2)
     return (hold.along - compliance * hold.C_rr * pressed) / left
 
 
-def pressed_force(hold: Hold, sine: Vector) -> Vector:
+def pressed_force(hold: Hold, tilt: Vector) -> Vector:
     """F_0 + A (S_p sin θ - L (1 - cos γ)); negative where contact is lost [N]."""
-    sinking = hold.L * sine**2 / (1 + cosine_of(sine))
-    return hold.preload + hold.A * (hold.into - sinking)
+    return hold.preload + hold.A * (hold.into - hold.L * versine(tilt))
 
 
-def elastic_force(hold: Hold, sine: Vector) -> Vector:
+def elastic_force(hold: Hold, tilt: Vector) -> Vector:
     """F_t at which C_d γ balances the moments, (C_d γ/L - F_n sin γ) / cos γ [N]."""
-    normal = jnp.maximum(pressed_force(hold, sine), 0.0)
-    return (hold.C_d / hold.L * jnp.arcsin(sine) - normal * sine) / cosine_of(sine)
+    normal = jnp.maximum(pressed_force(hold, tilt), 0.0)
+    return (hold.C_d / hold.L * tilt - normal * sine(tilt)) / (1 - versine(tilt))
 
 
-def rolling_force(hold: Hold, sine: Vector) -> Vector:
+def rolling_force(hold: Hold, tilt: Vector) -> Vector:
     """F_t at which C_rr L N balances the moments, F_n tan(atan C_rr - γ) [N]."""
-    normal = jnp.maximum(pressed_force(hold, sine), 0.0)
-    cosine = cosine_of(sine)
-    return normal * (hold.C_rr * cosine - sine) / (cosine + hold.C_rr * sine)
+    normal = jnp.maximum(pressed_force(hold, tilt), 0.0)
+    sin, cos = sine(tilt), 1 - versine(tilt)
+    return normal * (hold.C_rr * cos - sin) / (cos + hold.C_rr * sin)
 
 
-def displacement(hold: Hold, force: Vector, sine: Vector) -> Vector:
+def displacement(hold: Hold, force: Vector, tilt: Vector) -> Vector:
     """How far a push must go along its azimuth for a force and a tilt along one line.
 
         S_p cos θ u = (F_t K⁻¹ + L sin γ) n,   |n| = 1
@@ -231,12 +231,12 @@ def displacement(hold: Hold, force: Vector, sine: Vector) -> Vector:
     Args:
         hold: Springs and pushes.
         force: F_t [N].
-        sine: sin γ [-].
+        tilt: γ [rad].
 
     Returns:
         S_p cos θ; F_t / K_st + L sin γ without an ellipse [m].
     """
-    (x, y), determinant, trace = _solved_lean(hold, force, sine)
+    (x, y), determinant, trace = _solved_lean(hold, force, tilt)
     size = norm2(x, y)
     is_stable = (trace > 0) & (size > 0)
     # Where the support would pull more than the object leans no push leads there; half
@@ -245,9 +245,9 @@ def displacement(hold: Hold, force: Vector, sine: Vector) -> Vector:
     return jnp.where(is_stable, ratio, trace / 2)
 
 
-def lean_direction(hold: Hold, force: Vector, sine: Vector) -> tuple[Vector, Vector]:
+def lean_direction(hold: Hold, force: Vector, tilt: Vector) -> tuple[Vector, Vector]:
     """Components of n, the direction in which the object leans [-]."""
-    (x, y), _, _ = _solved_lean(hold, force, sine)
+    (x, y), _, _ = _solved_lean(hold, force, tilt)
     size = norm2(x, y)
     is_known = size > 0
     safe = jnp.where(is_known, size, 1.0)
@@ -259,11 +259,12 @@ def lean_direction(hold: Hold, force: Vector, sine: Vector) -> tuple[Vector, Vec
 
 
 def _solved_lean(
-    hold: Hold, force: Vector, sine: Vector
+    hold: Hold, force: Vector, tilt: Vector
 ) -> tuple[tuple[Vector, Vector], Vector, Vector]:
     """Adj(M) u, det M and tr M of M = F_t K⁻¹ + L sin γ."""
     xx, xy, yy = (force * c for c in hold.compliance)
-    xx, yy = xx + hold.L * sine, yy + hold.L * sine
+    leaned = hold.L * sine(tilt)
+    xx, yy = xx + leaned, yy + leaned
     u_x, u_y = hold.azimuth
     return (yy * u_x - xy * u_y, xx * u_y - xy * u_x), xx * yy - xy * xy, xx + yy
 
@@ -274,13 +275,8 @@ def _mean_compliance(hold: Hold) -> Scalar:
 
 
 def _bracket(hold: Hold) -> tuple[Vector, Vector]:
-    """Sines between which a tilt is sought."""
-    return jnp.zeros_like(hold.into), jnp.full_like(hold.into, MAX_SINE)
-
-
-def cosine_of(sine: Vector) -> Vector:
-    """Cosine of an angle below a right one [-]."""
-    return jnp.sqrt(1 - sine**2)
+    """Angles between which a tilt is sought."""
+    return jnp.zeros_like(hold.into), jnp.full_like(hold.into, MAX_TILT)
 
 
 def check_supports(grasp: Grasp) -> None:

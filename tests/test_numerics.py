@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pushfit.numerics import SERIES_LIMIT, asinhc, norm2, sinhc, softclip, softmin
+from pushfit.numerics import (
+    SERIES_LIMIT,
+    asinhc,
+    norm2,
+    sine,
+    sinhc,
+    softclip,
+    softmin,
+    versine,
+)
 
 EXACT = 1e-13  # a few ulp per float64 operation
 DIFFERENCE = 1e-6  # autodiff against a central difference
@@ -129,3 +138,19 @@ def test_quotients_are_one_and_flat_at_the_origin(function, numerator):
     # The curvature is twice the quadratic coefficient of the series of the quotient.
     sixth = 1 / 3 if numerator is np.sinh else -1 / 3
     np.testing.assert_allclose(jax.hessian(function)(0.0), sixth, rtol=EXACT)
+
+
+def test_sine_and_versine_are_the_library_ones_up_to_a_radian_and_a_half():
+    x = np.r_[0.0, np.geomspace(1e-8, 1.5, 200)]
+    np.testing.assert_allclose(sine(jnp.asarray(x)), np.sin(x), rtol=EXACT)
+    # 1 - cos x itself would cancel.
+    expected = 2 * np.sin(x / 2) ** 2
+    np.testing.assert_allclose(versine(jnp.asarray(x)), expected, rtol=EXACT)
+
+
+def test_slopes_of_sine_and_versine_are_cosine_and_sine():
+    x = np.linspace(-1.5, 1.5, 31)
+    slope = jax.vmap(jax.grad(sine))(jnp.asarray(x))
+    np.testing.assert_allclose(slope, np.cos(x), rtol=0, atol=EXACT)
+    slope = jax.vmap(jax.grad(versine))(jnp.asarray(x))
+    np.testing.assert_allclose(slope, np.sin(x), rtol=0, atol=EXACT)
