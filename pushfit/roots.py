@@ -18,8 +18,7 @@ RTOL = 1e-5
 # Halving alone would take this many steps to reach it from a bracket of length 1.
 MAX_STEPS = 60
 # Steps before the first question whether all have arrived. They compile into what
-# surrounds them; more of them were measured to be slower, since each is then evaluated
-# again for every use of it.
+# surrounds them; more of them were measured to be slower.
 N_UNROLLED = 1
 # Smallest slope, as a share of the mean slope over the bracket: at a fold the
 # derivative of a root is infinite, and one that large serves nobody.
