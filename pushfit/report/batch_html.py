@@ -82,6 +82,9 @@ class Axis:
         return round(WIDTH * min(max(share, 0.0), 1.0), 1)
 
 
+EMPTY = Axis(low=0.0, high=1.0, is_log=False)
+
+
 def render_batch(
     frame: pd.DataFrame,
     population: Sequence[Record] = (),
@@ -178,7 +181,7 @@ def _axis(entries: Sequence[Entry]) -> Axis:
     ends = [e for entry in entries for piece in entry.pieces for e in piece]
     values = [v for v in (*ends, *(e.estimate for e in entries)) if v is not None]
     if not values:
-        return Axis(low=0.0, high=1.0, is_log=False)
+        return EMPTY
     low, high = min(values), max(values)
     is_log = 0 < low and high / low > WIDE and entries[0].unit != "deg"
     if not is_log:
@@ -188,7 +191,9 @@ def _axis(entries: Sequence[Entry]) -> Axis:
 
 
 def _scale(axis: Axis, name: str) -> str:
-    """Ends of the pictures in words."""
+    """Ends of the pictures in words; none where nothing is drawn."""
+    if axis == EMPTY:
+        return ""
     unit = "deg" if name in ANGLES else ""
     words = format_range(axis.low, axis.high, unit)
     return f"{words}, logarithmic" if axis.is_log else words
