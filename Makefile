@@ -12,7 +12,7 @@ DEMO := demo_result
 demo: .stamps/run                ## The example grasp, from recordings to theta_c and alpha*
 	$(BIN)/pushfit demo --out $(DEMO) --force
 
-test: lint                       ## Everything that gates a change; about five minutes
+test: lint                       ## Everything that gates a change; ten minutes on two cores
 	$(BIN)/pytest -q -n 2 --dist loadfile -m "not slow"
 
 test-slow: .stamps/test          ## Statistical calibration and other long tests
