@@ -39,6 +39,8 @@ N_STARTS = 3
 WORTH_OF_WIDTH = 0.25
 # The same where there is no interval [deg].
 WORTH_DEG = 2.0
+# Tilting mechanics whose chi-square is larger by this are not what the heights say.
+WORSE = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,12 +164,18 @@ def tilt_notice(
     at_linear = problem.residuals(problem.data_state(jnp.asarray(fit.estimate)))
     held = np.tile(tilting.is_held, len(problem.channels))
     chi_square = float(np.sum(np.asarray(at_linear)[held] ** 2))
+    remedy = 'use mechanics = "tilting" with L measured'
+    if tilting.chi_square > chi_square + WORSE:
+        remedy = (
+            "the heights themselves prefer the paper's equations, so check L, the push "
+            "length and the unit of the heights first"
+        )
     return Notice(
         code="large_tilt",
         text=f"{start}, which the paper's equations leave out: they put θ_c at "
         f"{linear:.1f}° (chi-square {chi_square:.0f}), tilting mechanics with the same "
         f"priors of L and s at {tilting.theta_c_deg:.1f}° (chi-square "
-        f'{tilting.chi_square:.0f}); use mechanics = "tilting" with L measured',
+        f"{tilting.chi_square:.0f}); {remedy}",
     )
 
 
