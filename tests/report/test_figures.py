@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib import rcParams
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb
 
 from pushfit.data.recording import Recording
 from pushfit.data.table import PeakTable
@@ -25,8 +25,15 @@ from pushfit.report.figures import (
 from pushfit.report.figures.diagnostics import autocorrelation
 from pushfit.report.figures.direction import ellipse_points
 from pushfit.report.figures.main import sweep_figures, sweeps_of
+from pushfit.report.figures.pairs import corner_figure
 from pushfit.report.figures.recording import MAX_POINTS, signal_figure
-from pushfit.report.figures.style import SERIES, figure_bytes, series_colours
+from pushfit.report.figures.style import (
+    DATA,
+    PRIOR,
+    SERIES,
+    figure_bytes,
+    series_colours,
+)
 
 EXACT = 1e-12  # equal on paper: a few ulp of numbers of order one
 
@@ -302,3 +309,18 @@ def test_a_result_shows_its_recording_with_every_push(determined):
     words = figure._suptitle.get_text()
     assert words.startswith("69 pushes, 1 doubtful")
     assert figure.axes[0].get_ylabel() == "force [N]"
+
+
+def contour_colours(axes):
+    return {to_hex(lines.get_edgecolor()[0]) for lines in axes.collections}
+
+
+def test_a_prior_is_drawn_in_pairs_only_where_a_panel_shows_a_good_part_of_it():
+    rng = np.random.default_rng(0)
+    prior = {name: rng.normal(0.0, 1.0, 4000) for name in ("e1", "e2", "f1")}
+    sds = {"e1": 0.5, "e2": 0.5, "f1": 0.01}
+    samples = {name: rng.normal(0.3, sd, 4000) for name, sd in sds.items()}
+    figure = corner_figure(samples, prior, units={})
+    grid = np.array(figure.axes).reshape(3, 3)
+    assert contour_colours(grid[1, 0]) == {DATA.lower(), PRIOR.lower()}
+    assert contour_colours(grid[2, 0]) == {DATA.lower()}

@@ -3,7 +3,7 @@
 The pairs show what single intervals cannot: which combinations the data fix.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,8 +40,8 @@ def corner_figure(
     """Posterior draws in pairs, the prior behind in grey.
 
     Each panel shows the posterior and as much of the prior beside it as keeps the
-    posterior legible. Positive quantities that are shown over more than a factor of ten
-    are on a logarithmic axis.
+    posterior legible; of a prior much wider than that no contour is drawn. Positive
+    quantities that are shown over more than a factor of ten are on a logarithmic axis.
 
     Args:
         samples: Posterior draws by name, none of them constant.
@@ -57,6 +57,12 @@ def corner_figure(
     size = max(3.2, 1.45 * len(names) + 0.6)
     # corner places its panels itself and refuses a layout engine.
     figure = new_figure(width=size, height=size, layout=None)
+    is_beyond = np.array(
+        [
+            _is_beyond(window, prior[name])
+            for name, window in zip(names, windows, strict=True)
+        ]
+    )
     for draws, colour in ((prior, PRIOR), (samples, DATA)):
         table = np.column_stack([draws[name] for name in names])
         table = table[np.isfinite(table).all(axis=1)][:MAX_DRAWS]
@@ -75,7 +81,9 @@ def corner_figure(
             contour_kwargs={"linewidths": 1.2 if colour == DATA else 0.8},
             max_n_ticks=3,
         )
-    grid = np.array(figure.axes).reshape(len(names), len(names))
+        grid = np.array(figure.axes).reshape(len(names), len(names))
+        if colour == PRIOR:
+            _clear(grid[is_beyond[:, None] | is_beyond[None]])
     for index, name in enumerate(names):
         for axes in grid[index:, index]:
             axes.set_xlim(*windows[index])
@@ -87,7 +95,7 @@ def corner_figure(
     figure.subplots_adjust(left=margin, bottom=margin, right=0.98, top=0.98)
     figure.legend(
         [Line2D([], [], color=DATA), Line2D([], [], color=PRIOR)],
-        ["posterior, 50 % and 90 %", "prior"],
+        ["posterior, 50 % and 90 %", "prior, unless far wider than the panel"],
         loc="upper right",
         fontsize=9,
     )
@@ -99,8 +107,7 @@ def _draw_margin(
 ) -> None:
     """Densities of both over the scale of the axis, in place of corner's counts."""
     is_log = axes.get_xscale() == "log"
-    for artist in (*axes.patches, *axes.lines, *axes.collections):
-        artist.remove()
+    _clear([axes])
     top = 0.0
     for draws, colour in ((prior, PRIOR), (samples, DATA)):
         low, high = _bulk(draws)
@@ -115,6 +122,13 @@ def _draw_margin(
         axes.stairs(density, edges, color=colour, lw=1.3)
     axes.set_ylim(0, 1.08 * top)
     axes.set_yticks([])
+
+
+def _clear(panels: Iterable["Axes"]) -> None:
+    """Take back what was drawn into some panels."""
+    for axes in panels:
+        for artist in (*axes.patches, *axes.lines, *axes.collections):
+            artist.remove()
 
 
 def _bulk(draws: Float[np.ndarray, " n"]) -> tuple[float, float]:
@@ -139,6 +153,12 @@ def _window(
     shown += 0.1 * (high - low) * np.array([-1, 1])
     start, end = np.exp(shown) if is_log else shown
     return float(start), float(end)
+
+
+def _is_beyond(window: tuple[float, float], prior: Float[np.ndarray, " m"]) -> bool:
+    """Whether a window shows so little of a prior that its contours mean nothing."""
+    low, high = np.nanquantile(prior, [0.25, 0.75])
+    return bool(window[1] - window[0] < high - low)
 
 
 def _is_wide(low: float, high: float) -> bool:

@@ -302,9 +302,10 @@ def alpha_figure(
     """
     marker = alpha_star or Marker(name="alpha_star")
     figure = new_figure(width=PAGE, height=3.2 + legend_height(sweeps))
-    grid = figure.add_gridspec(1, 2, width_ratios=(1.25, 1))
+    # Apart, so that the legend of the one takes no room from the other.
+    left, right = figure.subfigures(1, 2)
     draw_panel(
-        figure.add_subplot(grid[0]),
+        left.subplots(),
         sweeps,
         swept="alpha",
         channel=channel,
@@ -312,12 +313,17 @@ def alpha_figure(
         marker=marker,
         prob=prob,
     )
-    polar = figure.add_subplot(grid[1], projection="polar")
+    polar = right.add_subplot(projection="polar")
     draw_polar(polar, sweeps, marker)
+    is_signed = any(np.any(sweep.height < 0) for sweep in sweeps)
+    # Half a disc is drawn into the middle of the square of a whole one.
+    is_half = polar.get_xlim() == (0.0, np.pi)
     polar.set_title(
-        f"{channel_label(channel, unit)}, around the push frame",
+        f"{'positive ' if is_signed else ''}{channel_label(channel, unit)}, "
+        "around the push frame",
         loc="center",
         fontsize=8,
         fontweight="normal",
+        y=0.85 if is_half else None,
     )
     return figure
