@@ -39,8 +39,15 @@ SAME_MODE = 1e-3
 KEPT_DELTA_CHI_SQUARE = 30.0
 # A thousandth of a standard error, squared.
 FLAT_DELTA_CHI_SQUARE = 1e-6
+# Where no finite ellipse fits best, chi-square falls towards its infimum for ever: all
+# steps of a last round then gain less than a thirtieth of a standard error, squared.
+STALLED_DELTA_CHI_SQUARE = 1e-3
 # Below this ratio a singular value is rounding, not information.
 RANK_TOLERANCE = 1e-8
+# An optimum on a kink lies within 1e-10 of it; so far to either side [log units] a
+# smooth likelihood has the same standard errors, and one with a kink others.
+BESIDE = 1e-8
+SAME_ERRORS = 0.01
 
 
 def fit_least_squares(
@@ -90,7 +97,8 @@ def fit_result(
     best = jnp.asarray(points[0])
     mask = np.asarray(problem.mask)
     is_data = np.r_[mask.ravel(), np.ones(problem.n_pulls, bool)]
-    jacobian = np.asarray(_jacobian(problem, best))[is_data]
+    jacobians = np.asarray(_jacobians(problem, best))[:, is_data]
+    jacobian = jacobians[0]
     residuals = np.asarray(_residuals(problem, best))[is_data]
     if not np.isfinite(costs[0]):
         status = FitStatus.NO_FINITE_START
@@ -100,15 +108,14 @@ def fit_result(
         status = FitStatus.MAX_STEPS
     if throw and status is not FitStatus.OK:
         raise FitError(status.value, code=status.name.lower())
-    singular_values = np.linalg.svd(jacobian, compute_uv=False)
     channel_index, column = np.nonzero(mask)
     predicted = np.asarray(_predicted(problem, best))
     return FitResult(
         names=problem.data_names,
         estimate=points[0],
-        covariance=_covariance(jacobian, singular_values),
+        covariance=_covariance(jacobians),
         jacobian=jacobian,
-        singular_values=singular_values,
+        singular_values=np.linalg.svd(jacobian, compute_uv=False),
         modes=_modes(problem, points, costs, reference_alpha),
         chi_square=float(costs[0]),
         n_data=int(mask.sum()),
@@ -163,9 +170,9 @@ def restarted(
         is_better = np.isfinite(found_costs) & ~(gain <= 0)
         points = np.where(is_better[:, None], found, points)
         costs = np.where(is_better, found_costs, costs)
-        # A restart that gains nothing has arrived, whatever the solver says of its
-        # steps: on a kink they never meet its tolerance.
-        has_arrived = found_done | (gain <= FLAT_DELTA_CHI_SQUARE)
+        # A restart that gains next to nothing has arrived, whatever the solver says of
+        # its steps: on a kink they never meet its tolerance.
+        has_arrived = found_done | (gain <= STALLED_DELTA_CHI_SQUARE)
         is_done = np.where(np.isfinite(found_costs), has_arrived, is_done)
         if not np.any(gain[is_better] > FLAT_DELTA_CHI_SQUARE):
             break
@@ -264,8 +271,11 @@ def minimise(
 
 
 @eqx.filter_jit
-def _jacobian(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "m q"]:
-    return jax.jacfwd(problem.data_residuals)(y)
+def _jacobians(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "k m q"]:
+    """Jacobians at y, and beside it along every coordinate."""
+    step = BESIDE * jnp.eye(y.size)
+    beside = jnp.concatenate([jnp.zeros((1, y.size)), step, -step])
+    return jax.vmap(lambda shift: jax.jacfwd(problem.data_residuals)(y + shift))(beside)
 
 
 def _is_flat(
@@ -280,19 +290,31 @@ def _is_flat(
     return float(np.sum((jacobian @ step) ** 2)) < FLAT_DELTA_CHI_SQUARE
 
 
-def _covariance(
-    jacobian: Float[np.ndarray, "n p"], singular_values: Float[np.ndarray, " p"]
+def _covariance(jacobians: Float[np.ndarray, "k n p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of JᵀJ at the first, or NaN throughout where that is no covariance.
+
+    On a kink χ² is no parabola: J there mixes the two sides, and may have full rank
+    where either side leaves a continuum.
+    """
+    inverses = np.array([_inverse_information(jacobian) for jacobian in jacobians])
+    errors = np.sqrt(np.diagonal(inverses, axis1=1, axis2=2))
+    # NaN compares as false.
+    is_same = np.abs(errors - errors[0]) <= SAME_ERRORS * errors[0]
+    return inverses[0] if np.all(is_same) else np.full_like(inverses[0], np.nan)
+
+
+def _inverse_information(
+    jacobian: Float[np.ndarray, "n p"],
 ) -> Float[np.ndarray, "p p"]:
     """Inverse of JᵀJ, or NaN throughout: a pseudo-inverse would print small errors."""
-    p = jacobian.shape[1]
-    is_singular = (
-        jacobian.shape[0] < p
-        or not np.all(np.isfinite(jacobian))
-        or singular_values[-1] <= RANK_TOLERANCE * singular_values[0]
-    )
-    if is_singular:
-        return np.full((p, p), np.nan)
-    return np.linalg.inv(jacobian.T @ jacobian)
+    n, p = jacobian.shape
+    nothing = np.full((p, p), np.nan)
+    if n < p or not np.all(np.isfinite(jacobian)):
+        return nothing
+    _, singular_values, axes = np.linalg.svd(jacobian, full_matrices=False)
+    if singular_values[-1] <= RANK_TOLERANCE * singular_values[0]:
+        return nothing
+    return (axes.T / singular_values**2) @ axes
 
 
 def _modes(

@@ -132,7 +132,8 @@ class FitResult:
         names: Names of the data coordinates, in the order of the arrays below.
         estimate: Best fit in these coordinates.
         covariance: (JᵀJ)⁻¹ of the weighted residuals at the best fit; NaN where the
-            Jacobian does not determine every coordinate.
+            Jacobian does not determine every coordinate, and where θ_c sits on a pushed
+            elevation: on that kink of a hard transition χ² is no parabola.
         jacobian: Weighted residuals against coordinates at the best fit; by tilting
             mechanics with a row each for what is known beforehand of s and L.
         singular_values: Of the Jacobian, descending.

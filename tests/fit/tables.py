@@ -36,14 +36,21 @@ def case_table(
     theta_deg=None,
     alpha_deg=None,
 ) -> PeakTable:
-    """Pushes of a case of `problems.CASES`, drawn from its truth."""
-    pushes = case.pushes() if theta_deg is None else case.pushes(theta_deg)
-    alpha = pushes.alpha if alpha_deg is None else np.radians(alpha_deg)
+    """Pushes of a case of `problems.CASES`, drawn from its truth.
+
+    With `alpha_deg` the pushes are those pairs, else every elevation at the azimuths
+    of the case.
+    """
+    if alpha_deg is not None:
+        theta, alpha = np.radians(theta_deg), np.radians(alpha_deg)
+    else:
+        pushes = case.pushes() if theta_deg is None else case.pushes(theta_deg)
+        theta, alpha = np.asarray(pushes.theta), np.asarray(pushes.alpha)
     return simulate_table(
         case.params,
         case.grasp,
-        theta=np.asarray(pushes.theta),
-        alpha=np.asarray(alpha),
+        theta=theta,
+        alpha=alpha,
         repeats=repeats,
         noise=noise,
         rng=np.random.default_rng(seed),

@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from pushfit.fit.least_squares import fit_least_squares, polish
+from pushfit.fit.least_squares import (
+    MAX_ROUNDS,
+    STALLED_DELTA_CHI_SQUARE,
+    fit_least_squares,
+    polish,
+    restarted,
+)
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, config, log_contact, setup_of
@@ -101,6 +107,30 @@ def test_covariance_is_nan_where_the_data_do_not_determine_every_coordinate():
     assert np.all(np.isnan(fit.standard_error))
 
 
+@pytest.mark.parametrize(("seed", "is_on_kink"), [(0, True), (3, True), (5, False)])
+def test_an_optimum_on_a_pushed_elevation_has_no_standard_error(seed, is_on_kink):
+    """There χ² has two slopes and no curvature; beside it the error is finite."""
+    fit = fit_of(case_table(CASES["paper"], noise=0.03, seed=seed))
+    distance = np.min(np.abs(fit.modes[0].theta_c_deg - np.arange(5.0, 90.0, 5.0)))
+    assert (distance < 1e-6) == is_on_kink
+    assert np.all(np.isnan(fit.standard_error) == is_on_kink)
+
+
+@pytest.mark.parametrize(("share", "is_done"), [(0.5, True), (2.0, False)])
+def test_a_walk_that_gains_next_to_nothing_has_arrived(share, is_done):
+    """A solver that never meets its tolerance, as where no finite ellipse fits best."""
+    gain, n_calls = share * STALLED_DELTA_CHI_SQUARE, 0
+
+    def minimiser(points):
+        nonlocal n_calls
+        n_calls += 1
+        return points + 1, jnp.array([10.0 - n_calls * gain]), jnp.array([False])
+
+    _, costs, found = restarted(minimiser, np.zeros((1, 2)))
+    assert found[0] == is_done
+    np.testing.assert_allclose(costs, 10.0 - MAX_ROUNDS * gain, rtol=TWO_SOLVERS)
+
+
 def test_standard_errors_scatter_as_they_say_where_the_likelihood_is_normal():
     """Components determine all three coordinates: pulls have unit variance."""
     case = CASES["firm"]
@@ -108,7 +138,14 @@ def test_standard_errors_scatter_as_they_say_where_the_likelihood_is_normal():
     truth = log_contact(case.params)
     pulls = []
     for seed in range(n_tables):
-        table = case_table(case, noise=0.02, seed=seed, channels=COMPONENTS)
+        # No push at 30°, θ_c of the case: on that kink there is no standard error.
+        table = case_table(
+            case,
+            noise=0.02,
+            seed=seed,
+            channels=COMPONENTS,
+            theta_deg=np.arange(7.5, 88.0, 5.0),
+        )
         fit = fit_of(table)
         expected = np.array([truth[n] for n in fit.names])
         pulls.append((fit.estimate - expected) / fit.standard_error)
