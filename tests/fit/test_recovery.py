@@ -100,6 +100,10 @@ def is_recovered(fit, truth):
 )
 def test_noise_free_truths_come_back_or_are_flagged(design, n):
     is_seen, recovered, flagged = recovery(design, n)
+    print(
+        f"{n} truths: {is_seen.sum()} seen, {recovered[is_seen].sum()} of them and "
+        f"{recovered.sum()} in all recovered, {flagged.sum()} without standard errors"
+    )
     assert is_seen.mean() > 0.5
     assert np.mean(recovered[is_seen]) >= MIN_RECOVERED
     # No wrong number with a standard error, whatever the truth.
