@@ -5,9 +5,12 @@ import numpy as np
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.table import PeakTable
+from pushfit.fit.calibration import simulate_tables
+from pushfit.fit.identify import fit_table
 from pushfit.fit.least_squares import settle_noise
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.model import Parameters
+from tests.problems import CASES
 
 TOML = """
 [push]
@@ -57,6 +60,12 @@ def case_table(
         channels=channels,
         state_sd=noise > 0,
     )
+
+
+def tables_of_the_prior(n: int) -> tuple[PeakTable, ...]:
+    """One sweep of 17 elevations, thrice, pushed on grasps drawn from the prior."""
+    fitted = fit_table(case_table(CASES["firm"], noise=0.03), config())
+    return simulate_tables(fitted, n, np.random.default_rng(0)).tables
 
 
 def setup_of(table: PeakTable, text: str = "") -> Setup:

@@ -8,14 +8,12 @@ Monte-Carlo error the chain is wrong. One table is in tests/fit/test_posterior.p
 import numpy as np
 import pytest
 
-from pushfit.fit.calibration import simulate_tables
 from pushfit.fit.exact import exact_posterior
-from pushfit.fit.identify import fit_table
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.posterior import sample_posterior
 from pushfit.fit.results import FitStatus
 from tests.fit.agreement import z_values
-from tests.fit.tables import case_table, config, setup_of
+from tests.fit.tables import case_table, setup_of, tables_of_the_prior
 from tests.problems import CASES
 
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)
@@ -34,9 +32,7 @@ BIN_DEG, DIP, LEAST_SHARE = 2.0, 0.5, 0.05
 
 @pytest.fixture(scope="module")
 def pool():
-    """One sweep of 17 elevations, thrice, pushed on 100 grasps."""
-    fitted = fit_table(case_table(CASES["firm"], noise=0.03), config())
-    return simulate_tables(fitted, N_POOL, np.random.default_rng(0)).tables
+    return tables_of_the_prior(N_POOL)
 
 
 def assert_agreement(table):
