@@ -229,7 +229,8 @@ def check(
     """The right posterior passes, and each wrong one is seen."""
     ranks = ranked(design, n, seed, wrong=wrong)
     for name, of_this in ranks.items():
-        print(f"{name}: {of_this['A'].size} data sets, largest |z| {worst_z(of_this)}")
+        worst, z = worst_z(of_this)
+        print(f"{name}: {of_this['A'].size} data sets, largest |z| {z:.1f}, of {worst}")
     assert asked <= ranks["right"].keys()
     assert ranks["right"]["A"].size >= MIN_CONVERGED * n
     assert worst_z(ranks["right"])[1] < MAX_Z, worst_z(ranks["right"])
