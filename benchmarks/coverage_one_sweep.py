@@ -24,7 +24,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.fit.calibration import LEVELS, simulate_tables
 from pushfit.fit.derived import equal_tailed_interval
 from pushfit.fit.identify import Fitted, fit_table, identify_table
-from pushfit.fit.lane_results import N_LANES, Fibres, identify_lanes, ready
+from pushfit.fit.lane_results import N_LANES, identify_lanes, ready
 from pushfit.fit.profile_sets import profile_set
 from pushfit.fit.results import FitStatus, Identification, Piece
 from pushfit.model import Grasp, Parameters
@@ -87,14 +87,13 @@ def run(
 ) -> Iterator[tuple[float, Answers | None]]:
     """True θ_c and answers of table after table; None where there is no result."""
     simulation = simulate_tables(pushes(noise), n_tables, np.random.default_rng(seed))
-    fibres = Fibres()
     for first in range(0, n_tables, N_LANES):
         items = {
-            index: ready(simulation.tables[index], CONFIG, fibres, seed=seed + index)
+            index: ready(simulation.tables[index], CONFIG, seed=seed + index)
             for index in range(first, min(first + N_LANES, n_tables))
         }
         lanes = {index: item for index, item in items.items() if item is not None}
-        found = dict(zip(lanes, identify_lanes([*lanes.values()], fibres), strict=True))
+        found = dict(zip(lanes, identify_lanes([*lanes.values()]), strict=True))
         for index in items:
             result = found.get(index) or identify_table(
                 simulation.tables[index], CONFIG, seed=seed + index, engine="exact"

@@ -19,7 +19,7 @@ from benchmarks import tables
 from benchmarks.peers import MEDIANS, SPREADS, arrays, combined, fit_by_lmfit
 from pushfit.fit.lane_fit import fit_lanes
 from pushfit.fit.lane_profile import profile_lanes
-from pushfit.fit.lane_results import N_LANES, Fibres, Ready
+from pushfit.fit.lane_results import N_LANES, Ready
 from pushfit.fit.least_squares import polish
 
 N_ANGLES, REPEATS = 9, 3
@@ -60,12 +60,12 @@ def differences(
 
     Each is less that of the best of all random starts.
     """
-    rng, fibres = np.random.default_rng(seed), Fibres()
+    rng = np.random.default_rng(seed)
     simulated = tables.prior_tables(
         n_tables, n_angles=N_ANGLES, repeats=REPEATS, seed=seed
     )
     for first in range(0, n_tables, N_LANES):
-        items = tables.in_lanes(simulated[first : first + N_LANES], fibres=fibres)
+        items = tables.in_lanes(simulated[first : first + N_LANES])
         fits, profiles = by_lanes(items)
         for item, fit, profile in zip(items, fits, profiles, strict=True):
             random = by_random_starts(item, n_starts, rng)

@@ -16,7 +16,7 @@ from benchmarks import tables
 from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
 from pushfit.fit.lane_posterior import integrate_lanes
-from pushfit.fit.lane_results import N_DRAWS, N_LANES, Fibres
+from pushfit.fit.lane_results import N_DRAWS, N_LANES
 from pushfit.fit.lanes import Lane
 
 
@@ -41,9 +41,7 @@ def main() -> None:
     parser.add_argument("--lanes", type=int, nargs="+", default=[32, 128, 512, 2048])
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()
-    lanes = tables.stacked(
-        tables.in_lanes(tables.prior_tables(N_LANES), fibres=Fibres())
-    )
+    lanes = tables.stacked(tables.in_lanes(tables.prior_tables(N_LANES)))
     rng = np.random.default_rng(0)
     print("| device | lanes | fits per second | posteriors with draws per second |")
     print("|---|---|---|---|")

@@ -25,7 +25,7 @@ from pushfit.data.table import PeakTable, write_table
 from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
 from pushfit.fit.lane_posterior import integrate_lanes
-from pushfit.fit.lane_results import N_DRAWS, N_LANES, Fibres
+from pushfit.fit.lane_results import N_DRAWS, N_LANES
 
 # Elevations and repeats: 17, 51 and 204 rows of the same directions, then 204 of more.
 DESIGNS = ((17, 1), (17, 3), (17, 12), (68, 3))
@@ -36,7 +36,7 @@ CONFIG_TEXT = f"[push]\nlength_mm = {1000 * tables.PUSH_LENGTH}\n"
 def costs(simulated: Sequence[PeakTable]) -> tuple[float, float]:
     """Processor time per table of the host's part and of the compiled part [s]."""
     start = time.process_time()
-    items = tables.in_lanes(simulated, fibres=Fibres())
+    items = tables.in_lanes(simulated)
     host = time.process_time() - start
     uniform = np.random.default_rng(0).uniform(size=(N_LANES, N_DRAWS, 4))
     start = time.process_time()

@@ -13,7 +13,7 @@ import numpy as np
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.table import PeakTable
-from pushfit.fit.lane_results import Fibres, Ready, ready
+from pushfit.fit.lane_results import Ready, ready
 from pushfit.fit.lanes import Lane
 from pushfit.fit.priors import default_priors
 from pushfit.model import Grasp, Parameters, Pushes, forward
@@ -52,12 +52,9 @@ def prior_tables(
     return tables
 
 
-def in_lanes(
-    tables: Sequence[PeakTable], *, fibres: Fibres | None = None
-) -> list[Ready]:
+def in_lanes(tables: Sequence[PeakTable]) -> list[Ready]:
     """Tables with their lanes."""
-    fibres = fibres or Fibres()
-    found = [ready(table, CONFIG, fibres, seed=k) for k, table in enumerate(tables)]
+    found = [ready(table, CONFIG, seed=k) for k, table in enumerate(tables)]
     assert None not in found, "a table of one sweep fits into a lane"
     return [item for item in found if item is not None]
 

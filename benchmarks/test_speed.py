@@ -20,7 +20,7 @@ from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
 from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import profile_lanes
-from pushfit.fit.lane_results import N_DRAWS, N_LANES, Fibres
+from pushfit.fit.lane_results import N_DRAWS, N_LANES
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.many import identify_many
 from pushfit.fit.posterior import sample_posterior
@@ -44,7 +44,7 @@ def swept() -> list:
 
 @pytest.fixture(scope="module")
 def lanes(swept):
-    return tables.stacked(tables.in_lanes(swept, fibres=Fibres()))
+    return tables.stacked(tables.in_lanes(swept))
 
 
 @pytest.fixture(scope="module")
@@ -104,10 +104,9 @@ def test_least_squares_with_profile_in_lanes(compare, lanes, local_fits):
 
 
 def test_least_squares_from_tables(compare, swept, local_fits):
-    fibres = Fibres()
 
     def ours() -> float:
-        items = tables.in_lanes(swept, fibres=fibres)
+        items = tables.in_lanes(swept)
         jax.block_until_ready(fit_lanes(tables.stacked(items)))
         return N_LANES
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pushfit.batch.cluster import Outcome, Work, on_cluster
 from pushfit.batch.items import Failure, Item
 from pushfit.batch.work import Chunk
+from pushfit.fit.lane_results import N_LANES
 
-# Portions per worker at least, so that the last one does not run alone for long.
+# Portions per worker of a large batch, so that no worker goes on alone for long.
 SHARES = 4
 
 
@@ -37,7 +38,7 @@ class Crew:
         Returns:
             Chunks; neighbours are alike in size, and so in shape.
         """
-        size = min(self.chunk, math.ceil(len(items) / (SHARES * self.workers)))
+        size = min(self.chunk, self._share(len(items)))
         groups: dict[str, list[Item]] = {}
         for item in sorted(items, key=lambda item: (item.size, item.key)):
             groups.setdefault(item.config.digest(), []).append(item)
@@ -46,6 +47,12 @@ class Crew:
             for group in groups.values()
             for start in range(0, len(group), size)
         ]
+
+    def _share(self, n_items: int) -> int:
+        """Items of a portion: full calls of compiled programs, for every worker."""
+        lanes = min(N_LANES, math.ceil(max(n_items, 1) / self.workers))
+        size = max(lanes, math.ceil(n_items / (SHARES * self.workers)))
+        return math.ceil(size / lanes) * lanes
 
     def work_on(
         self, work: Work[Outcome], chunks: Sequence[Chunk]

@@ -170,10 +170,9 @@ class PeakTable:
     @property
     def flags(self) -> tuple[frozenset[str], ...]:
         """Flag words of every push."""
-        return tuple(
-            frozenset(filter(None, str(text).split(";")))
-            for text in self.frame["flags"]
-        )
+        texts = self.frame["flags"].tolist()
+        words = {t: frozenset(filter(None, str(t).split(";"))) for t in set(texts)}
+        return tuple(words[text] for text in texts)
 
     @property
     def is_used(self) -> Bool[np.ndarray, " n"]:

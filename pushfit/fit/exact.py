@@ -5,7 +5,7 @@ the rest of the parameters follow from their prior. Needs no starting point, no 
 and no convergence diagnostics; where it does not apply, `why_not_exact` says so.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -113,10 +113,12 @@ def exact_posterior(
     problem = setup.problem
     grid = exact_grid(setup, fit, rtol=rtol)
     rng = np.random.default_rng(seed)
+    x = draw(grid, n_draws, rng)
+    x_prior = prior_x_samples(problem, rng, N_PRIOR_DRAWS)
     return posterior_of_draws(
         problem,
-        draw(grid, n_draws, rng),
-        rng=rng,
+        x,
+        prior_samples=samples_mapping(problem, x_prior, reference_alpha, reach),
         evidence=(grid.log_evidence, grid.log_evidence_error),
         seed=seed,
         reference_alpha=reference_alpha,
@@ -128,18 +130,18 @@ def posterior_of_draws(
     problem: Problem,
     x: Float[np.ndarray, "n p"],
     *,
-    rng: np.random.Generator,
+    prior_samples: Mapping[str, Float[np.ndarray, " m"]],
     evidence: tuple[float, float],
     seed: int,
     reference_alpha: float,
     reach: tuple[float, float],
 ) -> PosteriorResult:
-    """What independent draws say, with draws from the prior beside them.
+    """What independent draws say, with those from the prior beside them.
 
     Args:
         problem: Problem that they are draws of.
         x: Draws, in sampling coordinates.
-        rng: Source of the draws from the prior.
+        prior_samples: Draws from the prior, as in `samples_mapping`.
         evidence: Log marginal likelihood and a bound on its error.
         seed: Seed of the draws.
         reference_alpha: Azimuth of θ_c [rad].
@@ -148,12 +150,11 @@ def posterior_of_draws(
     Returns:
         Posterior with engine "exact".
     """
-    x_prior = prior_x_samples(problem, rng, N_PRIOR_DRAWS)
     log_evidence, error = evidence
     is_settled = np.isfinite(log_evidence) and error < MAX_ERROR
     return PosteriorResult(
         samples=samples_mapping(problem, x, reference_alpha, reach),
-        prior_samples=samples_mapping(problem, x_prior, reference_alpha, reach),
+        prior_samples=prior_samples,
         log_prob=np.asarray(_log_probs(problem, jnp.asarray(x))),
         chain=None,
         chain_names=(),

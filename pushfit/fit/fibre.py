@@ -248,7 +248,7 @@ class Fibre:
 
 
 def make_fibre(
-    priors: Mapping[str, Prior], fixed: Mapping[str, Float[Array, ""]]
+    priors: Mapping[str, Prior], fixed: Mapping[str, float | Float[Array, ""]]
 ) -> Fibre:
     """The fibre of a problem.
 

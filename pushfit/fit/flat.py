@@ -4,6 +4,7 @@ The names of the columns are those of `summary.json`, with `_low` and `_high` fo
 ends of intervals. What must not be quoted (`pushfit.fit.quoting`) is None here, too.
 """
 
+import functools
 import json
 import math
 from collections.abc import Mapping
@@ -70,7 +71,7 @@ def pooled_draws(
     Args:
         identification: The result.
         priors: Prior densities of ln A, ln B and ln C_rr; see
-            `pushfit.fit.lanes.prior_tables`.
+            `pushfit.fit.shared_priors.prior_tables`.
 
     Returns:
         `theta_c_deg` [deg], NaN where the contact never rolls, and `ln_A`, `ln_B` and
@@ -128,20 +129,27 @@ def prior_of_angle(
     Returns:
         Log density per degree; None if the angle is fixed.
     """
-
-    def stretched(angle: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        # ln tan θ has no ends at which a kernel would lose mass.
-        inside = np.clip(angle, MIN_ANGLE_DEG, 90 - MIN_ANGLE_DEG)
-        return np.log(np.tan(np.radians(inside)))
-
-    u = stretched(prior_degrees[np.isfinite(prior_degrees)])
+    u = _stretched(prior_degrees[np.isfinite(prior_degrees)])
     if u.size < N_POOLED or np.ptp(u) == 0:
         return None
-    grid, density, _ = array_stats.kde(u)
-    at = stretched(degrees)
+    grid, density = _density(u.tobytes())
+    at = _stretched(degrees)
     log_density = np.log(np.maximum(np.interp(at, grid, density), MIN_DENSITY))
     # du/dθ = 1/(sin θ cos θ) = 2 cosh u per radian
     return log_density + np.log(2 * np.cosh(at)) + np.log(np.pi / 180)
+
+
+def _stretched(degrees: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """Ln tan θ, which has no ends at which a kernel would lose mass."""
+    inside = np.clip(degrees, MIN_ANGLE_DEG, 90 - MIN_ANGLE_DEG)
+    return np.log(np.tan(np.radians(inside)))
+
+
+@functools.lru_cache(maxsize=256)
+def _density(draws: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Grid and density of draws, which many tables share."""
+    grid, density, _ = array_stats.kde(np.frombuffer(draws, dtype=float))
+    return grid, density
 
 
 def _angle(quantity: Quantity) -> dict[str, Cell]:

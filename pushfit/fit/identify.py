@@ -39,7 +39,6 @@ from pushfit.fit.quantities import (
 )
 from pushfit.fit.results import (
     FitResult,
-    IdentifiabilityResult,
     Identification,
     LikelihoodProfile,
     Notice,
@@ -126,7 +125,7 @@ def conclude(
     *,
     config: GraspConfig,
     seed: int,
-    with_sets: bool = True,
+    is_brief: bool = False,
 ) -> Identification:
     """All that fit, profiles and posterior say together.
 
@@ -136,7 +135,8 @@ def conclude(
         posterior: Draws.
         config: Configuration as it was given.
         seed: Seed of tests by permutation and simulation.
-        with_sets: Whether parameters and combinations get highest-density sets.
+        is_brief: Whether to leave out what one row of a table has no place for:
+            highest-density sets of parameters and combinations, advice, and bands.
 
     Returns:
         The identification.
@@ -150,7 +150,7 @@ def conclude(
         "prob": prob,
         "unit": fitted.table.unit,
         "is_length_known": config.push.length_known,
-        "with_sets": with_sets,
+        "with_sets": not is_brief,
     }
     problem = fitted.setup.problem
     criticism = goodness_of_fit(
@@ -182,9 +182,16 @@ def conclude(
         parameters=parameter_quantities(fitted.setup, posterior, profiles, **words),
         combinations=combination_quantities(fitted.setup, posterior, profiles, **words),
         profiles=profiles,
-        identifiability=_identifiability(fitted, posterior, theta_c, alpha_star),
+        identifiability=identifiability(
+            problem,
+            posterior.samples,
+            posterior.prior_samples,
+            advice=() if is_brief else _advice(fitted, posterior, theta_c, alpha_star),
+        ),
         goodness_of_fit=criticism,
-        bands=prediction_bands(
+        bands=()
+        if is_brief
+        else prediction_bands(
             fitted.table, problem, fitted.fit, posterior.samples, prob=prob
         ),
         warnings=(
@@ -335,10 +342,10 @@ def draw_posterior(
     )
 
 
-def _identifiability(
+def _advice(
     fitted: Fitted, posterior: PosteriorResult, theta_c: Quantity, alpha_star: Quantity
-) -> IdentifiabilityResult:
-    """Combinations that the data fix, and what would help where they do not."""
+) -> tuple[str, ...]:
+    """What would help where the data do not determine an angle."""
     problem = fitted.setup.problem
     advice = []
     for quantity in (theta_c, alpha_star):
@@ -360,12 +367,7 @@ def _identifiability(
         is_calibrated=fitted.setup.is_calibrated,
         has_direction=fitted.setup.has_direction,
     )
-    return identifiability(
-        problem,
-        posterior.samples,
-        posterior.prior_samples,
-        advice=tuple(sentence for sentence in advice if sentence),
-    )
+    return tuple(sentence for sentence in advice if sentence)
 
 
 def reference_azimuth(table: PeakTable, config: GraspConfig) -> float:

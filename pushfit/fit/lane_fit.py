@@ -158,7 +158,12 @@ class NormalPrior(eqx.Module):
 
 
 def climb(
-    lane: Lane, face: Face, start: tuple[Scalar, Scalar], prior: NormalPrior
+    lane: Lane,
+    face: Face,
+    start: tuple[Scalar, Scalar],
+    prior: NormalPrior,
+    *,
+    n_steps: int = N_STEPS,
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Mode of (ln C_rr, ln A) at given θ_c, by damped Gauss-Newton.
 
@@ -167,6 +172,7 @@ def climb(
         face: Forces at the given θ_c.
         start: ln C_rr and ln A to begin with.
         prior: Prior, taken as normal; the sum stands for ln B less ln tan θ_c.
+        n_steps: Number of evaluations, that of the start among them.
 
     Returns:
         ln C_rr, its marginal standard deviation, and ln A.
@@ -220,7 +226,7 @@ def climb(
     nothing = (jnp.asarray(jnp.inf), jnp.zeros(2), jnp.array([1.0, 0.0, 1.0]))
     first = (jnp.stack([c, a]), nothing, jnp.asarray(1e-2), (c, a))
     (place, (_, _, (cc, ca, aa)), _, _), _ = jax.lax.scan(
-        step, first, None, length=N_STEPS
+        step, first, None, length=n_steps
     )
     return place[0], jax.lax.rsqrt(cc - ca * ca / aa), place[1]
 

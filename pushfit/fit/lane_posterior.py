@@ -40,8 +40,9 @@ N_EVEN, N_CELLS = 20, 44
 N_SD = 9.5
 # Nodes of the inner rules, and the stretch that reaches 7 standard deviations of A.
 N_C, N_A, REACH_A = 25, 13, 2.6
-# Nodes over the prior of C_rr from which a ridge is sought.
-N_SCREEN = 21
+# Nodes over the prior of C_rr from which the ridge of a cell is sought, and steps from
+# there to that of one of its nodes.
+N_SCREEN, N_FOLLOWED = 21, 4
 # Newton steps to the mode of ln A.
 N_NEWTON = 3
 # A density this far below its peak is nothing.
@@ -81,12 +82,22 @@ class LanePosterior(eqx.Module):
 
 
 class Ridge(eqx.Module):
-    """Where the density over ln C_rr sits at given u, and how far it reaches."""
+    """Where the density over ln C_rr sits at given u, and how far it reaches.
+
+    Args:
+        centre: Mode of ln C_rr.
+        scale: Its standard deviation.
+        first: Where density begins.
+        last: Where it ends.
+        ln_A: Mode of ln A there.
+        log_density: About the log of the integral over C_rr and A.
+    """
 
     centre: Scalar
     scale: Scalar
-    below: Scalar
-    above: Scalar
+    first: Scalar
+    last: Scalar
+    ln_A: Scalar
     log_density: Scalar
 
 
@@ -103,15 +114,16 @@ def integrate_lane(lane: Lane, fit: LaneFit) -> LanePosterior:
     edges = _edges(lane, fit)
     middle = (edges[1:] + edges[:-1]) / 2
     width = edges[1:] - edges[:-1]
-    seen = jax.lax.map(
-        lambda u: _ridge(lane, lane.face(u), u), middle, batch_size=BATCH
-    )
+    seen = jax.lax.map(lambda u: _ridge(lane, u), middle, batch_size=BATCH)
     log_screen = _screened_mass(middle, width, seen.log_density)
     kept = jnp.sort(jnp.argsort(-log_screen)[:N_CELLS])
     low, half = edges[:-1][kept], width[kept] / 2
     u = (low + half)[:, None] + half[:, None] * jnp.asarray(NODES)[None]
-    inner = jax.lax.map(lambda v: _over_C(lane, v), u.ravel(), batch_size=BATCH)
-    ridge, t, log_inner, log_f, inner_error = inner
+    ridges = jax.tree.map(lambda x: jnp.repeat(x[kept], NODES.size), seen)
+    inner = jax.lax.map(
+        lambda part: _over_C(lane, *part), (u.ravel(), ridges), batch_size=BATCH
+    )
+    centre, scale, t, log_inner, log_f, inner_error = inner
     log_f = log_f.reshape(u.shape)
     peak = jnp.max(log_f)
     peak = jnp.where(jnp.isfinite(peak), peak, 0.0)
@@ -131,8 +143,8 @@ def integrate_lane(lane: Lane, fit: LaneFit) -> LanePosterior:
         log_mass=jnp.log(mass).ravel() + peak,
         log_density=log_f.ravel(),
         is_joined=jnp.where(last, adjoining, True),
-        centre=ridge.centre,
-        scale=ridge.scale,
+        centre=centre,
+        scale=scale,
         t=t,
         log_inner=log_inner,
         log_evidence=jnp.log(total) + peak,
@@ -187,32 +199,35 @@ def _edges(lane: Lane, fit: LaneFit) -> Float[Array, " e"]:
     return jnp.sort(jnp.clip(jnp.nan_to_num(edges, nan=low), low, high))
 
 
-def _ridge(lane: Lane, face: Face, u: Scalar) -> Ridge:
+def _ridge(lane: Lane, u: Scalar) -> Ridge:
     """Mode of ln C_rr at given u: a screen over the prior, then damped Gauss-Newton."""
-    low, high = lane.prior_C.start, lane.prior_C.end
+    face, low, high = lane.face(u), lane.prior_C.start, lane.prior_C.end
     grid = jnp.linspace(low, high, N_SCREEN)
     step = grid[1] - grid[0]
     level, a = jax.vmap(lambda c: _laplace(lane, face, u, c))(grid)
     level = jnp.where(jnp.isfinite(level), level, -jnp.inf)
     top = jnp.argmax(level)
-    normal = NormalPrior(
-        jnp.stack([lane.prior_C.mean, lane.prior_A.mean, lane.prior_B.mean - u]),
-        jnp.stack([lane.prior_C.sd, lane.prior_A.sd, lane.prior_B.sd]) ** -2,
-    )
-    centre, scale, _ = climb(lane, face, (grid[top], a[top]), normal)
+    centre, scale, _ = climb(lane, face, (grid[top], a[top]), _normal_prior(lane, u))
     centre = jnp.clip(centre, low, high)
     scale = jnp.minimum(scale, lane.prior_C.sd)
-    best, _ = _laplace(lane, face, u, centre)
+    best, ln_A = _laplace(lane, face, u, centre)
     # How far the screen sees any density on either side of the ridge.
     seen = level > best - DEPTH
-    first = jnp.min(jnp.where(seen, grid - step, centre))
-    last = jnp.max(jnp.where(seen, grid + step, centre))
     return Ridge(
         centre=centre,
         scale=scale,
-        below=jnp.minimum(jnp.maximum(8 * scale, centre - first), centre - low),
-        above=jnp.minimum(jnp.maximum(8 * scale, last - centre), high - centre),
+        first=jnp.min(jnp.where(seen, grid - step, centre)),
+        last=jnp.max(jnp.where(seen, grid + step, centre)),
+        ln_A=ln_A,
         log_density=best + jnp.log(scale),
+    )
+
+
+def _normal_prior(lane: Lane, u: Scalar) -> NormalPrior:
+    """Prior of ln C_rr and ln A at given u, as if it were normal."""
+    return NormalPrior(
+        jnp.stack([lane.prior_C.mean, lane.prior_A.mean, lane.prior_B.mean - u]),
+        jnp.stack([lane.prior_C.sd, lane.prior_A.sd, lane.prior_B.sd]) ** -2,
     )
 
 
@@ -300,20 +315,34 @@ def _trapezoid(log_f: list[Scalar], step: Scalar | float) -> tuple[Scalar, Scala
     return jnp.log(fine * step) + peak, relative**2 + ends / safe
 
 
-def _over_C(lane: Lane, u: Scalar):
-    """Ridge, nodes t, log density of t, log integral over C_rr and A, and error."""
-    face = lane.face(u)
-    ridge = _ridge(lane, face, u)
-    first = -jnp.arcsinh(ridge.below / ridge.scale)
-    last = jnp.arcsinh(ridge.above / ridge.scale)
+def _over_C(lane: Lane, u: Scalar, ridge: Ridge):
+    """Integral over ln C_rr and ln A at given u.
+
+    Args:
+        lane: Table.
+        u: ln tan θ_c.
+        ridge: Ridge in the middle of the cell of u.
+
+    Returns:
+        Centre and scale of the ridge at u, nodes t, log density of t, log integral over
+        C_rr and A, and its error.
+    """
+    face, low, high = lane.face(u), lane.prior_C.start, lane.prior_C.end
+    normal, start = _normal_prior(lane, u), (ridge.centre, ridge.ln_A)
+    centre, scale, _ = climb(lane, face, start, normal, n_steps=N_FOLLOWED)
+    centre = jnp.clip(centre, low, high)
+    scale = jnp.minimum(scale, lane.prior_C.sd)
+    below = jnp.minimum(jnp.maximum(8 * scale, centre - ridge.first), centre - low)
+    above = jnp.minimum(jnp.maximum(8 * scale, ridge.last - centre), high - centre)
+    first, last = -jnp.arcsinh(below / scale), jnp.arcsinh(above / scale)
     t = jnp.linspace(first, last, N_C)
-    c = ridge.centre + ridge.scale * jnp.sinh(t)
+    c = centre + scale * jnp.sinh(t)
     log_f, inner_error = jax.vmap(lambda c: _over_A(lane, face, u, c))(c)
-    log_inner = log_f + jnp.log(ridge.scale * jnp.cosh(t))
+    log_inner = log_f + jnp.log(scale * jnp.cosh(t))
     log_inner = jnp.where(jnp.isnan(log_inner), -jnp.inf, log_inner)
     total, error = _trapezoid(list(log_inner), t[1] - t[0])
     share = jax.nn.softmax(log_inner)
-    return ridge, t, log_inner, total, error + jnp.sum(share * inner_error)
+    return centre, scale, t, log_inner, total, error + jnp.sum(share * inner_error)
 
 
 @eqx.filter_jit

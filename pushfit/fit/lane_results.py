@@ -18,8 +18,7 @@ from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.table import PeakTable
-from pushfit.fit.exact import posterior_of_draws
-from pushfit.fit.fibre import Fibre, make_fibre
+from pushfit.fit.exact import N_PRIOR_DRAWS, posterior_of_draws
 from pushfit.fit.identify import (
     Fitted,
     conclude,
@@ -33,9 +32,8 @@ from pushfit.fit.lane_draws import LaneDraws, draw_lanes
 from pushfit.fit.lane_fit import LaneFit, fit_lanes
 from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import LaneProfile, profile_lanes
-from pushfit.fit.lanes import Lane, make_lane, prior_tables, why_not_lane
+from pushfit.fit.lanes import Lane, make_lane, why_not_lane
 from pushfit.fit.least_squares import fit_result, with_noise_of
-from pushfit.fit.log_density import Table
 from pushfit.fit.noise_grid import make_noise_grid
 from pushfit.fit.notices import scatter_notice
 from pushfit.fit.problem import Problem
@@ -51,6 +49,7 @@ from pushfit.fit.results import (
     PosteriorResult,
 )
 from pushfit.fit.setup import Setup, build_problem
+from pushfit.fit.shared_priors import SCALED, SharedPrior, shared_prior
 from pushfit.fit.starts import encode
 
 # Lanes of one call: always so many, the last one repeated.
@@ -61,8 +60,6 @@ N_DRAWS = 1000
 MAX_ERROR = 2e-3
 # Two searches whose sums of squares differ by less than this agree.
 AGREED = 1e-3
-# Stiffnesses whose priors scale with the unit of the heights.
-SCALED = ("K_sn", "K_dn", "K_st", "C_d")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,8 +72,8 @@ class Ready:
         config: Configuration in force.
         setup: Problem.
         lane: Its lane.
-        fibre: Prior of the parameters given A and B, stiffnesses divided by `scale`.
-        scale: Unit of stiffness in the fibre.
+        prior: Its prior, noise aside.
+        reference_alpha: Azimuth at which θ_c is quoted [rad].
         notices: What came up on the way.
         seed: Seed of the draws.
     """
@@ -86,52 +83,18 @@ class Ready:
     config: GraspConfig
     setup: Setup
     lane: Lane
-    fibre: Fibre
-    scale: float
+    prior: SharedPrior
+    reference_alpha: float
     notices: tuple[Notice, ...]
     seed: int
 
 
-class Fibres:
-    """Fibres and their tables, one for all priors that differ in scale alone."""
-
-    def __init__(self) -> None:
-        """Nothing is known yet."""
-        self._known: dict[tuple, tuple[Fibre, dict[str, Table]]] = {}
-
-    def of(self, problem: Problem) -> tuple[Fibre, dict[str, Table], float]:
-        """Fibre in units of a stiffness, its `prior_tables` without, and that unit."""
-        priors = {n: p for n, p in problem.priors.items() if n[:6] != "sigma_"}
-        stiff = [priors.get(name) for name in SCALED]
-        can_scale = all(p is not None and p.kind == "lognormal" for p in stiff)
-        scale = float(priors["K_sn"].first) if can_scale else 1.0
-        for name in SCALED if can_scale else ():
-            # Nine digits, so that rounding cannot make two fibres of one.
-            median = float(f"{float(priors[name].first) / scale:.9g}")
-            priors[name] = eqx.tree_at(
-                lambda p: p.first, priors[name], jnp.asarray(median)
-            )
-        key = tuple(
-            (name, p.kind, float(p.first), float(p.second))
-            for name, p in sorted(priors.items())
-        ) + tuple((name, float(v)) for name, v in sorted(problem.fixed.items()))
-        if key not in self._known:
-            fibre = make_fibre(priors, problem.fixed)
-            self._known[key] = fibre, prior_tables(fibre)
-        fibre, tables = self._known[key]
-        by = {"A": np.log(scale), "B": np.log(scale), "C_rr": 0.0}
-        return fibre, {n: t.shifted(by[n]) for n, t in tables.items()}, scale
-
-
-def ready(
-    table: PeakTable, config: GraspConfig, fibres: Fibres, *, seed: int
-) -> Ready | None:
+def ready(table: PeakTable, config: GraspConfig, *, seed: int) -> Ready | None:
     """A table with its lane; None if it fits into none.
 
     Args:
         table: Peak heights.
         config: Configuration as it was given.
-        fibres: Fibres met so far.
         seed: Seed of the draws.
 
     Returns:
@@ -145,28 +108,25 @@ def ready(
     setup = build_problem(table, in_force)
     if why_not_lane(setup.problem) is not None:
         return None
-    fibre, tables, scale = fibres.of(setup.problem)
+    prior = shared_prior(setup.problem)
     return Ready(
         table=table,
         given=config,
         config=in_force,
         setup=setup,
-        lane=make_lane(setup.problem, tables),
-        fibre=fibre,
-        scale=scale,
+        lane=make_lane(setup.problem, prior.tables),
+        prior=prior,
+        reference_alpha=reference_azimuth(table, config),
         notices=notices,
         seed=seed,
     )
 
 
-def identify_lanes(
-    items: Sequence[Ready], fibres: Fibres
-) -> list[Identification | None]:
+def identify_lanes(items: Sequence[Ready]) -> list[Identification | None]:
     """Identify tables side by side.
 
     Args:
         items: Tables in their lanes.
-        fibres: Fibres met so far.
 
     Returns:
         Identifications; None where a lane was not exact enough.
@@ -187,7 +147,7 @@ def identify_lanes(
                 settled.append((index, item))
                 continue
             sampled = with_sigma(item.config, "sampled")
-            other = ready(item.table, sampled, fibres, seed=item.seed)
+            other = ready(item.table, sampled, seed=item.seed)
             if other is not None:
                 notices = (*item.notices, excess)
                 again.append((index, replace(other, given=item.given, notices=notices)))
@@ -263,7 +223,7 @@ def _described(
     fit = fit_result(
         setup,
         (points[order], costs[order], is_done[order]),
-        reference_alpha=reference_azimuth(item.table, item.config),
+        reference_alpha=item.reference_alpha,
         throw=False,
     )
     if fit.status is not FitStatus.OK:
@@ -304,10 +264,10 @@ def _posterior(
     rng: np.random.Generator,
 ) -> PosteriorResult:
     """Draws of all parameters: those behind A and B follow from their prior."""
-    problem, ln_scale = item.setup.problem, np.log(item.scale)
+    problem, ln_scale = item.setup.problem, np.log(item.prior.scale)
     ln_A, ln_B = draws.a - ln_scale, draws.u + draws.c + draws.a - ln_scale
     scores = rng.standard_normal((3, draws.u.size))
-    logs = item.fibre.split(ln_A, ln_B, scores) | {"C_rr": draws.c}
+    logs = item.prior.shape.fibre.split(ln_A, ln_B, scores) | {"C_rr": draws.c}
     logs = {n: v + ln_scale if n in SCALED else v for n, v in logs.items()}
     if item.setup.noise.kind == "sampled":
         noise = make_noise_grid(problem)
@@ -321,13 +281,19 @@ def _posterior(
             uniform = rng.uniform(size=(draws.u.size, 1))
             logs[f"sigma_{channel}"] = draw_from_nodes(rows, density, uniform)[:, 0]
     x = encode(problem, {name: np.exp(values) for name, values in logs.items()})
+    # Not from `rng`: what is computed of these draws is computed once for all tables.
+    prior_draws = item.prior.samples()
+    for name, prior in problem.priors.items():
+        if name.startswith("sigma_"):
+            own = np.random.default_rng([item.seed, 1])
+            prior_draws[name] = np.exp(prior.sample(own, N_PRIOR_DRAWS))
     return posterior_of_draws(
         problem,
         x,
-        rng=rng,
+        prior_samples=prior_draws,
         evidence=evidence,
         seed=item.seed,
-        reference_alpha=reference_azimuth(item.table, item.config),
+        reference_alpha=item.reference_alpha,
         reach=reach_of(item.config),
     )
 
@@ -349,7 +315,7 @@ def _concluded(
         config=item.config,
         setup=item.setup,
         fit=fit,
-        reference_alpha=reference_azimuth(item.table, item.config),
+        reference_alpha=item.reference_alpha,
         notices=(*item.notices, *fit_notices(item.setup, fit)),
     )
     return conclude(
@@ -358,7 +324,7 @@ def _concluded(
         posterior,
         config=item.given,
         seed=item.seed,
-        with_sets=False,
+        is_brief=True,
     )
 
 

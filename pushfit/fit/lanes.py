@@ -14,8 +14,7 @@ from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
 from pushfit.fit.exact import why_not_exact
-from pushfit.fit.fibre import Fibre
-from pushfit.fit.log_density import LogDensity, Table, make_table
+from pushfit.fit.log_density import Table
 from pushfit.fit.noise_grid import make_noise_grid
 from pushfit.fit.problem import Problem
 from pushfit.fit.scan import is_linear
@@ -174,22 +173,12 @@ def why_not_lane(problem: Problem) -> str | None:
     return None
 
 
-def prior_tables(fibre: Fibre) -> dict[str, Table]:
-    """Densities of ln A, ln B and ln C_rr by name of the number, if it is free."""
-    densities = {
-        "A": fibre.normal.density(),
-        "B": fibre.tangential.density(),
-        "C_rr": fibre.C_rr,
-    }
-    return {n: make_table(d) for n, d in densities.items() if isinstance(d, LogDensity)}
-
-
 def make_lane(problem: Problem, tables: Mapping[str, Table]) -> Lane:
     """The lane of a problem for which `why_not_lane` has no reason.
 
     Args:
         problem: Problem with its noise weights settled.
-        tables: `prior_tables` of its fibre; all three numbers are free in a lane.
+        tables: Densities of ln A, ln B and ln C_rr by name of the number.
 
     Returns:
         Lane, to be stacked.

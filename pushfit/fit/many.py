@@ -17,9 +17,11 @@ from pushfit.errors import PushfitError
 from pushfit.fit.exact import why_not_exact
 from pushfit.fit.flat import Cell, flat_values, pooled_draws
 from pushfit.fit.identify import identify_table, prepared
-from pushfit.fit.lane_results import Fibres, identify_lanes, ready
+from pushfit.fit.lane_results import identify_lanes, ready
+from pushfit.fit.log_density import Table
 from pushfit.fit.results import Identification
 from pushfit.fit.setup import build_problem
+from pushfit.fit.shared_priors import shared_prior
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,25 +56,26 @@ def identify_many(
     Returns:
         For each table its row, or the error that stands against it.
     """
-    found: list[Identification | PushfitError | None] = [None] * len(tables)
-    fibres, items = Fibres(), {}
+    found: list[ItemResult | PushfitError | None] = [None] * len(tables)
+    items = {}
     for index, (table, seed) in enumerate(zip(tables, seeds, strict=True)):
         if engine == "emcee":
             break
         try:
-            item = ready(table, config, fibres, seed=seed)
+            item = ready(table, config, seed=seed)
         except PushfitError as error:
             found[index] = error
         else:
             if item is not None:
                 items[index] = item
-    together = identify_lanes(list(items.values()), fibres)
-    for index, result in zip(items, together, strict=True):
-        found[index] = result
+    together = identify_lanes(list(items.values()))
+    for (index, item), result in zip(items.items(), together, strict=True):
+        if result is not None:
+            found[index] = _as_item(result, item.prior.tables)
     return [
-        _identify_one(table, config, fibres, seed=seed, engine=engine)
+        _identify_one(table, config, seed=seed, engine=engine)
         if result is None
-        else _as_item(result, fibres)
+        else result
         for table, seed, result in zip(tables, seeds, found, strict=True)
     ]
 
@@ -99,23 +102,19 @@ def engine_for(table: PeakTable, config: GraspConfig, engine: str) -> str:
 
 
 def _identify_one(
-    table: PeakTable, config: GraspConfig, fibres: Fibres, *, seed: int, engine: str
+    table: PeakTable, config: GraspConfig, *, seed: int, engine: str
 ) -> ItemResult | PushfitError:
     """One table, its error as a value."""
     try:
         chosen = engine_for(table, config, engine)
         found = identify_table(table, config, seed=seed, engine=chosen)
-        return _as_item(found, fibres)
+        in_force, _ = prepared(found.table, found.config)
+        prior = shared_prior(build_problem(found.table, in_force).problem)
+        return _as_item(found, prior.tables)
     except PushfitError as error:
         return error
 
 
-def _as_item(
-    found: Identification | PushfitError, fibres: Fibres
-) -> ItemResult | PushfitError:
-    """A result as a row; an error stays what it is."""
-    if isinstance(found, PushfitError):
-        return found
-    config, _ = prepared(found.table, found.config)
-    _, tables, _ = fibres.of(build_problem(found.table, config).problem)
-    return ItemResult(values=flat_values(found), draws=pooled_draws(found, tables))
+def _as_item(found: Identification, priors: Mapping[str, Table]) -> ItemResult:
+    """A result as a row."""
+    return ItemResult(values=flat_values(found), draws=pooled_draws(found, priors))

@@ -60,38 +60,39 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         ConfigError: If "given" is asked for without sd columns, or "pooled" without
             repeats.
     """
-    choice = config.noise.sigma
-    pooled = {name: table.pooled_sd(name) for name in table.channels}
-    sds = _given(table)
-    dof = min(int(p[1]) for p in pooled.values())
+    choice, sds = config.noise.sigma, _given(table)
+    notices: tuple[Notice, ...] = ()
     if choice == "given" and sds is None:
         raise ConfigError(
             '[noise] sigma = "given", but the table lacks a height_sd_ column for '
             'every channel; add the columns or set sigma = "auto"',
             code="no_given_sigma",
         )
+    if choice == "auto" and sds is not None:
+        choice, notices = _believed(table, sds)
+    if choice == "given" and sds is not None:
+        return Noise(kind=choice, sd=sds, sigma=sds, degrees_of_freedom=np.inf)
+    pooled = {name: table.pooled_sd(name) for name in table.channels}
+    dof = min(int(p[1]) for p in pooled.values())
     if choice == "pooled" and dof < 1:
         raise ConfigError(
             '[noise] sigma = "pooled", but no direction was pushed twice; add repeats '
             'or set sigma = "sampled"',
             code="no_repeats",
         )
-    kind, notices = choice, ()
     if choice == "auto":
-        kind, notices = _choose(table, sds, dof)
+        choice = "pooled" if dof >= MIN_POOLED_DOF else "sampled"
     no_sd = {n: np.zeros(table.n_pushes) for n in table.channels}
     known = no_sd if sds is None else sds
-    if kind == "given":
-        return Noise(kind=kind, sd=known, sigma=known, degrees_of_freedom=np.inf)
     used = table.is_used
     floor = {n: SMALLEST_SHARE * np.max(np.abs(table.heights(n)[used])) for n in known}
     constant = {
         n: np.full(table.n_pushes, max(p[0] if p[1] else 0.0, floor[n]))
         for n, p in pooled.items()
     }
-    if kind == "pooled":
+    if choice == "pooled":
         return Noise(
-            kind=kind,
+            kind=choice,
             sd=no_sd,
             sigma=constant,
             degrees_of_freedom=float(dof),
@@ -99,7 +100,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         )
     first = {n: np.hypot(constant[n], known[n]) for n in known}
     return Noise(
-        kind=kind, sd=known, sigma=first, degrees_of_freedom=np.nan, notices=notices
+        kind=choice, sd=known, sigma=first, degrees_of_freedom=np.nan, notices=notices
     )
 
 
@@ -114,12 +115,10 @@ def _given(table: PeakTable) -> dict[str, Float[np.ndarray, " n"]] | None:
     return sds
 
 
-def _choose(
-    table: PeakTable, sds: Mapping[str, Float[np.ndarray, " n"]] | None, dof: int
+def _believed(
+    table: PeakTable, sds: Mapping[str, Float[np.ndarray, " n"]]
 ) -> tuple[str, tuple[Notice, ...]]:
-    """Kind of noise model that the table itself supports."""
-    if sds is None:
-        return ("pooled" if dof >= MIN_POOLED_DOF else "sampled"), ()
+    """Kind of noise model, by what repeats say of the given standard deviations."""
     p_value, ratio = _contradiction(table, sds)
     if p_value > CONTRADICTION_LEVEL:
         return "given", ()
@@ -134,16 +133,14 @@ def _contradiction(
     table: PeakTable, sds: Mapping[str, Float[np.ndarray, " n"]]
 ) -> tuple[float, float]:
     """Chi-square p-value that repeats scatter by their sd, and the ratio of scatter."""
-    total, dof = 0.0, 0
-    used, groups = table.is_used, table.groups
-    for name, sd in sds.items():
-        heights = table.heights(name)
-        for group in np.unique(groups[used]):
-            rows = used & (groups == group)
-            weight = 1 / sd[rows] ** 2
-            mean = np.sum(weight * heights[rows]) / np.sum(weight)
-            total += float(np.sum(weight * (heights[rows] - mean) ** 2))
-            dof += int(np.sum(rows)) - 1
-    if dof == 0:
+    used = table.is_used
+    _, group = np.unique(table.groups[used], return_inverse=True)
+    n_repeated = int(group.size - np.max(group) - 1)
+    if n_repeated == 0:
         return 1.0, 1.0
+    total, dof = 0.0, len(sds) * n_repeated
+    for name, sd in sds.items():
+        heights, weight = table.heights(name)[used], sd[used] ** -2.0
+        mean = np.bincount(group, weight * heights) / np.bincount(group, weight)
+        total += float(np.sum(weight * (heights - mean[group]) ** 2))
     return float(stats.chi2.sf(total, dof)), float(np.sqrt(total / dof))

@@ -5,6 +5,7 @@ set that is printed. An estimate with a ± is given only for what the data deter
 never from a sampler that has not converged.
 """
 
+import functools
 from collections.abc import Mapping
 
 import numpy as np
@@ -64,8 +65,12 @@ def angle_quantity(
     is_axis = name == "alpha_star"
     verdict = Verdict.NOT_DETERMINED if profile is None else profile.verdict
     draws = posterior.samples.get(name)
-    if draws is not None and _narrowing(name, posterior, prob) < ASSUMED:
-        verdict = Verdict.NOT_DETERMINED
+    found: tuple[Piece, ...] = ()
+    if draws is not None:
+        found = highest_density_set(draws, prob, is_axis=is_axis)
+        before = _width_before(posterior.prior_samples[name].tobytes(), prob, is_axis)
+        if before > 0 and 1 - _width(found) / before < ASSUMED:
+            verdict = Verdict.NOT_DETERMINED
     is_quotable = posterior.status is FitStatus.OK and draws is not None
     sets, interval, estimate, note = (), None, None, ""
     if draws is not None:
@@ -75,8 +80,7 @@ def angle_quantity(
             # Draws without a critical angle are no part of any interval for it.
             is_quotable = is_quotable and never < (1 - prob) / 2
     if is_quotable and draws is not None and verdict is not Verdict.NOT_DETERMINED:
-        sets = highest_density_set(draws, prob, is_axis=is_axis)
-        sets = _with_open_ends(sets, () if profile is None else profile.pieces)
+        sets = _with_open_ends(found, () if profile is None else profile.pieces)
         if verdict in (Verdict.DETERMINED, Verdict.SEVERAL_MODES):
             interval = equal_tailed_interval(draws, prob, is_axis=is_axis)
         if verdict is Verdict.DETERMINED:
@@ -255,16 +259,17 @@ def _contraction(name: str, posterior: PosteriorResult) -> float | None:
     return contraction(draws, before)
 
 
-def _narrowing(name: str, posterior: PosteriorResult, prob: float) -> float:
-    """Share of the prior's set of an angle that the data removed; 1 without one."""
-    after, before = (
-        sum(high - low for low, high in pieces if low is not None and high is not None)
-        for pieces in (
-            highest_density_set(draws[name], prob, is_axis=name == "alpha_star")
-            for draws in (posterior.samples, posterior.prior_samples)
-        )
+@functools.lru_cache(maxsize=256)
+def _width_before(draws: bytes, prob: float, is_axis: bool) -> float:
+    """Width of the prior's set of an angle; many tables share their prior's draws."""
+    values = np.frombuffer(draws, dtype=float)
+    return _width(highest_density_set(values, prob, is_axis=is_axis))
+
+
+def _width(pieces: tuple[Piece, ...]) -> float:
+    return sum(
+        high - low for low, high in pieces if low is not None and high is not None
     )
-    return 1.0 - after / before if before > 0 else 1.0
 
 
 def _finite(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:

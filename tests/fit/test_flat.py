@@ -6,8 +6,8 @@ from scipy import stats
 
 from pushfit.fit.fibre import make_fibre
 from pushfit.fit.flat import prior_of_angle, tabulated_prior
-from pushfit.fit.lanes import prior_tables
 from pushfit.fit.priors import default_priors
+from pushfit.fit.shared_priors import prior_tables
 
 
 @pytest.fixture(scope="module")

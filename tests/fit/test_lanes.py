@@ -11,7 +11,7 @@ from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import SmallNormal, fit_lanes
 from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import profile_lanes
-from pushfit.fit.lane_results import Fibres, identify_lanes, ready
+from pushfit.fit.lane_results import identify_lanes, ready
 from pushfit.fit.lanes import why_not_lane
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.many import identify_many
@@ -41,8 +41,7 @@ def tables():
 @pytest.fixture(scope="module")
 def stacked(tables):
     """The tables in their lanes, with a full number of them."""
-    fibres = Fibres()
-    items = [ready(table, config(), fibres, seed=0) for table in tables]
+    items = [ready(table, config(), seed=0) for table in tables]
     return items, lane_results._stacked(list(enumerate(items)))
 
 
@@ -154,9 +153,8 @@ def test_rows_say_what_a_single_table_says(tables):
 
 def test_a_lane_that_is_not_exact_enough_is_done_by_itself(tables, monkeypatch):
     monkeypatch.setattr(lane_results, "MAX_ERROR", 0.0)
-    fibres = Fibres()
-    items = [ready(tables[0], config(), fibres, seed=0)]
-    assert identify_lanes(items, fibres) == [None]
+    items = [ready(tables[0], config(), seed=0)]
+    assert identify_lanes(items) == [None]
 
 
 def test_an_unusable_table_leaves_its_neighbours_alone(tables):
@@ -198,9 +196,8 @@ def test_other_models_agree_with_the_adaptive_engine(text, channels):
         # With given deviations sampled noise adds to them, which no lane holds.
         without = table.frame[[n for n in table.frame if "_sd_" not in n]]
         table = type(table).from_frame(without)
-    fibres = Fibres()
-    item = ready(table, config(text), fibres, seed=0)
-    (own,) = identify_lanes([item], fibres)
+    item = ready(table, config(text), seed=0)
+    (own,) = identify_lanes([item])
     single = identify_table(table, config(text), seed=0, engine="exact")
     names = [n for n in single.posterior.samples if np.ptp(single.posterior.samples[n])]
     for name in names:
@@ -220,9 +217,8 @@ def test_units_of_the_heights_change_stiffness_alone():
     heights = [n for n in frame if n.endswith("_kpa")]
     frame[heights] *= 7.3
     other = type(newtons).from_frame(frame)
-    fibres = Fibres()
     results = [
-        identify_lanes([ready(table, config(), fibres, seed=0)], fibres)[0]
+        identify_lanes([ready(table, config(), seed=0)])[0]
         for table in (other, type(other).from_frame(frame.assign(**frame[heights] * 2)))
     ]
     one, two = (r.posterior.samples for r in results)
