@@ -8,9 +8,11 @@ critical angles stay two, and an end that no push bounds stays open.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from pushfit.fit.constrained import ConstrainedFit
 from pushfit.fit.derived import critical_angle_at
@@ -21,6 +23,8 @@ from pushfit.fit.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
+from pushfit.fit.starts import prior_x_samples
+from pushfit.model import contact
 
 # Nodes every 2° see each basin of θ_c; the outer ones stand for the ends of the range.
 THETA_GRID = np.radians(np.r_[0.05, np.arange(1.0, 90.0, 2.0), 89.95])
@@ -34,6 +38,9 @@ UNPROFILED = ("f1", "f2", "ln_s", "ln_L")
 # Rounds of secant steps towards each end of a set, and the share of the threshold to
 # which Δχ² meets it there.
 N_ROUNDS, LEVEL_TOLERANCE = 6, 2e-3
+# With fewer elevations valleys are flat and no grid sees where they lead: every value
+# is also tried from draws from the prior, three at a time.
+MIN_ELEVATIONS, N_TRIALS, N_PER_TRIAL = 3, 17, 3
 # A bad point is mended from its neighbours, and two bad neighbours by the next sweep.
 N_SWEEPS = 2
 # Distance from the end of the reach that stands for none [deg].
@@ -149,6 +156,10 @@ def _curves(
     costs = np.array([mode.chi_square for mode in fit.modes])
     grids = {name: _grid(problem, name, v) for name, v in at_modes.items()}
     curves = _solved(solver, grids, None)
+    for starts in _scattered(problem):
+        n_values = sum(grid.size for grid in grids.values())
+        again = _solved(solver, grids, np.tile(starts, (n_values, 1, 1)))
+        curves = {name: curve.joined(again[name]) for name, curve in curves.items()}
     for name, values in at_modes.items():
         known = np.isfinite(values)
         order = np.argsort(values[known])
@@ -167,6 +178,44 @@ def _curves(
         curves = _refined(solver, curves, requests)
     fill = {name: _filling(curve, level) for name, curve in curves.items()}
     return _swept(solver, _refined(solver, curves, fill))
+
+
+def _scattered(problem: Problem) -> Float[np.ndarray, "t s q"]:
+    """Data coordinates of draws from the prior, for trials from each value.
+
+    The screen keeps what is best before any step; a valley of the best fits may lie
+    where no draw is good by itself.
+    """
+    used = np.any(np.asarray(problem.mask), axis=0)
+    theta = np.round(np.abs(np.degrees(problem.pushes.theta)[used]), 1)
+    if np.unique(theta).size >= MIN_ELEVATIONS:
+        return np.zeros((0, N_PER_TRIAL, len(problem.data_names)))
+    rng = np.random.default_rng(0)
+    draws = prior_x_samples(problem, rng, N_TRIALS * N_PER_TRIAL)
+    points = np.asarray(_data_points(problem, jnp.asarray(draws)))
+    return points.reshape(N_TRIALS, N_PER_TRIAL, -1)
+
+
+@eqx.filter_jit
+def _data_points(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n q"]:
+    """Data coordinates of points in sampling coordinates."""
+
+    def one(x: Float[Array, " p"]) -> Float[Array, " q"]:
+        state = problem.state(x)
+        group = contact(state.params)
+        values = {
+            "ln_A": jnp.log(group.A),
+            "ln_B": jnp.log(group.B),
+            "ln_C_rr": jnp.log(group.C_rr),
+            "f1": group.f1,
+            "f2": group.f2,
+            "ln_F_0": jnp.log(state.preload),
+            "ln_s": jnp.log(group.s),
+            "ln_L": jnp.log(group.L),
+        }
+        return jnp.stack([values[name] for name in problem.data_names])
+
+    return jax.vmap(one)(x)
 
 
 def _values_at(

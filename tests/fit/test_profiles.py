@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
+from pushfit.config import parse_config
+from pushfit.data.table import PeakTable
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.profile_sets import pieces_below, profile_set, threshold, verdict_of
 from pushfit.fit.profiles import likelihood_profiles
 from pushfit.fit.results import Verdict
+from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES, PUSH, paper_parameters
 
@@ -40,6 +43,24 @@ def small_setup(name="firm", *, noise, seed=0, text=""):
     return setup_of(
         case_table(CASES[name], noise=noise, seed=seed, theta_deg=FIVE), text
     )
+
+
+# Three pushes at 15° in each azimuth, in a grasp that squeezes with 12 kPa.
+AZIMUTHS = np.repeat([0.0, 30.0, 60.0, 90.0, 120.0, 150.0], 3)
+HEIGHTS = np.array(
+    [
+        [5.96, 5.94, 5.90, 5.76, 5.80, 5.79, 4.33, 4.32, 4.41],
+        [5.09, 5.09, 4.97, 5.95, 5.89, 5.87, 5.78, 5.89, 5.99],
+    ]
+).ravel()
+FOAM = """
+[push]
+length_mm = 5.0
+[grasp]
+preload_kpa = 12.0
+[parameters.L]
+normal = { mean = 0.04, sd = 0.001 }
+"""
 
 
 @pytest.fixture(scope="module")
@@ -258,3 +279,32 @@ def test_sets_of_the_critical_angle_cover_as_often_as_they_say():
     for level in LEVELS:
         low, high = stats.binom.interval(0.999, N_TABLES, level)
         assert low <= hits[level] <= high, (level, hits)
+
+
+@pytest.mark.slow
+def test_a_set_covers_the_whole_valley_of_a_sweep_at_one_elevation():
+    table = PeakTable.from_arrays(
+        theta=np.full(AZIMUTHS.size, np.radians(15.0)),
+        alpha=np.radians(AZIMUTHS),
+        heights={"height": HEIGHTS},
+        sd={"height": np.full(AZIMUTHS.size, 0.097)},
+        unit="kpa",
+    )
+    setup = build_problem(table, parse_config(FOAM, path="grasp.toml"))
+    profile = profiles_of(setup)["A"]
+    least = fit_least_squares(setup, reference_alpha=ALPHA).chi_square
+    assert setup.problem.data_names == ("ln_A", "ln_B", "ln_C_rr", "f1", "f2")
+    residuals = eqx.filter_jit(setup.problem.data_residuals)
+    rng = np.random.default_rng(0)
+    for A in (300.0, 1000.0, 2000.0):
+
+        def imposed(rest, A=A):
+            return np.asarray(residuals(jnp.r_[np.log(A), rest]))
+
+        starts = rng.normal([np.log(1000), -1.0, 0, 0], [1.5, 1.0, 1, 1], (60, 4))
+        found = [optimize.least_squares(imposed, x, max_nfev=200) for x in starts]
+        elsewhere = 2 * min(solution.cost for solution in found) - least
+        here = np.interp(A, profile.values, profile.delta_chi_square)
+        # A tenth of what moves the end of a 90 % set.
+        assert here < elsewhere + 0.3
+    assert profile.verdict is Verdict.ONE_SIDED
