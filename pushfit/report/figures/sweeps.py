@@ -303,7 +303,8 @@ def alpha_figure(
     marker = alpha_star or Marker(name="alpha_star")
     figure = new_figure(width=PAGE, height=3.2 + legend_height(sweeps))
     # Apart, so that the legend of the one takes no room from the other.
-    left, right = figure.subfigures(1, 2)
+    grid = figure.add_gridspec(1, 2)
+    left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
     draw_panel(
         left.subplots(),
         sweeps,
