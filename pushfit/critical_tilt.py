@@ -1,7 +1,11 @@
 """Where an object that tilts stops to roll: critical angle, tilt and friction.
 
-All belong to pushes of one length. Excluded: forces (`pushfit.tilting`).
+All belong to pushes of one length. Above θ_c nothing rolls, so that all follow from the
+unrolled equilibrium, which is scalar also with two supports. Excluded: forces
+(`pushfit.tilting`, `pushfit.two_supports`).
 """
+
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -14,16 +18,18 @@ from pushfit.containers import (
     Scalar,
     Vector,
     contact,
+    rolling_limits,
+    tangential_stiffness,
     unit_vector,
 )
-from pushfit.numerics import sine, versine
+from pushfit.numerics import norm2, sine, versine
 from pushfit.roots import falling_root
 from pushfit.tilting import (
     MAX_TILT,
     Hold,
-    check_supports,
     displacement,
     elastic_force,
+    lean_direction,
     make_hold,
     pressed_force,
     unrolled_tilt,
@@ -47,7 +53,8 @@ def tilting_critical_angle(
 
     At θ_c both arguments of the minimum are equal: the resultant F leans by φ from the
     normal of the tilted face, and its moment is C_d γ. The two displacements are those
-    of one push where the sum of their squares is S_p², which fixes F.
+    of one push where the sum of their squares is S_p², which fixes F. With two supports
+    it is the larger of the angles at which C_d γ |n_i| = c_i L N about either axis.
 
     Args:
         params: Parameters.
@@ -57,10 +64,10 @@ def tilting_critical_angle(
     Returns:
         θ_c in (-π/2, π/2], the paper's for S_p / L → 0; NaN where the contact never
         rolls [rad].
-
-    Raises:
-        ConfigError: If the grasp has two supports.
     """
+    if grasp.support_span is not None:
+        angles = _axis_angles(contact(params), grasp, jnp.ravel(jnp.asarray(alpha)))
+        return jnp.fmax(*angles).reshape(jnp.shape(alpha))
     state, force, exists = _critical_force(params, grasp, jnp.asarray(alpha))
     along, into = _critical_displacement(state[0], state[1], force)
     angle = jnp.arctan2(jnp.where(exists, into, 0.0), jnp.where(exists, along, 1.0))
@@ -81,10 +88,14 @@ def critical_tilt(
 
     Returns:
         γ_c; NaN where the contact never rolls [rad].
-
-    Raises:
-        ConfigError: If the grasp has two supports.
     """
+    if grasp.support_span is not None:
+        theta = tilting_critical_angle(params, grasp, jnp.ravel(jnp.asarray(alpha)))
+        azimuth = unit_vector(jnp.ravel(jnp.asarray(alpha)))
+        elevation = unit_vector(jnp.nan_to_num(theta))
+        hold = make_hold(contact(params), grasp, elevation=elevation, azimuth=azimuth)
+        tilt = jnp.where(jnp.isnan(theta), jnp.nan, unrolled_tilt(hold))
+        return tilt.reshape(jnp.shape(alpha))
     (hold, lean, _), force, exists = _critical_force(params, grasp, jnp.asarray(alpha))
     tilt = force * hold.L * jnp.sin(lean) / hold.C_d
     return jnp.where(exists, tilt, jnp.nan).reshape(jnp.shape(alpha))
@@ -106,11 +117,7 @@ def critical_friction(
 
     Returns:
         C_rr; NaN where the push loses contact [-].
-
-    Raises:
-        ConfigError: If the grasp has two supports.
     """
-    check_supports(grasp)
     theta, alpha = (jnp.ravel(jnp.asarray(angle)) for angle in direction)
     hold = make_hold(
         contact(params),
@@ -118,20 +125,66 @@ def critical_friction(
         elevation=unit_vector(theta),
         azimuth=unit_vector(alpha),
     )
-    tilt = unrolled_tilt(hold)
-    normal, tangential = pressed_force(hold, tilt), elastic_force(hold, tilt)
-    across = normal * (1 - versine(tilt)) - tangential * sine(tilt)
-    is_held = (normal > 0) & (across > 0)
-    torque = hold.C_d * tilt / hold.L
-    friction = torque / jnp.where(is_held, across, 1.0)
+    moments, across = _unrolled_moments(hold)
+    is_held = across > 0
+    needed = [moment / jnp.where(is_held, across, 1.0) for moment in moments]
+    if grasp.support_span is None:
+        friction = norm2(*needed)
+    else:
+        # About y the span bears its share without friction.
+        span = grasp.support_span / (2 * hold.L)
+        friction = jnp.maximum(needed[0] - span, needed[1])
     return jnp.where(is_held, friction, jnp.nan).reshape(jnp.shape(direction[0]))
+
+
+def _unrolled_moments(hold: Hold) -> tuple[tuple[Vector, Vector], Vector]:
+    """|C_d q_i| / L of an object that does not roll, and N; N = 0 without contact."""
+    tilt = unrolled_tilt(hold)
+    tangential = elastic_force(hold, tilt)
+    direction = lean_direction(hold, tangential, tilt)
+    normal = pressed_force(hold, tilt)
+    across = normal * (1 - versine(tilt)) - tangential * sine(tilt)
+    torque = hold.C_d * tilt / hold.L
+    moments = (torque * jnp.abs(direction[0]), torque * jnp.abs(direction[1]))
+    return moments, jnp.where(normal > 0, across, 0.0)
+
+
+def _axis_angles(group: Contact, grasp: Grasp, alpha: Vector) -> list[Vector]:
+    """Elevation of the tie about each axis; NaN where there is none."""
+    azimuth = unit_vector(alpha)
+    stiffness = tangential_stiffness(group, azimuth)
+    limits = rolling_limits(group, grasp.support_span or 0.0)
+
+    def room(axis: int) -> Callable[[tuple[Contact, Grasp, Array], Vector], Vector]:
+        """What an axis still bears, from a push straight down to a lower one."""
+
+        def left(state: tuple[Contact, Grasp, Array], descent: Vector) -> Vector:
+            group, grasp, azimuth = state
+            elevation = jnp.stack([jnp.sin(descent), jnp.cos(descent)])
+            hold = make_hold(group, grasp, elevation=elevation, azimuth=azimuth)
+            moments, across = _unrolled_moments(hold)
+            limit = rolling_limits(group, grasp.support_span or 0.0)[axis]
+            return limit * across - moments[axis]
+
+        return left
+
+    found = []
+    for axis in (0, 1):
+        # By linear mechanics least is left a right angle below the tie without a
+        # preload.
+        tie = jnp.arctan2(jnp.abs(stiffness[axis]), group.A * limits[axis])
+        bracket = jnp.zeros_like(tie), jnp.pi - tie
+        state = (group, grasp, azimuth)
+        descent = falling_root(room(axis), state, bracket, jnp.pi / 2 - tie)
+        exists = room(axis)(jax.lax.stop_gradient(state), bracket[1]) < 0
+        found.append(jnp.where(exists, jnp.pi / 2 - descent, jnp.nan))
+    return found
 
 
 def _critical_force(
     params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
 ) -> tuple[Tie, Vector, Bool[Array, " n"]]:
     """Resultant at the tie with what it depends on, and whether there is a tie."""
-    check_supports(grasp)
     group = contact(params)
     azimuth = unit_vector(jnp.ravel(alpha))
     hold = make_hold(group, grasp, elevation=jnp.zeros_like(azimuth), azimuth=azimuth)

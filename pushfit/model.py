@@ -27,7 +27,8 @@ from pushfit.containers import support_stiffness as support_stiffness
 from pushfit.containers import tangential_stiffness as tangential_stiffness
 from pushfit.containers import unit_vector as unit_vector
 from pushfit.numerics import norm2, softclip
-from pushfit.tilting import tilting_forces
+from pushfit.tilting import one_support_forces
+from pushfit.two_supports import two_support_forces
 
 
 def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
@@ -72,6 +73,24 @@ def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) ->
         tangential_y=y,
         in_contact=(grasp.preload <= 0) | (pressed >= 0),
     )
+
+
+def tilting_forces(
+    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
+) -> Forces:
+    """Contact forces of pushes that tilt the object.
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor.
+
+    Returns:
+        Forces of every push, in the frame that does not tilt.
+    """
+    is_single = grasp.support_span is None
+    solve = one_support_forces if is_single else two_support_forces
+    return solve(params, pushes, grasp)
 
 
 MECHANICS = {"linear": linear_forces, "tilting": tilting_forces}

@@ -105,6 +105,23 @@ sine.defjvps(lambda rate, _, x: (1 - versine(x)) * rate)
 versine.defjvps(lambda rate, _, x: sine(x) * rate)
 
 
+def lean_factors(
+    square: Float[Array, "*s"],
+) -> tuple[Float[Array, "*s"], Float[Array, "*s"], Float[Array, "*s"]]:
+    """Functions of x² that turn a rotation vector of length x into a displacement.
+
+    Args:
+        square: x², at most 1.5².
+
+    Returns:
+        Sin(x)/x, (1 - cos x)/x² and (cos x - sin(x)/x)/x²: products alone, smooth
+        where the vector vanishes.
+    """
+    fall = _horner(tuple(-c for c in SINE[1:]), square)
+    sink = _horner(VERSINE, square)
+    return 1 - square * fall, sink, fall - sink
+
+
 def _horner(
     coefficients: tuple[float, ...], x: Float[Array, "*s"]
 ) -> Float[Array, "*s"]:

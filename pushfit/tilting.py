@@ -12,7 +12,7 @@ solved here once with each argument of the minimum. Since F_t falls with
 γ, the smaller of the two forces is the equilibrium, and `softmin` of them is the soft
 transition. A support with a stiffness ellipse deflects along a direction of its own,
 but the object leans along its tangential force, so the equilibrium stays scalar.
-Excluded: two supports, whose limits differ along and across them.
+Excluded: two supports, whose limits differ (`pushfit.two_supports`).
 """
 
 from collections.abc import Callable
@@ -33,7 +33,6 @@ from pushfit.containers import (
     support,
     tangential_compliance,
 )
-from pushfit.errors import ConfigError
 from pushfit.numerics import norm2, sine, softmin, versine
 from pushfit.roots import falling_root
 
@@ -99,10 +98,10 @@ def make_hold(
     )
 
 
-def tilting_forces(
+def one_support_forces(
     params: Parameters | Contact, pushes: Pushes, grasp: Grasp
 ) -> Forces:
-    """Contact forces of pushes that tilt the object.
+    """Contact forces of pushes that tilt an object with one rolling limit.
 
     Args:
         params: Parameters.
@@ -112,11 +111,7 @@ def tilting_forces(
     Returns:
         Forces of every push, in the frame that does not tilt. Negative F_t, where the
         support pulls an object back that would lean further, keeps its direction.
-
-    Raises:
-        ConfigError: If the grasp has two supports.
     """
-    check_supports(grasp)
     hold = make_hold(
         contact(params), grasp, elevation=pushes.elevation, azimuth=pushes.azimuth
     )
@@ -277,21 +272,3 @@ def _mean_compliance(hold: Hold) -> Scalar:
 def _bracket(hold: Hold) -> tuple[Vector, Vector]:
     """Angles between which a tilt is sought."""
     return jnp.zeros_like(hold.into), jnp.full_like(hold.into, MAX_TILT)
-
-
-def check_supports(grasp: Grasp) -> None:
-    """Refuse limits that differ along and across the supports.
-
-    Args:
-        grasp: Grasp.
-
-    Raises:
-        ConfigError: If the grasp has two supports.
-    """
-    if grasp.support_span is not None:
-        raise ConfigError(
-            f"tilting mechanics know one rolling limit, but support_span = "
-            f"{grasp.support_span:g} m gives one for each axis; leave the span out, or "
-            'take mechanics = "linear"',
-            code="tilting_two_supports",
-        )

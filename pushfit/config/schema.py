@@ -208,11 +208,6 @@ class GraspConfig(Section):
                 "the tilt depends on L; measure it and set parameters.L, for example "
                 "normal = { mean = 0.04, sd = 0.001 }"
             )
-        if self.grasp.support_span_mm is not None:
-            return (
-                "these mechanics know one rolling limit, but grasp.support_span_mm "
-                "gives one for each axis; remove it"
-            )
         return None
 
     @property
