@@ -5,8 +5,6 @@ unrolled equilibrium, which is scalar also with two supports. Excluded: forces
 (`pushfit.tilting`, `pushfit.two_supports`).
 """
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -66,8 +64,8 @@ def tilting_critical_angle(
         rolls [rad].
     """
     if grasp.support_span is not None:
-        angles = _axis_angles(contact(params), grasp, jnp.ravel(jnp.asarray(alpha)))
-        return jnp.fmax(*angles).reshape(jnp.shape(alpha))
+        about_y, about_x = _axis_angles(params, grasp, jnp.ravel(jnp.asarray(alpha)))
+        return jnp.fmax(about_y, about_x).reshape(jnp.shape(alpha))
     state, force, exists = _critical_force(params, grasp, jnp.asarray(alpha))
     along, into = _critical_displacement(state[0], state[1], force)
     angle = jnp.arctan2(jnp.where(exists, into, 0.0), jnp.where(exists, along, 1.0))
@@ -149,36 +147,37 @@ def _unrolled_moments(hold: Hold) -> tuple[tuple[Vector, Vector], Vector]:
     return moments, jnp.where(normal > 0, across, 0.0)
 
 
-def _axis_angles(group: Contact, grasp: Grasp, alpha: Vector) -> list[Vector]:
-    """Elevation of the tie about each axis; NaN where there is none."""
-    azimuth = unit_vector(alpha)
-    stiffness = tangential_stiffness(group, azimuth)
-    limits = rolling_limits(group, grasp.support_span or 0.0)
+def _axis_angles(
+    params: Parameters | Contact, grasp: Grasp, alpha: Vector
+) -> tuple[Vector, Vector]:
+    """Elevation of the tie about y and about x; NaN where there is none."""
+    group, span = contact(params), grasp.support_span or 0.0
+    # Both axes in one search, which then compiles once.
+    is_about_y = jnp.arange(2 * alpha.size) < alpha.size
+    azimuth = unit_vector(jnp.tile(alpha, 2))
 
-    def room(axis: int) -> Callable[[tuple[Contact, Grasp, Array], Vector], Vector]:
+    def room(state: tuple[Contact, Grasp, Array], descent: Vector) -> Vector:
         """What an axis still bears, from a push straight down to a lower one."""
+        group, grasp, azimuth = state
+        elevation = jnp.stack([jnp.sin(descent), jnp.cos(descent)])
+        hold = make_hold(group, grasp, elevation=elevation, azimuth=azimuth)
+        moments, across = _unrolled_moments(hold)
+        limits = rolling_limits(group, span)
+        return jnp.where(
+            is_about_y, limits[0] * across - moments[0], limits[1] * across - moments[1]
+        )
 
-        def left(state: tuple[Contact, Grasp, Array], descent: Vector) -> Vector:
-            group, grasp, azimuth = state
-            elevation = jnp.stack([jnp.sin(descent), jnp.cos(descent)])
-            hold = make_hold(group, grasp, elevation=elevation, azimuth=azimuth)
-            moments, across = _unrolled_moments(hold)
-            limit = rolling_limits(group, grasp.support_span or 0.0)[axis]
-            return limit * across - moments[axis]
-
-        return left
-
-    found = []
-    for axis in (0, 1):
-        # By linear mechanics least is left a right angle below the tie without a
-        # preload.
-        tie = jnp.arctan2(jnp.abs(stiffness[axis]), group.A * limits[axis])
-        bracket = jnp.zeros_like(tie), jnp.pi - tie
-        state = (group, grasp, azimuth)
-        descent = falling_root(room(axis), state, bracket, jnp.pi / 2 - tie)
-        exists = room(axis)(jax.lax.stop_gradient(state), bracket[1]) < 0
-        found.append(jnp.where(exists, jnp.pi / 2 - descent, jnp.nan))
-    return found
+    # By linear mechanics least is left a right angle below the tie without a preload.
+    x, y = tangential_stiffness(group, azimuth)
+    limits = rolling_limits(group, span)
+    stiffness = jnp.where(is_about_y, jnp.abs(x), jnp.abs(y))
+    tie = jnp.arctan2(stiffness, group.A * jnp.where(is_about_y, *limits))
+    lowest = jnp.pi - tie
+    state = (group, grasp, azimuth)
+    bracket = (jnp.zeros_like(tie), lowest)
+    descent = falling_root(room, state, bracket, jnp.pi / 2 - tie)
+    angle = jnp.where(descent < lowest, jnp.pi / 2 - descent, jnp.nan)
+    return angle[: alpha.size], angle[alpha.size :]
 
 
 def _critical_force(

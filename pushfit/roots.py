@@ -14,12 +14,12 @@ from jaxtyping import Array, Bool, Float, Int
 
 # Relative step at which the search ends: that step leaves about its square, and the one
 # after it, which also carries the derivatives, the square of that.
-RTOL = 1e-5
+RTOL = 1e-6
 # Halving alone would take this many steps to reach it from a bracket of length 1.
 MAX_STEPS = 60
 # Steps before the first question whether all have arrived. They compile into what
 # surrounds them; more of them were measured to be slower.
-N_UNROLLED = 1
+N_UNROLLED = 2
 # Smallest slope, as a share of the mean slope over the bracket: at a fold the
 # derivative of a root is infinite, and one that large serves nobody.
 SMALLEST_SLOPE = 1e-6
@@ -85,27 +85,47 @@ def falling_root(
             n_steps=search.n_steps + 1,
         )
 
+    def nearer(x: Numbers) -> Numbers:
+        """Newton step, or none where it would leave the bracket."""
+        value, slope = _with_slope(function, frozen, x)
+        newton = x - value / slope
+        return jnp.where((newton > lower) & (newton < upper), newton, x)
+
+    before = guess
+    for _ in range(N_UNROLLED - 1):
+        before = nearer(before)
+    x = nearer(before)
+    is_near = (x != before) & (jnp.abs(x - before) <= RTOL * x)
     first = _Search(
-        x=jnp.where(is_falling, guess, lower),
+        x=jnp.where(is_falling, x, lower),
         lower=lower,
         upper=upper,
-        has_arrived=~is_falling,
+        has_arrived=~is_falling | is_near,
         n_steps=jnp.zeros((), int),
     )
-    for _ in range(N_UNROLLED):
-        first = advance(first)
     last = jax.lax.while_loop(
         lambda search: ~jnp.all(search.has_arrived) & (search.n_steps < MAX_STEPS),
         advance,
         first,
     )
     has_root = is_falling & last.has_arrived & (last.x > lower)
-    value, slope = _with_slope(function, context, jax.lax.stop_gradient(last.x))
-    mean_slope = -at_lower / jnp.where(has_root, last.x - lower, 1.0)
-    steepest = jnp.where(has_root, SMALLEST_SLOPE * mean_slope, -1.0)
-    slope = jnp.minimum(jax.lax.stop_gradient(slope), steepest)
+    found = jax.lax.stop_gradient(jnp.where(has_root, last.x, lower))
+    mean_slope = at_lower / jnp.where(has_root, lower - found, 1.0)
     end = jnp.where(is_falling, upper, lower)
-    return jnp.where(has_root, last.x - jnp.where(has_root, value, 0.0) / slope, end)
+
+    @jax.custom_jvp
+    def root(context: C) -> Numbers:
+        return jnp.where(has_root, found, end)
+
+    def rates(primals: tuple[C], tangents: tuple[C]) -> tuple[Numbers, Numbers]:
+        _, rate = jax.jvp(lambda c: function(c, found), primals, tangents)
+        _, slope = _with_slope(function, frozen, found)
+        steepest = jnp.where(has_root, SMALLEST_SLOPE * mean_slope, -1.0)
+        slope = jnp.minimum(slope, steepest)
+        return root(*primals), jnp.where(has_root, -rate / slope, 0.0)
+
+    root.defjvp(rates)
+    return root(context)
 
 
 def _with_slope(

@@ -14,7 +14,6 @@ from pushfit import model
 from pushfit.containers import support
 from pushfit.critical_tilt import critical_tilt
 from pushfit.directions import critical_angle, linear_critical_angle
-from pushfit.errors import ConfigError
 from pushfit.model import Grasp, Parameters, Pushes, contact
 from tests import paper
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters, sweep
@@ -369,9 +368,3 @@ def test_the_springs_come_back_from_the_combinations():
         np.testing.assert_allclose(
             getattr(springs, name), getattr(params, name), rtol=EXACT
         )
-
-
-def test_two_supports_are_refused_by_name():
-    pushes = sweep([20.0], [0.0])
-    with pytest.raises(ConfigError, match="support_span"):
-        model.forces(paper_parameters(), pushes, tilting(support_span=0.06))

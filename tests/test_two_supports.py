@@ -111,6 +111,7 @@ def test_across_the_supports_the_equilibrium_is_that_of_one_support(preload):
     np.testing.assert_array_equal(two.in_contact, one.in_contact)
 
 
+@pytest.mark.slow
 def test_an_unlimited_equilibrium_has_the_least_potential_energy():
     """Springs alone: SciPy's minimum over both components of the lean."""
     params = paper_parameters(C_rr=1e3, **TILTED_ELLIPSE)
@@ -138,14 +139,20 @@ def test_an_unlimited_equilibrium_has_the_least_potential_energy():
             hess=curvature,
             options={"gtol": 1e-14},
         )
-        sideways, pressing, _ = strains(least.x, push, p.L)
+        # To rounding, which the energy itself cannot tell.
+        tilt = least.x - np.linalg.solve(
+            curvature(least.x, push), slope(least.x, push)
+        )
+        sideways, pressing, _ = strains(tilt, push, p.L)
         expected = [0.5 + 400 * pressing, *(stiffness @ sideways)]
         np.testing.assert_allclose(found[row], expected, rtol=TWO_ROUTES)
 
 
-@pytest.mark.parametrize("sharpness", [math.inf, 8.0])
 @pytest.mark.parametrize(
-    "n_draws", [3, pytest.param(20, marks=pytest.mark.slow)], ids=["few", "many"]
+    "sharpness", [math.inf, pytest.param(8.0, marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize(
+    "n_draws", [2, pytest.param(20, marks=pytest.mark.slow)], ids=["few", "many"]
 )
 def test_forces_are_those_of_a_root_finder_that_follows_the_push(sharpness, n_draws):
     """Ellipses askew, one axis or both rolling, truths a factor 4 apart."""
@@ -166,7 +173,9 @@ def test_forces_are_those_of_a_root_finder_that_follows_the_push(sharpness, n_dr
                 np.testing.assert_allclose(got[row], expected, rtol=0, atol=TWO_ROUTES)
 
 
-@pytest.mark.parametrize("sharpness", [math.inf, 8.0])
+@pytest.mark.parametrize(
+    "sharpness", [pytest.param(math.inf, marks=pytest.mark.slow), 8.0]
+)
 @pytest.mark.parametrize(
     "shape",
     [
@@ -193,7 +202,7 @@ def test_small_pushes_are_linear_with_an_error_that_falls_linearly(sharpness, sh
 def test_an_ellipse_askew_lets_a_rolling_axis_pull_on_the_other():
     """Linear mechanics limit each axis by itself; the gap outlasts S_p / L -> 0."""
     params = paper_parameters(**TILTED_ELLIPSE)
-    pushes = sweep([10.0, 70.0], [60.0])
+    pushes = sweep([16.0, 70.0], [60.0])
     grasp = held(1e-4 * PUSH)
     linear = stacked(
         forces(params, pushes, dataclasses.replace(grasp, mechanics="linear"))
@@ -216,6 +225,7 @@ def unlimited(params, pushes, grasp):
     return stacked(forces(firm, pushes, dataclasses.replace(grasp, mechanics="linear")))
 
 
+@pytest.mark.slow
 def test_a_soft_transition_is_that_of_one_support_up_to_the_size_of_the_tilt():
     params, pushes = paper_parameters(), sweep(THETA_DEG[5:], [90.0])
     gaps = []
@@ -230,6 +240,7 @@ def test_a_soft_transition_is_that_of_one_support_up_to_the_size_of_the_tilt():
     np.testing.assert_allclose(gaps[1] / gaps[2], 10.0, rtol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha_deg", [20.0, 65.0, 90.0])
 def test_at_the_critical_angle_one_axis_just_bears_its_moment(alpha_deg):
     """C_d |q_i| = c_i L N about one axis and less about the other, from the forces."""
@@ -251,6 +262,7 @@ def test_at_the_critical_angle_one_axis_just_bears_its_moment(alpha_deg):
     np.testing.assert_allclose(friction, p.C_rr, rtol=TWO_ROUTES)
 
 
+@pytest.mark.slow
 def test_the_critical_angle_of_small_pushes_is_the_linear_one():
     params = paper_parameters(**TILTED_ELLIPSE)
     alpha = jnp.radians(jnp.array([10.0, 60.0, 90.0, 140.0]))
@@ -264,12 +276,14 @@ def test_the_critical_angle_of_small_pushes_is_the_linear_one():
     np.testing.assert_allclose(errors[0] / errors[1], 10.0, rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_where_neither_axis_rolls_there_is_no_critical_angle():
     grasp = held(preload=4.0)
     assert np.isnan(angle(paper_parameters(), grasp, jnp.asarray(0.3)))
     assert np.isnan(critical_tilt(paper_parameters(), grasp, jnp.asarray(0.3)))
 
 
+@pytest.mark.slow
 def test_resistance_is_least_where_a_fine_grid_has_it_least():
     params, grasp, theta = paper_parameters(), held(sharpness=8.0), math.radians(20.0)
     alpha = np.radians(np.arange(0.0, 180.0, 0.05))

@@ -80,7 +80,7 @@ def tilting_problem(problem: Problem) -> Problem:
     """The same heights and priors by tilting mechanics.
 
     Args:
-        problem: Problem by linear mechanics, without two supports.
+        problem: Problem by linear mechanics.
     """
     grasp = replace(problem.grasp, mechanics="tilting")
     fixed = {name: float(value) for name, value in problem.fixed.items()}
@@ -92,7 +92,7 @@ def fit_tilting(problem: Problem, *, reference_alpha: float) -> TiltingFit:
     """Rough fit by tilting mechanics, without the pushes that would lose contact.
 
     Args:
-        problem: Problem by linear mechanics, without two supports.
+        problem: Problem by linear mechanics.
         reference_alpha: Azimuth of θ_c [rad].
     """
     problem = tilting_problem(problem)
