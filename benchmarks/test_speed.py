@@ -235,10 +235,18 @@ def test_reading_and_peaks(compare, recorded):
     compare(ours, peer, rounds=3, target=3, is_cost=True)
 
 
-def test_tilting(compare):
+@pytest.mark.parametrize("has_span", [False, True], ids=["one", "two"])
+@pytest.mark.parametrize("where", ["over the prior", "near one point"])
+def test_tilting(compare, has_span, where):
     rng = np.random.default_rng(1)
-    posed = {name: tilting_cost.problem(name) for name in tilting_cost.MECHANICS}
+    posed = {
+        name: tilting_cost.problem(name, has_span=has_span)
+        for name in tilting_cost.MECHANICS
+    }
     x = jnp.asarray(prior_x_samples(posed["tilting"], rng, tilting_cost.N_DRAWS))
+    if where == "near one point":
+        # As walkers of a sampler and steps of a fit are.
+        x = jnp.median(x, axis=0) + 0.1 * rng.standard_normal(x.shape)
     model = {n: jax.jit(jax.vmap(tilting_cost.heights(p))) for n, p in posed.items()}
 
     def heights(name):
@@ -248,8 +256,10 @@ def test_tilting(compare):
 
         return run
 
+    supports = "two supports" if has_span else "one support"
     ours = (
-        f"tilting mechanics, {tilting_cost.N_DRAWS} × 51 heights",
+        f"tilting, {supports}, {tilting_cost.N_DRAWS} × 51 heights {where}",
         heights("tilting"),
     )
-    compare(ours, ("linear mechanics", heights("linear")), rounds=15, is_cost=True)
+    peer = ("linear mechanics", heights("linear"))
+    compare(ours, peer, rounds=15, target=4, is_cost=True)

@@ -2,8 +2,9 @@
 
     python -m benchmarks.tilting_cost [--rounds 15]
 
-Both run in turns in one process; medians over the rounds. Heights are of 51 pushes at
-512 draws from the default priors, and at as many points near one of them.
+Both run in turns in one process; medians of processor time over the rounds. Heights are
+of 51 pushes at 512 draws from the default priors, and at as many points near one of
+them.
 """
 
 import argparse
@@ -25,13 +26,15 @@ THETA = np.radians(np.arange(5.0, 90.0, 5.0))
 N_DRAWS = 512
 TRUTH = Parameters(1300, 2600 / 3, 450, 0.5, 0.36, 0.04)
 MECHANICS = ("linear", "tilting")
+SPAN_MM = 60.0
 
 
-def problem(mechanics: str) -> Problem:
+def problem(mechanics: str, *, has_span: bool = False) -> Problem:
     """51 pushes simulated by tilting mechanics, all parameters but L free."""
+    span = SPAN_MM / 1000 if has_span else None
     table = simulate_table(
         TRUTH,
-        Grasp(push_length=5e-3, mechanics="tilting"),
+        Grasp(push_length=5e-3, mechanics="tilting", support_span=span),
         theta=THETA,
         alpha=0.0,
         repeats=3,
@@ -40,6 +43,8 @@ def problem(mechanics: str) -> Problem:
         state_sd=True,
     )
     text = f'[push]\nlength_mm = 5.0\n[grasp]\nmechanics = "{mechanics}"\n'
+    if has_span:
+        text += f"support_span_mm = {SPAN_MM}\n"
     text += "[parameters.L]\nfixed = 0.04\n"
     return build_problem(table, parse_config(text, path="grasp.toml")).problem
 
@@ -63,9 +68,9 @@ def ratio(
     times = {name: [] for name in compiled}
     for _ in range(rounds):
         for name, function in compiled.items():
-            start = time.perf_counter()
+            start = time.process_time()
             jax.block_until_ready(function(x))
-            times[name].append(time.perf_counter() - start)
+            times[name].append(time.process_time() - start)
     linear, tilting = (np.median(times[name]) for name in MECHANICS)
     return f"{1e3 * linear:8.2f} ms {1e3 * tilting:8.2f} ms {tilting / linear:8.1f}"
 

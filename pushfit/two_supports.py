@@ -98,9 +98,7 @@ def two_support_forces(
         push the object slides away: no force, and not in contact.
     """
     group = contact(params)
-    frame = make_frame(
-        group, grasp, elevation=pushes.elevation, azimuth=pushes.azimuth
-    )
+    frame = make_frame(group, grasp, elevation=pushes.elevation, azimuth=pushes.azimuth)
     lean, is_found = equilibrium(frame, grasp.sharpness)
     state = leaned(frame, lean)
     x, y = state.tangential
@@ -261,9 +259,10 @@ def equilibrium(frame: Frame, sharpness: float) -> tuple[Pair, Bool[Array, " n"]
         first,
     )
     # An object that was not found is put upright, where every slope is finite.
-    lean = _chosen(last.is_found, last.lean, (jnp.zeros_like(size),) * 2)
+    upright = jnp.zeros_like(size), jnp.zeros_like(size)
+    lean = _chosen(last.is_found, last.lean, upright)
     step, _ = _newton(frame, jax.lax.stop_gradient(lean), sharpness)
-    last_step = _chosen(last.is_found, step, (jnp.zeros_like(size),) * 2)
+    last_step = _chosen(last.is_found, step, upright)
     return (lean[0] + last_step[0], lean[1] + last_step[1]), last.is_found
 
 

@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 from scipy import optimize
 
+from benchmarks import tilting_cost
 from pushfit import model
 from pushfit.critical_tilt import critical_friction, critical_tilt
 from pushfit.directions import best_direction, critical_angle
+from pushfit.fit.starts import prior_x_samples
 from pushfit.model import Grasp, Parameters, Pushes
+from pushfit.two_supports import equilibrium, make_frame
+from pushfit.two_supports import unbalanced as unborne
 from tests import paper
 from tests.problems import PUSH, TILTED_ELLIPSE, ellipse, paper_parameters, sweep
 
@@ -140,9 +144,7 @@ def test_an_unlimited_equilibrium_has_the_least_potential_energy():
             options={"gtol": 1e-14},
         )
         # To rounding, which the energy itself cannot tell.
-        tilt = least.x - np.linalg.solve(
-            curvature(least.x, push), slope(least.x, push)
-        )
+        tilt = least.x - np.linalg.solve(curvature(least.x, push), slope(least.x, push))
         sideways, pressing, _ = strains(tilt, push, p.L)
         expected = [0.5 + 400 * pressing, *(stiffness @ sideways)]
         np.testing.assert_allclose(found[row], expected, rtol=TWO_ROUTES)
@@ -303,6 +305,38 @@ def test_an_object_that_slides_away_meets_no_force():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sharpness", [math.inf, 8.0])
+def test_over_the_prior_nothing_is_left_unbalanced(sharpness):
+    """100 000 pushes; of these few slide away."""
+    rng, n = np.random.default_rng(5), 12500
+    posed = tilting_cost.problem("tilting")
+    x = jnp.asarray(prior_x_samples(posed, rng, n))
+    theta = jnp.asarray(np.radians(rng.uniform(-20, 90, (n, 8))))
+    alpha = jnp.asarray(rng.uniform(0, math.pi, (n, 8)))
+    shape = jnp.asarray(rng.normal(0, 0.7, (n, 2)))
+    preload = jnp.asarray(rng.choice([0.0, 0.3, 2.0], n))
+
+    @jax.jit
+    @jax.vmap
+    def left(x, theta, alpha, shape, preload):
+        params = posed.state(x).params
+        params = dataclasses.replace(params, e1=shape[0], e2=shape[1])
+        grasp, pushes = held(preload=preload), Pushes(theta, alpha)
+        frame = make_frame(
+            model.contact(params),
+            grasp,
+            elevation=pushes.elevation,
+            azimuth=pushes.azimuth,
+        )
+        lean, is_found = equilibrium(frame, sharpness)
+        return jnp.hypot(*unborne(frame, lean, sharpness)), is_found
+
+    residual, is_found = left(x, theta, alpha, shape, preload)
+    assert np.max(np.asarray(residual)[np.asarray(is_found)]) < 1e-12
+    assert np.mean(np.asarray(is_found)) > 0.998
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sharpness", [math.inf, 8.0])
 def test_slopes_equal_differences(sharpness):
     grasp = held(preload=0.4, sharpness=sharpness)
     pushes = sweep(THETA_DEG[:-1], [0.0, 65.0])
@@ -340,9 +374,7 @@ def test_slopes_are_finite_everywhere_in_the_range():
 
         @jax.jit
         def slopes(params, pushes):
-            return jax.jacfwd(lambda p: traced(model.forces(p, pushes, grasp)))(
-                params
-            )
+            return jax.jacfwd(lambda p: traced(model.forces(p, pushes, grasp)))(params)
 
         for leaf in jax.tree.leaves(slopes(params, pushes)):
             assert np.all(np.isfinite(leaf))

@@ -28,6 +28,7 @@ EXACT = 1e-12  # equal on paper
 THETA_DEG = np.arange(10.0, 90.0, 5.0)
 FIRM = Parameters(1300, 2600 / 3, 450, 0.5, 0.36, 0.04)
 TILTING = Grasp(push_length=PUSH, mechanics="tilting")
+HELD = Grasp(push_length=PUSH, mechanics="tilting", support_span=0.06)
 LENGTH = "[parameters.L]\nfixed = 0.04\n"
 MEASURED = "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
 MECHANICS = '[grasp]\nmechanics = "tilting"\n'
@@ -52,7 +53,7 @@ def true_angle(params=FIRM, grasp=TILTING) -> float:
 
 
 def test_what_tilting_mechanics_lack_is_refused_with_the_remedy():
-    with pytest.raises(ConfigError, match="measure it and set parameters.L"):
+    with pytest.raises(ConfigError, match=r"measure it and set parameters\.L"):
         config(MECHANICS)
 
 
@@ -258,3 +259,37 @@ def test_the_cheap_fit_of_the_warning_is_the_fit_by_tilting_mechanics():
     np.testing.assert_allclose(
         cheap.theta_c_deg, full.fit.modes[0].theta_c_deg, rtol=1e-4
     )
+
+
+def test_two_supports_join_the_mechanics_and_their_rivals():
+    settings = config(MECHANICS + "support_span_mm = 60.0\n" + MEASURED)
+    problem = build_problem(pushed(grasp=HELD, noise=0.1, repeats=1), settings).problem
+    assert problem.grasp.support_span == 0.06
+    assert problem.data_names == ("ln_A", "ln_B", "ln_C_rr", "ln_s", "ln_L")
+    linear = settings.model_copy(
+        update={"grasp": settings.grasp.model_copy(update={"mechanics": "linear"})}
+    )
+    assert "tilting" in rival_configs(linear)
+
+
+@pytest.mark.slow
+def test_an_identification_with_two_supports_is_whole():
+    """Simulated, fitted, profiled and sampled by the same mechanics."""
+    theta_deg, alpha_deg = np.meshgrid(THETA_DEG[::2], [20.0, 60.0, 90.0, 130.0])
+    table = pushed(
+        grasp=HELD,
+        channels=COMPONENTS,
+        theta=np.radians(theta_deg.ravel()),
+        alpha=np.radians(alpha_deg.ravel()),
+        repeats=2,
+    )
+    text = MECHANICS + "support_span_mm = 60.0\nreference_alpha_deg = 90.0\n"
+    settings = config(
+        text + MEASURED + "[parameters.e1]\nfixed = 0.0\n[parameters.e2]\nfixed = 0.0\n"
+    )
+    result = identify_table(table, settings, seed=1)
+    assert result.status is FitStatus.OK
+    truth = float(np.degrees(critical_angle(FIRM, HELD, jnp.asarray(np.pi / 2))))
+    low, high = result.theta_c.interval
+    assert low < truth < high
+    assert result.goodness_of_fit.is_adequate
