@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pushfit.numerics import (
     SERIES_LIMIT,
     asinhc,
+    lean_factors,
     norm2,
     sine,
     sinhc,
@@ -154,3 +155,15 @@ def test_slopes_of_sine_and_versine_are_cosine_and_sine():
     np.testing.assert_allclose(slope, np.cos(x), rtol=0, atol=EXACT)
     slope = jax.vmap(jax.grad(versine))(jnp.asarray(x))
     np.testing.assert_allclose(slope, np.sin(x), rtol=0, atol=EXACT)
+
+
+def test_the_factors_of_a_lean_are_the_printed_quotients():
+    x = np.linspace(0.3, 1.5, 40)
+    sinc, sink, turn = lean_factors(jnp.asarray(x * x))
+    np.testing.assert_allclose(sinc, np.sin(x) / x, rtol=EXACT)
+    np.testing.assert_allclose(sink, (1 - np.cos(x)) / x**2, rtol=10 * EXACT)
+    printed = (np.cos(x) - np.sin(x) / x) / x**2
+    # The quotient cancels to a thirtieth of its terms at the lower end.
+    np.testing.assert_allclose(turn, printed, rtol=100 * EXACT)
+    at_zero = lean_factors(jnp.zeros(()))
+    np.testing.assert_allclose(at_zero, (1, 1 / 2, -1 / 3), rtol=EXACT)
