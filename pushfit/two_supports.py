@@ -94,8 +94,8 @@ def two_support_forces(
         grasp: Grasp and sensor; states the span.
 
     Returns:
-        Forces of every push, in the frame that does not tilt. Where no lean bears the
-        push the object slides away: no force, and not in contact.
+        Forces of every push, in the frame that does not tilt. Where no lean was found
+        that bears the push: no force, and not in contact.
     """
     group = contact(params)
     frame = make_frame(group, grasp, elevation=pushes.elevation, azimuth=pushes.azimuth)
