@@ -1,7 +1,8 @@
 """Where compiled programs are kept between runs, so that later runs start faster.
 
 Whoever can write there can run code as the user, so the folder belongs to the user
-alone. Only the command line turns it on; PUSHFIT_CACHE=off turns it off.
+alone. Only the command line turns it on, for itself and the processes it starts;
+PUSHFIT_CACHE=off turns it off.
 """
 
 import os
@@ -9,8 +10,10 @@ import stat
 from pathlib import Path
 
 SWITCH = "PUSHFIT_CACHE"
-# Programs that compile faster than this are not worth a file [s].
-SHORTEST_COMPILE = "0.2"
+# Where traced programs are, handed on to child processes.
+PROGRAMS = "PUSHFIT_PROGRAMS"
+# Setting of JAX: where it keeps compiled programs.
+COMPILED = "JAX_COMPILATION_CACHE_DIR"
 
 
 def cache_folder() -> Path:
@@ -21,7 +24,9 @@ def cache_folder() -> Path:
 
 
 def enable_compile_cache() -> str:
-    """Tell JAX, before it is imported, to keep compiled programs.
+    """Keep traced programs, and tell JAX before it is imported to keep compiled ones.
+
+    A folder that the user gave to JAX is taken instead of pushfit's own.
 
     Returns:
         What was decided, for the user.
@@ -29,17 +34,23 @@ def enable_compile_cache() -> str:
     if os.environ.get(SWITCH) == "off":
         return f"off ({SWITCH}=off)"
     try:
-        folder = cache_folder()
+        folder = Path(os.environ.get(COMPILED) or cache_folder())
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         return f"off ({error.strerror})"
     if not is_private(folder):
         return f"off ({folder} is open to others; chmod 700 it)"
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
-    os.environ.setdefault(
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", SHORTEST_COMPILE
-    )
+    os.environ[PROGRAMS] = str(folder)
+    os.environ[COMPILED] = str(folder)
+    # However fast a program compiles, it loads faster.
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     return str(folder)
+
+
+def programs_folder() -> Path | None:
+    """Folder of traced programs; None where none are kept."""
+    folder = os.environ.get(PROGRAMS)
+    return Path(folder) if folder else None
 
 
 def is_private(folder: Path) -> bool:

@@ -135,6 +135,9 @@ def no_cache_set(monkeypatch, tmp_path):
     """Environment without a compile cache, in a home of its own."""
     monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
     monkeypatch.delenv(cache.SWITCH, raising=False)
+    # Set, so that what the command sets is taken back.
+    monkeypatch.setenv(cache.PROGRAMS, "")
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "1")
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
     return tmp_path / "compiled"
 

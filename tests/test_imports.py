@@ -14,7 +14,12 @@ import pushfit
 PACKAGE = Path(pushfit.__file__).parent
 LAYERS = ("errors", "config", "model", "data", "fit", "report", "batch", "cli")
 # The other modules at the top level belong to the model.
-MEMBERS = {"atomic": "errors", "cache": "cli", "__main__": "cli", "__init__": "errors"}
+MEMBERS = {
+    "atomic": "errors",
+    "cache": "errors",
+    "__main__": "cli",
+    "__init__": "errors",
+}
 # What a layer must know nothing of, however deep inside a function.
 FORBIDDEN = {
     "errors": {"numpy", "jax", "pandas", "pydantic"},

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, Int
 
 from pushfit.data.table import PeakTable
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import Band, FitResult
 from pushfit.model import Parameters, Pushes, forward
 
@@ -115,7 +116,7 @@ def predicted_heights(
     return index, np.asarray(_curves(problem, draws, pushes))
 
 
-@eqx.filter_jit
+@compiled
 def _curves(
     problem: Problem, draws: Mapping[str, Float[Array, " m"]], pushes: Pushes
 ) -> Float[Array, "m c g"]:
@@ -131,7 +132,7 @@ def _curves(
     return jax.vmap(curve)(draws)
 
 
-@eqx.filter_jit
+@compiled
 def _best_curve(
     problem: Problem, y: Float[Array, " q"], pushes: Pushes
 ) -> Float[Array, "c g"]:

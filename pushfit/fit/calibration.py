@@ -22,6 +22,7 @@ from pushfit.fit.derived import HALF_TURN, equal_tailed_interval, samples_mappin
 from pushfit.fit.exact import why_not_exact
 from pushfit.fit.identify import Fitted, fit_table, identify_table, reach_of
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitStatus, Identification, Piece, Verdict
 from pushfit.fit.starts import prior_x_samples
 from pushfit.model import Channels, Pushes, forward
@@ -215,7 +216,7 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
     return Simulation(tables=tuple(tables), truths=truths)
 
 
-@eqx.filter_jit
+@compiled
 def _forward(
     problem: Problem, x: Float[Array, "k p"], pushes: Pushes
 ) -> tuple[Float[Array, "k c n"], Bool[Array, "k n"]]:

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,6 +26,7 @@ from pushfit.fit.exact import why_not_exact
 from pushfit.fit.identify import Fitted, draw_posterior, fit_table
 from pushfit.fit.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import build_problem
 from pushfit.fit.starts import encode
@@ -298,7 +298,7 @@ def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:
     return tuple(compared)
 
 
-@eqx.filter_jit
+@compiled
 def _push_log_likelihoods(
     problem: Problem, x: Float[Array, "m p"]
 ) -> Float[Array, "m n"]:

@@ -18,10 +18,12 @@ from jaxtyping import Array, Float, Int
 from pushfit.critical_tilt import critical_friction
 from pushfit.directions import critical_angle
 from pushfit.fit.problem import Problem, State
+from pushfit.fit.programs import compiled
 from pushfit.model import (
     Contact,
     Grasp,
     Scalar,
+    as_float,
     rolling_limits,
     tangential_stiffness,
     unit_vector,
@@ -71,7 +73,7 @@ class ConstrainedFit(eqx.Module):
 
     problem: Problem
     pool: Float[Array, "k q"]
-    reference_alpha: float
+    reference_alpha: Scalar = eqx.field(converter=as_float)
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -161,7 +163,7 @@ class ConstrainedFit(eqx.Module):
         state = self.problem.data_state(y)
         if self.problem.grasp.mechanics == "tilting":
             grasp = self._grasp(state)
-            alpha = jnp.asarray(self.reference_alpha)
+            alpha = self.reference_alpha
             angle = critical_angle(state.params, grasp, alpha)
             is_switch = jnp.abs(angle - value) < SAME_ANGLE
         else:
@@ -202,16 +204,14 @@ class ConstrainedFit(eqx.Module):
         state = self.problem.data_state(z)
         group: Contact = state.params  # pyright: ignore[reportAssignmentType]
         if grasp.mechanics == "tilting":
-            direction = (angle, jnp.asarray(self.reference_alpha))
+            direction = (angle, self.reference_alpha)
             friction = critical_friction(group, self._grasp(state), direction)
             return _safe_log(jnp.where(jnp.isnan(friction), 0.0, friction))
         preload = state.preload / grasp.push_length
         pivot = pivot_name(self.problem)
         sine, cosine = jnp.sin(angle), jnp.cos(angle)
         unit = eqx.tree_at(lambda c: c.B, group, jnp.ones_like(group.B))
-        x, y = tangential_stiffness(
-            unit, unit_vector(jnp.asarray(self.reference_alpha))
-        )
+        x, y = tangential_stiffness(unit, unit_vector(self.reference_alpha))
         if pivot == "ln_A":
             ratio = group.B * norm2(x, y) * cosine / group.C_rr
             return _safe_log((ratio - preload) / sine)
@@ -241,7 +241,7 @@ def _safe_log(value: Scalar) -> Scalar:
     return jnp.log(jnp.maximum(value, 1e-12))
 
 
-@eqx.filter_jit
+@compiled
 def _screen(
     fit: ConstrainedFit, index: Int[Array, " k"], value: Float[Array, " k"]
 ) -> Float[Array, "k s q"]:
@@ -272,7 +272,7 @@ def _screen(
     return jax.lax.map(lambda pair: one(*pair), (index, value))
 
 
-@eqx.filter_jit
+@compiled
 def _solve(
     fit: ConstrainedFit,
     index: Int[Array, " k"],

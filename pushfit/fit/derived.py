@@ -9,13 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from arviz_stats.base.array import array_stats
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy import stats
 
 from pushfit.directions import best_direction, critical_angle
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import Piece
-from pushfit.model import contact
+from pushfit.model import as_float, contact, forward
 
 PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
 # Period of an axis: pushing along α and along α + 180° is the same line [deg].
@@ -43,15 +44,32 @@ def samples_mapping(
         ellipse is free; F_0 and sigma_<channel> where sampled; theta_c [deg], NaN where
         the contact never rolls.
     """
-    columns = _quantities(problem, jnp.asarray(x_samples), reference_alpha, reach)
+    x, alpha = jnp.asarray(x_samples), as_float(reference_alpha)
+    columns = _quantities(problem, x, alpha, reach)
     return {name: np.asarray(values) for name, values in columns.items()}
 
 
-@eqx.filter_jit
+@compiled
+def in_contact(problem: Problem, y: Float[Array, " q"]) -> Bool[Array, " n"]:
+    """Which pushes keep the finger on the object at data coordinates.
+
+    Args:
+        problem: Problem.
+        y: Data coordinates.
+
+    Returns:
+        One entry for each row of the problem, padding included.
+    """
+    state = problem.data_state(y)
+    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+    return forward(state.params, problem.pushes, grasp).in_contact
+
+
+@compiled
 def critical_angle_at(
     problem: Problem,
     y: Float[Array, " q"],
-    reference_alpha: float | Float[Array, ""],
+    reference_alpha: Float[Array, ""],
 ) -> Float[Array, ""]:
     """θ_c at data coordinates.
 
@@ -65,14 +83,14 @@ def critical_angle_at(
     """
     state = problem.data_state(y)
     grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
-    return critical_angle(state.params, grasp, jnp.asarray(reference_alpha))
+    return critical_angle(state.params, grasp, reference_alpha)
 
 
-@eqx.filter_jit
+@compiled
 def _quantities(
     problem: Problem,
     x_samples: Float[Array, "n p"],
-    reference_alpha: float,
+    reference_alpha: Float[Array, ""],
     reach: tuple[float, float],
 ) -> dict[str, Float[Array, " n"]]:
     theta = _middle_elevation(problem)
@@ -81,7 +99,7 @@ def _quantities(
         state = problem.state(x)
         p, group = state.params, contact(state.params)
         grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
-        angle = critical_angle(p, grasp, jnp.asarray(reference_alpha))
+        angle = critical_angle(p, grasp, reference_alpha)
         values = {name: getattr(p, name) for name in PARAMETERS}
         values |= {"A": group.A, "B": group.B, "theta_c": jnp.degrees(angle)}
         if "e1" in problem.priors:

@@ -8,7 +8,6 @@ and no convergence diagnostics; where it does not apply, `why_not_exact` says so
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +20,7 @@ from pushfit.fit.log_density import LogDensity, Table, make_table
 from pushfit.fit.noise_grid import make_noise_grid
 from pushfit.fit.outer import OuterAxis, make_axis
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.quadrature import Cells, cell_nodes, draw_from_nodes
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
 from pushfit.fit.scan import is_linear
@@ -381,19 +381,19 @@ def _table(density: LogDensity | float) -> Table | None:
     return make_table(density) if isinstance(density, LogDensity) else None
 
 
-@eqx.filter_jit
+@compiled
 def _over_C(integrand: Integrand, nodes: Strip | Float[Array, " n"]) -> Inner:
     return jax.lax.map(integrand.over_C, nodes, batch_size=BATCH)
 
 
-@eqx.filter_jit
+@compiled
 def _over_A(
     integrand: Integrand, nodes: Strip | Float[Array, " n"], c: Float[Array, " n"]
 ) -> Inner:
     return jax.vmap(integrand.over_A)(nodes, c)
 
 
-@eqx.filter_jit
+@compiled
 def _at_draws(
     integrand: Integrand,
     nodes: Strip | Float[Array, " n"],
@@ -412,6 +412,6 @@ def _at_draws(
     return jax.vmap(one)(nodes, c, a)
 
 
-@eqx.filter_jit
+@compiled
 def _log_probs(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, " n"]:
     return jax.vmap(problem.log_prob)(x)

@@ -7,13 +7,13 @@ and cannot tell apart.
 
 from collections.abc import Mapping
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem import Problem, State
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import Combination, IdentifiabilityResult
 from pushfit.model import Parameters, as_float
 
@@ -106,7 +106,7 @@ def _scaled(name: str, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n
     return values if name in ("e1", "e2") else np.log(values)
 
 
-@eqx.filter_jit
+@compiled
 def _log_jacobian(
     problem: Problem, u: Float[Array, " p"], names: tuple[str, ...]
 ) -> Float[Array, "m p"]:

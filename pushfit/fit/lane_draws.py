@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.lane_posterior import N_A, REACH_A, LanePosterior, nodes_of_A
 from pushfit.fit.lanes import Lane
+from pushfit.fit.programs import compiled
 from pushfit.model import Scalar
 
 # A log density that rises by less than this over a segment is flat there.
@@ -134,7 +135,7 @@ def _ridge_at(
     )
 
 
-@eqx.filter_jit
+@compiled
 def draw_lanes(
     lanes: Lane, posteriors: LanePosterior, uniform: Float[Array, "l d 4"]
 ) -> LaneDraws:

@@ -13,6 +13,7 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from pushfit.fit.lanes import Face, Lane
+from pushfit.fit.programs import compiled
 from pushfit.fit.scan import LN_C_RR, PSI
 from pushfit.model import Scalar
 
@@ -274,7 +275,7 @@ def _inverse_corner(matrix: Float[Array, "3 3"]) -> Scalar:
     return minor / determinant
 
 
-@eqx.filter_jit
+@compiled
 def fit_lanes(lanes: Lane) -> LaneFit:
     """`fit_lane` of stacked lanes."""
     return jax.vmap(fit_lane)(lanes)

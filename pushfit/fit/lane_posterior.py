@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.lane_fit import LaneFit, NormalPrior, climb
 from pushfit.fit.lanes import Face, Lane, Parabola
+from pushfit.fit.programs import compiled
 from pushfit.model import Scalar
 from pushfit.numerics import sinhc
 
@@ -345,7 +346,7 @@ def _over_C(lane: Lane, u: Scalar, ridge: Ridge):
     return centre, scale, t, log_inner, total, error + jnp.sum(share * inner_error)
 
 
-@eqx.filter_jit
+@compiled
 def integrate_lanes(lanes: Lane, fits: LaneFit) -> LanePosterior:
     """`integrate_lane` of stacked lanes and their fits."""
     return jax.vmap(integrate_lane)(lanes, fits)

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from pushfit.fit.lane_fit import LaneFit, NormalPrior, climb, least_misfit
 from pushfit.fit.lanes import Lane
 from pushfit.fit.profiles import THETA_GRID
+from pushfit.fit.programs import compiled
 from pushfit.fit.scan import LN_C_RR
 from pushfit.model import Scalar
 
@@ -91,7 +92,7 @@ def _best_fits(lane: Lane, u: Float[Array, " g"]) -> LaneProfile:
     return LaneProfile(u, c, a, misfit)
 
 
-@eqx.filter_jit
+@compiled
 def profile_lanes(lanes: Lane, fits: LaneFit) -> LaneProfile:
     """`profile_lane` of stacked lanes and their fits."""
     return jax.vmap(profile_lane)(lanes, fits)

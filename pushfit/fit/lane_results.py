@@ -10,7 +10,6 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -39,6 +38,7 @@ from pushfit.fit.notices import scatter_notice
 from pushfit.fit.problem import Problem
 from pushfit.fit.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.profiles import degrees_of_freedom
+from pushfit.fit.programs import compiled
 from pushfit.fit.quadrature import draw_from_nodes
 from pushfit.fit.results import (
     FitResult,
@@ -352,6 +352,6 @@ def _profile(
     )
 
 
-@eqx.filter_jit
+@compiled
 def _costs(problem: Problem, points: Float[Array, "k q"]) -> Float[Array, " k"]:
     return jax.vmap(lambda y: jnp.sum(problem.data_residuals(y) ** 2))(points)

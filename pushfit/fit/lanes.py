@@ -16,6 +16,7 @@ from scipy.special import logsumexp
 from pushfit.fit.exact import why_not_exact
 from pushfit.fit.log_density import Table
 from pushfit.fit.noise_grid import make_noise_grid
+from pushfit.fit.priors import log_prior_at
 from pushfit.fit.problem import Problem
 from pushfit.fit.scan import is_linear
 from pushfit.model import Contact, Grasp, Pushes, Scalar, forward
@@ -240,7 +241,7 @@ def _scatter(problem: Problem, within: float) -> Table:
     heights = np.asarray(problem.observed)[np.asarray(problem.mask)]
     n = heights.size
     prior = problem.priors[f"sigma_{problem.channels[0]}"]
-    prior = np.asarray(prior.log_prob(jnp.asarray(ln_sigma)))
+    prior = np.asarray(log_prior_at(prior, jnp.asarray(ln_sigma)))
     step = np.log(ln_sigma[1] - ln_sigma[0])
     constant = prior + step - n * (ln_sigma + np.log(2 * np.pi) / 2)
     low = max(float(within), n * float(np.exp(2 * ln_sigma[0])))

@@ -18,6 +18,7 @@ from scipy import optimize
 from pushfit.errors import FitError
 from pushfit.fit.derived import critical_angle_at
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
@@ -237,7 +238,7 @@ def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
     return eqx.tree_at(lambda p: p.reference_sigma, problem, jnp.asarray(sigma))
 
 
-@eqx.filter_jit
+@compiled
 def _polish(
     problem: Problem, starts: Float[Array, "k q"]
 ) -> tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]:
@@ -270,7 +271,7 @@ def minimise(
     return solution.value, cost, is_done
 
 
-@eqx.filter_jit
+@compiled
 def _jacobians(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "k m q"]:
     """Jacobians at y, and beside it along every coordinate."""
     step = BESIDE * jnp.eye(y.size)
@@ -344,18 +345,18 @@ def _modes(
     return tuple(modes)
 
 
-@eqx.filter_jit
+@compiled
 def _predicted(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
     return problem.predict(problem.data_state(y))
 
 
-@eqx.filter_jit
+@compiled
 def _critical_angles(
     problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
 ) -> Float[Array, " k"]:
     return jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(points)
 
 
-@eqx.filter_jit
+@compiled
 def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
     return problem.data_residuals(y)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 
-from pushfit.fit.priors import Prior
+from pushfit.fit.priors import Prior, log_prior_at
 
 # Distance from the centre at which a prior density ends here: 1e-31 of its mass lies
 # beyond.
@@ -114,7 +114,7 @@ def prior_density(prior: Prior) -> LogDensity:
     grid = np.linspace(lower, upper, N_PRIOR_POINTS)
     # Rounding at the bounds of a uniform prior must not leave its support.
     inside = jnp.asarray(np.clip(grid, lower + 1e-12, upper - 1e-12))
-    return _interpolated(grid, np.asarray(prior.log_prob(inside)), float(scale))
+    return _interpolated(grid, np.asarray(log_prior_at(prior, inside)), float(scale))
 
 
 def make_table(density: LogDensity) -> Table:

@@ -9,6 +9,7 @@ import numpy as np
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
+from pushfit.fit.priors import log_prior_at
 from pushfit.fit.problem import Problem
 from pushfit.model import Scalar
 
@@ -69,7 +70,7 @@ def make_noise_grid(problem: Problem) -> NoiseGrid:
     norm = np.where(mask[:, None, :], np.log(2 * np.pi * square) / 2, 0.0)
     prior = np.stack(
         [
-            np.asarray(problem.priors[f"sigma_{name}"].log_prob(jnp.asarray(grid)))
+            np.asarray(log_prior_at(problem.priors[f"sigma_{name}"], jnp.asarray(grid)))
             for name, grid in zip(problem.channels, ln_sigma, strict=True)
         ]
     )

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ from scipy import stats
 from pushfit.config import GraspConfig
 from pushfit.data.table import PeakTable
 from pushfit.fit.criticism import LEVEL, label
+from pushfit.fit.derived import in_contact
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -21,7 +21,7 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.fit.setup import Setup
-from pushfit.model import contact, forward
+from pushfit.model import contact
 
 
 def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
@@ -68,10 +68,8 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
         Rows; by linear mechanics none without a preload, which are even in θ then.
     """
     problem = setup.problem
-    state = problem.data_state(jnp.asarray(fit.estimate))
-    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
-    channels = forward(state.params, problem.pushes, grasp)
-    is_lost = ~np.asarray(channels.in_contact)[: len(setup.rows)]
+    is_held = np.asarray(in_contact(problem, jnp.asarray(fit.estimate)))
+    is_lost = ~is_held[: len(setup.rows)]
     return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
 
 

@@ -7,7 +7,6 @@ around every mode of the likelihood. Excluded: integrating.
 import itertools
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +14,7 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.integrand import Integrand, Strip
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult
 
 # Elevations outside this range switch nowhere [rad].
@@ -183,6 +183,6 @@ def _modes(
     return np.array(centres), np.array(scales)
 
 
-@eqx.filter_jit
+@compiled
 def _jacobian(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "m q"]:
     return jax.jacfwd(problem.data_residuals)(y)

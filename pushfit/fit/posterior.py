@@ -26,6 +26,7 @@ from pushfit.fit.derived import samples_mapping
 from pushfit.fit.diagnostics import MIN_AUTOCORR_TIMES, diagnose
 from pushfit.fit.moves import DifferenceMove, IndependenceMove, fit_mixture
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import Diagnostics, FitResult, FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup
 from pushfit.fit.starts import prior_x_samples, starting_points
@@ -146,7 +147,7 @@ def sample_posterior(
     )
 
 
-@jax.jit
+@compiled
 def _theta_c(
     problem: Problem, x: Float[Array, "n p"], alpha: Float[Array, ""]
 ) -> Float[Array, " n"]:

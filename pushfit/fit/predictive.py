@@ -13,7 +13,6 @@ References:
     Sinica 6, 733.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +21,7 @@ from jaxtyping import Array, Float
 from pushfit.data.table import PeakTable
 from pushfit.fit.criticism import Directions, pushed_directions
 from pushfit.fit.problem import STUDENT_DOF, Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitStatus, PosteriorResult, PredictiveCheck
 from pushfit.fit.setup import Setup
 from pushfit.fit.starts import encode
@@ -96,7 +96,7 @@ def _noise(
     return rng.standard_normal(shape)
 
 
-@eqx.filter_jit
+@compiled
 def _residuals(problem: Problem, x: Float[Array, "m p"]) -> Float[Array, "m c n"]:
     """Residuals of the observed heights over the noise, at each draw."""
 

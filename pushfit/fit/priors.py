@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from scipy import stats
 
 from pushfit.config import GraspConfig
+from pushfit.fit.programs import compiled
 from pushfit.model import Scalar, as_float
 
 POSITIVE = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0")
@@ -100,6 +101,20 @@ class Prior(eqx.Module):
         if self.kind == "uniform":
             return f"uniform from {first:g} to {second:g}"
         return f"normal, mean {first:g}, sd {second:g}"
+
+
+@compiled
+def log_prior_at(prior: Prior, u: Float[Array, " n"]) -> Float[Array, " n"]:
+    """`Prior.log_prob` as one program, for callers that are not compiled.
+
+    Args:
+        prior: Prior.
+        u: Where to evaluate [ln unit, or unit for e1 and e2].
+
+    Returns:
+        Log density.
+    """
+    return prior.log_prob(u)
 
 
 def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:

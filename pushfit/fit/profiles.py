@@ -8,7 +8,6 @@ critical angles stay two, and an end that no push bounds stays open.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,6 +19,7 @@ from pushfit.fit.implied import implied_profiles
 from pushfit.fit.priors import UNITS
 from pushfit.fit.problem import Problem
 from pushfit.fit.profile_sets import pieces_below, threshold, verdict_of
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
@@ -196,7 +196,7 @@ def _scattered(problem: Problem) -> Float[np.ndarray, "t s q"]:
     return points.reshape(N_TRIALS, N_PER_TRIAL, -1)
 
 
-@eqx.filter_jit
+@compiled
 def _data_points(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n q"]:
     """Data coordinates of points in sampling coordinates."""
 

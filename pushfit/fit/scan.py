@@ -8,7 +8,6 @@ every basin; with a preload A joins the grid. Excluded: polishing.
 
 import itertools
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from jaxtyping import Array, Float
 from scipy import ndimage
 
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.pulls import held_values
 from pushfit.model import contact
 
@@ -150,7 +150,7 @@ def _log_s(problem: Problem, values: dict[str, np.ndarray]) -> Float[np.ndarray,
     return np.log(np.maximum(s, SMALLEST_S))
 
 
-@eqx.filter_jit
+@compiled
 def _best_log_scale(
     problem: Problem, points: Float[Array, "k q"]
 ) -> Float[Array, " k"]:
@@ -167,7 +167,7 @@ def _best_log_scale(
     return jax.lax.map(scale, points, batch_size=CHUNK)
 
 
-@eqx.filter_jit
+@compiled
 def _costs(problem: Problem, points: Float[Array, "k q"]) -> Float[Array, " k"]:
     """Sum of squared residuals at each point."""
 

@@ -20,6 +20,7 @@ from pushfit.fit.chains import advance, in_chunks
 from pushfit.fit.moves import DifferenceMove, IndependenceMove, fit_mixture
 from pushfit.fit.priors import POSITIVE, UNITS
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult
 from pushfit.model import Parameters
 
@@ -120,7 +121,7 @@ def starting_points(
     return points
 
 
-@jax.jit
+@compiled
 def _coordinates(params: Float[Array, "n 8"]) -> Float[Array, "n 8"]:
     """Rows of `PARAMETERS` as rows of the fields of `Coordinates`."""
     coords = jax.vmap(lambda row: coordinates(Parameters(*row)))(params)

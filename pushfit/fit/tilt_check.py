@@ -17,8 +17,9 @@ from scipy import optimize
 from pushfit.config import GraspConfig
 from pushfit.displacements import displacements
 from pushfit.fit.data_point import data_names
-from pushfit.fit.derived import PARAMETERS, critical_angle_at
+from pushfit.fit.derived import PARAMETERS, critical_angle_at, in_contact
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 from pushfit.fit.pulls import with_pulls
 from pushfit.fit.results import (
     FitResult,
@@ -28,7 +29,7 @@ from pushfit.fit.results import (
 )
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
-from pushfit.model import Grasp, Parameters, Pushes, forward
+from pushfit.model import Grasp, Parameters, Pushes
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
 LARGE_TILT_DEG = 2.0
@@ -97,12 +98,12 @@ def fit_tilting(problem: Problem, *, reference_alpha: float) -> TiltingFit:
     """
     problem = tilting_problem(problem)
     y = _best(problem)
-    is_held = np.asarray(_in_contact(problem, y)) & np.asarray(problem.mask[0])
+    is_held = np.asarray(in_contact(problem, y)) & np.asarray(problem.mask[0])
     if not np.array_equal(is_held, problem.mask[0]):
         mask = problem.mask & jnp.asarray(is_held)[None]
         problem = eqx.tree_at(lambda p: p.mask, problem, mask)
         y = _best(problem)
-    angle = float(critical_angle_at(problem, y, reference_alpha))
+    angle = float(critical_angle_at(problem, y, jnp.asarray(reference_alpha)))
     residuals = np.asarray(_residuals(problem, y))[: np.size(problem.mask)]
     return TiltingFit(
         theta_c_deg=None if np.isnan(angle) else float(np.degrees(angle)),
@@ -192,18 +193,11 @@ def _best(problem: Problem) -> Float[Array, " q"]:
     return jnp.asarray(min(found, key=lambda pair: pair[0])[1])
 
 
-@eqx.filter_jit
+@compiled
 def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
     return problem.data_residuals(y)
 
 
-@eqx.filter_jit
-def _in_contact(problem: Problem, y: Float[Array, " q"]) -> Bool[Array, " n"]:
-    state = problem.data_state(y)
-    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
-    return forward(state.params, problem.pushes, grasp).in_contact
-
-
-@eqx.filter_jit
+@compiled
 def _tilt(params: Parameters, pushes: Pushes, grasp: Grasp) -> Float[Array, " n"]:
     return displacements(params, pushes, grasp).tilt

@@ -1,0 +1,140 @@
+"""Compiled functions whose traced programs outlive the process.
+
+Tracing and lowering a program takes longer than loading the machine code that JAX keeps
+of it. Where the compile cache is on, `compiled` therefore keeps the traced program too,
+in the portable form of `jax.export`, under a fingerprint of everything it was traced
+from: the source of pushfit, the versions of what it calls, the shapes of the arrays and
+all that is not an array. A file that is damaged, or cannot be written, is as good as
+none.
+"""
+
+import contextlib
+import dataclasses
+import functools
+import hashlib
+import inspect
+from collections.abc import Callable, Hashable
+from importlib import metadata
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax import export
+from jax.core import Tracer
+
+from pushfit.atomic import atomic_path
+from pushfit.cache import programs_folder
+
+P = ParamSpec("P")
+R = TypeVar("R")
+# What takes part in tracing.
+TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
+# LAPACK's solver by QR is called in a form that may change with the version of jaxlib,
+# which is part of the fingerprint.
+UNGUARANTEED = (export.DisabledSafetyCheck.custom_call("lapack_dormqr_ffi"),)
+# What names a function only within one process.
+ADDRESS = " at 0x"
+DIGEST_SIZE = hashlib.sha256().digest_size
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function of arrays, as `eqx.filter_jit` does.
+
+    Args:
+        function: Pure function of positional arguments: arrays, modules of arrays, and
+            constants. It returns arrays, containers of them, or a module that holds
+            nothing but arrays, named in its annotation.
+
+    Returns:
+        The same function. Called inside of another compiled function it is a part of
+        that one.
+    """
+    jitted = eqx.filter_jit(function)
+    programs: dict[Hashable, Callable[..., R]] = {}
+    _make_storable(inspect.get_annotations(function, eval_str=True).get("return"))
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        folder = programs_folder()
+        arrays, constants = eqx.partition(args, eqx.is_array)
+        leaves, structure = jax.tree.flatten(arrays)
+        is_part = any(isinstance(leaf, Tracer) for leaf in leaves)
+        if folder is None or kwargs or is_part:
+            return jitted(*args, **kwargs)
+        values, layout = jax.tree.flatten(constants)
+        shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+        key = (structure, layout, tuple(values), shapes)
+        if key not in programs:
+            text = f"{function.__module__}.{function.__qualname__}{key}"
+            if ADDRESS in text:
+                return jitted(*args, **kwargs)
+
+            def flat(*leaves: jax.Array) -> R:
+                arrays = jax.tree.unflatten(structure, leaves)
+                return function(*eqx.combine(arrays, constants), **kwargs)
+
+            path = folder / f"{_fingerprint(text)}-traced"
+            programs[key] = _load(path) or _trace(flat, leaves, path)
+        return programs[key](*leaves)
+
+    return call
+
+
+def _make_storable(returned: object) -> None:
+    """Let programs be kept that return a module of arrays."""
+    if not (isinstance(returned, type) and issubclass(returned, eqx.Module)):
+        return
+    example = object.__new__(returned)
+    for field in dataclasses.fields(returned):
+        object.__setattr__(example, field.name, 0)
+    _, constants = jax.tree.structure(example).node_data()
+    with contextlib.suppress(ValueError):  # another function has seen to it
+        export.register_pytree_node_serialization(
+            returned,
+            serialized_name=f"{returned.__module__}.{returned.__qualname__}",
+            serialize_auxdata=lambda _: b"",
+            deserialize_auxdata=lambda _: constants,
+        )
+
+
+def _fingerprint(text: str) -> str:
+    """Digest of what a program is called with, by and on."""
+    parts = (_origin(), jax.default_backend(), text)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+@functools.cache
+def _origin() -> str:
+    """Digest of what programs are traced by."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        digest.update(path.read_bytes())
+    for name in TRACED_BY:
+        digest.update(f"{name} {metadata.version(name)}".encode())
+    return digest.hexdigest()
+
+
+def _load(path: Path) -> Callable[..., Any] | None:
+    """A program from its file; None where there is none, or a damaged one."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    digest, program = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
+    if hashlib.sha256(program).digest() != digest:
+        return None
+    return jax.jit(export.deserialize(bytearray(program)).call)
+
+
+def _trace(
+    function: Callable[..., R], leaves: list[jax.Array | np.ndarray], path: Path
+) -> Callable[..., R]:
+    """Trace a function of arrays and keep the program."""
+    shapes = [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in leaves]
+    traced = export.export(jax.jit(function), disabled_checks=UNGUARANTEED)(*shapes)
+    program = bytes(traced.serialize())
+    with contextlib.suppress(OSError), atomic_path(path) as temporary:
+        temporary.write_bytes(hashlib.sha256(program).digest() + program)
+    return jax.jit(traced.call)

@@ -1,0 +1,183 @@
+"""Traced programs outlive the process, and never stand in for another one."""
+
+import os
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+
+from pushfit import cache
+from pushfit.config import GraspConfig
+from pushfit.data.simulate import simulate_table
+from pushfit.fit import programs
+from pushfit.fit.identify import fit_table
+from pushfit.fit.programs import compiled
+from pushfit.model import Grasp, Parameters
+
+
+class Line(eqx.Module):
+    """Something with arrays and a constant."""
+
+    slope: Float[Array, ""]
+    power: int = eqx.field(static=True)
+
+
+class Pair(eqx.Module):
+    """Something to return."""
+
+    value: Float[Array, " n"]
+    double: Float[Array, " n"]
+
+
+@pytest.fixture
+def folder(monkeypatch, tmp_path):
+    """Folder in which programs are kept."""
+    monkeypatch.setenv(cache.PROGRAMS, str(tmp_path))
+    return tmp_path
+
+
+def counted():
+    """A function as a new process would define it, and how often it was traced."""
+    traces = []
+
+    def line_at(line: Line, x: Float[Array, " n"]) -> Pair:
+        traces.append(x.shape)
+        value = line.slope * x**line.power
+        return Pair(value, 2 * value)
+
+    return compiled(line_at), traces
+
+
+LINE, X = Line(jnp.asarray(3.0), 2), jnp.arange(4.0)
+
+
+def test_a_later_process_does_not_trace_again(folder):
+    first, traced = counted()
+    later, traced_later = counted()
+    np.testing.assert_array_equal(first(LINE, X).value, 3 * np.arange(4.0) ** 2)
+    found = later(LINE, X)
+    assert isinstance(found, Pair)
+    np.testing.assert_array_equal(found.double, 6 * np.arange(4.0) ** 2)
+    assert (len(traced), len(traced_later)) == (1, 0)
+    assert len(list(folder.iterdir())) == 1
+
+
+def test_other_numbers_run_through_the_same_program(folder):
+    function, traced = counted()
+    function(LINE, X)
+    found = function(Line(jnp.asarray(5.0), 2), X + 1)
+    np.testing.assert_array_equal(found.value, 5 * np.arange(1.0, 5.0) ** 2)
+    assert len(traced) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "x"),
+    [
+        (Line(jnp.asarray(3.0), 3), X),
+        (LINE, jnp.arange(5.0)),
+        (LINE, jnp.arange(4)),
+        (LINE, np.arange(5.0)),
+    ],
+    ids=["constant", "shape", "dtype", "host"],
+)
+def test_another_question_has_another_program(folder, line, x):
+    function, _ = counted()
+    function(LINE, X)
+    later, traced = counted()
+    found = later(line, x)
+    np.testing.assert_array_equal(found.value, 3 * np.asarray(x) ** line.power)
+    assert len(traced) == 1
+
+
+def test_another_source_has_another_program(folder, monkeypatch):
+    function, _ = counted()
+    function(LINE, X)
+    monkeypatch.setattr(programs, "_origin", lambda: "edited")
+    later, traced = counted()
+    later(LINE, X)
+    assert len(traced) == 1
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[: len(content) // 2],
+        lambda content: content[:-1] + bytes([content[-1] ^ 1]),
+    ],
+    ids=["empty", "cut", "flipped bit"],
+)
+def test_a_damaged_program_is_made_again(folder, damage):
+    function, _ = counted()
+    function(LINE, X)
+    (path,) = folder.iterdir()
+    content = path.read_bytes()
+    path.write_bytes(damage(content))
+    later, traced = counted()
+    np.testing.assert_array_equal(later(LINE, X).value, 3 * np.arange(4.0) ** 2)
+    third, traced_third = counted()
+    third(LINE, X)
+    assert (len(traced), len(traced_third)) == (1, 0)
+
+
+def test_a_folder_that_is_gone_costs_nothing_but_time(folder):
+    folder.rmdir()
+    function, _ = counted()
+    np.testing.assert_array_equal(function(LINE, X).value, 3 * np.arange(4.0) ** 2)
+
+
+def test_nothing_is_kept_unless_asked_for(monkeypatch):
+    monkeypatch.delenv(cache.PROGRAMS, raising=False)
+    first, _ = counted()
+    later, traced = counted()
+    first(LINE, X)
+    later(LINE, X)
+    assert len(traced) == 1
+
+
+def test_a_function_among_the_arguments_is_not_kept(folder):
+    # Its name says nothing of what it does in another process.
+    applied = compiled(lambda function, x: function(x))
+    np.testing.assert_array_equal(applied(lambda x: 2 * x, X), 2 * np.arange(4.0))
+    np.testing.assert_array_equal(applied(lambda x: 3 * x, X), 3 * np.arange(4.0))
+    assert not list(folder.iterdir())
+
+
+def test_a_part_of_another_program_is_not_kept(folder):
+    function, _ = counted()
+    slope = jax.grad(lambda x: jnp.sum(function(LINE, x).value))(X)
+    np.testing.assert_array_equal(slope, 6 * np.arange(4.0))
+    assert not list(folder.iterdir())
+
+
+def test_a_fit_is_the_same_to_the_last_bit(folder, monkeypatch):
+    table = simulate_table(
+        Parameters(K_sn=1200.0, K_dn=600.0, K_st=300.0, C_rr=0.24, C_d=0.24, L=0.04),
+        Grasp(push_length=5e-3),
+        theta=np.radians(np.linspace(5, 85, 9)),
+        alpha=np.pi / 2,
+        repeats=2,
+        noise=0.03,
+        rng=np.random.default_rng(0),
+    )
+    kept = fit_table(table, GraspConfig()).fit
+    assert list(folder.iterdir())
+    monkeypatch.delenv(cache.PROGRAMS)
+    plain = fit_table(table, GraspConfig()).fit
+    np.testing.assert_array_equal(kept.estimate, plain.estimate)
+    np.testing.assert_array_equal(kept.covariance, plain.covariance)
+    assert kept.chi_square == plain.chi_square
+
+
+def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
+    monkeypatch.setenv(cache.SWITCH, "on")
+    monkeypatch.setenv(cache.COMPILED, str(tmp_path / "compiled"))
+    monkeypatch.setenv(cache.PROGRAMS, "")
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "1")
+    assert cache.programs_folder() is None
+    cache.enable_compile_cache()
+    assert os.environ[cache.PROGRAMS] == str(tmp_path / "compiled")
+    assert cache.programs_folder() == tmp_path / "compiled"
