@@ -1,22 +1,32 @@
-"""How a user of lmfit or SciPy would do what pushfit does, with its model and noise.
+"""How a user of lmfit, SciPy or numpyro would do what pushfit does, with its model.
 
 Local fits are of A, B and C_rr in logs from the medians of the priors, which hides
 their ambiguity and is to the advantage of the peers. The sampler of lmfit gets all six
 parameters in logs with the priors of pushfit as further residuals, so that its
-posterior is the same.
+posterior is the same. NUTS of numpyro gets the density of pushfit itself, in its
+coordinates for sampling.
 """
 
+import jax
+import jax.numpy as jnp
 import lmfit
 import numpy as np
+from arviz_stats.base.array import array_stats
 from jaxtyping import Float
+from numpyro.infer import MCMC, NUTS
 from scipy import optimize
 
 from benchmarks.tables import NAMES, PUSH_LENGTH
 from pushfit.data.table import PeakTable
+from pushfit.fit.derived import samples_mapping
 from pushfit.fit.diagnostics import autocorr_time
 from pushfit.fit.priors import default_priors
+from pushfit.fit.problem import Problem
+from pushfit.fit.starts import prior_x_samples
 
 N_WALKERS = 64
+# Chains of NUTS, and steps of each.
+N_CHAINS, N_WARMUP, N_KEPT = 4, 1000, 2000
 PRIORS = default_priors(None)
 MEDIANS = np.array([np.log(float(PRIORS[name].first)) for name in NAMES])
 SPREADS = np.array([float(PRIORS[name].second) for name in NAMES])
@@ -100,3 +110,21 @@ def sample_by_lmfit(
     A, B, C_rr = np.moveaxis(combined(found.chain), -1, 0)
     trace = np.arctan(np.exp(B - A - C_rr))[:, None, :]
     return trace.size / autocorr_time(trace)
+
+
+def sample_by_nuts(problem: Problem, reach: tuple[float, float]) -> float:
+    """Effective draws of θ_c that NUTS of numpyro makes from starts in the prior."""
+    run = MCMC(
+        NUTS(potential_fn=lambda x: -problem.log_prob(x)),
+        num_warmup=N_WARMUP,
+        num_samples=N_KEPT,
+        num_chains=N_CHAINS,
+        chain_method="vectorized",
+        progress_bar=False,
+    )
+    starts = prior_x_samples(problem, np.random.default_rng(0), N_CHAINS)
+    run.run(jax.random.PRNGKey(0), init_params=jnp.asarray(starts))
+    points = np.asarray(run.get_samples())
+    theta_c = samples_mapping(problem, points, 0.0, reach)["theta_c"]
+    chains = theta_c.reshape(N_CHAINS, N_KEPT)
+    return float(array_stats.ess(chains, chain_axis=0, draw_axis=1, method="mean"))

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from benchmarks import peers, recording_scale, tables, tilting_cost
+from pushfit.cache import PROGRAMS
 from pushfit.fit.exact import exact_posterior
 from pushfit.fit.identify import fit_table, reach_of
 from pushfit.fit.lane_draws import draw_lanes
@@ -183,6 +184,34 @@ def test_effective_draws_of_emcee(compare, fitted, questions, lmfit_runs):
         ("lmfit `.emcee`", lmfit_runs),
         rounds=N_LONG,
         target=60,
+        is_peer_warm=True,
+    )
+
+
+@pytest.fixture
+def nothing_compiled(monkeypatch):
+    """Forgets, when it is called, all that was compiled or traced."""
+    monkeypatch.delenv(PROGRAMS, raising=False)
+    jax.config.update("jax_enable_compilation_cache", False)
+    yield jax.clear_caches
+    jax.config.update("jax_enable_compilation_cache", True)
+
+
+def test_emcee_against_nuts(compare, fitted, questions, nothing_compiled):
+    def ours() -> float:
+        nothing_compiled()
+        found = sample_posterior(fitted[0].setup, fitted[0].fit, **questions)
+        return found.diagnostics.ess["theta_c"]
+
+    def nuts() -> float:
+        nothing_compiled()
+        return peers.sample_by_nuts(fitted[0].setup.problem, questions["reach"])
+
+    compare(
+        ("emcee from start to end, compiling too, per effective draw of θ_c", ours),
+        ("NUTS of numpyro", nuts),
+        rounds=N_LONG,
+        target=5,
         is_peer_warm=True,
     )
 
