@@ -21,6 +21,7 @@ from pushfit.errors import ConvergenceError
 from pushfit.fit import checkpoint
 from pushfit.fit.moves import Mixture
 from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
 
 # Rows per call of the compiled density: half of all walkers, the size of a difference
 # move's call, so that one program serves everything.
@@ -138,7 +139,7 @@ class Densities:
         return log_prior + log_likelihood
 
 
-@jax.jit
+@compiled
 def _log_densities(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n 2"]:
     def one(x: Float[Array, " p"]) -> Float[Array, " 2"]:
         log_likelihood = problem.log_likelihood(problem.state(x))

@@ -31,8 +31,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 # What takes part in tracing.
 TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
-# LAPACK's solver by QR is called in a form that may change with the version of jaxlib,
-# which is part of the fingerprint.
+# Calls whose form may change with the version of jaxlib, which is part of the
+# fingerprint: LAPACK's solver by QR.
 UNGUARANTEED = (export.DisabledSafetyCheck.custom_call("lapack_dormqr_ffi"),)
 # What names a function only within one process.
 ADDRESS = " at 0x"
@@ -58,26 +58,29 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         folder = programs_folder()
-        arrays, constants = eqx.partition(args, eqx.is_array)
-        leaves, structure = jax.tree.flatten(arrays)
-        is_part = any(isinstance(leaf, Tracer) for leaf in leaves)
-        if folder is None or kwargs or is_part:
+        if folder is None or kwargs:
             return jitted(*args, **kwargs)
-        values, layout = jax.tree.flatten(constants)
-        shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
-        key = (structure, layout, tuple(values), shapes)
+        leaves, structure = jax.tree.flatten(args)
+        arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
+        if any(isinstance(array, Tracer) for array in arrays):
+            return jitted(*args, **kwargs)
+        shapes = tuple((array.shape, array.dtype) for array in arrays)
+        # No leaf is None, so that None can stand for an array.
+        constants = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
+        key = (structure, constants, shapes)
         if key not in programs:
             text = f"{function.__module__}.{function.__qualname__}{key}"
             if ADDRESS in text:
                 return jitted(*args, **kwargs)
 
-            def flat(*leaves: jax.Array) -> R:
-                arrays = jax.tree.unflatten(structure, leaves)
-                return function(*eqx.combine(arrays, constants), **kwargs)
+            def flat(*arrays: jax.Array) -> R:
+                values = iter(arrays)
+                filled = [next(values) if c is None else c for c in constants]
+                return function(*jax.tree.unflatten(structure, filled), **kwargs)
 
             path = folder / f"{_fingerprint(text)}-traced"
-            programs[key] = _load(path) or _trace(flat, leaves, path)
-        return programs[key](*leaves)
+            programs[key] = _load(path) or _trace(flat, arrays, path)
+        return programs[key](*arrays)
 
     return call
 
@@ -129,11 +132,20 @@ def _load(path: Path) -> Callable[..., Any] | None:
 
 
 def _trace(
-    function: Callable[..., R], leaves: list[jax.Array | np.ndarray], path: Path
+    function: Callable[..., R], arrays: list[jax.Array | np.ndarray], path: Path
 ) -> Callable[..., R]:
-    """Trace a function of arrays and keep the program."""
-    shapes = [jax.ShapeDtypeStruct(leaf.shape, leaf.dtype) for leaf in leaves]
-    traced = export.export(jax.jit(function), disabled_checks=UNGUARANTEED)(*shapes)
+    """Trace a function of arrays and keep the program, if it can be."""
+    jitted = jax.jit(function)
+    shapes = [jax.ShapeDtypeStruct(array.shape, array.dtype) for array in arrays]
+    try:
+        traced = export.export(jitted, disabled_checks=UNGUARANTEED)(*shapes)
+    except NotImplementedError:  # it calls back to Python
+        return jitted
+    except ValueError as error:
+        # Other processors have linear algebra of their own.
+        if "custom calls" not in str(error):
+            raise
+        return jitted
     program = bytes(traced.serialize())
     with contextlib.suppress(OSError), atomic_path(path) as temporary:
         temporary.write_bytes(hashlib.sha256(program).digest() + program)

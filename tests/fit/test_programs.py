@@ -5,6 +5,7 @@ import os
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import lineax as lx
 import numpy as np
 import pytest
 from jaxtyping import Array, Float
@@ -144,6 +145,28 @@ def test_a_function_among_the_arguments_is_not_kept(folder):
     np.testing.assert_array_equal(applied(lambda x: 2 * x, X), 2 * np.arange(4.0))
     np.testing.assert_array_equal(applied(lambda x: 3 * x, X), 3 * np.arange(4.0))
     assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize("throw", [False, True], ids=["LAPACK", "Python"])
+def test_a_program_that_calls_elsewhere_is_not_kept(folder, monkeypatch, throw):
+    # LAPACK in a form without guarantee, or Python to raise an error.
+    monkeypatch.setattr(programs, "UNGUARANTEED", ())
+
+    def solve(matrix: Float[Array, "n k"], x: Float[Array, " n"]) -> Float[Array, " k"]:
+        operator = lx.MatrixLinearOperator(matrix)
+        return lx.linear_solve(operator, x, lx.QR(), throw=throw).value
+
+    found = compiled(solve)(jnp.eye(4)[:, :2] * 2, X)
+    np.testing.assert_allclose(found, [0.0, 0.5])
+    assert not list(folder.iterdir())
+
+
+def test_an_error_of_the_function_is_not_hidden(folder):
+    def wrong(x: Float[Array, " n"]) -> Float[Array, " n"]:
+        raise ValueError("wrong")
+
+    with pytest.raises(ValueError, match="wrong"):
+        compiled(wrong)(X)
 
 
 def test_a_part_of_another_program_is_not_kept(folder):
