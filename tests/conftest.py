@@ -13,10 +13,11 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 CACHE = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
 CACHE.mkdir(mode=0o700, parents=True, exist_ok=True)
 jax.config.update("jax_compilation_cache_dir", str(CACHE))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
 # Processes that tests start share it as well. Traced programs are not kept: a test that
 # replaces part of the package must not leave its program to others.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["PUSHFIT_CACHE"] = "off"
 
 
