@@ -19,6 +19,7 @@ from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.problem import Problem
 from pushfit.fit.setup import build_problem
+from pushfit.fit.slopes import jacobian
 from pushfit.fit.starts import prior_x_samples
 from pushfit.model import Grasp, Parameters, Vector, forward
 
@@ -85,7 +86,7 @@ def main() -> None:
     x = jnp.asarray(prior_x_samples(posed["tilting"], rng, N_DRAWS))
     near = jnp.asarray(np.median(x, axis=0) + 0.1 * rng.standard_normal(x.shape))
     model = {name: heights(p) for name, p in posed.items()}
-    slopes = {name: jax.jacfwd(f) for name, f in model.items()}
+    slopes = {name: jacobian(f) for name, f in model.items()}
     density = {name: p.log_prob for name, p in posed.items()}
     print(f"{'':32}{'linear':>11} {'tilting':>11} {'ratio':>8}")
     for name, functions in (

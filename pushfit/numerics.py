@@ -28,6 +28,14 @@ def norm2(x: Float[Array, "*s"], y: Float[Array, "*s"]) -> Float[Array, "*s"]:
     return jnp.where(is_zero, 0.0, jnp.sqrt(jnp.where(is_zero, 1.0, square)))
 
 
+def positive_part(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """The larger of x and 0; at 0 its slope is that of 0.
+
+    The derivative of `jnp.maximum` shares ties by two divisions for each number.
+    """
+    return jnp.where(x > 0, x, 0.0)
+
+
 def softmin(
     a: Float[Array, "*s"], b: Float[Array, "*s"], sharpness: float
 ) -> Float[Array, "*s"]:

@@ -33,11 +33,13 @@ from pushfit.containers import (
     support,
     tangential_compliance,
 )
-from pushfit.numerics import norm2, sine, softmin, versine
+from pushfit.numerics import norm2, positive_part, sine, softmin, versine
 from pushfit.roots import falling_root
 
 # Largest tilt, 82° [rad]: an object that leans further has fallen over.
 MAX_TILT = 1.43
+# Newton steps on polynomials, cheap beside those on the equilibrium.
+N_GUESSES = 2
 
 
 class Hold(eqx.Module):
@@ -184,20 +186,54 @@ def _tilted_by(
 
 
 def _unrolled_guess(hold: Hold) -> Vector:
-    """Tilt of a small push that deforms the contact [-]."""
-    turning = hold.C_d / hold.L - jnp.maximum(hold.preload + hold.A * hold.into, 0.0)
-    bending = jnp.maximum(turning, 0.0) * _mean_compliance(hold)
-    return hold.along / (hold.L + bending)
+    """Tilt of a push that deforms the contact, but for its fifth power [rad]."""
+    compliance, pressed = _mean_compliance(hold), _pressed_upright(hold)
+    turning = hold.C_d / hold.L - pressed
+    sinking = hold.A * hold.L / 2
+    third = compliance * (turning / 2 + pressed / 6 + sinking) - hold.L / 6
+    zero = jnp.zeros_like(pressed)
+    return _reached(hold, (zero, hold.L + compliance * turning, zero, third))
 
 
 def _rolled_guess(hold: Hold) -> Vector:
-    """Tilt of a small push that rolls [-]."""
-    pressed = jnp.maximum(hold.preload + hold.A * hold.into, 0.0)
-    compliance = _mean_compliance(hold)
-    # F_t falls with the tilt, by F_n / cos² φ for each radian.
-    falling = compliance * pressed * (1 + hold.C_rr**2)
-    left = jnp.maximum(hold.L - falling, hold.L / 2)
-    return (hold.along - compliance * hold.C_rr * pressed) / left
+    """Tilt of a push that rolls, but for its fifth power; 0 if none [rad]."""
+    compliance, pressed = _mean_compliance(hold), _pressed_upright(hold)
+    sinking, mu = hold.A * hold.L / 2, hold.C_rr
+    # Powers of γ in F_n tan(φ - γ) where tan φ = μ.
+    slope = 1 + mu**2
+    steep = slope * (1 + 3 * mu**2) / 3
+    steeper = mu * slope * (2 + 3 * mu**2) / 3
+    force = (
+        pressed * mu,
+        -pressed * slope,
+        (pressed * slope - sinking) * mu,
+        sinking * slope - pressed * steep,
+        pressed * steeper + sinking * mu * (1 / 12 - slope),
+    )
+    leaning = (0.0, hold.L, 0.0, -hold.L / 6, 0.0)
+    return _reached(
+        hold, tuple(l + compliance * f for l, f in zip(leaning, force, strict=True))
+    )
+
+
+def _pressed_upright(hold: Hold) -> Vector:
+    """F_n of an object that does not tilt [N]."""
+    return positive_part(hold.preload + hold.A * hold.into)
+
+
+def _reached(hold: Hold, displacement: tuple[Vector, ...]) -> Vector:
+    """Tilt of a push whose displacement is a polynomial in it [rad]."""
+    powers = jnp.broadcast_arrays(*displacement)
+    # As steep as that everywhere, so that no step leads far off.
+    floor = hold.L / 4
+    tilt = (hold.along - powers[0]) / jnp.maximum(powers[1], floor)
+    for _ in range(N_GUESSES):
+        tilt = jnp.clip(tilt, 0.0, MAX_TILT)
+        value, slope = powers[-1], jnp.zeros_like(tilt)
+        for power in powers[-2::-1]:
+            value, slope = value * tilt + power, slope * tilt + value
+        tilt = tilt + (hold.along - value) / jnp.maximum(slope, floor)
+    return tilt
 
 
 def pressed_force(hold: Hold, tilt: Vector) -> Vector:
@@ -207,13 +243,13 @@ def pressed_force(hold: Hold, tilt: Vector) -> Vector:
 
 def elastic_force(hold: Hold, tilt: Vector) -> Vector:
     """F_t at which C_d γ balances the moments, (C_d γ/L - F_n sin γ) / cos γ [N]."""
-    normal = jnp.maximum(pressed_force(hold, tilt), 0.0)
+    normal = positive_part(pressed_force(hold, tilt))
     return (hold.C_d / hold.L * tilt - normal * sine(tilt)) / (1 - versine(tilt))
 
 
 def rolling_force(hold: Hold, tilt: Vector) -> Vector:
     """F_t at which C_rr L N balances the moments, F_n tan(atan C_rr - γ) [N]."""
-    normal = jnp.maximum(pressed_force(hold, tilt), 0.0)
+    normal = positive_part(pressed_force(hold, tilt))
     sin, cos = sine(tilt), 1 - versine(tilt)
     return normal * (hold.C_rr * cos - sin) / (cos + hold.C_rr * sin)
 

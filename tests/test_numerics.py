@@ -12,6 +12,7 @@ from pushfit.numerics import (
     asinhc,
     lean_factors,
     norm2,
+    positive_part,
     sine,
     sinhc,
     softclip,
@@ -167,3 +168,10 @@ def test_the_factors_of_a_lean_are_the_printed_quotients():
     np.testing.assert_allclose(turn, printed, rtol=100 * EXACT)
     at_zero = lean_factors(jnp.zeros(()))
     np.testing.assert_allclose(at_zero, (1, 1 / 2, -1 / 3), rtol=EXACT)
+
+
+def test_positive_part_is_the_larger_of_a_number_and_zero():
+    x = np.array([-2.0, 0.0, 3.0])
+    np.testing.assert_array_equal(positive_part(jnp.asarray(x)), np.maximum(x, 0))
+    slope = jax.vmap(jax.grad(positive_part))(jnp.asarray(x))
+    np.testing.assert_array_equal(slope, [0.0, 0.0, 1.0])

@@ -15,6 +15,13 @@ from pushfit.containers import support
 from pushfit.critical_tilt import critical_tilt
 from pushfit.directions import critical_angle, linear_critical_angle
 from pushfit.model import Grasp, Parameters, Pushes, contact
+from pushfit.tilting import (
+    _rolled_guess,
+    _unrolled_guess,
+    make_hold,
+    rolled_tilt,
+    unrolled_tilt,
+)
 from tests import paper
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters, sweep
 
@@ -351,6 +358,27 @@ def test_slopes_are_finite_everywhere_in_the_range():
 
     for leaf in jax.tree.leaves(slopes(params, pushes)):
         assert np.all(np.isfinite(leaf))
+
+
+@pytest.mark.parametrize(
+    ("guess", "solved"),
+    [(_unrolled_guess, unrolled_tilt), (_rolled_guess, rolled_tilt)],
+    ids=["unrolled", "rolled"],
+)
+def test_the_first_guess_is_off_by_the_fifth_power_of_the_push(guess, solved):
+    """Half the push, a 32nd of the error: otherwise the search takes more steps."""
+    group, pushes = contact(paper_parameters()), sweep([15.0, 40.0, 65.0], [0.0])
+    errors = []
+    for length in (PUSH, PUSH / 2):
+        hold = make_hold(
+            group,
+            tilting(length),
+            elevation=pushes.elevation,
+            azimuth=pushes.azimuth,
+        )
+        errors.append(np.abs(guess(hold) - solved(hold)))
+    assert np.all(errors[0] < 1e-4)
+    assert np.all(errors[0] / errors[1] > 2**4.5)
 
 
 def test_each_push_is_solved_as_if_it_were_alone():

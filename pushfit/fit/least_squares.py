@@ -22,6 +22,7 @@ from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
+from pushfit.fit.slopes import jacobian, linearised
 
 # Points, sums of squares, and whether the solver arrived, best first.
 Optima = tuple[
@@ -259,7 +260,7 @@ def minimise(
         Coordinates, sum of squares there, and whether the solver met its tolerance.
     """
     solution = optx.least_squares(
-        lambda y, _: residuals(y),
+        lambda y, _: linearised(residuals)(y),
         optx.LevenbergMarquardt(rtol=RTOL, atol=ATOL),
         start,
         options={"jac": "fwd"},
@@ -276,7 +277,9 @@ def _jacobians(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "k m q"]
     """Jacobians at y, and beside it along every coordinate."""
     step = BESIDE * jnp.eye(y.size)
     beside = jnp.concatenate([jnp.zeros((1, y.size)), step, -step])
-    return jax.vmap(lambda shift: jax.jacfwd(problem.data_residuals)(y + shift))(beside)
+    return jax.lax.map(
+        lambda shift: jacobian(problem.data_residuals)(y + shift), beside
+    )
 
 
 def _is_flat(
