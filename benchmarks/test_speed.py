@@ -33,6 +33,8 @@ N_PEER = 8
 # Tables that emcee samples, and steps of lmfit's.
 N_SAMPLED, N_STEPS = 3, 1500
 N_RECORDED = recording_scale.HOUR
+# Tables fitted by tilting mechanics, a second each.
+N_TILTED = 3
 # Rounds with lmfit's emcee, ten seconds each.
 N_LONG = 2
 
@@ -292,3 +294,37 @@ def test_tilting(compare, has_span, where):
     )
     peer = ("linear mechanics", heights("linear"))
     compare(ours, peer, rounds=15, target=4, is_cost=True)
+
+
+@pytest.fixture(scope="module")
+def tilted_fits():
+    """Least squares of the same tables by either mechanics, one after the other."""
+
+    def one(setup) -> float:
+        fit_least_squares(setup, reference_alpha=0.0)
+        return 1.0
+
+    return {
+        name: in_turn(
+            one, [tilting_cost.setup(name, seed=seed) for seed in range(N_TILTED)]
+        )
+        for name in tilting_cost.MECHANICS
+    }
+
+
+def test_least_squares_by_tilting(compare, tilted_fits):
+    ours = ("tilting, least squares, one table by itself", tilted_fits["tilting"])
+    peer = ("linear mechanics, one table by itself", tilted_fits["linear"])
+    compare(ours, peer, rounds=N_TILTED, is_cost=True)
+
+
+def test_least_squares_by_tilting_in_a_batch(compare, tilted_fits, swept):
+    def in_lanes() -> float:
+        items = tables.in_lanes(swept)
+        jax.block_until_ready(fit_lanes(tables.stacked(items)))
+        return N_LANES
+
+    # Lanes decline tilting mechanics, so a batch fits its tables one by one.
+    ours = ("tilting, least squares in a batch, per table", tilted_fits["tilting"])
+    peer = ("linear mechanics, tables made into lanes first", in_lanes)
+    compare(ours, peer, rounds=N_TILTED, is_cost=True)

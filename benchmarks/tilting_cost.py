@@ -18,7 +18,7 @@ import numpy as np
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.problem import Problem
-from pushfit.fit.setup import build_problem
+from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.slopes import jacobian
 from pushfit.fit.starts import prior_x_samples
 from pushfit.model import Grasp, Parameters, Vector, forward
@@ -30,7 +30,7 @@ MECHANICS = ("linear", "tilting")
 SPAN_MM = 60.0
 
 
-def problem(mechanics: str, *, has_span: bool = False) -> Problem:
+def setup(mechanics: str, *, has_span: bool = False, seed: int = 0) -> Setup:
     """51 pushes simulated by tilting mechanics, all parameters but L free."""
     span = SPAN_MM / 1000 if has_span else None
     table = simulate_table(
@@ -40,14 +40,19 @@ def problem(mechanics: str, *, has_span: bool = False) -> Problem:
         alpha=0.0,
         repeats=3,
         noise=0.05,
-        rng=np.random.default_rng(0),
+        rng=np.random.default_rng(seed),
         state_sd=True,
     )
     text = f'[push]\nlength_mm = 5.0\n[grasp]\nmechanics = "{mechanics}"\n'
     if has_span:
         text += f"support_span_mm = {SPAN_MM}\n"
     text += "[parameters.L]\nfixed = 0.04\n"
-    return build_problem(table, parse_config(text, path="grasp.toml")).problem
+    return build_problem(table, parse_config(text, path="grasp.toml"))
+
+
+def problem(mechanics: str, *, has_span: bool = False) -> Problem:
+    """The problem that such a table poses."""
+    return setup(mechanics, has_span=has_span).problem
 
 
 def heights(posed: Problem) -> Callable[[jax.Array], Vector]:

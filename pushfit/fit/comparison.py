@@ -280,7 +280,8 @@ def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:
         scores: Models, not yet compared.
 
     Returns:
-        The same; a model without a number of its own gets no distance.
+        The same; a model without a number of its own gets no distance, nor does one
+        that has no other to be compared with.
     """
     evidences = [s.log_evidence for s in scores if s.log_evidence is not None]
     densities = [s.densities.elpd for s in scores if s.densities is not None]
@@ -288,7 +289,7 @@ def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:
     compared = []
     for score in scores:
         changes: dict[str, float] = {}
-        if score.log_evidence is not None:
+        if score.log_evidence is not None and len(evidences) > 1:
             changes["log_bayes_factor"] = score.log_evidence - max(evidences)
         if score.densities is not None and best is not None:
             difference = score.densities.elpd - best

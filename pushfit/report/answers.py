@@ -131,10 +131,13 @@ def _draws(identification: Identification, name: str) -> Float[np.ndarray, " n"]
 
 def _theta_c_subject(identification: Identification) -> str:
     """The critical angle with the circumstances that it depends on."""
-    words = ["The critical angle θ_c"]
+    config, circumstances = identification.config, []
+    if config.grasp.mechanics == "tilting":
+        circumstances.append(f"of {config.push.length_mm:g} mm")
     if np.unique(identification.table.alpha).size > 1:
-        words.append(f"for pushes at α = {identification.reference_alpha_deg:g}°")
-    return " ".join(words)
+        circumstances.append(f"at α = {identification.reference_alpha_deg:g}°")
+    words = ["for pushes", *circumstances] if circumstances else []
+    return " ".join(["The critical angle θ_c", *words])
 
 
 def _angle_answer(

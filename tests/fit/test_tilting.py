@@ -10,6 +10,7 @@ from pushfit.data.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording, simulate_table
 from pushfit.directions import critical_angle
 from pushfit.errors import ConfigError
+from pushfit.fit.advice import measurements
 from pushfit.fit.comparison import rival_configs
 from pushfit.fit.data_point import tilting_point
 from pushfit.fit.exact import why_not_exact
@@ -55,6 +56,13 @@ def true_angle(params=FIRM, grasp=TILTING) -> float:
 def test_what_tilting_mechanics_lack_is_refused_with_the_remedy():
     with pytest.raises(ConfigError, match=r"measure it and set parameters\.L"):
         config(MECHANICS)
+
+
+@pytest.mark.parametrize(("mechanics", "extent"), [(MECHANICS, "best"), ("", "only")])
+def test_the_advice_says_how_far_K_st_and_C_d_can_be_told_apart(mechanics, extent):
+    problem = build_problem(pushed(), config(mechanics + LENGTH)).problem
+    advice = measurements(problem, verdicts={}, is_calibrated=True, has_direction=True)
+    assert f"The data fix B = K_st C_d/(L² K_st + C_d) {extent};" in advice[-1]
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,14 @@ def test_without_evidence_the_reason_is_given_by_name():
     assert comparison_dict(found)["models"]["hard"]["log_evidence"] is None
 
 
+def test_the_only_evidence_is_not_called_the_best():
+    """Linear mechanics have one, tilting mechanics have none."""
+    found = make_comparison(evidence=(None, None, -4.0))
+    assert all(score.log_bayes_factor is None for score in found.models)
+    assert comparison_dict(found)["models"]["no_rolling"]["log_evidence"] == -4.0
+    assert "-4.00" in comparison_text(found)
+
+
 def test_unreliable_importance_sampling_is_said():
     found = make_comparison()
     densities = found.models[0].densities

@@ -24,6 +24,18 @@ def test_a_determined_angle_is_quoted_with_its_interval(determined):
     )
 
 
+def test_the_angle_of_an_object_that_tilts_is_quoted_with_the_push_length(
+    make_identification,
+):
+    config = GraspConfig(
+        push={"length_mm": 5.0},
+        grasp={"mechanics": "tilting"},
+        parameters={"L": {"fixed": 0.04}},
+    )
+    sentence = sentence_theta_c(make_identification(config=config))
+    assert sentence.startswith("The critical angle θ_c for pushes of 5 mm at α = 90°")
+
+
 def test_two_modes_are_named_both_and_never_their_hull(two_modes):
     sentence = sentence_theta_c(two_modes)
     assert "40° or 56°" in sentence
