@@ -22,7 +22,7 @@ from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
-from pushfit.fit.slopes import jacobian, linearised
+from pushfit.fit.slopes import linearised
 
 # Points, sums of squares, and whether the solver arrived, best first.
 Optima = tuple[
@@ -277,9 +277,8 @@ def _jacobians(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "k m q"]
     """Jacobians at y, and beside it along every coordinate."""
     step = BESIDE * jnp.eye(y.size)
     beside = jnp.concatenate([jnp.zeros((1, y.size)), step, -step])
-    return jax.lax.map(
-        lambda shift: jacobian(problem.data_residuals)(y + shift), beside
-    )
+    slopes = jax.jacfwd(linearised(problem.data_residuals))
+    return jax.vmap(lambda shift: slopes(y + shift))(beside)
 
 
 def _is_flat(
