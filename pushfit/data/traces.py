@@ -51,16 +51,10 @@ def envelope(
     """
     if time.size <= max_points:
         return time, signal
-    stretches = np.array_split(np.arange(time.size), max_points // 2)
-    filled = np.nan_to_num(signal, nan=0.0)
-    keep = [
-        extreme
-        for stretch in stretches
-        for extreme in sorted(
-            {
-                int(stretch[np.argmin(filled[stretch])]),
-                int(stretch[np.argmax(filled[stretch])]),
-            }
-        )
-    ]
+    filled = np.where(np.isnan(signal), 0.0, signal)
+    length = -(-time.size // (max_points // 2))
+    # The last sample again: of equal extremes the first is taken.
+    rows = np.pad(filled, (0, -time.size % length), mode="edge").reshape(-1, length)
+    first = length * np.arange(len(rows))
+    keep = np.unique([first + np.argmin(rows, axis=1), first + np.argmax(rows, axis=1)])
     return time[keep], signal[keep]

@@ -258,9 +258,7 @@ def push_densities(
         Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
     """
     x = encode(problem, samples)
-    densities = in_chunks(
-        lambda rows: _push_log_likelihoods(problem, jnp.asarray(rows)), x, CHUNK
-    )
+    densities = in_chunks(lambda rows: _push_log_likelihoods(problem, rows), x, CHUNK)
     # One chain of draws for each push.
     by_push = densities.T[:n_pushes, None]
     elpd, pareto_k, p_loo = array_stats.loo(by_push, r_eff=efficiency)

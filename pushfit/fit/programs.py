@@ -51,35 +51,31 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         The same function. Called inside of another compiled function it is a part of
         that one.
     """
-    jitted = eqx.filter_jit(function)
+    plain: Callable[..., R] = function
     programs: dict[Hashable, Callable[..., R]] = {}
     _make_storable(inspect.get_annotations(function, eval_str=True).get("return"))
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        folder = programs_folder()
-        if folder is None or kwargs:
-            return jitted(*args, **kwargs)
-        leaves, structure = jax.tree.flatten(args)
+        leaves, structure = jax.tree.flatten((args, kwargs))
         arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
         if any(isinstance(array, Tracer) for array in arrays):
-            return jitted(*args, **kwargs)
-        shapes = tuple((array.shape, array.dtype) for array in arrays)
+            return function(*args, **kwargs)
         # No leaf is None, so that None can stand for an array.
         constants = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-        key = (structure, constants, shapes)
+        shapes = tuple((array.shape, array.dtype) for array in arrays)
+        folder = programs_folder()
+        key = (folder, structure, constants, shapes)
         if key not in programs:
-            text = f"{function.__module__}.{function.__qualname__}{key}"
-            if ADDRESS in text:
-                return jitted(*args, **kwargs)
 
             def flat(*arrays: jax.Array) -> R:
                 values = iter(arrays)
                 filled = [next(values) if c is None else c for c in constants]
-                return function(*jax.tree.unflatten(structure, filled), **kwargs)
+                args, kwargs = jax.tree.unflatten(structure, filled)
+                return plain(*args, **kwargs)
 
-            path = folder / f"{_fingerprint(text)}-traced"
-            programs[key] = _load(path) or _trace(flat, arrays, path)
+            text = f"{function.__module__}.{function.__qualname__}{key[1:]}"
+            programs[key] = _program(flat, arrays, folder, text)
         return programs[key](*arrays)
 
     return call
@@ -100,6 +96,19 @@ def _make_storable(returned: object) -> None:
             serialize_auxdata=lambda _: b"",
             deserialize_auxdata=lambda _: constants,
         )
+
+
+def _program(
+    function: Callable[..., R],
+    arrays: list[jax.Array | np.ndarray],
+    folder: Path | None,
+    text: str,
+) -> Callable[..., R]:
+    """A function of arrays compiled, from its file if there is one."""
+    if folder is None or ADDRESS in text:
+        return jax.jit(function)
+    path = folder / f"{_fingerprint(text)}-traced"
+    return _load(path) or _trace(function, arrays, path)
 
 
 def _fingerprint(text: str) -> str:
