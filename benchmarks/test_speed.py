@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.experimental.compilation_cache import compilation_cache
 
 from benchmarks import peers, recording_scale, tables, tilting_cost
 from pushfit.cache import PROGRAMS
@@ -194,9 +195,13 @@ def test_effective_draws_of_emcee(compare, fitted, questions, lmfit_runs):
 def nothing_compiled(monkeypatch):
     """Forgets, when it is called, all that was compiled or traced."""
     monkeypatch.delenv(PROGRAMS, raising=False)
-    jax.config.update("jax_enable_compilation_cache", False)
+    folder = jax.config.jax_compilation_cache_dir
+    # JAX looks at its settings once, unless it is told to look again.
+    jax.config.update("jax_compilation_cache_dir", None)
+    compilation_cache.reset_cache()
     yield jax.clear_caches
-    jax.config.update("jax_enable_compilation_cache", True)
+    jax.config.update("jax_compilation_cache_dir", folder)
+    compilation_cache.reset_cache()
 
 
 def test_emcee_against_nuts(compare, fitted, questions, nothing_compiled):

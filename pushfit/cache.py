@@ -26,23 +26,24 @@ def cache_folder() -> Path:
 def enable_compile_cache() -> str:
     """Keep traced programs, and tell JAX before it is imported to keep compiled ones.
 
-    A folder that the user gave to JAX is taken instead of pushfit's own.
+    A folder that the user gave to JAX stays the one of compiled programs.
 
     Returns:
         What was decided, for the user.
     """
+    os.environ.pop(PROGRAMS, None)
     if os.environ.get(SWITCH) == "off":
         return f"off ({SWITCH}=off)"
     try:
-        folder = Path(os.environ.get(COMPILED) or cache_folder())
+        folder = cache_folder()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         return f"off ({error.strerror})"
     if not is_private(folder):
         return f"off ({folder} is open to others; chmod 700 it)"
     os.environ[PROGRAMS] = str(folder)
-    os.environ[COMPILED] = str(folder)
-    # However fast a program compiles, it loads faster.
+    os.environ.setdefault(COMPILED, str(folder))
+    # Small programs are many.
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     return str(folder)
 

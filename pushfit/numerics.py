@@ -33,7 +33,7 @@ def positive_part(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
 
     The derivative of `jnp.maximum` shares ties by two divisions for each number.
     """
-    return jnp.where(x > 0, x, 0.0)
+    return jnp.where(x <= 0, 0.0, x)
 
 
 def softmin(

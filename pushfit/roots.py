@@ -61,9 +61,10 @@ def falling_root(
         start: First guess.
 
     Returns:
-        Roots to about 1e-15 of their size, of several the one that Newton steps from
-        the guess lead to. Without derivatives: the lower end where f is not positive
-        there, and the upper where no root was found.
+        Roots to about 1e-15 of their size where f is no more curved than x², and their
+        derivatives to about 1e-7; of several roots the one that Newton steps from the
+        guess lead to. Without derivatives: the lower end where f is not positive there,
+        and the upper where no root was found.
     """
     frozen = jax.lax.stop_gradient(context)
     lower, upper = jax.lax.stop_gradient(bracket)
@@ -73,7 +74,7 @@ def falling_root(
     def newton(x: Numbers) -> Numbers:
         """Where Newton's step leads; where f does not fall, out of any bracket."""
         value, slope = _with_slope(function, frozen, x)
-        out = jnp.where(value > 0, jnp.inf, -jnp.inf)
+        out = jnp.sign(value) * jnp.inf
         # One number, which also tells the sign of f: the compiler would work out f
         # anew for each array that a step keeps.
         return jnp.where(slope < 0, x - value / slope, jnp.where(value == 0, x, out))

@@ -121,7 +121,7 @@ def one_support_forces(
     lean_x, lean_y = lean_direction(hold, force, tilt)
     pressed = pressed_force(hold, tilt)
     return Forces(
-        normal=jnp.maximum(pressed, 0.0),
+        normal=positive_part(pressed),
         tangential_x=force * lean_x,
         tangential_y=force * lean_y,
         in_contact=pressed >= 0,
@@ -186,19 +186,21 @@ def _tilted_by(
 
 
 def _unrolled_guess(hold: Hold) -> Vector:
-    """Tilt of a push that deforms the contact, but for its fifth power [rad]."""
-    compliance, pressed = _mean_compliance(hold), _pressed_upright(hold)
+    """Tilt of a push that deforms the contact, but for its fifth power [rad].
+
+    With a stiffness ellipse the mean compliance stands for that along the lean.
+    """
+    compliance, pressed, sinking = _upright(hold)
     turning = hold.C_d / hold.L - pressed
-    sinking = hold.A * hold.L / 2
     third = compliance * (turning / 2 + pressed / 6 + sinking) - hold.L / 6
     zero = jnp.zeros_like(pressed)
     return _reached(hold, (zero, hold.L + compliance * turning, zero, third))
 
 
 def _rolled_guess(hold: Hold) -> Vector:
-    """Tilt of a push that rolls, but for its fifth power; 0 if none [rad]."""
-    compliance, pressed = _mean_compliance(hold), _pressed_upright(hold)
-    sinking, mu = hold.A * hold.L / 2, hold.C_rr
+    """Tilt of a push that rolls, but for its fifth power; negative if none [rad]."""
+    compliance, pressed, sinking = _upright(hold)
+    mu = hold.C_rr
     # Powers of γ in F_n tan(φ - γ) where tan φ = μ.
     slope = 1 + mu**2
     steep = slope * (1 + 3 * mu**2) / 3
@@ -216,9 +218,11 @@ def _rolled_guess(hold: Hold) -> Vector:
     )
 
 
-def _pressed_upright(hold: Hold) -> Vector:
-    """F_n of an object that does not tilt [N]."""
-    return positive_part(hold.preload + hold.A * hold.into)
+def _upright(hold: Hold) -> tuple[Scalar, Vector, Vector]:
+    """Mean compliance [m/N], F_n before any tilt, and what γ² takes of it [N]."""
+    pressed = positive_part(hold.preload + hold.A * hold.into)
+    sinking = jnp.where(pressed > 0, hold.A * hold.L / 2, 0.0)
+    return _mean_compliance(hold), pressed, sinking
 
 
 def _reached(hold: Hold, displacement: tuple[Vector, ...]) -> Vector:

@@ -19,6 +19,7 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["PUSHFIT_CACHE"] = "off"
+os.environ.pop("PUSHFIT_PROGRAMS", None)
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ from pushfit.fit.setup import build_problem
 from pushfit.fit.starts import encode
 
 pytest.importorskip("lmfit", reason="the peers of the extra bench")
+pytest.importorskip("numpyro", reason="the peers of the extra bench")
 
 from benchmarks import peers, tables
 

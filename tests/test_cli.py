@@ -162,8 +162,10 @@ def test_a_cache_that_is_a_link_is_not_used(no_cache_set, tmp_path):
 
 def test_the_cache_can_be_turned_off(no_cache_set, monkeypatch):
     monkeypatch.setenv(cache.SWITCH, "off")
+    monkeypatch.setenv(cache.PROGRAMS, str(no_cache_set))
     assert cache.enable_compile_cache().startswith("off")
     assert not no_cache_set.exists()
+    assert cache.programs_folder() is None
 
 
 def test_termination_ends_with_143():

@@ -171,6 +171,7 @@ def test_the_factors_of_a_lean_are_the_printed_quotients():
 
 
 def test_positive_part_is_the_larger_of_a_number_and_zero():
+    assert np.isnan(positive_part(jnp.asarray(np.nan)))
     x = np.array([-2.0, 0.0, 3.0])
     np.testing.assert_array_equal(positive_part(jnp.asarray(x)), np.maximum(x, 0))
     slope = jax.vmap(jax.grad(positive_part))(jnp.asarray(x))

@@ -367,7 +367,7 @@ def test_slopes_are_finite_everywhere_in_the_range():
 )
 def test_the_first_guess_is_off_by_the_fifth_power_of_the_push(guess, solved):
     """Half the push, a 32nd of the error: otherwise the search takes more steps."""
-    group, pushes = contact(paper_parameters()), sweep([15.0, 40.0, 65.0], [0.0])
+    group, pushes = contact(paper_parameters()), sweep([-30.0, 15.0, 40.0, 65.0], [0.0])
     errors = []
     for length in (PUSH, PUSH / 2):
         hold = make_hold(

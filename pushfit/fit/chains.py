@@ -23,9 +23,8 @@ from pushfit.fit.moves import Mixture
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 
-# Rows per call of the compiled density: all walkers, so that one program serves
-# everything. A difference move asks for half of them, which is slower by less than a
-# second call for the others.
+# Rows per call of the compiled density, the usual number of walkers. A difference move
+# asks for half of them; one program with idle rows is still faster than two calls.
 CHUNK = 256
 TWISTER = "MT19937"
 

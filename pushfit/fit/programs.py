@@ -2,10 +2,9 @@
 
 Tracing and lowering a program takes longer than loading the machine code that JAX keeps
 of it. Where the compile cache is on, `compiled` therefore keeps the traced program too,
-in the portable form of `jax.export`, under a fingerprint of everything it was traced
-from: the source of pushfit, the versions of what it calls, the shapes of the arrays and
-all that is not an array. A file that is damaged, or cannot be written, is as good as
-none.
+in the portable form of `jax.export`, under a fingerprint of the source of pushfit, the
+versions of the packages that trace, the kind of processor, and the arguments but for
+the numbers in arrays. A file that is damaged, or cannot be written, is as good as none.
 """
 
 import contextlib
@@ -39,17 +38,33 @@ ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
 
 
+def _origin(package: Path) -> str:
+    """Digest of what programs are traced by."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        source = hashlib.sha256(path.read_bytes()).hexdigest()
+        digest.update(f"{path.relative_to(package)} {source}\n".encode())
+    for name in TRACED_BY:
+        digest.update(f"{name} {metadata.version(name)}\n".encode())
+    return digest.hexdigest()
+
+
+PACKAGE = Path(__file__).parents[1]
+# Of the source as it was imported.
+ORIGIN = _origin(PACKAGE)
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays, as `eqx.filter_jit` does.
 
     Args:
-        function: Pure function of positional arguments: arrays, modules of arrays, and
-            constants. It returns arrays, containers of them, or a module that holds
-            nothing but arrays, named in its annotation.
+        function: Pure function of a module, of arrays, modules of arrays, and constants
+            that their `repr` tells. It returns arrays, containers of them, or a module
+            that holds nothing but arrays, named in its annotation.
 
     Returns:
-        The same function. Called inside of another compiled function it is a part of
-        that one.
+        The same function. Inside of another one, or of `jax.vmap` and `jax.grad`, it is
+        a part of what is traced there.
     """
     plain: Callable[..., R] = function
     programs: dict[Hashable, Callable[..., R]] = {}
@@ -61,11 +76,11 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
         if any(isinstance(array, Tracer) for array in arrays):
             return function(*args, **kwargs)
-        # No leaf is None, so that None can stand for an array.
+        # No leaf is None, so that None can stand for an array; 1 is not True.
         constants = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
         shapes = tuple((array.shape, array.dtype) for array in arrays)
         folder = programs_folder()
-        key = (folder, structure, constants, shapes)
+        key = (folder, structure, constants, tuple(map(type, constants)), shapes)
         if key not in programs:
 
             def flat(*arrays: jax.Array) -> R:
@@ -112,20 +127,9 @@ def _program(
 
 
 def _fingerprint(text: str) -> str:
-    """Digest of what a program is called with, by and on."""
-    parts = (_origin(), jax.default_backend(), text)
+    """Name of a program: where it comes from, where it runs, and what it is given."""
+    parts = (ORIGIN, jax.default_backend(), text)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
-
-
-@functools.cache
-def _origin() -> str:
-    """Digest of what programs are traced by."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        digest.update(path.read_bytes())
-    for name in TRACED_BY:
-        digest.update(f"{name} {metadata.version(name)}".encode())
-    return digest.hexdigest()
 
 
 def _load(path: Path) -> Callable[..., Any] | None:
@@ -156,6 +160,8 @@ def _trace(
             raise
         return jitted
     program = bytes(traced.serialize())
-    with contextlib.suppress(OSError), atomic_path(path) as temporary:
-        temporary.write_bytes(hashlib.sha256(program).digest() + program)
+    # Source that was edited since would put this program under another's name.
+    if _origin(PACKAGE) == ORIGIN:
+        with contextlib.suppress(OSError), atomic_path(path) as temporary:
+            temporary.write_bytes(hashlib.sha256(program).digest() + program)
     return jax.jit(traced.call)

@@ -15,9 +15,7 @@ Residuals = Callable[[Float[Array, " q"]], Float[Array, " m"]]
 Jacobian = Callable[[Float[Array, " q"]], Float[Array, "m q"]]
 
 
-def jacobian(
-    function: Residuals,
-) -> Jacobian:
+def jacobian(function: Residuals) -> Jacobian:
     """As `jax.jacfwd`, one coordinate after the other.
 
     Args:
@@ -46,8 +44,8 @@ def linearised(function: Residuals) -> Residuals:
         function: Function of the coordinates.
 
     Returns:
-        Function of the same values and first derivatives, which are those of
-        `jacobian`.
+        Function of the same values, wherever derivatives are finite, and of the first
+        derivatives that `jacobian` has.
     """
 
     def tangent_plane(y: Float[Array, " q"]) -> Float[Array, " m"]:

@@ -1,6 +1,8 @@
 """Traced programs outlive the process, and never stand in for another one."""
 
+import dataclasses
 import os
+import shutil
 
 import equinox as eqx
 import jax
@@ -15,6 +17,11 @@ from pushfit.config import GraspConfig
 from pushfit.data.simulate import simulate_table
 from pushfit.fit import programs
 from pushfit.fit.identify import fit_table
+from pushfit.fit.integrand import Inner
+from pushfit.fit.lane_draws import LaneDraws
+from pushfit.fit.lane_fit import LaneFit
+from pushfit.fit.lane_posterior import LanePosterior
+from pushfit.fit.lane_profile import LaneProfile
 from pushfit.fit.programs import compiled
 from pushfit.model import Grasp, Parameters
 
@@ -96,7 +103,7 @@ def test_another_question_has_another_program(folder, line, x):
 def test_another_source_has_another_program(folder, monkeypatch):
     function, _ = counted()
     function(LINE, X)
-    monkeypatch.setattr(programs, "_origin", lambda: "edited")
+    monkeypatch.setattr(programs, "ORIGIN", "edited")
     later, traced = counted()
     later(LINE, X)
     assert len(traced) == 1
@@ -186,21 +193,66 @@ def test_a_fit_is_the_same_to_the_last_bit(folder, monkeypatch):
         noise=0.03,
         rng=np.random.default_rng(0),
     )
-    kept = fit_table(table, GraspConfig()).fit
-    assert list(folder.iterdir())
+    traced = fit_table(table, GraspConfig()).fit
+    # From another folder programs are read again instead of remembered.
+    monkeypatch.setenv(cache.PROGRAMS, str(shutil.copytree(folder, folder / "copy")))
+    monkeypatch.setattr(programs, "_trace", None)
+    loaded = fit_table(table, GraspConfig()).fit
     monkeypatch.delenv(cache.PROGRAMS)
     plain = fit_table(table, GraspConfig()).fit
-    np.testing.assert_array_equal(kept.estimate, plain.estimate)
-    np.testing.assert_array_equal(kept.covariance, plain.covariance)
-    assert kept.chi_square == plain.chi_square
+    for fit in (traced, loaded):
+        np.testing.assert_array_equal(fit.estimate, plain.estimate)
+        np.testing.assert_array_equal(fit.covariance, plain.covariance)
+        assert fit.chi_square == plain.chi_square
+
+
+def test_every_part_of_the_source_counts(tmp_path):
+    package = tmp_path / "package"
+    package.mkdir()
+    (package / "a.py").write_text("x = 1\n")
+    seen = {programs._origin(package)}
+    (package / "a.py").write_text("x = 2\n")
+    seen.add(programs._origin(package))
+    (package / "a.py").rename(package / "b.py")
+    seen.add(programs._origin(package))
+    (package / "a.py").write_text("")
+    seen.add(programs._origin(package))
+    assert len(seen) == 4
+
+
+def test_source_that_was_edited_since_keeps_nothing(folder, monkeypatch):
+    monkeypatch.setattr(programs, "_origin", lambda package: "edited")
+    function, _ = counted()
+    function(LINE, X)
+    assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    "returned", [Inner, LaneFit, LaneProfile, LanePosterior, LaneDraws]
+)
+def test_what_the_engines_return_can_be_kept(folder, returned):
+    def filled(x: Float[Array, " n"]):
+        result = object.__new__(returned)
+        for field in dataclasses.fields(returned):
+            object.__setattr__(result, field.name, x)
+        return result
+
+    filled.__annotations__["return"] = returned
+    compiled(filled)(X)
+    (path,) = folder.iterdir()
+    found = programs._load(path)(X)
+    assert isinstance(found, returned)
+    np.testing.assert_array_equal(jax.tree.leaves(found)[0], X)
 
 
 def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
     monkeypatch.setenv(cache.SWITCH, "on")
-    monkeypatch.setenv(cache.COMPILED, str(tmp_path / "compiled"))
+    monkeypatch.setenv(cache.COMPILED, "chosen by the user")
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
     monkeypatch.setenv(cache.PROGRAMS, "")
     monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "1")
     assert cache.programs_folder() is None
     cache.enable_compile_cache()
     assert os.environ[cache.PROGRAMS] == str(tmp_path / "compiled")
     assert cache.programs_folder() == tmp_path / "compiled"
+    assert os.environ[cache.COMPILED] == "chosen by the user"
