@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float
 from pushfit.fit.lanes import Face, Lane
 from pushfit.fit.programs import compiled
 from pushfit.fit.scan import LN_C_RR, PSI
+from pushfit.fit.slopes import jacobian, linearised
 from pushfit.model import Scalar
 
 N_STARTS = 4
@@ -111,12 +112,12 @@ def fit_lane(lane: Lane) -> LaneFit:
     starts = _screened(lane)
     scale = _weights(lane, starts[0])
 
-    def residuals(z: Float[Array, " 3"], _: None = None) -> Float[Array, " m"]:
+    def residuals(z: Float[Array, " 3"]) -> Float[Array, " m"]:
         return (scale * (_heights(lane, z) - lane.mean)).ravel()
 
     def polished(start: Float[Array, " 3"]) -> tuple[Array, Array, Array, Array]:
         solution = optx.least_squares(
-            residuals,
+            lambda z, _: linearised(residuals)(z),
             optx.LevenbergMarquardt(rtol=RTOL, atol=ATOL, linear_solver=SmallNormal()),
             start,
             options={"jac": "fwd"},
@@ -125,9 +126,9 @@ def fit_lane(lane: Lane) -> LaneFit:
         )
         z = solution.value
         cost = jnp.sum(residuals(z) ** 2)
-        jacobian = jax.jacfwd(residuals)(z)
+        slopes = jacobian(residuals)(z)
         # A weak prior: a flat valley is as wide as a prior lets it be.
-        information = jacobian.T @ jacobian + jnp.eye(3)
+        information = slopes.T @ slopes + jnp.eye(3)
         width = jnp.sqrt(_inverse_corner(information))
         return z, cost, width, solution.result == optx.RESULTS.successful
 
