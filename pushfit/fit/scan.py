@@ -26,8 +26,8 @@ LN_C_RR = np.linspace(np.log(0.005), np.log(20.0), 14)
 LN_A_OFFSETS = np.linspace(-3.5, 1.5, 11)
 LN_F_0_OFFSETS = np.linspace(-3.0, 2.0, 6)
 ELLIPSE_RATIOS, ELLIPSE_AXES = (0.7, 1.8, 4.5), np.radians(np.arange(0.0, 180.0, 30.0))
-# Cells evaluated at a time: some 30 MB for 64 rows.
-CHUNK = 4096
+# Cells evaluated at a time. Where the object tilts they wait for the slowest of them.
+CHUNK = 64
 N_STARTS = 16
 # s = K_st L²/C_d of a start whose B leaves none.
 SMALLEST_S = 0.02
