@@ -11,11 +11,11 @@ import time
 
 import jax
 import numpy as np
+from pushfit.fit.lane_draws import draw_lanes
+from pushfit.fit.lane_posterior import integrate_lanes
 
 from benchmarks import tables
-from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_results import N_DRAWS, N_LANES
 from pushfit.fit.lanes import Lane
 

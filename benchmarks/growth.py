@@ -18,13 +18,13 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from pushfit.fit.lane_draws import draw_lanes
+from pushfit.fit.lane_posterior import integrate_lanes
 
 from benchmarks import tables
 from pushfit.cache import enable_compile_cache
 from pushfit.data.table import PeakTable, write_table
-from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_results import N_DRAWS, N_LANES
 
 # Elevations and repeats: 17, 51 and 204 rows of the same directions, then 204 of more.

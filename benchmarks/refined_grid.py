@@ -10,14 +10,14 @@ import argparse
 
 import jax
 import numpy as np
+from pushfit.fit.lane_posterior import integrate_lanes
 
 from benchmarks import tables
-from pushfit.fit.exact import exact_grid
 from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_results import N_LANES, Ready
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.quadrature import KRONROD
+from tests.oracle.exact import exact_grid
 
 PERCENTILES = [50.0, 99.0, 100.0]
 

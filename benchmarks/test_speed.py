@@ -13,20 +13,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
+from pushfit.fit.lane_draws import draw_lanes
+from pushfit.fit.lane_posterior import integrate_lanes
 
 from benchmarks import peers, recording_scale, tables, tilting_cost
 from pushfit.cache import PROGRAMS
-from pushfit.fit.exact import exact_posterior
 from pushfit.fit.identify import fit_table, reach_of
-from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import profile_lanes
 from pushfit.fit.lane_results import N_DRAWS, N_LANES
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.many import identify_many
 from pushfit.fit.posterior import sample_posterior
 from pushfit.fit.starts import prior_x_samples
+from tests.oracle.exact import exact_posterior
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, disable_gc=True)
 

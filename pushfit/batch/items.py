@@ -97,7 +97,7 @@ class Request:
         profile: Settings under all others.
         schedule: Schedule of the recordings that have none of their own.
         seed: Seed from which the items' seeds derive.
-        engine: "auto", "exact" or "emcee".
+        engine: "auto", "sweep" or "emcee".
     """
 
     config: Path | None

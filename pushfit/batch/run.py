@@ -79,7 +79,7 @@ def identify_batch(
         schedule: Schedule of the recordings that have none of their own: a
             `NAME.schedule.csv` beside the file, or the `schedule.csv` of its folder.
         seed: Seed from which those of the items derive.
-        engine: "auto", "exact" or "emcee".
+        engine: "auto", "sweep" or "emcee".
         folders: Also write the complete result of every item.
         crew: Who works; this process if not stated.
         progress: Called with a stage and the share of it that is done.

@@ -18,7 +18,7 @@ from pushfit.data.load import configured_peaks, configured_recording, reader_opt
 from pushfit.data.table import PeakTable, read_table
 from pushfit.errors import DataError, PushfitError
 from pushfit.fit.identify import identify_table
-from pushfit.fit.many import ItemResult, engine_for, identify_many
+from pushfit.fit.many import ItemResult, identify_many
 from pushfit.fit.results import Recipe
 from pushfit.report.folder import write_result_folder
 
@@ -34,7 +34,7 @@ def identify_chunk(
 
     Args:
         chunk: Items of one configuration.
-        engine: "auto", "exact" or "emcee".
+        engine: "auto", "sweep" or "emcee".
         identify: What identifies the tables.
 
     Returns:
@@ -87,7 +87,7 @@ def write_folder(chunk: Chunk, *, engine: str, folder: Path) -> list[str | Failu
 
     Args:
         chunk: Items.
-        engine: "auto", "exact" or "emcee".
+        engine: "auto", "sweep" or "emcee".
         folder: Folder in which the items have theirs.
 
     Returns:
@@ -106,8 +106,7 @@ def _write_folder(item: Item, engine: str, folder: Path) -> str | Failure:
     if kind == "table":
         recipe = Recipe(table=item.path)
     try:
-        chosen = engine_for(table, item.config, engine)
-        result = identify_table(table, item.config, seed=item.seed, engine=chosen)
+        result = identify_table(table, item.config, seed=item.seed, engine=engine)
         # Rows of a long table are no file that could be read again by itself.
         result = replace(result, recipe=recipe if item.rows is None else None)
         out = write_result_folder(result, folder / folder_name(item.name), force=True)

@@ -28,7 +28,7 @@ def identify(
     columns: options.Columns = None,
     invert: options.Invert = False,
     out: options.OutFolder = None,
-    engine: options.Engine = "emcee",
+    engine: options.Engine = "auto",
     checkpoint: options.Checkpoint = None,
     seed: options.Seed = 0,
     json: options.Json = False,
@@ -66,7 +66,7 @@ def sample(
     table: options.TableFile,
     config: options.ConfigFile = None,
     out: options.OutFolder = None,
-    engine: options.Engine = "emcee",
+    engine: options.Engine = "auto",
     checkpoint: options.Checkpoint = None,
     seed: options.Seed = 0,
     json: options.Json = False,
@@ -182,15 +182,12 @@ def analyse(
         check_target(request.out, force=request.force)
     session.say_more(f"compiled programs: {cache}")
     table = load(settings)
-    engine = request.engine
-    if engine == "auto":
-        engine = choose_engine(session, table, settings)
     with session.progress() as progress:
         found = identify_table(
             table,
             settings,
             seed=request.seed,
-            engine=engine,
+            engine=request.engine,
             progress=progress,
             checkpoint=request.checkpoint,
         )
@@ -208,27 +205,6 @@ def analyse(
     else:
         print(render_text(found))
     return 0 if found.status is FitStatus.OK else FitError.exit_code
-
-
-def choose_engine(session: Session, table: "PeakTable", config: "GraspConfig") -> str:
-    """Quadrature where it applies, else sampling.
-
-    Args:
-        session: Where the reason goes.
-        table: Peak heights.
-        config: Settings in force.
-
-    Returns:
-        Name of the engine.
-    """
-    from pushfit.fit.exact import why_not_exact
-    from pushfit.fit.setup import build_problem
-
-    reason = why_not_exact(build_problem(table, config).problem)
-    if reason is None:
-        return "exact"
-    session.say_more(f"sampling, because the exact engine does not apply: {reason}")
-    return "emcee"
 
 
 def example_folder() -> Path:

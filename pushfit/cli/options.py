@@ -57,8 +57,10 @@ Checkpoint = Annotated[
     ),
 ]
 Engine = Annotated[
-    Literal["emcee", "exact", "auto"],
-    typer.Option(help="Sample the posterior, integrate it on a grid if that is exact."),
+    Literal["auto", "sweep", "emcee"],
+    typer.Option(
+        help="Sweep, or sample by emcee; auto: emcee where a sweep falls short."
+    ),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all randomness.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]

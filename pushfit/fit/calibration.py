@@ -19,7 +19,6 @@ from pushfit.config import GraspConfig
 from pushfit.data.table import PeakTable
 from pushfit.errors import ConfigError, DataError, FitError
 from pushfit.fit.derived import HALF_TURN, equal_tailed_interval, samples_mapping
-from pushfit.fit.exact import why_not_exact
 from pushfit.fit.identify import Fitted, fit_table, identify_table, reach_of
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
@@ -142,7 +141,7 @@ def calibrate(
             "leave one free in [parameters]",
             code="nothing_free",
         )
-    engine = "emcee" if why_not_exact(problem) else "exact"
+    engine = "auto"
     simulation = simulate_tables(fitted, n_tables, np.random.default_rng(seed))
     found = []
     for index, simulated in enumerate(simulation.tables):

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from pushfit.errors import ConvergenceError
 from pushfit.fit import checkpoint
-from pushfit.fit.moves import Mixture
+from pushfit.fit.mixture import Mixture
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 

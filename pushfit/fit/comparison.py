@@ -22,7 +22,6 @@ from pushfit.config.parameters import PositivePrior
 from pushfit.data.table import PeakTable
 from pushfit.fit.chains import in_chunks
 from pushfit.fit.criticism import goodness_of_fit
-from pushfit.fit.exact import why_not_exact
 from pushfit.fit.identify import Fitted, draw_posterior, fit_table
 from pushfit.fit.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem import Problem
@@ -44,6 +43,10 @@ MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS = 1.0, 2.0
 # Pareto k above which importance sampling is not to be relied on, for many draws.
 MAX_PARETO_K = 0.7
 CHUNK = 1024
+
+
+# Said where no model has an evidence.
+NO_EVIDENCE = "the weights of every sweep have too heavy a tail, and emcee gives none"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +81,8 @@ class ModelScore:
         sharpness: Sharpness of the transition; infinite for a hard switch.
         is_adequate: Whether it describes the heights within their noise.
         verdict: The same in words.
-        log_evidence: ln p(h); None where quadrature does not apply.
-        log_evidence_error: Bound on its error.
+        log_evidence: ln p(h); None where the sweep was not to be trusted.
+        log_evidence_error: Its standard error.
         densities: Leave-one-out densities; None where draws are not to be trusted.
         engine: How the posterior was found.
         status: Whether its numbers are to be trusted.
@@ -176,7 +179,7 @@ def compare_models(
         progress: Called with a stage and the share of it that is done.
 
     Returns:
-        Scores; by quadrature where it applies, else by emcee and without evidence.
+        Scores; without evidence where the sweep handed a model to emcee.
 
     Raises:
         DataError: If no usable push is left.
@@ -192,9 +195,10 @@ def compare_models(
         if progress is not None:
             progress(name.replace("_", " "), index / len(configs))
         scores.append(_score(name, _refitted(fitted, rival), seed))
+    has_evidence = any(score.log_evidence is not None for score in scores)
     return Comparison(
         models=against_best(scores),
-        why_no_evidence=why_not_exact(fitted.setup.problem),
+        why_no_evidence=None if has_evidence else NO_EVIDENCE,
         n_pushes=len(fitted.setup.rows),
         noise=noise,
         seed=seed,
@@ -325,8 +329,7 @@ def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
 def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
     """One model, not yet compared."""
     problem, n_pushes = fitted.setup.problem, len(fitted.setup.rows)
-    engine = "emcee" if why_not_exact(problem) else "exact"
-    posterior = draw_posterior(fitted, seed=seed, engine=engine)
+    posterior = draw_posterior(fitted, seed=seed, engine="auto")
     is_trusted = posterior.status is FitStatus.OK
     quality = goodness_of_fit(fitted.table, fitted.fit, fitted.setup.noise, seed=seed)
     densities = push_densities(
@@ -343,7 +346,7 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
         log_evidence=posterior.log_evidence if is_trusted else None,
         log_evidence_error=posterior.log_evidence_error if is_trusted else None,
         densities=densities if is_trusted else None,
-        engine=engine,
+        engine=posterior.engine,
         status=posterior.status,
     )
 

@@ -105,7 +105,7 @@ class Pair(abc.ABC):
 
     def _quantile(self, whole: Values, scores: Values) -> Values:
         """Quantiles of the pair's own coordinate."""
-        rows, table = self._quantiles
+        rows, table = self.quantiles
         places = [
             (whole - rows[0]) / (rows[-1] - rows[0]) * (rows.size - 1),
             (scores - SCORES[0]) / (SCORES[-1] - SCORES[0]) * (SCORES.size - 1),
@@ -113,7 +113,7 @@ class Pair(abc.ABC):
         return ndimage.map_coordinates(table, places, order=1, mode="nearest")
 
     @functools.cached_property
-    def _quantiles(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r s"]]:
+    def quantiles(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r s"]]:
         """Values of the combination, and the quantile at each of `SCORES`."""
         density = self.density()
         assert isinstance(density, LogDensity)

@@ -5,7 +5,7 @@ all start from `identify_table`.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,13 @@ from pushfit.fit.advice import measurements, next_push
 from pushfit.fit.bands import prediction_bands
 from pushfit.fit.criticism import goodness_of_fit
 from pushfit.fit.environment import environment
-from pushfit.fit.exact import exact_posterior, why_not_exact
 from pushfit.fit.identifiability import identifiability
 from pushfit.fit.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.model_free import model_free_direction
 from pushfit.fit.notices import (
     contact_notice,
     contradiction_notice,
+    handover_notices,
     lost_contact_rows,
     result_notices,
     scatter_notice,
@@ -39,6 +39,7 @@ from pushfit.fit.quantities import (
 )
 from pushfit.fit.results import (
     FitResult,
+    FitStatus,
     Identification,
     LikelihoodProfile,
     Notice,
@@ -47,11 +48,11 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.fit.setup import Setup, build_problem
+from pushfit.fit.sweep.posterior import sweep_posterior
 from pushfit.fit.tilt_check import tilt_notice
 
 Progress = Callable[[str, float], None]
-# Draws of the exact engine: quantiles good to about 0.02 standard deviations.
-N_EXACT_DRAWS = 8000
+ENGINES = ("auto", "sweep", "emcee")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +81,7 @@ def identify_table(
     config: GraspConfig,
     *,
     seed: int,
-    engine: str = "emcee",
+    engine: str = "auto",
     progress: Progress | None = None,
     checkpoint: Path | None = None,
 ) -> Identification:
@@ -90,7 +91,8 @@ def identify_table(
         table: Peak heights.
         config: Configuration in force.
         seed: Seed of every random number.
-        engine: "emcee", or "exact" for quadrature.
+        engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
+            are not to be trusted.
         progress: Called with a stage and the share of it that is done.
         checkpoint: File in which a run of emcee is kept, to be resumed.
 
@@ -196,6 +198,7 @@ def conclude(
         ),
         warnings=(
             *fitted.notices,
+            *handover_notices(posterior),
             *result_notices(
                 fitted.setup, posterior, criticism, (theta_c, alpha_star), model_free
             ),
@@ -299,7 +302,8 @@ def draw_posterior(
     Args:
         fitted: A table with its noise settled.
         seed: Seed of the draws.
-        engine: "emcee", or "exact" for quadrature.
+        engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
+            are not to be trusted.
         progress: Called with a stage and the share of it that is done.
         checkpoint: File in which a run of emcee is kept, to be resumed.
 
@@ -307,39 +311,31 @@ def draw_posterior(
         Draws and their status.
 
     Raises:
-        ConfigError: If the engine is not known or does not apply.
+        ConfigError: If the engine is not known.
         FitError: If nothing is free, or no start has a finite density.
     """
-    reach = reach_of(fitted.config)
-    if engine == "emcee":
-        return sample_posterior(
-            fitted.setup,
-            fitted.fit,
-            seed=seed,
-            reference_alpha=fitted.reference_alpha,
-            reach=reach,
-            progress=progress,
-            checkpoint=checkpoint,
-        )
-    if engine != "exact":
+    if engine not in ENGINES:
         raise ConfigError(
-            f"engine = {engine!r} is not known; choose emcee or exact",
+            f"engine = {engine!r} is not known; choose {', '.join(ENGINES[:-1])} or "
+            f"{ENGINES[-1]} (what was called exact is the sweep)",
             code="unknown_engine",
         )
-    reason = why_not_exact(fitted.setup.problem)
-    if reason is not None:
-        raise ConfigError(
-            f"the exact engine does not apply: {reason}; use --engine emcee",
-            code="no_exact_engine",
-        )
-    return exact_posterior(
-        fitted.setup,
-        fitted.fit,
-        n_draws=N_EXACT_DRAWS,
-        seed=seed,
-        reference_alpha=fitted.reference_alpha,
-        reach=reach,
+    words = {
+        "seed": seed,
+        "reference_alpha": fitted.reference_alpha,
+        "reach": reach_of(fitted.config),
+    }
+    swept = None
+    if engine != "emcee":
+        swept = sweep_posterior(fitted.setup, **words)
+        if engine == "sweep" or swept.status is FitStatus.OK:
+            return swept
+    chain = sample_posterior(
+        fitted.setup, fitted.fit, progress=progress, checkpoint=checkpoint, **words
     )
+    if swept is None:
+        return chain
+    return replace(chain, ess=swept.ess, pareto_k=swept.pareto_k)
 
 
 def _advice(

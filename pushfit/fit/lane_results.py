@@ -2,8 +2,9 @@
 
 Tables of equal shape are stacked in chunks of fixed size, so that a table's numbers do
 not depend on its neighbours, and what the compiled programs return becomes the same
-records that a single table gives. A table on which a lane is not exact enough is left
-to the engines for single tables. Excluded: tables that fit into no lane.
+records that a single table gives. Posteriors come from the sweep, as everywhere; a
+table whose draws are not to be trusted is left to emcee. Excluded: tables that fit
+into no lane.
 """
 
 from collections import defaultdict
@@ -17,7 +18,6 @@ from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.table import PeakTable
-from pushfit.fit.exact import N_PRIOR_DRAWS, posterior_of_draws
 from pushfit.fit.identify import (
     Fitted,
     conclude,
@@ -27,19 +27,15 @@ from pushfit.fit.identify import (
     reference_azimuth,
     with_sigma,
 )
-from pushfit.fit.lane_draws import LaneDraws, draw_lanes
 from pushfit.fit.lane_fit import LaneFit, fit_lanes
-from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import LaneProfile, profile_lanes
 from pushfit.fit.lanes import Lane, make_lane, why_not_lane
 from pushfit.fit.least_squares import fit_result, with_noise_of
-from pushfit.fit.noise_grid import make_noise_grid
 from pushfit.fit.notices import scatter_notice
 from pushfit.fit.problem import Problem
 from pushfit.fit.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.profiles import degrees_of_freedom
 from pushfit.fit.programs import compiled
-from pushfit.fit.quadrature import draw_from_nodes
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -49,15 +45,11 @@ from pushfit.fit.results import (
     PosteriorResult,
 )
 from pushfit.fit.setup import Setup, build_problem
-from pushfit.fit.shared_priors import SCALED, SharedPrior, shared_prior
-from pushfit.fit.starts import encode
+from pushfit.fit.shared_priors import SharedPrior, shared_prior
+from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Lanes of one call: always so many, the last one repeated.
 N_LANES = 32
-# Draws per table, stratified in θ_c.
-N_DRAWS = 1000
-# A lane whose evidence is known less well than this is done again by itself.
-MAX_ERROR = 2e-3
 # Two searches whose sums of squares differ by less than this agree.
 AGREED = 1e-3
 
@@ -129,7 +121,7 @@ def identify_lanes(items: Sequence[Ready]) -> list[Identification | None]:
         items: Tables in their lanes.
 
     Returns:
-        Identifications; None where a lane was not exact enough.
+        Identifications; None where the fit or the draws are not to be trusted.
     """
     found: list[Identification | None] = [None] * len(items)
     fits: dict[int, tuple[FitResult, LaneProfile]] = {}
@@ -151,8 +143,14 @@ def identify_lanes(items: Sequence[Ready]) -> list[Identification | None]:
             if other is not None:
                 notices = (*item.notices, excess)
                 again.append((index, replace(other, given=item.given, notices=notices)))
-    for chunk in _chunks(settled):
-        for index, item, posterior in _integrated(chunk):
+    for index, item in settled:
+        posterior = sweep_posterior(
+            item.setup,
+            seed=item.seed,
+            reference_alpha=item.reference_alpha,
+            reach=reach_of(item.config),
+        )
+        if posterior.status is FitStatus.OK:
             found[index] = _concluded(item, *fits[index], posterior)
     return found
 
@@ -229,73 +227,6 @@ def _described(
     if fit.status is not FitStatus.OK:
         return None
     return replace(item, setup=setup), fit
-
-
-def _integrated(
-    chunk: Sequence[tuple[int, Ready]],
-) -> list[tuple[int, Ready, PosteriorResult]]:
-    """Posteriors of a chunk, those left out that are not exact enough."""
-    lanes = _stacked(chunk)
-    posteriors = integrate_lanes(lanes, fit_lanes(lanes))
-    rngs = [np.random.default_rng(item.seed) for _, item in chunk]
-    uniform = np.full((N_LANES, N_DRAWS, 4), 0.5)
-    for lane, rng in enumerate(rngs):
-        uniform[lane] = rng.uniform(size=(N_DRAWS, 4))
-        # In random order, so that any part of the draws is a sample of the whole.
-        strata = rng.permutation(N_DRAWS)
-        uniform[lane, :, 0] = (strata + uniform[lane, :, 0]) / N_DRAWS
-    draws = draw_lanes(lanes, posteriors, jnp.asarray(uniform))
-    draws = jax.tree.map(np.asarray, draws)
-    evidence = np.asarray(posteriors.log_evidence)
-    error = np.asarray(posteriors.error)
-    found = []
-    for lane, ((index, item), rng) in enumerate(zip(chunk, rngs, strict=True)):
-        if error[lane] < MAX_ERROR and np.isfinite(evidence[lane]):
-            one = jax.tree.map(lambda leaf, lane=lane: leaf[lane], draws)
-            known = float(evidence[lane]), float(error[lane])
-            found.append((index, item, _posterior(item, one, known, rng)))
-    return found
-
-
-def _posterior(
-    item: Ready,
-    draws: LaneDraws,
-    evidence: tuple[float, float],
-    rng: np.random.Generator,
-) -> PosteriorResult:
-    """Draws of all parameters: those behind A and B follow from their prior."""
-    problem, ln_scale = item.setup.problem, np.log(item.prior.scale)
-    ln_A, ln_B = draws.a - ln_scale, draws.u + draws.c + draws.a - ln_scale
-    scores = rng.standard_normal((3, draws.u.size))
-    logs = item.prior.shape.fibre.split(ln_A, ln_B, scores) | {"C_rr": draws.c}
-    logs = {n: v + ln_scale if n in SCALED else v for n, v in logs.items()}
-    if item.setup.noise.kind == "sampled":
-        noise = make_noise_grid(problem)
-        for i, channel in enumerate(problem.channels):
-            ln_sigma = np.asarray(noise.ln_sigma)[i]
-            # Q is in units of the heights, the constants of the grid know the rest.
-            density = np.asarray(noise.constant)[i] - draws.squares[:, i, None] / (
-                2 * np.exp(2 * ln_sigma)
-            )
-            rows = np.broadcast_to(ln_sigma, density.shape)
-            uniform = rng.uniform(size=(draws.u.size, 1))
-            logs[f"sigma_{channel}"] = draw_from_nodes(rows, density, uniform)[:, 0]
-    x = encode(problem, {name: np.exp(values) for name, values in logs.items()})
-    # Not from `rng`: what is computed of these draws is computed once for all tables.
-    prior_draws = item.prior.samples()
-    for name, prior in problem.priors.items():
-        if name.startswith("sigma_"):
-            own = np.random.default_rng([item.seed, 1])
-            prior_draws[name] = np.exp(prior.sample(own, N_PRIOR_DRAWS))
-    return posterior_of_draws(
-        problem,
-        x,
-        prior_samples=prior_draws,
-        evidence=evidence,
-        seed=item.seed,
-        reference_alpha=item.reference_alpha,
-        reach=reach_of(item.config),
-    )
 
 
 def _concluded(

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
-from pushfit.fit.exact import why_not_exact
 from pushfit.fit.log_density import Table
 from pushfit.fit.noise_grid import make_noise_grid
 from pushfit.fit.priors import log_prior_at
@@ -153,9 +152,12 @@ def why_not_lane(problem: Problem) -> str | None:
     Returns:
         The reason in words; None where a lane holds all of it.
     """
-    reason = why_not_exact(problem)
-    if reason is not None:
-        return reason
+    if problem.grasp.mechanics != "linear":
+        return f"{problem.grasp.mechanics} mechanics depend on more than A, B and C_rr"
+    if "f1" in problem.data_names:
+        return "the stiffness ellipse adds two dimensions"
+    if "ln_F_0" in problem.data_names:
+        return "the estimated preload adds a dimension"
     if not is_linear(problem):
         return "with a preload or an offset heights are not proportional to A"
     if problem.grasp.support_span is not None:

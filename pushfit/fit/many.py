@@ -14,7 +14,6 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.table import PeakTable
 from pushfit.errors import PushfitError
-from pushfit.fit.exact import why_not_exact
 from pushfit.fit.flat import Cell, flat_values, pooled_draws
 from pushfit.fit.identify import identify_table, prepared
 from pushfit.fit.lane_results import identify_lanes, ready
@@ -51,7 +50,7 @@ def identify_many(
         tables: Peak heights, one table for each grasp.
         config: Configuration in force for all of them.
         seeds: Seed of each table.
-        engine: "exact", "emcee", or "auto" for exact where it applies.
+        engine: "auto", "sweep" or "emcee"; see `identify_table`.
 
     Returns:
         For each table its row, or the error that stands against it.
@@ -80,34 +79,12 @@ def identify_many(
     ]
 
 
-def engine_for(table: PeakTable, config: GraspConfig, engine: str) -> str:
-    """Engine that is meant for a table.
-
-    Args:
-        table: Peak heights.
-        config: Configuration in force.
-        engine: "exact", "emcee", or "auto" for exact where it applies.
-
-    Returns:
-        "exact" or "emcee".
-
-    Raises:
-        DataError: No usable push is left.
-        ConfigError: The configuration does not fit the table.
-    """
-    if engine != "auto":
-        return engine
-    reason = why_not_exact(build_problem(table, config).problem)
-    return "exact" if reason is None else "emcee"
-
-
 def _identify_one(
     table: PeakTable, config: GraspConfig, *, seed: int, engine: str
 ) -> ItemResult | PushfitError:
     """One table, its error as a value."""
     try:
-        chosen = engine_for(table, config, engine)
-        found = identify_table(table, config, seed=seed, engine=chosen)
+        found = identify_table(table, config, seed=seed, engine=engine)
         in_force, _ = prepared(found.table, found.config)
         prior = shared_prior(build_problem(found.table, in_force).problem)
         return _as_item(found, prior.tables)

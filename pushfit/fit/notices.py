@@ -222,3 +222,19 @@ def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:
                 "check the fixed value, the push length and the calibration",
             )
     return None
+
+
+def handover_notices(posterior: PosteriorResult) -> tuple[Notice, ...]:
+    """What to know where the sweep left a posterior to emcee.
+
+    Args:
+        posterior: Draws.
+    """
+    if posterior.engine != "emcee" or posterior.pareto_k is None:
+        return ()
+    text = (
+        f"the weighted draws of the sweep were not to be trusted (effective draws "
+        f"{posterior.ess or 0:.0f}, Pareto k {posterior.pareto_k:.2f}); these are from "
+        "emcee, which gives no evidence"
+    )
+    return (Notice(code="handed_to_emcee", text=text),)

@@ -24,7 +24,8 @@ from pushfit.fit.chains import Densities, Run, in_chunks, keep, resume
 from pushfit.fit.checkpoint import fingerprint
 from pushfit.fit.derived import samples_mapping
 from pushfit.fit.diagnostics import MIN_AUTOCORR_TIMES, diagnose
-from pushfit.fit.moves import DifferenceMove, IndependenceMove, fit_mixture
+from pushfit.fit.mixture import fit_mixture
+from pushfit.fit.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import Diagnostics, FitResult, FitStatus, PosteriorResult

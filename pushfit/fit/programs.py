@@ -103,6 +103,7 @@ def _make_storable(returned: object) -> None:
     example = object.__new__(returned)
     for field in dataclasses.fields(returned):
         object.__setattr__(example, field.name, 0)
+        _make_storable(field.type)
     _, constants = jax.tree.structure(example).node_data()
     with contextlib.suppress(ValueError):  # another function has seen to it
         export.register_pytree_node_serialization(

@@ -37,7 +37,7 @@ class FitStatus(enum.Enum):
     OK = "ok"
     NO_FINITE_START = "no start gave finite residuals; check the heights and the config"
     MAX_STEPS = "the solver stopped at its step limit; report the table as a bug"
-    NOT_CONVERGED = "the sampler has not converged; raise the budget or use exact"
+    NOT_CONVERGED = "the draws are not to be trusted; try the other --engine"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,15 +209,17 @@ class PosteriorResult:
         prior_samples: Draws from the prior, same names.
         log_prob: Unnormalised log posterior of each draw.
         chain: Fitting coordinates (n_ensembles, n_steps, n_walkers, n_coordinates) of
-            an emcee run, thinned; None for the exact engine.
+            an emcee run, thinned; None for the sweep.
         chain_names: Names of the last axis of `chain`.
         thin: Steps between kept states of `chain`.
-        engine: "emcee" or "exact".
-        diagnostics: Convergence checks; None for the exact engine.
-        log_evidence: Log marginal likelihood, exact engine only.
-        log_evidence_error: Bound on its error.
+        engine: "sweep" or "emcee".
+        diagnostics: Convergence checks of a chain; None for the sweep.
+        log_evidence: Log marginal likelihood; None for emcee.
+        log_evidence_error: Its standard error.
         seed: Seed of the draws.
         status: Whether intervals may be quoted.
+        ess: Effective number of the weighted draws of the sweep; None for emcee.
+        pareto_k: Shape of the tail of their weights, trusted up to 0.7; likewise.
     """
 
     samples: Mapping[str, Float[np.ndarray, " n"]]
@@ -232,6 +234,8 @@ class PosteriorResult:
     log_evidence_error: float | None
     seed: int
     status: FitStatus
+    ess: float | None = None
+    pareto_k: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

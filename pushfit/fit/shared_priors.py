@@ -15,7 +15,6 @@ from jaxtyping import Float
 
 from pushfit.containers import contact
 from pushfit.fit.derived import PARAMETERS
-from pushfit.fit.exact import N_PRIOR_DRAWS
 from pushfit.fit.fibre import Fibre, make_fibre
 from pushfit.fit.log_density import LogDensity, Table, make_table
 from pushfit.fit.priors import Prior
@@ -25,6 +24,7 @@ from pushfit.model import Parameters
 # Stiffnesses whose priors scale with the unit of the heights.
 SCALED = ("K_sn", "K_dn", "K_st", "C_d")
 SEED = 0
+N_PRIOR_DRAWS = 4000
 MAX_SHAPES = 256
 # Kind, first and second number of every prior by name; fixed values by name.
 Key = tuple[tuple[tuple[str, str, float, float], ...], tuple[tuple[str, float], ...]]
@@ -73,7 +73,7 @@ def shared_prior(problem: Problem) -> SharedPrior:
     """The prior of a problem, noise aside.
 
     Args:
-        problem: Problem whose fibre is that of A and B; see `why_not_exact`.
+        problem: Problem.
 
     Returns:
         Its shape, made now or before, and its scale.

@@ -17,7 +17,8 @@ from jaxtyping import Array, Float, Int
 from pushfit.coordinates import Coordinates, coordinates
 from pushfit.errors import FitError
 from pushfit.fit.chains import advance, in_chunks
-from pushfit.fit.moves import DifferenceMove, IndependenceMove, fit_mixture
+from pushfit.fit.mixture import fit_mixture
+from pushfit.fit.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.priors import POSITIVE, UNITS
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled

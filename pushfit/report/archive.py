@@ -152,7 +152,7 @@ def _fit(identification: Identification) -> "Dataset":
         {
             "estimate": ("coordinate", fit.estimate),
             "covariance": (("coordinate", "other_coordinate"), fit.covariance),
-            "jacobian": (("datum", "coordinate"), fit.jacobian),
+            "jacobian": (("residual", "coordinate"), fit.jacobian),
             "sigma": ("datum", fit.sigma),
             "predicted": ("datum", fit.predicted),
             "row": ("datum", np.array(fit.row, dtype=int)),

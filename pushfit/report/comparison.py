@@ -58,7 +58,7 @@ def comparison_sentences(comparison: Comparison) -> list[str]:
         sampled = [
             model_name(model)
             for model in comparison.models
-            if model.engine != "exact" and model.log_evidence is None
+            if model.log_evidence is None
         ]
         if sampled:
             sentences.append(

@@ -254,6 +254,8 @@ def _posterior(summary: Mapping[str, Any], groups: Groups) -> PosteriorResult:
         log_evidence_error=fields["log_evidence_error"],
         seed=summary["seed"],
         status=_status(fields["status"]),
+        ess=fields["ess"],
+        pareto_k=fields["pareto_k"],
     )
 
 

@@ -154,6 +154,8 @@ def _posterior(posterior: PosteriorResult) -> dict[str, object]:
         "n_draws": int(posterior.log_prob.size),
         "log_evidence": posterior.log_evidence,
         "log_evidence_error": posterior.log_evidence_error,
+        "ess": posterior.ess,
+        "pareto_k": posterior.pareto_k,
         "diagnostics": None if diagnostics is None else _diagnostics(diagnostics),
     }
 

@@ -14,11 +14,11 @@ from pushfit.fit.comparison import (
     push_densities,
     rival_configs,
 )
-from pushfit.fit.exact import exact_grid, exact_posterior
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.setup import build_problem
 from pushfit.model import Parameters, forward
 from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
+from tests.oracle.exact import exact_grid, exact_posterior
 from tests.problems import CASES, PUSH
 
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)

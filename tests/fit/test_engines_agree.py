@@ -8,12 +8,12 @@ Monte-Carlo error the chain is wrong. One table is in tests/fit/test_posterior.p
 import numpy as np
 import pytest
 
-from pushfit.fit.exact import exact_posterior
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.posterior import sample_posterior
 from pushfit.fit.results import FitStatus
 from tests.fit.agreement import z_values
 from tests.fit.tables import case_table, setup_of, tables_of_the_prior
+from tests.oracle.exact import exact_posterior
 from tests.problems import CASES
 
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pushfit.fit.exact import exact_grid, exact_posterior, why_not_exact
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.quadrature import Cells, cell_nodes
 from pushfit.fit.results import FitStatus
 from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
+from tests.oracle.exact import exact_grid, exact_posterior, why_not_exact
 from tests.problems import CASES, PUSH, paper_parameters
 
 REACH = (0.0, np.pi)

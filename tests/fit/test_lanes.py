@@ -3,13 +3,12 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from pushfit.fit.lane_draws import draw_lanes
+from pushfit.fit.lane_posterior import integrate_lanes
 
 from pushfit.fit import lane_results
-from pushfit.fit.exact import exact_grid
 from pushfit.fit.identify import identify_table
-from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import SmallNormal, fit_lanes
-from pushfit.fit.lane_posterior import integrate_lanes
 from pushfit.fit.lane_profile import profile_lanes
 from pushfit.fit.lane_results import identify_lanes, ready
 from pushfit.fit.lanes import why_not_lane
@@ -18,6 +17,7 @@ from pushfit.fit.many import identify_many
 from pushfit.fit.quadrature import KRONROD
 from pushfit.model import Contact, Pushes, forward
 from tests.fit.tables import case_table, config, setup_of
+from tests.oracle.exact import exact_grid
 from tests.problems import CASES
 
 ALPHA = np.pi / 2

@@ -9,12 +9,12 @@ import pytest
 from pushfit.errors import FitError
 from pushfit.fit import posterior
 from pushfit.fit.checkpoint import CheckpointWarning
-from pushfit.fit.exact import exact_posterior
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.posterior import Budget, sample_posterior
 from pushfit.fit.results import FitStatus
 from tests.fit.agreement import z_values
 from tests.fit.tables import case_table, setup_of
+from tests.oracle.exact import exact_posterior
 from tests.problems import CASES
 
 REACH = (0.0, math.radians(150))

@@ -11,19 +11,19 @@ import lineax as lx
 import numpy as np
 import pytest
 from jaxtyping import Array, Float
+from pushfit.fit.lane_draws import LaneDraws
+from pushfit.fit.lane_posterior import LanePosterior
 
 from pushfit import cache
 from pushfit.config import GraspConfig
 from pushfit.data.simulate import simulate_table
 from pushfit.fit import programs
 from pushfit.fit.identify import fit_table
-from pushfit.fit.integrand import Inner
-from pushfit.fit.lane_draws import LaneDraws
 from pushfit.fit.lane_fit import LaneFit
-from pushfit.fit.lane_posterior import LanePosterior
 from pushfit.fit.lane_profile import LaneProfile
 from pushfit.fit.programs import compiled
 from pushfit.model import Grasp, Parameters
+from tests.oracle.integrand import Inner
 
 
 class Line(eqx.Module):

@@ -18,13 +18,13 @@ import pytest
 from scipy import stats
 
 from pushfit.fit.derived import samples_mapping
-from pushfit.fit.exact import draw, exact_grid
 from pushfit.fit.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.posterior import Budget, sample_posterior
 from pushfit.fit.results import FitStatus
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.starts import prior_x_samples
 from tests.fit.tables import case_table, config
+from tests.oracle.exact import draw, exact_grid
 from tests.problems import CASES
 
 SIX = {"K_sn", "K_dn", "K_st", "C_rr", "C_d", "L"}

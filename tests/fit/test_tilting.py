@@ -13,7 +13,6 @@ from pushfit.errors import ConfigError
 from pushfit.fit.advice import measurements
 from pushfit.fit.comparison import rival_configs
 from pushfit.fit.data_point import tilting_point
-from pushfit.fit.exact import why_not_exact
 from pushfit.fit.identify import fit_table, identify_table, reach_of
 from pushfit.fit.profiles import likelihood_profiles
 from pushfit.fit.pulls import held_names, held_values
@@ -23,6 +22,7 @@ from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.tilt_check import fit_tilting
 from pushfit.model import Grasp, Parameters, Pushes, contact, forward
 from tests.fit.tables import config
+from tests.oracle.exact import why_not_exact
 from tests.problems import PUSH, TILTED_ELLIPSE, paper_parameters
 
 EXACT = 1e-12  # equal on paper

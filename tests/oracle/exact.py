@@ -15,10 +15,8 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.derived import samples_mapping
 from pushfit.fit.fibre import Fibre, make_fibre
-from pushfit.fit.integrand import Inner, Integrand, Strip
 from pushfit.fit.log_density import LogDensity, Table, make_table
 from pushfit.fit.noise_grid import make_noise_grid
-from pushfit.fit.outer import OuterAxis, make_axis
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.quadrature import Cells, cell_nodes, draw_from_nodes
@@ -26,6 +24,8 @@ from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
 from pushfit.fit.scan import is_linear
 from pushfit.fit.setup import Setup
 from pushfit.fit.starts import encode, prior_x_samples
+from tests.oracle.integrand import Inner, Integrand, Strip
+from tests.oracle.outer import OuterAxis, make_axis
 
 # Relative error of the evidence that stops refinement: far below what 10^6 draws show.
 RTOL = 1e-6

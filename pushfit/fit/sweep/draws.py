@@ -1,0 +1,247 @@
+"""Weighted draws from a posterior, proposed where the sweep found its mass.
+
+A draw follows the sheet: u, the inner coordinate, ln s, the Gaussian rest, what the
+prior alone knows, and the noise. Its weight is the posterior density, as `Problem` has
+it, over the density of the proposal, so that no approximation of the sweep biases
+anything: it only costs effective draws.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import logsumexp, ndtri
+from jax.scipy.stats import norm
+from jaxtyping import Array, Float, Int
+
+from pushfit.containers import anisotropy_stretch
+from pushfit.fit.sweep.cholesky import (
+    back_solve,
+    cholesky,
+    log_diagonal,
+    solve,
+    squared_length,
+)
+from pushfit.fit.sweep.noise import sigma_density
+from pushfit.fit.sweep.outer import ridge_slope, schur, without_s
+from pushfit.fit.sweep.segments import draw_segment
+from pushfit.fit.sweep.sheet import (
+    N_STRATA,
+    Sheet,
+    T,
+    local,
+    log_volumes,
+    prior_given,
+)
+from pushfit.fit.sweep.target import Expansion, Target
+from pushfit.model import Scalar
+from pushfit.numerics import norm2
+
+# The Gaussian rest in several widths, and as the prior has it: shares of each.
+WIDTHS, SHARES = (1.0, 1.7, 3.5), (0.55, 0.2, 0.1, 0.15)
+# Normal scores end here: beyond lies 1e-6 of a prior.
+SMALLEST = 1e-6
+# Furthest that the inner coordinate follows the ridge between nodes, in its own sd.
+FOLLOWED = 2.0
+# Steps towards the B of a round contact of the same K_st.
+N_ROUND = 3
+
+
+class Draw(eqx.Module):
+    """A weighted draw.
+
+    Args:
+        x: Sampling coordinates.
+        log_weight: Log of posterior over proposal density; -inf where impossible.
+        log_prob: Unnormalised log posterior density.
+        outer: u, by which draws are sorted before they are thinned.
+    """
+
+    x: Float[Array, "*n p"]
+    log_weight: Float[Array, "*n"]
+    log_prob: Float[Array, "*n"]
+    outer: Float[Array, "*n"]
+
+
+class Uniforms:
+    """Numbers in (0, 1), handed out in order."""
+
+    def __init__(self, values: Float[Array, " d"]) -> None:
+        """Begin with the first."""
+        self.values, self.used = values, 0
+
+    def one(self) -> Scalar:
+        """The next number."""
+        self.used += 1
+        return self.values[self.used - 1]
+
+    def score(self) -> Scalar:
+        """The next number as a standard normal score."""
+        return ndtri(jnp.clip(self.one(), SMALLEST, 1 - SMALLEST))
+
+
+def n_uniforms(target: Target) -> int:
+    """Numbers that a draw takes at most."""
+    return 5 + len(target.pooled.problem.names)
+
+
+def draw(target: Target, sheet: Sheet, uniform: Float[Array, " d"]) -> Draw:
+    """One draw.
+
+    Args:
+        target: Posterior.
+        sheet: Where its mass is.
+        uniform: As many numbers in (0, 1) as `n_uniforms` says.
+    """
+    numbers, roles = Uniforms(uniform), target.roles
+    held, node, log_q = _swept(target, sheet, numbers)
+    score = jnp.zeros(())
+    if roles.has_s:
+        ln_s, score, log_s = _shape_number(target, node, numbers)
+        held, log_q = jnp.concatenate([held, ln_s[None]]), log_q + log_s
+    y = held
+    if held.size < target.mean.size:
+        rest, log_rest = _rest(target, node, held, numbers)
+        y, log_q = jnp.concatenate([held, rest]), log_q + log_rest
+    z = target.seen(y)
+    log_q = log_q + _conditional(target, z, score, numbers)
+    log_q = log_q + _noise(target, z, numbers)
+    x = target.vector(z)
+    log_prob = target.log_prob(x)
+    log_weight = log_prob + _stand_ins(target, y) - log_q
+    return Draw(
+        x=x,
+        log_weight=jnp.where(jnp.isnan(log_weight), -jnp.inf, log_weight),
+        log_prob=log_prob,
+        outer=y[0],
+    )
+
+
+def _swept(
+    target: Target, sheet: Sheet, numbers: Uniforms
+) -> tuple[Float[Array, " 2"], Expansion, Scalar]:
+    """Outer and inner coordinate, the node nearest to them, log density."""
+    along = draw_segment(sheet.outer, numbers.one())
+    u = sheet.u
+    gap = u[along.segment + 1] - u[along.segment]
+    outer = u[along.segment] + along.share * gap
+    # Of the two nodes around it, the nearer one more often.
+    j = along.segment + (numbers.one() < along.share)
+    across = draw_segment(jax.tree.map(lambda a: a[j], sheet.inner), numbers.one())
+    t = jnp.asarray(T)
+    step = t[across.segment + 1] - t[across.segment]
+    inner, log_slope = sheet.inner_at(j, t[across.segment] + across.share * step)
+    k: Int[Array, ""] = across.segment + (across.share >= 0.5)
+    node = jax.tree.map(lambda a: a[j, k], sheet.nodes)
+    information = without_s(target, node.hessian + target.precision)
+    limit = FOLLOWED / jnp.sqrt(schur(information[1:, 1:]))
+    shift = ridge_slope(information)[0] * (outer - u[j])
+    inner = inner + jnp.clip(shift, -limit, limit)
+    log_density = along.log_density + across.log_density - log_slope
+    return jnp.stack([outer, inner]), node, log_density
+
+
+def _shape_number(
+    target: Target, node: Expansion, numbers: Uniforms
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Ln s at the node's B, its score, and the log of its share over the prior's."""
+    shares = jax.nn.softmax(log_volumes(target, node))
+    ends = jnp.cumsum(shares)
+    wanted = numbers.one() * ends[-1]
+    i = jnp.minimum(jnp.sum(ends < wanted), N_STRATA - 1)
+    own = jnp.maximum(shares[i], 1e-300)
+    part = jnp.clip((wanted - (ends[i] - shares[i])) / own, 0.0, 1.0)
+    score = ndtri(jnp.clip((i + part) / N_STRATA, SMALLEST, 1 - SMALLEST))
+    ln_s, _ = target.tables["ln_s"].draw(target.seen(node.y)["ln_B"], score)
+    return ln_s, score, jnp.log(own * N_STRATA)
+
+
+def _rest(
+    target: Target, node: Expansion, held: Float[Array, " h"], numbers: Uniforms
+) -> tuple[Float[Array, " k"], Scalar]:
+    """The Gaussian coordinates and the log density of their mixture."""
+    near = local(target, node, held)
+    precision, mean, _ = prior_given(target, held)
+    n, k = held.size, near.centre.size
+    prior = cholesky(precision[n:, n:])
+    offset = solve(prior, -(precision[n:, :n] @ (held - mean[:n])))
+    scores = jnp.stack([numbers.score() for _ in range(k)])
+    which = jnp.sum(numbers.one() > np.cumsum(SHARES)[:-1])
+    width = jnp.asarray([*WIDTHS, 1.0])[which]
+    around = near.centre + width * back_solve(near.factor, scores)
+    anywhere = mean[n:] + offset + back_solve(prior, scores)
+    rest = jnp.where(which == len(WIDTHS), anywhere, around)
+    square = squared_length(near.factor, rest - near.centre)
+    levels = [
+        np.log(share) + log_diagonal(near.factor) - square / (2 * w**2) - k * np.log(w)
+        for share, w in zip(SHARES, WIDTHS, strict=False)
+    ]
+    square = squared_length(prior, rest - mean[n:] - offset)
+    levels.append(np.log(SHARES[-1]) + log_diagonal(prior) - square / 2)
+    return rest, logsumexp(jnp.stack(levels)) - k * np.log(2 * np.pi) / 2
+
+
+def _conditional(
+    target: Target, z: dict[str, Scalar], s_score: Scalar, numbers: Uniforms
+) -> Scalar:
+    """Fill in what the prior alone knows; the log density of it all."""
+    log_q = jnp.zeros(())
+    for name in target.roles.conditional:
+        if name == "ln_s":
+            z[name], log_density = _ln_s(target, z, s_score)
+        elif name == "ln_r":
+            z[name], log_density = target.tables[name].draw(z["ln_A"], numbers.score())
+        else:
+            state = target.pooled.problem.state(target.vector(z))
+            spring = jnp.log(state.params.K_st) - z["ln_s"]
+            z[name], log_density = target.tables[name].draw(spring, numbers.score())
+        log_q = log_q + log_density
+    return log_q
+
+
+def _ln_s(target: Target, z: dict[str, Scalar], score: Scalar) -> tuple[Scalar, Scalar]:
+    """Ln s from its prior given B, and the log density of such draws.
+
+    With an ellipse K_st is not B (1 + s). The table is entered with the B of a round
+    contact of the same K_st, so that a narrow prior of K_st is met.
+    """
+    table = target.tables["ln_s"]
+    half = norm2(z.get("f1", jnp.zeros(())), z.get("f2", jnp.zeros(()))) / 2
+
+    def quantile(score: Scalar) -> Scalar:
+        ln_s, _ = table.draw(z["ln_B"], score)
+        for _ in range(N_ROUND):
+            s = jnp.exp(ln_s)
+            cosh = jnp.cosh(anisotropy_stretch(half, s) * half)
+            longer = jnp.log1p(2 * s * (cosh - 1) / (1 + s) ** 2) / 2
+            ln_s, _ = table.draw(z["ln_B"] + longer, score)
+        return ln_s
+
+    if "f1" not in z:
+        return table.draw(z["ln_B"], score)
+    ln_s, slope = jax.jvp(quantile, (score,), (jnp.ones(()),))
+    return ln_s, norm.logpdf(score) - jnp.log(jnp.maximum(jnp.abs(slope), 1e-12))
+
+
+def _noise(target: Target, z: dict[str, Scalar], numbers: Uniforms) -> Scalar:
+    """Fill in every sampled noise; the log density of it all."""
+    log_q = jnp.zeros(())
+    if not target.roles.sigmas:
+        return log_q
+    difference = target.differences_at(target.vector(z))
+    for channel, name in enumerate(target.pooled.problem.channels):
+        nodes, density = sigma_density(target.pooled, channel, difference[channel])
+        drawn = draw_segment(density, numbers.one())
+        gap = nodes[drawn.segment + 1] - nodes[drawn.segment]
+        z[f"ln_sigma_{name}"] = nodes[drawn.segment] + drawn.share * gap
+        log_q = log_q + drawn.log_density
+    return log_q
+
+
+def _stand_ins(target: Target, y: Float[Array, " q"]) -> Scalar:
+    """Log density of swept coordinates that stand for nothing."""
+    total = jnp.zeros(())
+    for i, name in enumerate((target.roles.pivot, target.roles.inner)):
+        if name is None:
+            total = total + norm.logpdf(y[i], target.mean[i])
+    return total

@@ -1,0 +1,190 @@
+"""Sampled noise, integrated out on a grid: likelihood, weights and draws of ln σ.
+
+Given the predictions every σ is known by one number per channel, so that neither the
+search nor the other draws need it as a coordinate of their own.
+"""
+
+import math
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.scipy.special import logsumexp
+from jax.scipy.stats import t as student_t
+from jaxtyping import Array, Float
+
+from pushfit.fit.problem import STUDENT_DOF
+from pushfit.fit.sweep.repeats import Pooled
+from pushfit.fit.sweep.segments import Segments, make_segments
+from pushfit.model import Scalar
+
+# Nodes of ln σ: with a stretch by asinh from 1/sqrt(n) to the range of the prior they
+# are at most two thirds of a standard deviation apart at the peak.
+N_NODES = 25
+# Standard deviations of the log that the nodes reach from the prior's median.
+REACH = 6.0
+# Steps towards the scale of a Student-t sample; each at least halves the distance.
+N_SCALE_STEPS = 8
+LN_2PI = math.log(2 * math.pi)
+
+
+class NoiseTerms(eqx.Module):
+    """What a set of predictions makes of the noise.
+
+    Args:
+        log_likelihood: With every sampled σ integrated out over its prior.
+        weights: Of the squared differences in a local quadratic form
+            [1/table unit²]; 0 for padding.
+    """
+
+    log_likelihood: Scalar
+    weights: Float[Array, "c n"]
+
+
+def is_sampled(pooled: Pooled, channel: int) -> bool:
+    """Whether the noise of a channel is a parameter."""
+    return f"sigma_{pooled.problem.channels[channel]}" in pooled.problem.priors
+
+
+def row_log_likelihood(
+    pooled: Pooled, channel: int, difference: Float[Array, " n"], variance: Array
+) -> Float[Array, "*k n"]:
+    """Log density of the heights behind each row.
+
+    Args:
+        pooled: Problem with repeats pooled.
+        channel: Channel.
+        difference: Prediction less mean height [table unit].
+        variance: Squared scale of the noise of each row [table unit²].
+    """
+    problem = pooled.problem
+    mask = problem.mask[channel]
+    variance = jnp.where(mask, variance, 1.0)
+    if problem.likelihood == "normal":
+        count, scatter = pooled.count[channel], pooled.scatter[channel]
+        squares = count * difference**2 + scatter
+        rows = -(count * (jnp.log(variance) + LN_2PI) + squares / variance) / 2
+    else:
+        scaled = difference / jnp.sqrt(variance)
+        rows = student_t.logpdf(scaled, STUDENT_DOF) - jnp.log(variance) / 2
+    return jnp.where(mask, rows, 0.0)
+
+
+def log_likelihood_of_sigma(
+    pooled: Pooled,
+    channel: int,
+    difference: Float[Array, " n"],
+    ln_sigma: Float[Array, " k"],
+) -> Float[Array, " k"]:
+    """Log likelihood of a channel at several values of its sampled noise."""
+    variance = pooled.problem.sd[channel] ** 2 + jnp.exp(2 * ln_sigma)[:, None]
+    rows = row_log_likelihood(pooled, channel, difference, variance)
+    return jnp.sum(rows, axis=1)
+
+
+def log_likelihood(
+    pooled: Pooled,
+    difference: Float[Array, "c n"],
+    ln_sigma: Mapping[str, Scalar],
+) -> Scalar:
+    """Log likelihood with every sampled noise given.
+
+    Args:
+        pooled: Problem with repeats pooled.
+        difference: Predictions less mean heights [table unit].
+        ln_sigma: Sampled noise by "ln_sigma_<channel>" [ln table unit].
+    """
+    total = jnp.zeros(())
+    for channel, name in enumerate(pooled.problem.channels):
+        variance = pooled.problem.reference_sigma[channel] ** 2
+        if is_sampled(pooled, channel):
+            sampled = jnp.exp(2 * ln_sigma[f"ln_sigma_{name}"])
+            variance = pooled.problem.sd[channel] ** 2 + sampled
+        rows = row_log_likelihood(pooled, channel, difference[channel], variance)
+        total = total + jnp.sum(rows)
+    return total
+
+
+def sigma_density(
+    pooled: Pooled, channel: int, difference: Float[Array, " n"]
+) -> tuple[Float[Array, " k"], Segments]:
+    """Nodes of ln σ and the unnormalised posterior over them."""
+    problem = pooled.problem
+    prior = problem.priors[f"sigma_{problem.channels[channel]}"]
+    median, spread = jnp.log(prior.first), REACH * prior.second
+    low, high = median - spread, median + spread
+    centre = jnp.clip(_ln_scale(pooled, channel, difference), low + 0.1, high - 0.1)
+    # The posterior sd of ln σ is about 1/sqrt(2 n), twice that for heavy tails.
+    width = 1 / jnp.sqrt(jnp.maximum(jnp.sum(pooled.count[channel]), 1.0))
+    share = jnp.linspace(-1.0, 1.0, N_NODES)
+    below, above = (
+        jnp.arcsinh((centre - low) / width),
+        jnp.arcsinh((high - centre) / width),
+    )
+    stretch = jnp.where(share < 0, below, above)
+    ln_sigma = centre + width * jnp.sinh(stretch * share)
+    level = log_likelihood_of_sigma(pooled, channel, difference, ln_sigma)
+    return ln_sigma, make_segments(ln_sigma, level + prior.log_prob(ln_sigma))
+
+
+def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
+    """Log likelihood of predictions, and the weights of their squares.
+
+    Args:
+        pooled: Problem with repeats pooled.
+        difference: Predictions less mean heights [table unit].
+    """
+    total, weights = jnp.zeros(()), []
+    for channel in range(len(pooled.problem.channels)):
+        own = difference[channel]
+        if is_sampled(pooled, channel):
+            ln_sigma, density = sigma_density(pooled, channel, own)
+            total = total + density.log_integral
+            variance = pooled.problem.sd[channel] ** 2 + jnp.exp(2 * ln_sigma)[:, None]
+            level = density.log_density + jnp.log(_gaps(ln_sigma))
+            shares = jnp.exp(level - logsumexp(level))
+            rows = shares @ _weights(pooled, channel, own, variance)
+        else:
+            variance = pooled.problem.reference_sigma[channel] ** 2
+            rows = _weights(pooled, channel, own, variance)
+            total = total + jnp.sum(row_log_likelihood(pooled, channel, own, variance))
+        weights.append(jnp.where(pooled.problem.mask[channel], rows, 0.0))
+    return NoiseTerms(total, jnp.stack(weights))
+
+
+def _weights(
+    pooled: Pooled, channel: int, difference: Float[Array, " n"], variance: Array
+) -> Array:
+    """Weights of least squares that have the slope of the log likelihood."""
+    if pooled.problem.likelihood == "normal":
+        return pooled.count[channel] / variance
+    return (STUDENT_DOF + 1) / (STUDENT_DOF * variance + difference**2)
+
+
+def _ln_scale(pooled: Pooled, channel: int, difference: Float[Array, " n"]) -> Scalar:
+    """About the most likely ln σ: the scatter beyond what is given."""
+    count, sd = pooled.count[channel], pooled.problem.sd[channel]
+    n = jnp.maximum(jnp.sum(count), 1.0)
+    squares = count * difference**2 + pooled.scatter[channel]
+    mask = pooled.problem.mask[channel]
+    square = jnp.maximum(jnp.sum(squares) / n, 1e-60)
+    if pooled.problem.likelihood != "normal":
+
+        def step(_: int, square: Scalar) -> Scalar:
+            weight = (STUDENT_DOF + 1) / (STUDENT_DOF + difference**2 / square)
+            return jnp.maximum(
+                jnp.sum(jnp.where(mask, weight * difference**2, 0.0)) / n, 1e-60
+            )
+
+        square = jax.lax.fori_loop(0, N_SCALE_STEPS, step, square)
+    given = jnp.sum(count * sd**2) / n
+    # Where nothing is left beyond it, any σ well below the given sd is as likely.
+    return jnp.log(jnp.maximum(square - given, 0.1 * given + 1e-60)) / 2
+
+
+def _gaps(nodes: Float[Array, " k"]) -> Float[Array, " k"]:
+    """Width that belongs to each node."""
+    gap = jnp.diff(nodes)
+    edge = jnp.zeros(1)
+    return (jnp.concatenate([gap, edge]) + jnp.concatenate([edge, gap])) / 2

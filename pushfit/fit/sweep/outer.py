@@ -1,0 +1,186 @@
+"""Nodes along the outer coordinate, dense where the posterior is large.
+
+Each round moves the nodes to quantiles of what the last one found, tempered so that
+the tails keep some, and follows every low valley to its bottom. Neighbours hand each
+other their conditional modes. Excluded: the inner coordinate.
+"""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from pushfit.fit.sweep.cholesky import (
+    back_solve,
+    cholesky,
+    half_solve,
+    log_diagonal,
+    solve,
+)
+from pushfit.fit.sweep.search import descend
+from pushfit.fit.sweep.segments import make_segments
+from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, Target
+
+# Nodes along u, local minima that are followed, rounds, and steps of each round.
+N_NODES, N_MODES, N_ROUNDS, N_STEPS = 64, 4, 6, 5
+# Standard deviations of the prior that are swept.
+REACH = 6.0
+# Powers of the density, and the share of the nodes that each places: the first resolves
+# what is there, the others keep valleys in sight whose bottom was not met yet.
+TEMPERS = ((1.0, 0.5), (0.2, 0.3), (0.02, 0.2))
+# First guesses: ln C_rr in standard deviations from its prior mean, and ellipses.
+INNER_GUESSES = (-2.0, 0.0, 2.0)
+SHAPES = ((0.0, 0.0), (1.2, 0.0), (-1.2, 0.0), (0.0, 1.2), (0.0, -1.2))
+
+
+# Starts, which of them may move along u, and the nodes they came from.
+Round = tuple[Array, Array, Expansion]
+
+
+def outer_nodes(target: Target) -> Expansion:
+    """Conditional modes at nodes of u, ascending.
+
+    Args:
+        target: Posterior.
+    """
+    q = target.mean.size
+    is_free = jnp.asarray([i > 0 and not _is_s(target, i) for i in range(q)])
+
+    def round_(carry: Round, __: None) -> tuple[Round, None]:
+        starts, is_moving, _last = carry
+
+        def one(start: Array, moves: Array) -> Expansion:
+            along = moves & (jnp.arange(q) == 0)
+            return descend(target, start, is_free | along, N_STEPS)
+
+        nodes = jax.vmap(one)(starts, is_moving)
+        order = jnp.argsort(nodes.y[:, 0])
+        nodes = jax.tree.map(lambda a: a[order], nodes)
+        return (*_next_starts(target, nodes), nodes), None
+
+    n = N_NODES
+    nothing = Expansion(
+        y=jnp.zeros((n, q)),
+        misfit=jnp.zeros(n),
+        cost=jnp.zeros(n),
+        gradient=jnp.zeros((n, q)),
+        hessian=jnp.zeros((n, q, q)),
+    )
+    first = (_first_starts(target), jnp.zeros(n, bool), nothing)
+    last, _ = jax.lax.scan(round_, first, None, length=N_ROUNDS)
+    return last[2]
+
+
+def prior_sd(target: Target, index: int, given: int = 0) -> Array:
+    """Prior standard deviation of a coordinate, the first `given` of them known."""
+    precision = target.precision[given:, given:]
+    unit = jnp.zeros(precision.shape[0]).at[index - given].set(1.0)
+    return jnp.sqrt(solve(cholesky(precision), unit)[index - given])
+
+
+def without_s(target: Target, matrix: Float[Array, "q q"]) -> Float[Array, "r r"]:
+    """Rows and columns of all coordinates but ln s, which the prior draws."""
+    kept = np.array([i for i in range(matrix.shape[0]) if not _is_s(target, i)])
+    return matrix[kept][:, kept]
+
+
+def _is_s(target: Target, index: int) -> bool:
+    return target.roles.has_s and index == 2
+
+
+def _conditional_mean(target: Target, known: Float[Array, " k"]) -> Float[Array, " q"]:
+    """The first coordinates, and the prior mean of the others given them."""
+    k = known.size
+    precision, mean = target.precision, target.mean
+    pull = -(precision[k:, :k] @ (known - mean[:k]))
+    return jnp.concatenate([known, mean[k:] + solve(cholesky(precision[k:, k:]), pull)])
+
+
+def _first_starts(target: Target) -> Float[Array, "n q"]:
+    """The best of a few guesses at each node, stiffness scaled to the heights."""
+    names = target.roles.names
+    u = target.mean[0] + prior_sd(target, 0) * jnp.linspace(-REACH, REACH, N_NODES)
+    has_shape = bool({"f1", "e1"} & set(names))
+    shapes = SHAPES if has_shape else SHAPES[:1]
+    guesses = jnp.asarray(
+        [(c, *f) for c, f in itertools.product(INNER_GUESSES, shapes)]
+    )
+    inner_sd = prior_sd(target, 1, given=1)
+
+    def guess(u: Array, shift: Array) -> tuple[Array, Array]:
+        inner = _conditional_mean(target, u[None])[1] + shift[0] * inner_sd
+        y = _conditional_mean(target, jnp.stack([u, inner]))
+        for i, name in enumerate(names):
+            if name in ("f1", "e1", "f2", "e2"):
+                y = y.at[i].add(shift[int(name[1])])
+        if "ln_A" in names:
+            y = y.at[names.index("ln_A")].add(_ln_scale(target, y))
+        return y, target.cost(y)
+
+    tried, costs = jax.vmap(lambda u: jax.vmap(lambda s: guess(u, s))(guesses))(u)
+    return tried[jnp.arange(N_NODES), jnp.argmin(costs, axis=1)]
+
+
+def _ln_scale(target: Target, y: Float[Array, " q"]) -> Array:
+    """Log of the factor that brings predictions closest to the heights."""
+    problem = target.pooled.problem
+    observed = jnp.where(problem.mask, problem.observed, 0.0)
+    predicted = target.differences(y) + observed
+    weight = target.pooled.count / problem.reference_sigma**2
+    scale = jnp.sum(weight * predicted * observed)
+    scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
+    return jnp.log(jnp.clip(scale, 1e-3, 1e3))
+
+
+def _next_starts(
+    target: Target, nodes: Expansion
+) -> tuple[Float[Array, "n q"], Bool[Array, " n"]]:
+    """Starts of the next round, and which of them may move along u."""
+    u = nodes.y[:, 0]
+    log_density = -nodes.cost - jax.vmap(
+        lambda h: log_diagonal(
+            cholesky(without_s(target, h + target.precision)[1:, 1:])
+        )
+    )(nodes.hessian)
+    total = jnp.zeros(u.size)
+    for power, share in TEMPERS:
+        tempered = power * (log_density - jnp.max(log_density))
+        total = total + share * make_segments(u, tempered).cumulative
+    at = jnp.interp(jnp.linspace(0, 1, N_NODES - N_MODES), total, u)
+    right = jnp.clip(jnp.searchsorted(u, at), 1, u.size - 1)
+    left = right - 1
+    gap = u[right] - u[left]
+    share = jnp.where(gap > 0, (at - u[left]) / jnp.where(gap > 0, gap, 1.0), 0.0)
+    share = jnp.clip(share, 0.0, 1.0)[:, None]
+    between = nodes.y[left] * (1 - share) + nodes.y[right] * share
+    tried = jnp.stack([nodes.y[left], nodes.y[right], between]).at[:, :, 0].set(at)
+    best = jnp.argmin(jax.vmap(jax.vmap(target.cost))(tried), axis=0)
+    starts = jnp.concatenate(
+        [nodes.y[_minima(nodes)], tried[best, jnp.arange(at.size)]]
+    )
+    return starts, jnp.arange(N_NODES) < N_MODES
+
+
+def _minima(nodes: Expansion) -> Array:
+    """The lowest nodes of the lowest valleys."""
+    edge = jnp.full(1, jnp.inf)
+    padded = jnp.concatenate([edge, nodes.cost, edge])
+    is_low = (nodes.cost <= padded[:-2]) & (nodes.cost <= padded[2:])
+    _, chosen = jax.lax.top_k(-jnp.where(is_low, nodes.cost, IMPOSSIBLE), N_MODES)
+    return chosen
+
+
+def schur(matrix: Float[Array, "q q"]) -> Array:
+    """Information on the first coordinate with the others free."""
+    if matrix.shape[0] == 1:
+        return matrix[0, 0]
+    half = jnp.stack(half_solve(cholesky(matrix[1:, 1:]), matrix[1:, 0]))
+    return jnp.maximum(matrix[0, 0] - jnp.sum(half**2), 1e-12 * matrix[0, 0])
+
+
+def ridge_slope(matrix: Float[Array, "q q"]) -> Float[Array, " q-1"]:
+    """Change of the other conditional modes per unit of the first coordinate."""
+    factor = cholesky(matrix[1:, 1:])
+    return back_solve(factor, half_solve(factor, -matrix[1:, 0]))

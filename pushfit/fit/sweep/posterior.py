@@ -1,0 +1,229 @@
+"""A posterior by the sweep: weighted draws, their honesty, and draws of equal weight.
+
+Batches of draws are added until enough of them count. What stays short of that, or has
+weights with too heavy a tail, says so, and the caller hands it to emcee.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from arviz_stats.base.array import array_stats
+from jaxtyping import Array, Float
+from scipy.stats import qmc
+
+from pushfit.errors import FitError
+from pushfit.fit.derived import samples_mapping
+from pushfit.fit.mixture import fit_mixture
+from pushfit.fit.programs import compiled
+from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.setup import Setup
+from pushfit.fit.sweep.draws import Draw, draw, n_uniforms
+from pushfit.fit.sweep.outer import outer_nodes
+from pushfit.fit.sweep.prior import make_target, prior_points
+from pushfit.fit.sweep.sheet import Sheet, make_sheet
+from pushfit.fit.sweep.target import Target
+
+# Draws of one call, and effective draws that are enough: the mean of any quantity is
+# then good to 0.03 of its standard deviation.
+N_DRAWS, ENOUGH = 4096, 2000.0
+# Calls at most, where the proposals need no better fit.
+MAX_CALLS = 4
+# Below so many effective draws, or with a heavier tail of the weights, averages are not
+# to be trusted. The second is the limit of Vehtari et al. (2024), arXiv:1507.02646.
+TOO_FEW, MAX_PARETO_K = 400.0, 0.7
+# Times that a mixture is fitted to the draws where they are not to be trusted yet, the
+# draws it is fitted to, and those from it.
+MAX_REFINEMENTS, N_FITTED, N_REFINED = 3, 8192, 16384
+# Draws of equal weight that are returned.
+N_RETURNED = 8192
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeightedDraws:
+    """Draws with weights.
+
+    Args:
+        x: Sampling coordinates, by rising ln tan θ_c.
+        log_prob: Unnormalised log posterior densities.
+        log_weights: Smoothed logs of the weights, which sum to 1.
+        log_evidence: Log marginal likelihood.
+        log_evidence_error: Its standard error.
+        ess: Effective number of draws.
+        pareto_k: Shape of the tail of the weights.
+    """
+
+    x: Float[np.ndarray, "n p"]
+    log_prob: Float[np.ndarray, " n"]
+    log_weights: Float[np.ndarray, " n"]
+    log_evidence: float
+    log_evidence_error: float
+    ess: float
+    pareto_k: float
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether averages over the draws mean what they say."""
+        return self.ess >= TOO_FEW and self.pareto_k <= MAX_PARETO_K
+
+    def resampled(
+        self, n: int, rng: np.random.Generator
+    ) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"]]:
+        """Draws of equal weight in random order, and their log densities."""
+        ends = np.cumsum(np.exp(self.log_weights))
+        ticks = (np.arange(n) + rng.uniform()) / n
+        rows = np.searchsorted(ends, ticks * ends[-1])
+        rows = rng.permutation(np.minimum(rows, ends.size - 1))
+        return self.x[rows], self.log_prob[rows]
+
+
+def sweep_posterior(
+    setup: Setup, *, seed: int, reference_alpha: float, reach: tuple[float, float]
+) -> PosteriorResult:
+    """Draws from the posterior of a table, and its evidence.
+
+    Args:
+        setup: Problem with its noise weights settled.
+        seed: Seed of the draws.
+        reference_alpha: Azimuth of θ_c [rad].
+        reach: Lowest and highest azimuth for α* [rad].
+
+    Returns:
+        Posterior with engine "sweep"; its status is NOT_CONVERGED where too few draws
+        count or the weights have too heavy a tail.
+
+    Raises:
+        FitError: If nothing is free.
+    """
+    problem = setup.problem
+    if not problem.names:
+        raise FitError(
+            "every parameter is fixed, so there is nothing to infer; free one in "
+            "grasp.toml or read off the model with `pushfit simulate`",
+            code="nothing_free",
+        )
+    rng = np.random.default_rng(seed)
+    weighted = weighted_draws(make_target(problem, reference_alpha), seed=seed)
+    x, log_prob = weighted.resampled(N_RETURNED, rng)
+    prior = prior_points(problem, reference_alpha, rng)
+    return PosteriorResult(
+        samples=samples_mapping(problem, x, reference_alpha, reach),
+        prior_samples=samples_mapping(problem, prior, reference_alpha, reach),
+        log_prob=log_prob,
+        chain=None,
+        chain_names=(),
+        thin=1,
+        engine="sweep",
+        diagnostics=None,
+        log_evidence=weighted.log_evidence,
+        log_evidence_error=weighted.log_evidence_error,
+        ess=weighted.ess,
+        pareto_k=weighted.pareto_k,
+        seed=seed,
+        status=FitStatus.OK if weighted.is_trusted else FitStatus.NOT_CONVERGED,
+    )
+
+
+def weighted_draws(target: Target, *, seed: int) -> WeightedDraws:
+    """Draws with weights, as many as it takes.
+
+    Args:
+        target: Posterior.
+        seed: Seed of the draws.
+    """
+    rng = np.random.default_rng([seed, 1])
+    found = _swept(target, rng)
+    if found.ess >= ENOUGH and found.is_trusted:
+        return found
+    for _ in range(MAX_REFINEMENTS):
+        found = _refined(target, found, rng)
+        if found.is_trusted:
+            break
+    return found
+
+
+def _swept(target: Target, rng: np.random.Generator) -> WeightedDraws:
+    """Draws proposed by the sweep."""
+    sheet = _sheet(target)
+    points = _points(n_uniforms(target))
+    parts: list[Draw] = []
+    while True:
+        # A shift modulo 1 makes every point uniform and keeps them even.
+        shift = rng.uniform(size=points.shape[1])
+        uniform = jnp.asarray(np.mod(points + shift, 1.0))
+        parts.append(jax.tree.map(np.asarray, _draws(target, sheet, uniform)))
+        draws = jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
+        order = np.argsort(draws.outer, kind="stable")
+        found = _weighed(draws.x[order], draws.log_prob[order], draws.log_weight[order])
+        if found.ess >= ENOUGH or len(parts) == MAX_CALLS:
+            return found
+
+
+def _refined(
+    target: Target, found: WeightedDraws, rng: np.random.Generator
+) -> WeightedDraws:
+    """Draws proposed by a mixture that resembles draws of the posterior."""
+    x, _ = found.resampled(N_FITTED, rng)
+    mixture = fit_mixture(x, rng)
+    random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
+    x = mixture.sample(random, N_REFINED)
+    log_prob = np.asarray(_log_probs(target, jnp.asarray(x)))
+    return _weighed(x, log_prob, log_prob - mixture.log_density(x))
+
+
+def _weighed(
+    x: Float[np.ndarray, "n p"],
+    log_prob: Float[np.ndarray, " n"],
+    log_weight: Float[np.ndarray, " n"],
+) -> WeightedDraws:
+    """Draws with smoothed weights, and what these are worth."""
+    n, is_possible = log_weight.size, np.isfinite(log_weight)
+    smoothed, pareto_k, ess = np.full(n, -np.inf), np.inf, _ess(log_weight)
+    if np.sum(is_possible) > 1:
+        # It takes minus the log of the weights, as it would take log likelihoods, and
+        # differences of them: impossible draws stay out.
+        tail, k = array_stats.psislw(-log_weight[is_possible])
+        smoothed[is_possible], pareto_k = tail, float(k)
+    return WeightedDraws(
+        x=x,
+        log_prob=log_prob,
+        log_weights=smoothed,
+        log_evidence=float(logsumexp(log_weight) - np.log(n)),
+        log_evidence_error=float(np.sqrt(max(1 / max(ess, 1e-300) - 1 / n, 0.0))),
+        ess=ess,
+        pareto_k=pareto_k,
+    )
+
+
+def _ess(log_weight: Float[np.ndarray, " n"]) -> float:
+    """Effective number of draws by Kish's rule, (Σ w)² / Σ w²."""
+    if not np.any(np.isfinite(log_weight)):
+        return 0.0
+    return float(np.exp(2 * logsumexp(log_weight) - logsumexp(2 * log_weight)))
+
+
+def _log_sum(log_values: Float[np.ndarray, " n"]) -> float:
+    return float(np.logaddexp.reduce(log_values))
+
+
+@functools.lru_cache(maxsize=16)
+def _points(n: int) -> Float[np.ndarray, "d n"]:
+    """Even points in a cube: the first of Sobol's sequence."""
+    return qmc.Sobol(n, scramble=False).random(N_DRAWS)
+
+
+@compiled
+def _sheet(target: Target) -> Sheet:
+    return make_sheet(target, outer_nodes(target))
+
+
+@compiled
+def _draws(target: Target, sheet: Sheet, uniform: Float[Array, "d n"]) -> Draw:
+    return jax.vmap(lambda row: draw(target, sheet, row))(uniform)
+
+
+@compiled
+def _log_probs(target: Target, x: Float[Array, "n p"]) -> Float[Array, " n"]:
+    return jax.vmap(target.log_prob)(x)

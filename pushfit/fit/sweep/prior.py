@@ -1,0 +1,240 @@
+"""What the sweep knows of the prior: moments, and tables of what follows from it.
+
+Priors that differ only by the unit of stiffness and force share everything that takes
+time. It is made once for each shape and kept. Excluded: densities, which `Problem` has.
+"""
+
+import functools
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from pushfit.fit.fibre import SCORES, make_fibre
+from pushfit.fit.priors import Prior
+from pushfit.fit.problem import Problem
+from pushfit.fit.programs import compiled
+from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.sweep.repeats import pool_repeats
+from pushfit.fit.sweep.roles import roles_of
+from pushfit.fit.sweep.target import QuantileTable, Target
+
+# Draws from the prior: moments good to 2 % of a standard deviation.
+N_DRAWS = 4000
+MAX_SHAPES = 64
+# Stiffnesses whose priors scale with the unit of the heights.
+STIFF = ("K_sn", "K_dn", "K_st", "C_d")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PriorShape:
+    """A prior whose stiffness and preload are in units of their own.
+
+    Args:
+        draws: Sampling coordinates but for sampled noise, by name.
+        mean: Of the coordinates of the sweep.
+        precision: Of the normal distribution with their moments.
+        shape_sd: Standard deviation of e1 and e2.
+        tables: Quantiles of the conditional coordinates by name: first value of the
+            number they are given, distance between its values, and entries.
+    """
+
+    draws: dict[str, Float[np.ndarray, " n"]]
+    mean: Float[np.ndarray, " q"]
+    precision: Float[np.ndarray, "q q"]
+    shape_sd: float
+    tables: dict[str, tuple[float, float, Float[np.ndarray, "r s"]]]
+
+
+class _Question:
+    """A problem that stands for all with the same prior; compares by its prior."""
+
+    def __init__(self, problem: Problem, reference_alpha: float) -> None:
+        self.problem, self.reference_alpha = problem, reference_alpha
+        priors = (
+            (name, p.kind, _rounded(p.first), _rounded(p.second))
+            for name, p in problem.priors.items()
+            if not name.startswith("sigma_")
+        )
+        fixed = ((name, _rounded(value)) for name, value in problem.fixed.items())
+        grasp = problem.grasp
+        self.key = (
+            tuple(sorted(priors)),
+            tuple(sorted(fixed)),
+            (grasp.mechanics, grasp.support_span is None),
+            _rounded(reference_alpha),
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Question) and self.key == other.key
+
+
+def make_target(problem: Problem, reference_alpha: float) -> Target:
+    """A problem made ready for the sweep.
+
+    Args:
+        problem: Problem with its noise weights settled.
+        reference_alpha: Azimuth of θ_c [rad].
+    """
+    roles = roles_of(problem)
+    unit, scale, force = _in_own_units(problem)
+    shape = _shape(_Question(unit, reference_alpha))
+    shifts = {"ln_A": scale, "ln_B": scale, "ln_F_0": force}
+    coordinates = ("outer", roles.inner, *roles.others)
+    shift = np.array([shifts.get(str(name), 0.0) for name in coordinates])
+    # All three tables are given a stiffness.
+    wholes = {"ln_r": scale, "ln_s": scale, "ln_L": scale}
+    tables = {
+        name: QuantileTable(
+            jnp.asarray(start + wholes[name]),
+            jnp.asarray(step),
+            jnp.asarray(values),
+            float(SCORES[0]),
+            float(SCORES[1] - SCORES[0]),
+        )
+        for name, (start, step, values) in shape.tables.items()
+    }
+    return Target(
+        pooled=pool_repeats(problem),
+        mean=jnp.asarray(shape.mean + shift),
+        precision=jnp.asarray(shape.precision),
+        shape_sd=jnp.asarray(shape.shape_sd),
+        tables=tables,
+        reference_alpha=jnp.asarray(reference_alpha),
+        roles=roles,
+    )
+
+
+def prior_points(
+    problem: Problem, reference_alpha: float, rng: np.random.Generator
+) -> Float[np.ndarray, "n p"]:
+    """Draws from the prior, in sampling coordinates.
+
+    Args:
+        problem: Problem.
+        reference_alpha: Azimuth of θ_c [rad].
+        rng: Source of the draws of sampled noise.
+    """
+    unit, scale, force = _in_own_units(problem)
+    draws = dict(_shape(_Question(unit, reference_alpha)).draws)
+    for name, shift in (("ln_A", scale), ("ln_B", scale), ("ln_F_0", force)):
+        if name in draws:
+            draws[name] = draws[name] + shift
+    for name, prior in problem.priors.items():
+        if name.startswith("sigma_"):
+            draws[f"ln_{name}"] = prior.sample(rng, N_DRAWS)
+    return np.stack([draws[name] for name in problem.names], axis=1)
+
+
+def _in_own_units(problem: Problem) -> tuple[Problem, float, float]:
+    """The same with K_sn about 1, and F_0 about 1; logs of both units."""
+    priors = dict(problem.priors)
+    stiff = [priors.get(name) for name in STIFF]
+    scale = force = 0.0
+    if all(prior is not None and prior.kind == "lognormal" for prior in stiff):
+        scale = float(np.log(priors["K_sn"].first))
+        priors |= {name: _scaled(priors[name], scale) for name in STIFF}
+    if "F_0" in priors and priors["F_0"].kind == "lognormal":
+        force = float(np.log(priors["F_0"].first))
+        priors["F_0"] = _scaled(priors["F_0"], force)
+    return replace(problem, priors=priors), scale, force
+
+
+def _scaled(prior: Prior, ln_unit: float) -> Prior:
+    return Prior("lognormal", float(prior.first) / np.exp(ln_unit), prior.second)
+
+
+def _rounded(value: float | Array) -> float:
+    """Nine digits, so that rounding cannot make two shapes of one."""
+    return float(f"{float(value):.9g}")
+
+
+@functools.lru_cache(maxsize=MAX_SHAPES)
+def _shape(question: _Question) -> PriorShape:
+    """Draws, moments and tables of a prior."""
+    problem, roles = question.problem, roles_of(question.problem)
+    noiseless = {n: p for n, p in problem.priors.items() if not n.startswith("sigma_")}
+    names = tuple(n for n in problem.names if n not in roles.sigmas)
+    bare = replace(problem, priors=noiseless, names=names)
+    rng = np.random.default_rng(0)
+    x = prior_x_samples(bare, rng, N_DRAWS) if names else np.zeros((N_DRAWS, 0))
+    draws = {name: x[:, i] for i, name in enumerate(names)}
+    columns = [rng.standard_normal(N_DRAWS), rng.standard_normal(N_DRAWS)]
+    if roles.pivot is not None:
+        columns[0] = _outer_of(bare, x, question.reference_alpha)
+    if roles.inner is not None:
+        columns[1] = draws[roles.inner]
+    y = np.stack([*columns, *(draws[name] for name in roles.others)], axis=1)
+    fibre = make_fibre(noiseless, problem.fixed)
+    pairs = {"ln_r": fibre.normal, "ln_s": fibre.tangential, "ln_L": fibre.rotation}
+    tables = {}
+    for name in roles.conditional:
+        rows, values = pairs[name].quantiles
+        tables[name] = (float(rows[0]), float(rows[1] - rows[0]), values)
+    shape_sd = (
+        float(np.std(_ellipse_draws(noiseless, rng))) if "e1" in noiseless else 1.0
+    )
+    mean, precision = _moments(y, roles.names, shape_sd, has_s=roles.has_s)
+    for i, name in enumerate((roles.pivot, roles.inner)):
+        if name is None:
+            mean[i] = 0.0
+            precision[i], precision[:, i], precision[i, i] = 0.0, 0.0, 1.0
+    return PriorShape(
+        draws=draws, mean=mean, precision=precision, shape_sd=shape_sd, tables=tables
+    )
+
+
+def _ellipse_draws(
+    priors: dict[str, Prior], rng: np.random.Generator
+) -> Float[np.ndarray, " n"]:
+    return priors["e1"].sample(rng, N_DRAWS)
+
+
+def _moments(
+    y: Float[np.ndarray, "n q"], names: tuple[str, ...], shape_sd: float, *, has_s: bool
+) -> tuple[Float[np.ndarray, " q"], Float[np.ndarray, "q q"]]:
+    """Mean and precision of the coordinates; an ellipse hangs on ln s alone."""
+    mean, q = np.mean(y, axis=0), len(names)
+    apart = [i for i, n in enumerate(names) if has_s and n in ("ln_s", "f1", "f2")]
+    joint = [i for i in range(q) if i not in apart]
+    precision = np.zeros((q, q))
+    covariance = np.cov(y[:, joint].T).reshape(len(joint), len(joint))
+    precision[np.ix_(joint, joint)] = np.linalg.inv(covariance)
+    for i in apart:
+        if names[i] == "ln_s":
+            mean[i], precision[i, i] = np.median(y[:, i]), 1.0
+        else:
+            mean[i] = 0.0
+            precision[i, i] = ((1 + np.exp(mean[names.index("ln_s")])) / shape_sd) ** 2
+    return mean, precision
+
+
+def _outer_of(
+    problem: Problem, x: Float[np.ndarray, "n p"], reference_alpha: float
+) -> Float[np.ndarray, " n"]:
+    """U of draws."""
+    blank = Target(
+        pooled=pool_repeats(problem),
+        mean=jnp.zeros(2),
+        precision=jnp.eye(2),
+        shape_sd=jnp.asarray(1.0),
+        tables={},
+        reference_alpha=jnp.asarray(reference_alpha),
+        roles=roles_of(problem),
+    )
+    return np.asarray(_outer(blank, jnp.asarray(x)))
+
+
+@compiled
+def _outer(target: Target, x: Float[Array, "n p"]) -> Float[Array, " n"]:
+    names = target.pooled.problem.names
+
+    def one(row: Float[Array, " p"]) -> Float[Array, ""]:
+        return target.outer(dict(zip(names, row, strict=True)))
+
+    return jax.vmap(one)(x)

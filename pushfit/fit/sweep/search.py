@@ -1,0 +1,59 @@
+"""Conditional modes: damped Gauss-Newton steps with some coordinates held."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from pushfit.fit.sweep.cholesky import cholesky, solve
+from pushfit.fit.sweep.target import Expansion, Target
+
+# Longest step of a coordinate, in logs: beyond it the expansion says nothing.
+MAX_STEP = 1.5
+# Damping at first, and its factors after a step that helps and one that does not.
+DAMPING, EASE, TIGHTEN = 1e-3, 0.2, 5.0
+
+
+def descend(
+    target: Target,
+    start: Float[Array, " q"],
+    is_free: Bool[Array, " q"],
+    n_steps: int,
+) -> Expansion:
+    """The best point met on the way down.
+
+    Args:
+        target: Posterior.
+        start: Where to begin.
+        is_free: Which coordinates may move.
+        n_steps: Evaluations.
+    """
+    both = is_free[:, None] & is_free
+    eye = jnp.eye(start.size)
+
+    def step(
+        carry: tuple[Expansion, Array, Array], _: None
+    ) -> tuple[tuple[Expansion, Array, Array], None]:
+        best, damping, wanted = carry
+        trial = target.expand(wanted)
+        is_better = trial.cost < best.cost
+        best = jax.tree.map(lambda a, b: jnp.where(is_better, a, b), trial, best)
+        damping = jnp.where(is_better, damping * EASE, damping * TIGHTEN)
+        hessian = jnp.where(both, best.hessian + target.precision, 0.0)
+        extra = jnp.where(is_free, damping * jnp.diag(hessian), 1.0)
+        slope = best.gradient + target.precision @ (best.y - target.mean)
+        factor = cholesky(hessian + extra * eye)
+        move = solve(factor, jnp.where(is_free, -slope, 0.0))
+        longest = jnp.max(jnp.abs(move))
+        move = move * jnp.minimum(1.0, MAX_STEP / jnp.maximum(longest, 1e-300))
+        return (best, damping, best.y + move), None
+
+    nothing = Expansion(
+        y=start,
+        misfit=jnp.asarray(jnp.inf),
+        cost=jnp.asarray(jnp.inf),
+        gradient=jnp.zeros(start.size),
+        hessian=jnp.zeros((start.size, start.size)),
+    )
+    first = (nothing, jnp.asarray(DAMPING), start)
+    (best, _, _), _ = jax.lax.scan(step, first, None, length=n_steps)
+    return best

@@ -1,0 +1,95 @@
+"""Densities between nodes: exponential on each segment, and draws from them."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from pushfit.model import Scalar
+
+# A log density that rises by less over a segment is flat there: expm1(x)/x is 0/0.
+FLAT = 1e-9
+# Depth below the peak at which a log density is held: exp would return 0 soon after.
+DEPTH = 600.0
+
+
+class Segments(eqx.Module):
+    """A density known by its log at nodes.
+
+    Args:
+        log_density: At the nodes, 0 at its highest.
+        total: Integral up to the end of each segment.
+        scale: Log of what the density was divided by.
+    """
+
+    log_density: Float[Array, " n"]
+    total: Float[Array, " n-1"]
+    scale: Scalar
+
+    @property
+    def log_integral(self) -> Scalar:
+        """Log of the integral over all segments, `scale` included."""
+        return self.scale + jnp.log(self.total[-1])
+
+    @property
+    def cumulative(self) -> Float[Array, " n"]:
+        """Share of the integral up to each node."""
+        return jnp.concatenate([jnp.zeros(1), self.total / self.total[-1]])
+
+
+class Drawn(eqx.Module):
+    """A draw from segments.
+
+    Args:
+        segment: Which segment it lies on.
+        share: How far along.
+        log_density: Normalised log density there.
+    """
+
+    segment: Int[Array, ""]
+    share: Scalar
+    log_density: Scalar
+
+
+def make_segments(
+    nodes: Float[Array, " n"], log_density: Float[Array, " n"]
+) -> Segments:
+    """Segments of an unnormalised log density.
+
+    Args:
+        nodes: Ascending.
+        log_density: At the nodes.
+    """
+    scale = jnp.max(log_density)
+    level = jnp.maximum(log_density - scale, -DEPTH)
+    mass = jnp.exp(level[:-1]) * jnp.diff(nodes) * _mean_rise(jnp.diff(level))
+    return Segments(level, jnp.cumsum(mass), scale)
+
+
+def draw_segment(segments: Segments, uniform: Scalar) -> Drawn:
+    """The point below which a share of the integral lies.
+
+    Args:
+        segments: Density.
+        uniform: The share, in (0, 1).
+    """
+    total = segments.total
+    wanted = uniform * total[-1]
+    # Comparing with all is faster than a search for so few.
+    i = jnp.minimum(jnp.sum(total < wanted), total.size - 1)
+    before = jnp.where(i > 0, total[i - 1], 0.0)
+    own = jnp.maximum(total[i] - before, 1e-300)
+    part = jnp.clip((wanted - before) / own, 0.0, 1.0)
+    low, high = segments.log_density[i], segments.log_density[i + 1]
+    rise = high - low
+    is_flat = jnp.abs(rise) < FLAT
+    safe = jnp.where(is_flat, 1.0, rise)
+    share = jnp.where(is_flat, part, jnp.log1p(part * jnp.expm1(safe)) / safe)
+    share = jnp.clip(share, 0.0, 1.0)
+    return Drawn(i, share, low + share * rise - jnp.log(total[-1]))
+
+
+def _mean_rise(rise: Float[Array, " s"]) -> Float[Array, " s"]:
+    """Mean of exp over a segment on which its log rises from 0."""
+    is_flat = jnp.abs(rise) < FLAT
+    safe = jnp.where(is_flat, 1.0, rise)
+    return jnp.where(is_flat, 1.0, jnp.expm1(safe) / safe)

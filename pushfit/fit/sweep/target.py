@@ -1,0 +1,173 @@
+"""The posterior of one table in the coordinates of the sweep.
+
+Densities are those of `Problem`, with repeats pooled and sampled noise apart; what is
+added here serves only to find where they are large.
+"""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from pushfit.containers import contact, tangential_stiffness, unit_vector
+from pushfit.fit.sweep.noise import log_likelihood, noise_terms
+from pushfit.fit.sweep.repeats import Pooled
+from pushfit.fit.sweep.roles import Roles
+from pushfit.model import Scalar
+from pushfit.numerics import norm2
+
+# Step of the differences that stand for slopes, in logs: only the search for the mass
+# of the posterior uses them, and mechanics with an inner solver are slow to
+# differentiate otherwise.
+STEP = 1e-5
+# Stands for a cost that is not finite.
+IMPOSSIBLE = 1e300
+
+
+class QuantileTable(eqx.Module):
+    """A prior given a number: quantiles by normal score, linear between entries.
+
+    Args:
+        start: First value of the number.
+        step: Distance between its values.
+        values: Quantile for each value and score.
+        first_score: First normal score.
+        score_step: Distance between scores.
+    """
+
+    start: Scalar
+    step: Scalar
+    values: Float[Array, "r s"]
+    first_score: float = eqx.field(static=True)
+    score_step: float = eqx.field(static=True)
+
+    def draw(self, whole: Scalar, score: Scalar) -> tuple[Scalar, Scalar]:
+        """The quantile at a normal score, and the log density of such draws."""
+        row, p = _place((whole - self.start) / self.step, self.values.shape[0])
+        column = (score - self.first_score) / self.score_step
+        column, q = _place(column, self.values.shape[1])
+        corner = self.values[row + jnp.arange(2)][:, column + jnp.arange(2)]
+        low, high = corner[0] * (1 - p) + corner[1] * p
+        slope = jnp.maximum((high - low) / self.score_step, 1e-12)
+        log_density = jax.scipy.stats.norm.logpdf(score) - jnp.log(slope)
+        return low + q * (high - low), log_density
+
+
+class Target(eqx.Module):
+    """A posterior to be swept.
+
+    Args:
+        pooled: Data, grasp, noise and priors, repeats pooled.
+        mean: Of the coordinates of the sweep before the data.
+        precision: Of the normal distribution that stands for their prior; that of an
+            ellipse for ln s at its mean.
+        shape_sd: Prior standard deviation of e1 and e2.
+        tables: Priors of the conditional coordinates by name.
+        reference_alpha: Azimuth of θ_c [rad].
+        roles: Part that each coordinate plays.
+    """
+
+    pooled: Pooled
+    mean: Float[Array, " q"]
+    precision: Float[Array, "q q"]
+    shape_sd: Scalar
+    tables: Mapping[str, QuantileTable]
+    reference_alpha: Scalar
+    roles: Roles = eqx.field(static=True)
+
+    def seen(self, y: Float[Array, " q"]) -> dict[str, Scalar]:
+        """Sampling coordinates by name; those that heights do not see are 0."""
+        z = {name: jnp.zeros(()) for name in self.pooled.problem.names}
+        for name, value in zip(self.roles.others, y[2:], strict=True):
+            z[name] = value
+        if self.roles.inner is not None:
+            z[self.roles.inner] = y[1]
+        if self.roles.pivot is not None:
+            sign = 1.0 if self.roles.pivot == "ln_B" else -1.0
+            z[self.roles.pivot] = sign * (y[0] - self.outer(z))
+        return z
+
+    def vector(self, z: Mapping[str, Scalar]) -> Float[Array, " p"]:
+        """Sampling coordinates in the order of the problem."""
+        return jnp.stack([z[name] for name in self.pooled.problem.names])
+
+    def outer(self, z: Mapping[str, Scalar]) -> Scalar:
+        """U = ln(B |u(α)| / (A C_rr)) at sampling coordinates."""
+        group = contact(self.pooled.problem.state(self.vector(z)).params)
+        x, y = tangential_stiffness(group, unit_vector(self.reference_alpha))
+        return jnp.log(norm2(x, y) / (group.A * group.C_rr))
+
+    def differences(self, y: Float[Array, " q"]) -> Float[Array, "c n"]:
+        """Predictions less mean heights; 0 for padding [table unit]."""
+        return self.differences_at(self.vector(self.seen(y)))
+
+    def differences_at(self, x: Float[Array, " p"]) -> Float[Array, "c n"]:
+        """The same at sampling coordinates."""
+        problem = self.pooled.problem
+        difference = problem.predict(problem.state(x)) - problem.observed
+        return jnp.where(problem.mask, difference, 0.0)
+
+    def log_prob(self, x: Float[Array, " p"]) -> Scalar:
+        """Unnormalised log posterior density of sampling coordinates."""
+        named = dict(zip(self.pooled.problem.names, x, strict=True))
+        level = log_likelihood(self.pooled, self.differences_at(x), named)
+        value = level + self.pooled.problem.log_prior(x)
+        return jnp.where(jnp.isnan(value), -jnp.inf, value)
+
+    def cost(self, y: Float[Array, " q"]) -> Scalar:
+        """Negative log of likelihood times normal prior, up to a constant."""
+        terms = noise_terms(self.pooled, self.differences(y))
+        return finite(-terms.log_likelihood) + self.half_square(y)
+
+    def half_square(self, y: Float[Array, " q"]) -> Scalar:
+        """Half the squared distance from the prior's mean in its standard deviations."""
+        z = y - self.mean
+        return z @ self.precision @ z / 2
+
+    def expand(self, y: Float[Array, " q"]) -> "Expansion":
+        """Second-order expansion of the negative log likelihood, by Gauss-Newton."""
+        points = jnp.concatenate([y[None], y + STEP * jnp.eye(y.size)])
+        values = jax.vmap(self.differences)(points)
+        difference, jacobian = values[0], (values[1:] - values[0]) / STEP
+        terms = noise_terms(self.pooled, difference)
+        weighted = jacobian * terms.weights
+        misfit = finite(-terms.log_likelihood)
+        return Expansion(
+            y=y,
+            misfit=misfit,
+            cost=misfit + self.half_square(y),
+            gradient=jnp.sum(weighted * difference, axis=(1, 2)),
+            hessian=jnp.sum(weighted[:, None] * jacobian, axis=(2, 3)),
+        )
+
+
+class Expansion(eqx.Module):
+    """Negative log likelihood around a point.
+
+    Args:
+        y: The point.
+        misfit: Negative log likelihood.
+        cost: The same with the normal prior.
+        gradient: Of the misfit.
+        hessian: Of the misfit.
+    """
+
+    y: Float[Array, "*n q"]
+    misfit: Float[Array, "*n"]
+    cost: Float[Array, "*n"]
+    gradient: Float[Array, "*n q"]
+    hessian: Float[Array, "*n q q"]
+
+
+def finite(cost: Scalar) -> Scalar:
+    """A cost, very large where it is not finite."""
+    return jnp.nan_to_num(cost, nan=IMPOSSIBLE, posinf=IMPOSSIBLE)
+
+
+def _place(position: Scalar, n: int) -> tuple[Array, Scalar]:
+    """Index of the entry below a position, held inside, and the share beyond it."""
+    held = jnp.clip(position, 0, n - 1)
+    index = jnp.minimum(held.astype(int), n - 2)
+    return index, held - index
