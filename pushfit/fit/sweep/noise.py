@@ -49,7 +49,7 @@ def is_sampled(pooled: Pooled, channel: int) -> bool:
 
 def row_log_likelihood(
     pooled: Pooled, channel: int, difference: Float[Array, " n"], variance: Array
-) -> Float[Array, "*k n"]:
+) -> Float[Array, " n"]:
     """Log density of the heights behind each row.
 
     Args:
@@ -78,9 +78,13 @@ def log_likelihood_of_sigma(
     ln_sigma: Float[Array, " k"],
 ) -> Float[Array, " k"]:
     """Log likelihood of a channel at several values of its sampled noise."""
-    variance = pooled.problem.sd[channel] ** 2 + jnp.exp(2 * ln_sigma)[:, None]
-    rows = row_log_likelihood(pooled, channel, difference, variance)
-    return jnp.sum(rows, axis=1)
+    sd = pooled.problem.sd[channel]
+
+    def one(ln_sigma: Scalar) -> Scalar:
+        variance = sd**2 + jnp.exp(2 * ln_sigma)
+        return jnp.sum(row_log_likelihood(pooled, channel, difference, variance))
+
+    return jax.vmap(one)(ln_sigma)
 
 
 def log_likelihood(
@@ -141,10 +145,9 @@ def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
         if is_sampled(pooled, channel):
             ln_sigma, density = sigma_density(pooled, channel, own)
             total = total + density.log_integral
-            variance = pooled.problem.sd[channel] ** 2 + jnp.exp(2 * ln_sigma)[:, None]
             level = density.log_density + jnp.log(_gaps(ln_sigma))
             shares = jnp.exp(level - logsumexp(level))
-            rows = shares @ _weights(pooled, channel, own, variance)
+            rows = shares @ _sampled_weights(pooled, channel, own, ln_sigma)
         else:
             variance = pooled.problem.reference_sigma[channel] ** 2
             rows = _weights(pooled, channel, own, variance)
@@ -155,11 +158,26 @@ def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
 
 def _weights(
     pooled: Pooled, channel: int, difference: Float[Array, " n"], variance: Array
-) -> Array:
+) -> Float[Array, " n"]:
     """Weights of least squares that have the slope of the log likelihood."""
     if pooled.problem.likelihood == "normal":
         return pooled.count[channel] / variance
     return (STUDENT_DOF + 1) / (STUDENT_DOF * variance + difference**2)
+
+
+def _sampled_weights(
+    pooled: Pooled,
+    channel: int,
+    difference: Float[Array, " n"],
+    ln_sigma: Float[Array, " k"],
+) -> Float[Array, "k n"]:
+    """The same at each value of the sampled noise."""
+    sd = pooled.problem.sd[channel]
+    return jax.vmap(
+        lambda ln_sigma: _weights(
+            pooled, channel, difference, sd**2 + jnp.exp(2 * ln_sigma)
+        )
+    )(ln_sigma)
 
 
 def _ln_scale(pooled: Pooled, channel: int, difference: Float[Array, " n"]) -> Scalar:

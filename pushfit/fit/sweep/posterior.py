@@ -190,7 +190,7 @@ def _weighed(
         x=x,
         log_prob=log_prob,
         log_weights=smoothed,
-        log_evidence=float(logsumexp(log_weight) - np.log(n)),
+        log_evidence=_log_sum(log_weight) - float(np.log(n)),
         log_evidence_error=float(np.sqrt(max(1 / max(ess, 1e-300) - 1 / n, 0.0))),
         ess=ess,
         pareto_k=pareto_k,
@@ -201,7 +201,7 @@ def _ess(log_weight: Float[np.ndarray, " n"]) -> float:
     """Effective number of draws by Kish's rule, (Σ w)² / Σ w²."""
     if not np.any(np.isfinite(log_weight)):
         return 0.0
-    return float(np.exp(2 * logsumexp(log_weight) - logsumexp(2 * log_weight)))
+    return float(np.exp(2 * _log_sum(log_weight) - _log_sum(2 * log_weight)))
 
 
 def _log_sum(log_values: Float[np.ndarray, " n"]) -> float:

@@ -27,8 +27,7 @@ def descend(
         is_free: Which coordinates may move.
         n_steps: Evaluations.
     """
-    both = is_free[:, None] & is_free
-    eye = jnp.eye(start.size)
+    both = is_free[:, None] & is_free[None]
 
     def step(
         carry: tuple[Expansion, Array, Array], _: None
@@ -41,7 +40,7 @@ def descend(
         hessian = jnp.where(both, best.hessian + target.precision, 0.0)
         extra = jnp.where(is_free, damping * jnp.diag(hessian), 1.0)
         slope = best.gradient + target.precision @ (best.y - target.mean)
-        factor = cholesky(hessian + extra * eye)
+        factor = cholesky(hessian + jnp.diag(extra))
         move = solve(factor, jnp.where(is_free, -slope, 0.0))
         longest = jnp.max(jnp.abs(move))
         move = move * jnp.minimum(1.0, MAX_STEP / jnp.maximum(longest, 1e-300))

@@ -108,8 +108,8 @@ def make_sheet(target: Target, outer: Expansion) -> Sheet:
     high = jnp.maximum(target.mean[1] + REACH * inner_sd, centre + 3 * width)
     below = jnp.arcsinh((centre - low) / width)
     above = jnp.arcsinh((high - centre) / width)
-    left = centre - width * jnp.sinh(below * SIDE[:, None])
-    right = centre + width * jnp.sinh(above * SIDE[:, None])
+    left = centre[None] - width[None] * jnp.sinh(below[None] * SIDE[:, None])
+    right = centre[None] + width[None] * jnp.sinh(above[None] * SIDE[:, None])
     both = jax.tree.map(lambda a: jnp.concatenate([a, a]), outer)
     sides = _followed(target, both, jnp.concatenate([left, right], axis=1))
     n = centre.size
@@ -121,8 +121,9 @@ def make_sheet(target: Target, outer: Expansion) -> Sheet:
         outer,
     )
     level = jax.vmap(jax.vmap(lambda node: logsumexp(log_volumes(target, node))))(nodes)
-    stretch = jnp.where(T < 0, below[:, None], above[:, None])
-    level = level + jnp.log(width[:, None] * stretch * jnp.cosh(stretch * T))
+    stretch = jnp.where(T[None] < 0, below[:, None], above[:, None])
+    slope = width[:, None] * stretch * jnp.cosh(stretch * T[None])
+    level = level + jnp.log(slope)
     inner = jax.vmap(lambda values: make_segments(jnp.asarray(T), values))(level)
     mass = jax.vmap(lambda segments: segments.log_integral)(inner)
     return Sheet(

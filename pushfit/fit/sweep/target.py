@@ -122,24 +122,24 @@ class Target(eqx.Module):
         return finite(-terms.log_likelihood) + self.half_square(y)
 
     def half_square(self, y: Float[Array, " q"]) -> Scalar:
-        """Half the squared distance from the prior's mean in its standard deviations."""
+        """Half the squared distance from the prior's mean, in its own sd."""
         z = y - self.mean
         return z @ self.precision @ z / 2
 
     def expand(self, y: Float[Array, " q"]) -> "Expansion":
         """Second-order expansion of the negative log likelihood, by Gauss-Newton."""
-        points = jnp.concatenate([y[None], y + STEP * jnp.eye(y.size)])
+        points = jnp.concatenate([y[None], y[None] + STEP * jnp.eye(y.size)])
         values = jax.vmap(self.differences)(points)
-        difference, jacobian = values[0], (values[1:] - values[0]) / STEP
+        difference, jacobian = values[0], (values[1:] - values[:1]) / STEP
         terms = noise_terms(self.pooled, difference)
-        weighted = jacobian * terms.weights
+        weighted = jacobian * terms.weights[None]
         misfit = finite(-terms.log_likelihood)
         return Expansion(
             y=y,
             misfit=misfit,
             cost=misfit + self.half_square(y),
-            gradient=jnp.sum(weighted * difference, axis=(1, 2)),
-            hessian=jnp.sum(weighted[:, None] * jacobian, axis=(2, 3)),
+            gradient=jnp.sum(weighted * difference[None], axis=(1, 2)),
+            hessian=jnp.sum(weighted[:, None] * jacobian[None], axis=(2, 3)),
         )
 
 

@@ -1,0 +1,186 @@
+"""The sweep: against closed forms, sums over grids, the prior, and quadrature."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+from pushfit.fit import identify
+from pushfit.fit.results import FitStatus
+from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.sweep import posterior as engine
+from pushfit.fit.sweep.prior import make_target
+from tests.fit.kinds import KINDS
+from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
+from tests.oracle.exact import exact_posterior
+from tests.oracle.test_exact import (
+    CHANNEL,
+    FIVE,
+    HARD,
+    brute_force,
+    sampled_noise_evidence,
+    small_setup,
+)
+from tests.problems import CASES, PUSH
+
+ALPHA, REACH = np.pi / 2, (0.0, np.pi)
+WORDS = {"reference_alpha": ALPHA, "reach": REACH}
+# A false alarm once in 1000 per comparison, of 1000 draws that count.
+KS_LEVEL, N_COUNTED = 1e-3, 1000
+# Standard errors that an evidence may be off by: a false alarm once in 15 000.
+N_SE = 4.0
+# Equal on paper, but for the order of sums over some hundred rows.
+SAME = 1e-9
+# Kinds whose programs compile within seconds; the others are slow.
+QUICK = ("plain", "components", "student_sampled", "narrow", "fixed")
+
+
+def swept(setup, seed=1):
+    return engine.sweep_posterior(setup, seed=seed, **WORDS)
+
+
+def without_data(setup):
+    """The same problem with every entry masked out."""
+    masked = eqx.tree_at(
+        lambda p: p.mask, setup.problem, jnp.zeros_like(setup.problem.mask)
+    )
+    return dataclasses.replace(setup, problem=masked)
+
+
+def test_friction_alone_has_the_posterior_of_linear_regression():
+    """Below θ_c the tangential height is A C_rr S_p sin θ: linear in C_rr."""
+    sigma = 0.01
+    table = case_table(CASES["paper"], noise=sigma, **CHANNEL)
+    samples = swept(setup_of(table, FRICTION_ONLY)).samples["C_rr"]
+    slope = 400 * PUSH * np.sin(table.theta)
+    precision = 1 / 0.01**2 + np.sum((slope / sigma) ** 2)
+    heights = table.heights("height_tangential")
+    mean = (0.24 / 0.01**2 + np.sum(slope * heights) / sigma**2) / precision
+    expected = stats.norm(mean, precision**-0.5)
+    assert stats.kstest(samples[:N_COUNTED], expected.cdf).pvalue > KS_LEVEL
+
+
+def test_sampled_noise_is_integrated_as_scipy_integrates_it():
+    setup, evidence = sampled_noise_evidence()
+    result = swept(setup)
+    assert (
+        abs(result.log_evidence - np.log(evidence)) < N_SE * result.log_evidence_error
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "noise", "text"),
+    [
+        ("firm", 0.05, ""),
+        ("blind_magnitude", 0.05, ""),
+        ("preload", 0.05, "[grasp]\npreload_n = 1.4142135623730951\n"),
+    ],
+)
+def test_evidence_and_means_are_those_of_a_dense_grid(name, noise, text):
+    setup = small_setup(name, noise=noise, text=text)
+    result = swept(setup)
+    log_evidence, means = brute_force(setup, result.samples)
+    assert abs(result.log_evidence - log_evidence) < N_SE * result.log_evidence_error
+    for quantity, mean in zip(("B", "C_rr"), means, strict=True):
+        logs = np.log(result.samples[quantity])
+        assert abs(np.mean(logs) - mean) < N_SE * np.std(logs) / np.sqrt(result.ess)
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_hard_tables_agree_with_quadrature(name):
+    case, noise = HARD[name]
+    setup = small_setup(case, noise=noise)
+    fit = identify.fit_least_squares(setup, reference_alpha=ALPHA)
+    exact = exact_posterior(setup, fit, n_draws=8000, seed=1, **WORDS)
+    result = swept(setup)
+    distance = abs(result.log_evidence - exact.log_evidence)
+    assert distance < N_SE * result.log_evidence_error + exact.log_evidence_error
+    for quantity in ("theta_c", "A", "B", "C_rr", "K_st", "L"):
+        one, other = result.samples[quantity], exact.samples[quantity]
+        pair = one[:N_COUNTED], other[:N_COUNTED]
+        assert stats.ks_2samp(*pair).pvalue > KS_LEVEL, quantity
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "plain",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in KINDS if n != "plain"),
+    ],
+)
+def test_without_data_the_evidence_is_one_and_draws_follow_the_prior(name):
+    setup = without_data(KINDS[name].setup(0))
+    target = make_target(setup.problem, ALPHA)
+    found = engine.weighted_draws(target, seed=3)
+    assert abs(found.log_evidence) < N_SE * found.log_evidence_error
+    rng = np.random.default_rng(5)
+    drawn, _ = found.resampled(N_COUNTED, rng)
+    prior = prior_x_samples(setup.problem, rng, N_COUNTED)
+    for i, coordinate in enumerate(setup.problem.names):
+        p_value = stats.ks_2samp(drawn[:, i], prior[:, i]).pvalue
+        assert p_value > KS_LEVEL, coordinate
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *QUICK,
+        *(pytest.param(n, marks=pytest.mark.slow) for n in KINDS if n not in QUICK),
+    ],
+)
+def test_pooled_repeats_have_the_density_of_the_problem(name):
+    problem = KINDS[name].setup(0).problem
+    x = jnp.asarray(prior_x_samples(problem, np.random.default_rng(1), 16))
+    pooled = jax.vmap(make_target(problem, ALPHA).log_prob)(x)
+    np.testing.assert_allclose(pooled, jax.vmap(problem.log_prob)(x), rtol=SAME)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", KINDS)
+def test_both_proposals_give_one_posterior(name):
+    """The sheet of the sweep and a mixture fitted to draws: what they share is π."""
+    target = make_target(KINDS[name].setup(1).problem, ALPHA)
+    rng = np.random.default_rng(2)
+    one = engine.weighted_draws(target, seed=4)
+    other = engine._refined(target, one, rng)
+    assert one.is_trusted
+    assert other.is_trusted
+    error = np.hypot(one.log_evidence_error, other.log_evidence_error)
+    assert abs(one.log_evidence - other.log_evidence) < N_SE * error
+    a, b = (draws.resampled(N_COUNTED, rng)[0] for draws in (one, other))
+    for i, coordinate in enumerate(target.pooled.problem.names):
+        p_value = stats.ks_2samp(a[:, i], b[:, i]).pvalue
+        assert p_value > KS_LEVEL / 10, coordinate
+
+
+def test_draws_repeat_with_their_seed():
+    setup = small_setup(noise=0.05)
+    one, two = swept(setup, seed=5), swept(setup, seed=5)
+    np.testing.assert_array_equal(one.samples["L"], two.samples["L"])
+    assert one.status is FitStatus.OK
+    assert not np.array_equal(one.samples["L"], swept(setup, seed=6).samples["L"])
+
+
+def test_weights_with_a_heavy_tail_are_not_trusted():
+    rng = np.random.default_rng(0)
+    log_weight = stats.genpareto.rvs(0.9, size=4000, random_state=rng)
+    found = engine._weighed(np.zeros((4000, 1)), np.zeros(4000), np.log(log_weight))
+    assert found.pareto_k > engine.MAX_PARETO_K
+    assert not found.is_trusted
+    even = engine._weighed(np.zeros((4000, 1)), np.zeros(4000), rng.uniform(size=4000))
+    assert even.is_trusted
+
+
+@pytest.mark.slow
+def test_what_the_sweep_cannot_do_is_handed_to_emcee_and_said(monkeypatch):
+    monkeypatch.setattr(engine, "MAX_PARETO_K", -1.0)
+    table = case_table(CASES["firm"], noise=0.05, theta_deg=FIVE)
+    found = identify.identify_table(table, config(), seed=1)
+    assert found.posterior.engine == "emcee"
+    assert "handed_to_emcee" in [warning.code for warning in found.warnings]
+    kept = identify.identify_table(table, config(), seed=1, engine="sweep")
+    assert kept.status is FitStatus.NOT_CONVERGED
