@@ -17,7 +17,7 @@ def test_few_tables_are_counted_and_nothing_is_claimed_of_them(
     words = ["calibrate", "grasp.toml", "peaks.csv", "--tables", "2", "--seed", "3"]
     assert main([*words, "--plot", "coverage.svg", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["engine"], found["n_pushes"]) == ("exact", 51)
+    assert (found["engine"], found["n_pushes"]) == ("sweep", 51)
     counted = found["n_tables"] - found["n_failed"]
     assert {c["name"] for c in found["coverage"]} == {"theta_c", "A", "B", "C_rr"}
     for coverage in found["coverage"]:

@@ -24,7 +24,7 @@ def made(tmp_path_factory):
         patch.chdir(place)
         patch.setattr(folder_module, "figure_files", lambda _: {})
         patch.setattr(folder_module, "render_html", lambda _, **__: "")
-        options = ["--engine", "exact", "--seed", "4", "--out", "result"]
+        options = ["--engine", "sweep", "--seed", "4", "--out", "result"]
         assert main(["sample", "peaks.csv", "-c", "grasp.toml", *options]) == 0
     # Nothing of the config is needed any more: the result holds it.
     (place / "grasp.toml").unlink()

@@ -82,7 +82,7 @@ class Calibration:
         n_tables: Tables simulated.
         n_failed: Tables that gave no trusted result.
         n_pushes: Pushes of each table.
-        engine: Engine of the posteriors.
+        engine: Engines of the posteriors.
         seed: Seed of truths, noise and draws.
     """
 
@@ -141,13 +141,12 @@ def calibrate(
             "leave one free in [parameters]",
             code="nothing_free",
         )
-    engine = "auto"
     simulation = simulate_tables(fitted, n_tables, np.random.default_rng(seed))
     found = []
     for index, simulated in enumerate(simulation.tables):
         if progress is not None:
             progress(f"table {index + 1} of {n_tables}", index / n_tables)
-        found.append(_identified(simulated, config, seed + index, engine))
+        found.append(_identified(simulated, config, seed + index))
     trusted = [
         (index, result)
         for index, result in enumerate(found)
@@ -171,7 +170,7 @@ def calibrate(
         n_tables=n_tables,
         n_failed=n_tables - len(trusted),
         n_pushes=len(fitted.setup.rows),
-        engine=engine,
+        engine=" and ".join(sorted({r.posterior.engine for _, r in trusted})),
         seed=seed,
     )
 
@@ -232,11 +231,11 @@ def _forward(
 
 
 def _identified(
-    table: PeakTable, config: GraspConfig, seed: int, engine: str
+    table: PeakTable, config: GraspConfig, seed: int
 ) -> Identification | None:
     """What a user would get of one table; None where that is an error."""
     try:
-        return identify_table(table, config, seed=seed, engine=engine)
+        return identify_table(table, config, seed=seed)
     except (DataError, FitError):
         return None
 

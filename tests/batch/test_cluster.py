@@ -55,7 +55,7 @@ def test_real_numbers_are_the_same_in_worker_processes(tmp_path, monkeypatch):
     identify_batch(["runs"], "two", crew=Crew(workers=2))
     assert outputs(tmp_path / "one") == outputs(tmp_path / "two")
     rows = read_csv(tmp_path / "one" / "results.csv")
-    assert [row["engine"] for row in rows] == ["exact", "exact"]
+    assert [row["engine"] for row in rows] == ["sweep", "sweep"]
 
 
 @pytest.mark.slow

@@ -79,7 +79,7 @@ def test_only_what_changed_is_computed_again(runs, log):
     assert log()[3:] == ["b.csv"]
 
 
-@pytest.mark.parametrize("change", [{"seed": 1}, {"engine": "exact"}])
+@pytest.mark.parametrize("change", [{"seed": 1}, {"engine": "sweep"}])
 def test_other_options_are_another_question(change, runs):
     run()
     assert run(**change).n_computed == 3

@@ -11,8 +11,6 @@ import lineax as lx
 import numpy as np
 import pytest
 from jaxtyping import Array, Float
-from pushfit.fit.lane_draws import LaneDraws
-from pushfit.fit.lane_posterior import LanePosterior
 
 from pushfit import cache
 from pushfit.config import GraspConfig
@@ -22,6 +20,8 @@ from pushfit.fit.identify import fit_table
 from pushfit.fit.lane_fit import LaneFit
 from pushfit.fit.lane_profile import LaneProfile
 from pushfit.fit.programs import compiled
+from pushfit.fit.sweep.draws import Draw
+from pushfit.fit.sweep.sheet import Sheet
 from pushfit.model import Grasp, Parameters
 from tests.oracle.integrand import Inner
 
@@ -227,9 +227,7 @@ def test_source_that_was_edited_since_keeps_nothing(folder, monkeypatch):
     assert not list(folder.iterdir())
 
 
-@pytest.mark.parametrize(
-    "returned", [Inner, LaneFit, LaneProfile, LanePosterior, LaneDraws]
-)
+@pytest.mark.parametrize("returned", [Inner, LaneFit, LaneProfile, Draw, Sheet])
 def test_what_the_engines_return_can_be_kept(folder, returned):
     def filled(x: Float[Array, " n"]):
         result = object.__new__(returned)

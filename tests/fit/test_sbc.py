@@ -23,8 +23,9 @@ from pushfit.fit.posterior import Budget, sample_posterior
 from pushfit.fit.results import FitStatus
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.sweep.posterior import weighted_draws
+from pushfit.fit.sweep.prior import make_target
 from tests.fit.tables import case_table, config
-from tests.oracle.exact import draw, exact_grid
 from tests.problems import CASES
 
 SIX = {"K_sn", "K_dn", "K_st", "C_rr", "C_d", "L"}
@@ -59,10 +60,11 @@ class Design:
     draws: Callable[[Setup, float, int], np.ndarray | None]
 
 
-def exact_draws(setup: Setup, reference_alpha: float, seed: int) -> np.ndarray:
-    fit = fit_least_squares(setup, reference_alpha=reference_alpha, throw=False)
-    grid = exact_grid(setup, fit, rtol=RTOL)
-    return draw(grid, N_DRAWS, np.random.default_rng(seed))
+def sweep_draws(setup: Setup, reference_alpha: float, seed: int) -> np.ndarray | None:
+    found = weighted_draws(make_target(setup.problem, reference_alpha), seed=seed)
+    if not found.is_trusted:
+        return None
+    return found.resampled(N_DRAWS, np.random.default_rng(seed))[0]
 
 
 def chain_draws(setup: Setup, reference_alpha: float, seed: int) -> np.ndarray | None:
@@ -90,7 +92,7 @@ def heights_design(text: str = "", *, repeats: int = 3) -> Design:
     """One sweep and the six parameters."""
     table = case_table(CASES["firm"], noise=0.03, repeats=repeats)
     setup = build_problem(table, config(text))
-    return Design(setup=setup, reference_alpha=np.pi / 2, draws=exact_draws)
+    return Design(setup=setup, reference_alpha=np.pi / 2, draws=sweep_draws)
 
 
 def ellipse_design() -> Design:

@@ -22,7 +22,6 @@ from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.tilt_check import fit_tilting
 from pushfit.model import Grasp, Parameters, Pushes, contact, forward
 from tests.fit.tables import config
-from tests.oracle.exact import why_not_exact
 from tests.problems import PUSH, TILTED_ELLIPSE, paper_parameters
 
 EXACT = 1e-12  # equal on paper
@@ -114,11 +113,6 @@ def test_what_is_known_of_L_and_s_holds_them_and_nothing_else():
     np.testing.assert_allclose(
         points @ pull.T - np.asarray(problem.pull_offset), 0.0, atol=1e-9
     )
-
-
-def test_the_exact_engine_declines_by_name():
-    problem = build_problem(pushed(repeats=1), config(MECHANICS + LENGTH)).problem
-    assert "tilting mechanics depend on more than A, B" in str(why_not_exact(problem))
 
 
 def test_comparison_takes_up_the_other_mechanics_where_L_is_stated():
@@ -250,7 +244,7 @@ def test_linear_results_warn_where_the_tilt_moves_the_critical_angle(
     settings = config(LENGTH)
     push = settings.push.model_copy(update={"length_mm": 1e3 * push_length})
     settings = settings.model_copy(update={"push": push})
-    result = identify_table(table, settings, seed=1, engine="exact")
+    result = identify_table(table, settings, seed=1, engine="sweep")
     texts = [w.text for w in result.warnings if w.code == "large_tilt"]
     assert bool(texts) is warns
     if warns:

@@ -306,7 +306,7 @@ def make_comparison(
             **{
                 "is_adequate": True,
                 "verdict": "The model describes the heights within their noise.",
-                "engine": "exact",
+                "engine": "sweep",
                 "status": FitStatus.OK,
                 **changes,
             },

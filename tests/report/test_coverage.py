@@ -31,7 +31,7 @@ def made(n_held: int) -> Calibration:
         n_tables=20,
         n_failed=1,
         n_pushes=51,
-        engine="exact",
+        engine="sweep",
         seed=0,
     )
 
