@@ -187,3 +187,14 @@ def test_the_picture_is_drawn_where_directions_are_unknown(tmp_path, capsys):
     assert main(["peaks", sweep, "--plot", str(plot)]) == 3
     assert "no angles theta and alpha of its 18 pushes" in capsys.readouterr().err
     assert plot.read_bytes().startswith(b"<?xml")
+
+
+@pytest.mark.parametrize("name", ["x.jpg", "x.gif", "x.tif", "x"])
+def test_a_picture_of_an_unknown_format_is_refused_with_the_known_ones(
+    name, tmp_path, capsys
+):
+    recording = str(EXAMPLE / "alpha_sweep.csv")
+    assert main(["peaks", recording, "--plot", str(tmp_path / name)]) == 2
+    said = capsys.readouterr().err
+    assert "bug" not in said
+    assert ".png, .svg, .pdf" in said

@@ -185,6 +185,10 @@ def analyse(
     engine = request.engine
     if engine == "auto":
         engine = choose_engine(session, table, settings)
+    if request.checkpoint is not None:
+        session.keep(
+            f"the chain is kept in {request.checkpoint}; the same command goes on"
+        )
     with session.progress() as progress:
         found = identify_table(
             table,
@@ -202,7 +206,7 @@ def analyse(
     found = replace(found, recipe=recipe)
     if request.out is not None:
         write_result_folder(found, request.out, force=request.force)
-        session.say(f"wrote {request.out}")
+        session.wrote(request.out)
     if request.json:
         session.print_json(summary_dict(found))
     else:

@@ -7,7 +7,7 @@ import typer
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
-from pushfit.cli.output import refuse_existing
+from pushfit.cli.output import refuse_picture
 from pushfit.cli.session import Session
 
 
@@ -29,6 +29,7 @@ def calibrate(
     force: options.Force = False,
 ) -> None:
     """Measure how often intervals hold the truth, for these pushes and this noise."""
+    refuse_picture(plot, force=force)
     cache = enable_compile_cache()
     session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config
@@ -41,14 +42,12 @@ def calibrate(
     )
     from pushfit.report.figures import save_figure
 
-    if plot is not None:
-        refuse_existing(plot, force=force)
     settings, peaks = read_config(config), read_table(table)
     with session.progress() as progress:
         found = measure(peaks, settings, n_tables=tables, seed=seed, progress=progress)
     if plot is not None:
         save_figure(calibration_figure(found), plot)
-        session.say(f"wrote {plot}")
+        session.wrote(plot)
     if json:
         session.print_json(calibration_dict(found))
     else:

@@ -9,19 +9,20 @@ import inspect
 import json
 import logging
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from pushfit.cli.stop import stoppable
 from pushfit.errors import PushfitError
 
-BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE, TERMINATED = 1, 2, 130, 141, 143
+BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 ERROR_SCHEMA = "pushfit.error/1"
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only errors on stderr.")]
@@ -38,12 +39,14 @@ class Session:
         is_verbose: Whether steps are shown.
         is_debug: Whether an error shows its traceback.
         is_json: Whether standard output is one JSON document.
+        kept: What is there if the command is stopped now; the last sentence counts.
     """
 
     is_quiet: bool
     is_verbose: bool
     is_debug: bool
     is_json: bool
+    kept: list[str] = field(default_factory=lambda: ["nothing was written"])
 
     def say(self, text: str, *, style: str = "") -> None:
         """Show a message, unless the user wants quiet.
@@ -54,6 +57,24 @@ class Session:
         """
         if not self.is_quiet:
             _print_message(text, style)
+
+    def keep(self, sentence: str) -> None:
+        """Note what a user who stops the command now is told.
+
+        Args:
+            sentence: What is kept and where.
+        """
+        self.kept.append(sentence)
+
+    def wrote(self, path: Path, remark: str = "") -> None:
+        """Show that a file or folder is complete.
+
+        Args:
+            path: File or folder.
+            remark: What is to be said of it.
+        """
+        self.keep(f"{path} is complete")
+        self.say(f"wrote {path}{remark}")
 
     def complain(self, text: str) -> None:
         """Show what is wrong, also to a user who wants quiet.
@@ -121,7 +142,7 @@ class Session:
         if self.is_verbose:
             logging.getLogger("pushfit").setLevel(logging.INFO)
         try:
-            with _terminable(), warnings.catch_warnings():
+            with stoppable(self._last_kept), warnings.catch_warnings():
                 warnings.showwarning = lambda text, *_, **__: self.warn(str(text))
                 return work() or 0
         except PushfitError as error:
@@ -140,6 +161,9 @@ class Session:
             name = type(error).__name__
             self._report(f"this is a bug ({name}: {error}); --debug says more", error)
             return BUG
+
+    def _last_kept(self) -> str:
+        return self.kept[-1]
 
     def _report(self, message: str, error: Exception) -> None:
         """One line on standard error, and a document where one was promised."""
@@ -212,17 +236,3 @@ def _print_message(text: str, style: str) -> None:
     from pushfit.report.strings import printable
 
     Console(stderr=True, soft_wrap=True).print(Text(printable(text), style=style))
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Turn SIGTERM into an exception, so that temporary files are removed."""
-
-    def leave(number: int, frame: object) -> None:
-        raise SystemExit(TERMINATED)
-
-    before = signal.signal(signal.SIGTERM, leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -13,6 +13,7 @@ import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
+from pushfit.atomic import unfinished, whole
 from pushfit.data.table import write_table
 from pushfit.errors import ConfigError
 from pushfit.fit.results import Identification
@@ -56,13 +57,11 @@ def write_result_folder(
     token = secrets.token_hex(4)
     fresh = out.with_name(f".{out.name}.{token}.partial")
     fresh.mkdir()
-    try:
+    with unfinished(fresh):
         _write_content(identification, fresh)
         _sync_tree(fresh)
-        _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
+        with whole():
+            _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
     return out
 
 

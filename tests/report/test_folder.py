@@ -2,12 +2,14 @@
 
 import json
 import os
+import threading
 
 import arviz_base
 import numpy as np
 import pytest
 import xarray as xr
 
+from pushfit.cli import main
 from pushfit.data.table import read_table
 from pushfit.errors import ConfigError
 from pushfit.report import folder as folder_module
@@ -196,3 +198,15 @@ def test_others_may_read_a_result_as_they_may_read_any_new_folder(determined, tm
     ordinary.mkdir()
     out = write_result_folder(determined, tmp_path / "result", force=False)
     assert out.stat().st_mode == ordinary.stat().st_mode
+
+
+def test_the_page_of_a_result_goes_into_a_fifo(determined, tmp_path):
+    write_result_folder(determined, tmp_path / "result", force=False)
+    fifo, received = tmp_path / "page", []
+    os.mkfifo(fifo)
+    reader = threading.Thread(target=lambda: received.append(fifo.read_bytes()))
+    reader.start()
+    assert main(["report", str(tmp_path / "result"), "-o", str(fifo)]) == 0
+    reader.join(5)
+    assert received[0].startswith(b"<!DOCTYPE html>")
+    assert fifo.is_fifo()

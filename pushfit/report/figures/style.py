@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar
 
+from pushfit.atomic import atomic_path
+from pushfit.report.picture_file import picture_format
 from pushfit.report.strings import SYMBOLS, printable, unit_label
 
 if TYPE_CHECKING:
@@ -192,6 +194,7 @@ def place_legend(axes: "Axes", **options: object) -> None:
 METADATA: Mapping[str, Mapping[str, str | None]] = {
     "svg": {"Date": None, "Creator": None},
     "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
 
@@ -201,8 +204,13 @@ def save_figure(figure: "Figure", path: Path) -> None:
     Args:
         figure: Any figure of this package.
         path: For example `theta.png` or `theta.svg`.
+
+    Raises:
+        ConfigError: The suffix is none of those that can be written.
     """
-    path.write_bytes(figure_bytes(figure, path.suffix.removeprefix(".")))
+    content = figure_bytes(figure, picture_format(path))
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
 
 
 @styled
