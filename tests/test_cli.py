@@ -3,7 +3,6 @@
 import inspect
 import json
 import os
-import signal
 import stat
 import subprocess
 import sys
@@ -166,21 +165,6 @@ def test_the_cache_can_be_turned_off(no_cache_set, monkeypatch):
     assert cache.enable_compile_cache().startswith("off")
     assert not no_cache_set.exists()
     assert cache.programs_folder() is None
-
-
-def test_termination_ends_with_143():
-    code = (
-        "import sys, time; from pushfit.cli.session import Session\n"
-        "s = Session(is_quiet=False, is_verbose=False, is_debug=False, is_json=False)\n"
-        "def work(): print('ready', flush=True); time.sleep(60)\n"
-        "sys.exit(s.run(work))"
-    )
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
-    with process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        process.send_signal(signal.SIGTERM)
-    assert process.returncode == 143
 
 
 def test_a_closed_pipe_is_no_bug():

@@ -16,7 +16,8 @@ EXAMPLE = Path(__file__).parents[1] / "examples" / "foam_box"
 # What a user waits without pressing twice, and the process table under load [s].
 AT_ONCE = 1.0
 PREPARED = (
-    "import sys, time; from pushfit.cli.session import Session\n"
+    "import sys, time\nfrom pushfit.cli.session import Session\n"
+    "from pushfit.cli.stop import stoppable\n"
     "s = Session(is_quiet=False, is_verbose=False, is_debug=False, is_json=False)\n"
 )
 # A callback of JAX swallows what a signal handler raises, as this does.
@@ -28,7 +29,8 @@ def work():
             time.sleep(60)
         except BaseException:
             pass
-sys.exit(s.run(work))
+with stoppable():
+    sys.exit(s.run(work))
 """
 # One step of Python that lasts: no handler in Python runs before it is over.
 COMPILING = """
@@ -37,7 +39,8 @@ def work():
     x = jnp.ones((3000, 3000))
     print('ready', flush=True)
     jax.lax.fori_loop(0, 200, lambda i, y: y @ x, x).block_until_ready()
-sys.exit(s.run(work))
+with stoppable():
+    sys.exit(s.run(work))
 """
 HALF_WRITTEN = """
 from pushfit.atomic import atomic_path
@@ -46,7 +49,8 @@ def work():
         temporary.write_text('half')
         print('ready', flush=True)
         time.sleep(60)
-sys.exit(s.run(work))
+with stoppable():
+    sys.exit(s.run(work))
 """
 
 

@@ -9,6 +9,7 @@ from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks, read_settings
 from pushfit.cli.session import Session
+from pushfit.cli.stop import keep
 from pushfit.errors import FitError
 
 if TYPE_CHECKING:
@@ -186,9 +187,7 @@ def analyse(
     if engine == "auto":
         engine = choose_engine(session, table, settings)
     if request.checkpoint is not None:
-        session.keep(
-            f"the chain is kept in {request.checkpoint}; the same command goes on"
-        )
+        keep(f"the chain is kept in {request.checkpoint}; the same command goes on")
     with session.progress() as progress:
         found = identify_table(
             table,

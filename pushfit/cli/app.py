@@ -18,6 +18,7 @@ from pushfit.cli import (
     verify,
 )
 from pushfit.cli.session import command
+from pushfit.cli.stop import stoppable
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -83,7 +84,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code.
     """
     try:
-        app(args=arguments, prog_name="pushfit")
+        with stoppable():
+            app(args=arguments, prog_name="pushfit")
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     return 0

@@ -8,6 +8,7 @@ import typer
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.session import Session
+from pushfit.cli.stop import keep
 
 if TYPE_CHECKING:
     from pushfit.batch.run import Batch
@@ -61,7 +62,7 @@ def batch(
     crew = Crew(
         workers=workers, scheduler=scheduler, chunk=chunk, time_limit=time_limit
     )
-    session.keep(f"what is finished is kept in {out}; the same command goes on")
+    keep(f"what is finished is kept in {out}; the same command goes on")
     with session.progress() as progress:
         found = identify_batch(
             inputs,

@@ -13,13 +13,13 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pushfit.cli.stop import stoppable
+from pushfit.cli.stop import keep
 from pushfit.errors import PushfitError
 
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
@@ -39,14 +39,12 @@ class Session:
         is_verbose: Whether steps are shown.
         is_debug: Whether an error shows its traceback.
         is_json: Whether standard output is one JSON document.
-        kept: What is there if the command is stopped now; the last sentence counts.
     """
 
     is_quiet: bool
     is_verbose: bool
     is_debug: bool
     is_json: bool
-    kept: list[str] = field(default_factory=lambda: ["nothing was written"])
 
     def say(self, text: str, *, style: str = "") -> None:
         """Show a message, unless the user wants quiet.
@@ -58,14 +56,6 @@ class Session:
         if not self.is_quiet:
             _print_message(text, style)
 
-    def keep(self, sentence: str) -> None:
-        """Note what a user who stops the command now is told.
-
-        Args:
-            sentence: What is kept and where.
-        """
-        self.kept.append(sentence)
-
     def wrote(self, path: Path, remark: str = "") -> None:
         """Show that a file or folder is complete.
 
@@ -73,7 +63,7 @@ class Session:
             path: File or folder.
             remark: What is to be said of it.
         """
-        self.keep(f"{path} is complete")
+        keep(f"{path} is complete")
         self.say(f"wrote {path}{remark}")
 
     def complain(self, text: str) -> None:
@@ -142,7 +132,7 @@ class Session:
         if self.is_verbose:
             logging.getLogger("pushfit").setLevel(logging.INFO)
         try:
-            with stoppable(self._last_kept), warnings.catch_warnings():
+            with warnings.catch_warnings():
                 warnings.showwarning = lambda text, *_, **__: self.warn(str(text))
                 return work() or 0
         except PushfitError as error:
@@ -161,9 +151,6 @@ class Session:
             name = type(error).__name__
             self._report(f"this is a bug ({name}: {error}); --debug says more", error)
             return BUG
-
-    def _last_kept(self) -> str:
-        return self.kept[-1]
 
     def _report(self, message: str, error: Exception) -> None:
         """One line on standard error, and a document where one was promised."""

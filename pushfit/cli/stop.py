@@ -14,7 +14,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from pushfit.atomic import discard_unfinished
 
@@ -24,15 +24,25 @@ SIGNALLED = 128
 # Longest wait for a result folder that is just taking its place [s].
 PATIENCE = 0.5
 SHOW_CURSOR = "\r\x1b[K\x1b[?25h"
+NOTHING = "nothing was written"
+
+# What signals do belongs to the process, and so does what they say.
+_kept = [NOTHING]
+
+
+def keep(sentence: str) -> None:
+    """Say, from now on, what a user has who stops the command.
+
+    Args:
+        sentence: What is kept and where.
+    """
+    _kept[0] = sentence
 
 
 @contextlib.contextmanager
-def stoppable(kept: Callable[[], str]) -> Iterator[None]:
-    """Have the two signals end the process while the block runs.
-
-    Args:
-        kept: What to say of the work done so far.
-    """
+def stoppable() -> Iterator[None]:
+    """Have the two signals end the process while the block runs."""
+    keep(NOTHING)
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread may say what signals do
         return
@@ -41,7 +51,7 @@ def stoppable(kept: Callable[[], str]) -> Iterator[None]:
     # The bytes are written by the handler in C, which waits for nobody.
     descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     before = {number: signal.signal(number, _leave_to_thread) for number in WORDS}
-    thread = threading.Thread(target=_watch, args=(reader, kept), daemon=True)
+    thread = threading.Thread(target=_watch, args=(reader,), daemon=True)
     thread.start()
     try:
         yield
@@ -58,15 +68,15 @@ def _leave_to_thread(number: int, frame: object) -> None:
     """Handler that keeps Python's own from raising."""
 
 
-def _watch(reader: socket.socket, kept: Callable[[], str]) -> None:
+def _watch(reader: socket.socket) -> None:
     """Wait for one of the signals, or for the end of the block."""
     while received := reader.recv(1):
         number = received[0]
         if number in WORDS:
-            _end(signal.Signals(number), kept())
+            _end(signal.Signals(number))
 
 
-def _end(number: signal.Signals, kept: str) -> None:
+def _end(number: signal.Signals) -> None:
     """Leave nothing half written, and nobody at work, and go."""
     for child in multiprocessing.active_children():
         child.kill()
@@ -74,5 +84,5 @@ def _end(number: signal.Signals, kept: str) -> None:
     # The bar of a terminal hides the cursor.
     start = SHOW_CURSOR if sys.stderr.isatty() else ""
     with contextlib.suppress(OSError):
-        os.write(2, f"{start}{WORDS[number]}; {kept}\n".encode(errors="replace"))
+        os.write(2, f"{start}{WORDS[number]}; {_kept[0]}\n".encode(errors="replace"))
     os._exit(SIGNALLED + number)
