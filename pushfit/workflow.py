@@ -1,4 +1,4 @@
-"""From whatever holds the pushes to a result, in one call: what `pushfit identify` does.
+"""From whatever holds the pushes to a result in one call, as `pushfit identify` does.
 
 Files, frames and records are taken alike. Excluded: what a result shows, which is in
 `pushfit.result`.
@@ -13,7 +13,7 @@ from typing import TypeVar
 import pandas as pd
 
 from pushfit.cache import enable_compile_cache
-from pushfit.config import GraspConfig, read_config
+from pushfit.config import GraspConfig, config_of, read_config
 from pushfit.data.check import file_kind
 from pushfit.data.load import configured_recording, reader_options
 from pushfit.data.merge import merge_tables
@@ -96,8 +96,7 @@ def as_config(config: Settings | None) -> GraspConfig:
     if isinstance(config, GraspConfig):
         return config
     if isinstance(config, Mapping):
-        changes = {name: dict(section) for name, section in config.items()}  # pyright: ignore
-        return read_config(None, changes=changes)
+        return config_of(config)
     return read_config(config)
 
 

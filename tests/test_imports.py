@@ -17,6 +17,8 @@ LAYERS = ("errors", "config", "model", "data", "fit", "report", "batch", "cli")
 MEMBERS = {
     "atomic": "errors",
     "cache": "errors",
+    "result": "report",
+    "workflow": "batch",
     "__main__": "cli",
     "__init__": "errors",
 }

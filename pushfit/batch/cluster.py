@@ -164,7 +164,7 @@ def _client(
     if find_spec("distributed") is None:
         raise ConfigError(
             "worker processes need dask.distributed, which is not installed; "
-            "pip install 'pushfit[distributed]', or use --workers 1",
+            "pip install distributed, or use --workers 1",
             code="no_distributed",
         )
     from dask import config

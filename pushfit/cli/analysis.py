@@ -29,6 +29,7 @@ def identify(
     columns: options.Columns = None,
     invert: options.Invert = False,
     out: options.OutFolder = None,
+    pictures: options.Pictures = None,
     engine: options.Engine = "emcee",
     checkpoint: options.Checkpoint = None,
     seed: options.Seed = 0,
@@ -53,6 +54,7 @@ def identify(
         recordings=tuple(str(path) for path in recordings),
         schedules=tuple(str(path) for path in schedules or ()),
         out=out,
+        pictures=pictures,
         engine=engine,
         checkpoint=checkpoint,
         seed=seed,
@@ -67,6 +69,7 @@ def sample(
     table: options.TableFile,
     config: options.ConfigFile = None,
     out: options.OutFolder = None,
+    pictures: options.Pictures = None,
     engine: options.Engine = "emcee",
     checkpoint: options.Checkpoint = None,
     seed: options.Seed = 0,
@@ -84,6 +87,7 @@ def sample(
     request = Request(
         table=str(table),
         out=out,
+        pictures=pictures,
         engine=engine,
         checkpoint=checkpoint,
         seed=seed,
@@ -108,6 +112,7 @@ def fit(
 def demo(
     session: Session,
     out: options.OutFolder = None,
+    pictures: options.Pictures = None,
     seed: options.Seed = 0,
     json: options.Json = False,
     force: options.Force = False,
@@ -121,6 +126,7 @@ def demo(
         [folder / f"{sweep}_schedule.csv" for sweep in sweeps],
         folder / "grasp.toml",
         out=out,
+        pictures=pictures,
         seed=seed,
         json=json,
         force=force,
@@ -133,6 +139,7 @@ class Request:
 
     Args:
         out: Folder of the result.
+        pictures: Format that all figures are to have as well.
         engine: How the posterior is found.
         checkpoint: File of an unfinished chain.
         seed: Seed of all randomness.
@@ -144,6 +151,7 @@ class Request:
     """
 
     out: Path | None
+    pictures: str | None
     engine: str
     checkpoint: Path | None
     seed: int
@@ -204,7 +212,9 @@ def analyse(
     )
     found = replace(found, recipe=recipe)
     if request.out is not None:
-        write_result_folder(found, request.out, force=request.force)
+        write_result_folder(
+            found, request.out, force=request.force, pictures=request.pictures
+        )
         session.wrote(request.out)
     if request.json:
         session.print_json(summary_dict(found))

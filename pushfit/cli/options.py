@@ -41,6 +41,10 @@ OutFolder = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder for result and figures."),
 ]
+Pictures = Annotated[
+    Literal["png", "svg"] | None,
+    typer.Option("--pictures", help="Every figure also in this format."),
+]
 OutFile = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="File instead of stdout."),

@@ -21,7 +21,6 @@ from pushfit.errors import Problem, PushfitError
 FileKind = Literal["recording", "schedule", "table"]
 
 _PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
-_HEIGHTS = ("height", "height_normal", "height_tangential")
 
 
 def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
@@ -48,7 +47,8 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     names = find_layout(text, columns=recording_options.get("columns", ())).names
     parts = [split_unit(name) for name in names]
     stems = {stem.lower() for stem, _ in parts}
-    if not stems.isdisjoint(_HEIGHTS):
+    # Also of heights in a unit that is not known, so that the table's reader says so.
+    if any(stem.startswith("height") for stem in stems):
         return "table"
     is_signal = any(unit and unit.quantity == "signal" for _, unit in parts)
     stated = {*recording_options.get("mapping", {}).values()}

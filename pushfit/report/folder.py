@@ -19,7 +19,7 @@ from pushfit.errors import ConfigError
 from pushfit.fit.results import Identification
 from pushfit.report.archive import posterior_tree
 from pushfit.report.figures import figure_files
-from pushfit.report.html import render_html
+from pushfit.report.html import is_shown, render_html
 from pushfit.report.summary import summary_dict
 from pushfit.report.text import render_text
 
@@ -36,7 +36,11 @@ CONTENT = frozenset(
 
 
 def write_result_folder(
-    identification: Identification, out: Path, *, force: bool
+    identification: Identification,
+    out: Path,
+    *,
+    force: bool,
+    pictures: str | None = None,
 ) -> Path:
     """Write tables, posterior, summary, reports and figures of a result.
 
@@ -44,10 +48,12 @@ def write_result_folder(
         identification: The result.
         out: Folder to create; its parent exists.
         force: Replace a result folder that stands there.
+        pictures: "png" or "svg" for every figure also in this format.
 
     Returns:
         The folder: `peaks.csv`, `result.nc`, `summary.json`, `report.txt`, `figures/`
-        as PNG and SVG, and `report.html` where Jinja2 is installed.
+        as the page shows them, lines as SVG and dense ones as PNG, and `report.html`
+        where Jinja2 is installed.
 
     Raises:
         ConfigError: Something stands there and is not to be replaced, or the parent
@@ -58,7 +64,7 @@ def write_result_folder(
     fresh = out.with_name(f".{out.name}.{token}.partial")
     fresh.mkdir()
     with unfinished(fresh):
-        _write_content(identification, fresh)
+        _write_content(identification, fresh, pictures)
         _sync_tree(fresh)
         with whole():
             _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
@@ -114,7 +120,9 @@ def _strange_content(out: Path) -> str:
     return min(entries - CONTENT, default="")
 
 
-def _write_content(identification: Identification, folder: Path) -> None:
+def _write_content(
+    identification: Identification, folder: Path, pictures: str | None
+) -> None:
     """Write every file of a result."""
     write_table(identification.table, folder / "peaks.csv")
     posterior_tree(identification).to_netcdf(folder / "result.nc", engine="h5netcdf")
@@ -123,7 +131,11 @@ def _write_content(identification: Identification, folder: Path) -> None:
     )
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     (folder / "report.txt").write_text(render_text(identification), encoding="utf-8")
-    files = figure_files(identification)
+
+    def is_wanted(name: str, suffix: str) -> bool:
+        return suffix == pictures or is_shown(name, suffix)
+
+    files = figure_files(identification, is_wanted=is_wanted)
     (folder / "figures").mkdir()
     for name, content in files.items():
         (folder / "figures" / name).write_bytes(content)

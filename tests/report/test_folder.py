@@ -22,7 +22,7 @@ from pushfit.report.text import render_text
 @pytest.fixture
 def quick(monkeypatch):
     """Leave out the drawing, which other tests cover."""
-    monkeypatch.setattr(folder_module, "figure_files", lambda _: {})
+    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
     monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "<html></html>")
 
 

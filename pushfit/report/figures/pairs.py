@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from pushfit.report.figures.style import (
     DATA,
+    PALE,
     PRIOR,
     drawable,
     math_symbol,
@@ -27,7 +28,11 @@ if TYPE_CHECKING:
 MAX_DRAWS = 20_000
 N_BINS = 24
 # Width of a panel in widths of the posterior, at most.
-ZOOM = 4.0
+ZOOM = 2.2
+# Height of the prior in a panel where the posterior is 1.
+PRIOR_TOP = 0.6
+# Panel that a prior fills evenly.
+EVERYWHERE = "#EFEFEF"
 
 
 @styled
@@ -83,19 +88,19 @@ def corner_figure(
         )
         grid = np.array(figure.axes).reshape(len(names), len(names))
         if colour == PRIOR:
-            _clear(grid[is_beyond[:, None] | is_beyond[None]])
+            _fill(grid[is_beyond[:, None] | is_beyond[None]])
     for index, name in enumerate(names):
         for axes in grid[index:, index]:
             axes.set_xlim(*windows[index])
         for axes in grid[index, :index]:
             axes.set_ylim(*windows[index])
-        _draw_margin(grid[index, index], samples[name], prior[name])
+        _draw_margin(grid[index, index], samples[name], prior[name], windows[index])
     _label_corner(figure, names, units)
     margin = 0.75 / size
     figure.subplots_adjust(left=margin, bottom=margin, right=0.98, top=0.98)
     figure.legend(
         [Line2D([], [], color=DATA), Line2D([], [], color=PRIOR)],
-        ["posterior, 50 % and 90 %", "prior, unless far wider than the panel"],
+        ["posterior, 50 % and 90 %", "prior; far wider than a panel in grey"],
         loc="upper right",
         fontsize=9,
     )
@@ -103,25 +108,38 @@ def corner_figure(
 
 
 def _draw_margin(
-    axes: "Axes", samples: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
+    axes: "Axes",
+    samples: Float[np.ndarray, " n"],
+    prior: Float[np.ndarray, " m"],
+    window: tuple[float, float],
 ) -> None:
-    """Densities of both over the scale of the axis, in place of corner's counts."""
+    """Densities of both in place of corner's counts, each on a scale of its own.
+
+    On one scale a prior that the data narrowed a hundred times would not be seen.
+    """
     is_log = axes.get_xscale() == "log"
     _clear([axes])
-    top = 0.0
-    for draws, colour in ((prior, PRIOR), (samples, DATA)):
+    shown = [] if _is_beyond(window, prior) else [(prior, N_BINS, PRIOR_TOP)]
+    for draws, bins, top in (*shown, (samples, 2 * N_BINS, 1.0)):
         low, high = _bulk(draws)
-        if is_log:
-            edges = np.geomspace(max(low, 1e-6 * high), high, N_BINS + 1)
-        else:
-            edges = np.linspace(low, high, N_BINS + 1)
+        space = np.geomspace if is_log else np.linspace
+        edges = space(max(low, 1e-6 * high) if is_log else low, high, bins + 1)
         counts, _ = np.histogram(draws[np.isfinite(draws)], edges)
-        widths = np.diff(np.log(edges) if is_log else edges)
-        density = counts / (draws.size * widths)
-        top = max(top, float(density.max()))
-        axes.stairs(density, edges, color=colour, lw=1.3)
-    axes.set_ylim(0, 1.08 * top)
+        height = top * counts / max(counts.max(), 1)
+        if draws is prior:
+            axes.stairs(height, edges, color=PALE, fill=True)
+        else:
+            axes.stairs(height, edges, color=DATA, lw=1.3)
+    axes.set_ylim(0, 1.08)
     axes.set_yticks([])
+
+
+def _fill(panels: Iterable["Axes"]) -> None:
+    """Show a prior that is far wider than some panels: it is everywhere in them."""
+    panels = list(panels)
+    _clear(panels)
+    for axes in panels:
+        axes.set_facecolor(EVERYWHERE)
 
 
 def _clear(panels: Iterable["Axes"]) -> None:
