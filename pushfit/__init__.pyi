@@ -21,11 +21,8 @@ from .errors import DataError as DataError
 from .errors import FitError as FitError
 from .errors import PushfitError as PushfitError
 from .fit.comparison import compare_models as compare_models
-from .fit.identify import identify_table as identify_table
 from .fit.results import FitStatus as FitStatus
-from .fit.results import Identification as Identification
 from .fit.results import Notice as Notice
-from .fit.results import Quantity as Quantity
 from .fit.results import Verdict as Verdict
 from .model import Grasp as Grasp
 from .model import Parameters as Parameters

@@ -17,7 +17,7 @@ from pushfit.fit.results import Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.archive import chains_tree
 from pushfit.report.card import card_html, latex_table, markdown_table
-from pushfit.report.facts import quantity_cells
+from pushfit.report.facts import quantity_cells, verdict_word
 from pushfit.report.figures import plot
 from pushfit.report.folder import write_result_folder
 from pushfit.report.frames import result_frame
@@ -59,7 +59,7 @@ class Value(Quantity):
         if self.estimate is None:
             raise ValueError(
                 f"{self.name} has no single estimate: "
-                f"{self.verdict.value.replace('_', ' ')}; see its interval and sets"
+                f"{verdict_word(self.verdict)}; see its interval and sets"
             )
         return float(self.estimate)
 
@@ -76,7 +76,7 @@ class Value(Quantity):
 
     def __repr__(self) -> str:
         """The same with its name and verdict."""
-        return f"<{self.name}: {self}, {self.verdict.value}>"
+        return f"<{self.name}: {self}, {verdict_word(self.verdict)}>"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)

@@ -105,6 +105,13 @@ def test_the_python_of_a_page_runs(page, workplace, capsys):
         exec(compile(block, page.name, "exec"), {})
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_the_python_that_takes_its_time_runs(page, workplace, capsys):
+    for block in blocks(page, "py"):
+        exec(compile(block, page.name, "exec"), {})
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_every_file_that_a_page_links_to_exists(page):
     prose = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.S | re.M)

@@ -11,6 +11,7 @@ from pushfit.cli.inputs import load_peaks, read_settings
 from pushfit.cli.session import Session
 from pushfit.cli.stop import keep
 from pushfit.errors import FitError
+from pushfit.report.target import check_target
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -76,7 +77,7 @@ def sample(
     json: options.Json = False,
     force: options.Force = False,
 ) -> int:
-    """The same from a table of peaks."""
+    """The same as fit, by a chain that can be kept and gone on with."""
     from pushfit.config import read_config
 
     def load(settings: "GraspConfig") -> "PeakTable":
@@ -101,12 +102,25 @@ def fit(
     session: Session,
     table: options.TableFile,
     config: options.ConfigFile = None,
+    out: options.OutFolder = None,
+    pictures: options.Pictures = None,
     engine: options.Engine = "auto",
     seed: options.Seed = 0,
     json: options.Json = False,
+    force: options.Force = False,
 ) -> int:
-    """The same without files, by quadrature where it applies."""
-    return sample(session, table, config, engine=engine, seed=seed, json=json)
+    """From a table of peaks to theta_c and alpha*, by quadrature where it applies."""
+    return sample(
+        session,
+        table,
+        config,
+        out=out,
+        pictures=pictures,
+        engine=engine,
+        seed=seed,
+        json=json,
+        force=force,
+    )
 
 
 def demo(
@@ -179,16 +193,16 @@ def analyse(
     Returns:
         Exit code: that of a `FitError` if the numerics are not to be trusted.
     """
+    # Before anything is loaded, so that a name already taken costs nothing.
+    if request.out is not None:
+        check_target(request.out, force=request.force)
     cache = enable_compile_cache()
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus, Recipe
-    from pushfit.report.folder import check_target, write_result_folder
+    from pushfit.report.folder import write_result_folder
     from pushfit.report.summary import summary_dict
     from pushfit.report.text import render_text
 
-    # Before the work, so that a name already taken costs nothing.
-    if request.out is not None:
-        check_target(request.out, force=request.force)
     session.say_more(f"compiled programs: {cache}")
     table = load(settings)
     engine = request.engine

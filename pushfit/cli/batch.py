@@ -25,7 +25,7 @@ def batch(
         typer.Argument(metavar="INPUT...", help="Files, folders and patterns."),
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")
     ],
     config: options.ConfigFile = None,
     profile: options.Profile = None,

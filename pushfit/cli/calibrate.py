@@ -22,7 +22,7 @@ def calibrate(
     ] = 20,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Picture of the coverage (png, svg)."),
+        typer.Option(metavar="FILE", help="Picture of the coverage (png, svg, pdf)."),
     ] = None,
     seed: options.Seed = 0,
     json: options.Json = False,

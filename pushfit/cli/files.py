@@ -155,7 +155,10 @@ def simulate(
         Path, typer.Argument(metavar="SCHEDULE", help="Directions of the pushes.")
     ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="Recording to write.")
+        Path,
+        typer.Option(
+            *("--out", "-o", "--output"), metavar="FILE", help="Recording to write."
+        ),
     ],
     config: options.ConfigFile = None,
     unit: Annotated[Unit, typer.Option(help="Unit of the sensor.")] = "n",

@@ -19,10 +19,17 @@ from typing import Annotated
 
 import typer
 
+from pushfit.cli.examples import epilog
 from pushfit.cli.stop import keep
+from pushfit.data.files import existing_files
 from pushfit.errors import PushfitError
 
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
+# Arguments and options that name files to read. Loading what reads them takes seconds.
+INPUTS = (
+    *("recordings", "recording", "table", "files"),
+    *("schedules", "schedule", "config", "profile"),
+)
 ERROR_SCHEMA = "pushfit.error/1"
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only errors on stderr.")]
@@ -195,7 +202,11 @@ def command(
                 is_debug=debug,
                 is_json=bool(arguments.get("json")),
             )
-            work = functools.partial(function, session, **arguments)
+
+            def work() -> int | None:
+                existing_files(_inputs(arguments))
+                return function(session, **arguments)
+
             raise typer.Exit(session.run(work))
 
         shared = {"quiet": Quiet, "verbose": Verbose, "debug": Debug}
@@ -209,10 +220,17 @@ def command(
         parameters = [*keyword, *added]
         start.__signature__ = inspect.Signature(parameters)  # pyright: ignore
         start.__annotations__ = {p.name: p.annotation for p in parameters}
-        app.command(name)(start)
+        app.command(name, epilog=epilog(name or function.__name__))(start)
         return function
 
     return register
+
+
+def _inputs(arguments: Mapping[str, object]) -> list[Path]:
+    """Files that a command is going to read, so that a missing one is said at once."""
+    given = [arguments.get(name) for name in INPUTS]
+    several = [one if isinstance(one, list) else [one] for one in given]
+    return [path for one in several for path in one if isinstance(path, Path)]
 
 
 def _print_message(text: str, style: str) -> None:

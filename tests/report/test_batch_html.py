@@ -55,7 +55,7 @@ def test_every_item_has_a_row_with_its_numbers(frame):
     assert "40.0°" in first
     assert "38.0° to 42.0°" in first
     assert "30.0° to 32.0° or above 50°" in second
-    assert "several values" in second
+    assert "several modes" in second
     assert "large_tilt, few_pushes" in second
     assert "&lt; 0.001" in second
     assert "90000 N/m" in third

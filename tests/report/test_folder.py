@@ -14,8 +14,9 @@ from pushfit.data.table import read_table
 from pushfit.errors import ConfigError
 from pushfit.report import folder as folder_module
 from pushfit.report.archive import posterior_tree
-from pushfit.report.folder import CONTENT, write_result_folder
+from pushfit.report.folder import write_result_folder
 from pushfit.report.summary import summary_dict
+from pushfit.report.target import CONTENT
 from pushfit.report.text import render_text
 
 

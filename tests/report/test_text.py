@@ -180,7 +180,7 @@ def test_stiffness_is_not_quoted_where_the_push_length_is_unknown(unknown_length
 def test_the_report_tells_learned_from_assumed_and_fixed(determined):
     text = render_text(determined)
     assert re.search(r"^C_rr .*learned", text, re.MULTILINE)
-    assert re.search(r"^K_sn .*prior-dominated", text, re.MULTILINE)
+    assert re.search(r"^K_sn .*assumed", text, re.MULTILINE)
     assert re.search(r"^L +0.04 +m +fixed", text, re.MULTILINE)
 
 

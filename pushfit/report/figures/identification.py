@@ -26,6 +26,7 @@ from pushfit.report.answers import (
     alpha_star_answer,
     theta_c_answer,
 )
+from pushfit.report.facts import verdict_word
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.direction import Ellipses, ellipse_figure
 from pushfit.report.figures.grasp import grasp_figure
@@ -200,7 +201,7 @@ def _learned(identification: Identification, *, ax: "Axes | None") -> "Figure":
     return learned_figure(
         [q.name for q in shown],
         np.array([_or_nan(q.contraction) for q in shown]),
-        verdicts=[q.verdict.value for q in shown],
+        verdicts=[verdict_word(q.verdict) for q in shown],
         ax=ax,
     )
 

@@ -247,7 +247,7 @@ def learned_figure(
     Args:
         names: Of the parameters.
         contraction: 1 - var_posterior / var_prior; NaN where there is no such number.
-        verdicts: "learned", "partly", "assumed" or "fixed" for each.
+        verdicts: Word of each, for example "learned".
         ax: Where to draw; None makes a figure.
     """
     height = 0.9 + 0.28 * len(names)
