@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
-from pushfit.cli.inputs import load_peaks, read_settings
+from pushfit.cli.inputs import load_peaks, load_table, read_settings
 from pushfit.cli.session import Session
 from pushfit.cli.stop import keep
 from pushfit.errors import FitError
@@ -81,9 +81,7 @@ def sample(
     from pushfit.config import read_config
 
     def load(settings: "GraspConfig") -> "PeakTable":
-        from pushfit.data.table import read_table
-
-        return read_table(table)
+        return load_table(table, settings)
 
     request = Request(
         table=str(table),

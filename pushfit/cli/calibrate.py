@@ -7,6 +7,7 @@ import typer
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
+from pushfit.cli.inputs import load_table
 from pushfit.cli.output import refuse_picture
 from pushfit.cli.session import Session
 
@@ -33,7 +34,6 @@ def calibrate(
     cache = enable_compile_cache()
     session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config
-    from pushfit.data.table import read_table
     from pushfit.fit.calibration import calibrate as measure
     from pushfit.report.coverage import (
         calibration_dict,
@@ -42,7 +42,8 @@ def calibrate(
     )
     from pushfit.report.figures import save_figure
 
-    settings, peaks = read_config(config), read_table(table)
+    settings = read_config(config)
+    peaks = load_table(table, settings)
     with session.progress() as progress:
         found = measure(peaks, settings, n_tables=tables, seed=seed, progress=progress)
     if plot is not None:

@@ -20,7 +20,7 @@ from typing import Annotated
 import typer
 
 from pushfit.cli.examples import epilog
-from pushfit.cli.stop import keep
+from pushfit.cli.stop import keep, kept
 from pushfit.data.files import existing_files
 from pushfit.errors import PushfitError
 
@@ -146,7 +146,7 @@ class Session:
             self._report(str(error), error)
             return error.exit_code
         except KeyboardInterrupt:
-            _print_message("interrupted", "yellow")
+            _print_message(f"interrupted; {kept()}", "yellow")
             return INTERRUPTED
         except BrokenPipeError:  # the reader, for example `head`, has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

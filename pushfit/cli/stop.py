@@ -39,6 +39,11 @@ def keep(sentence: str) -> None:
     _kept[0] = sentence
 
 
+def kept() -> str:
+    """What to tell a user who stops the command now."""
+    return _kept[0]
+
+
 @contextlib.contextmanager
 def stoppable() -> Iterator[None]:
     """Have the two signals end the process while the block runs."""
@@ -84,5 +89,5 @@ def _end(number: signal.Signals) -> None:
     # The bar of a terminal hides the cursor.
     start = SHOW_CURSOR if sys.stderr.isatty() else ""
     with contextlib.suppress(OSError):
-        os.write(2, f"{start}{WORDS[number]}; {_kept[0]}\n".encode(errors="replace"))
+        os.write(2, f"{start}{WORDS[number]}; {kept()}\n".encode(errors="replace"))
     os._exit(SIGNALLED + number)
