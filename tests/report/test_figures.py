@@ -15,24 +15,19 @@ from pushfit.data.traces import envelope
 from pushfit.errors import ConfigError
 from pushfit.report.figures import (
     Marker,
-    Sweep,
     all_figures,
-    alpha_figure,
     coverage_figure,
     main_figure,
     peaks_figure,
-    plot,
     quantity_figure,
     theta_figure,
-    trace_figure,
 )
-from pushfit.report.figures.diagnostics import MAX_STEPS, MAX_TRACES, autocorrelation
+from pushfit.report.figures.diagnostics import autocorrelation
 from pushfit.report.figures.direction import ellipse_points
 from pushfit.report.figures.main import sweep_makers, sweeps_of
 from pushfit.report.figures.pairs import corner_figure
 from pushfit.report.figures.recording import MAX_POINTS, signal_figure
 from pushfit.report.figures.style import (
-    BLUE,
     DATA,
     PRIOR,
     SERIES,
@@ -329,83 +324,3 @@ def test_a_prior_is_drawn_in_pairs_only_where_a_panel_shows_a_good_part_of_it():
     grid = np.array(figure.axes).reshape(3, 3)
     assert contour_colours(grid[1, 0]) == {DATA.lower(), PRIOR.lower()}
     assert contour_colours(grid[2, 0]) == {DATA.lower()}
-
-
-def sweep_at(alpha_deg: float, slope: float) -> Sweep:
-    """Pushes and a fit of stated slope, so that curves are told apart."""
-    angle = np.linspace(-60.0, 60.0, 9)
-    return Sweep(
-        fixed_deg=alpha_deg,
-        angle_deg=angle,
-        height=slope * angle,
-        sd=np.full(9, np.nan),
-        is_used=np.ones(9, dtype=bool),
-        grid_deg=angle,
-        best_fit=slope * angle,
-        lower=np.empty(0),
-        upper=np.empty(0),
-    )
-
-
-def test_the_critical_angle_stands_on_the_curve_of_its_azimuth_in_its_colour():
-    sweeps = [sweep_at(0.0, 1.0), sweep_at(90.0, 2.0)]
-    marker = Marker(
-        name="theta_c",
-        estimates=(10.0,),
-        pieces=((5.0, 15.0),),
-        text="10°",
-        fixed_deg=90.0,
-    )
-    (axes,) = theta_figure(sweeps, unit="n", prob=0.9, marker=marker).axes
-    (point,) = [line for line in axes.lines if len(line.get_xdata()) == 1]
-    assert point.get_xydata().tolist() == [[10.0, 20.0]]
-    assert point.get_color() == SERIES[1]
-    (shown,) = [line for line in axes.lines if line.get_linewidth() > 4]
-    assert (shown.get_xdata()[0], shown.get_xdata()[-1]) == (5.0, 15.0)
-    assert axes.get_title() == r"$\theta_c$ at α = 90°:  10°"
-
-
-def test_azimuths_have_ticks_where_people_push():
-    sweep = replace(sweep_at(15.0, 1.0), angle_deg=np.linspace(0.0, 150.0, 9))
-    curves = alpha_figure([sweep], unit="n", prob=0.9).axes[0]
-    inside = [x for x in curves.get_xticks() if 0 <= x <= 150]
-    assert inside == [0, 30, 60, 90, 120, 150]
-
-
-def test_the_disc_ends_where_the_pushes_end():
-    sweep = replace(sweep_at(15.0, 1.0), angle_deg=np.linspace(0.0, 100.0, 9))
-    disc = alpha_figure([sweep], unit="n", prob=0.9).axes[1]
-    np.testing.assert_allclose(disc.get_xlim(), np.radians([0, 120]), rtol=EXACT)
-
-
-def test_no_point_lies_under_the_legend_of_the_coverage():
-    points = {"theta_c": [(0.5, 0.0, 0.0, 0.1)], "A": [(0.5, 1.0, 0.9, 1.0)]}
-    figure = coverage_figure(points, n_tables=20)
-    figure_bytes(figure, "png")
-    (axes,) = figure.axes
-    legend = axes.get_legend().get_window_extent()
-    assert legend.y1 < axes.get_window_extent().y0
-
-
-def test_what_an_ellipse_shows_is_said(determined):
-    (legend,) = plot(determined, "ellipse").legends
-    words = [text.get_text() for text in legend.get_texts()]
-    assert words[:2] == ["median of the posterior", "draws"]
-    assert "65.0°" in words[-1]
-
-
-def test_traces_stay_small_however_long_the_chain(determined):
-    chain = np.zeros((2, 5000, 8, 3))
-    figure = trace_figure(chain, ("a", "b", "c"), thin=1, autocorr_time={})
-    lines = figure.axes[0].lines
-    assert len(lines) <= MAX_TRACES
-    assert max(line.get_xdata().size for line in lines) <= MAX_STEPS
-
-
-def test_the_sketch_shows_true_angles(determined):
-    """Rays of both answers leave the contact at the angles that they stand for."""
-    side, top = plot(determined, "grasp").axes
-    for axes, angle in ((side, -40.123), (top, 65.0)):
-        (ray,) = [li for li in axes.lines if li.get_color() == BLUE]
-        x, y = ray.get_xydata()[1]
-        assert np.degrees(np.arctan2(y, x)) == pytest.approx(angle)

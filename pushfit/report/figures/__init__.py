@@ -3,6 +3,7 @@
 from pushfit.report.figures.coverage import coverage_figure
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.direction import Ellipses, ellipse_figure
+from pushfit.report.figures.grasp import grasp_figure
 from pushfit.report.figures.identification import all_figures, figure_files, plot
 from pushfit.report.figures.main import main_figure
 from pushfit.report.figures.pairs import corner_figure
@@ -33,6 +34,7 @@ __all__ = [
     "figure_bytes",
     "figure_files",
     "found_figure",
+    "grasp_figure",
     "learned_figure",
     "main_figure",
     "peaks_figure",

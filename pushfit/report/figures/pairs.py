@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 MAX_DRAWS = 20_000
 N_BINS = 24
 # Width of a panel in widths of the posterior, at most.
-ZOOM = 2.2
+ZOOM = 1.3
 # Height of the prior in a panel where the posterior is 1.
 PRIOR_TOP = 0.6
 # Panel that a prior fills evenly.
@@ -58,7 +58,12 @@ def corner_figure(
 
     names = list(samples)
     windows = [_window(samples[name], prior[name]) for name in names]
-    scales = ["log" if _is_wide(*window) else "linear" for window in windows]
+    # A shape may be positive here and of either sign before the data.
+    is_positive = [np.nanmin([samples[n].min(), prior[n].min()]) > 0 for n in names]
+    scales = [
+        "log" if positive and _is_wide(*window) else "linear"
+        for positive, window in zip(is_positive, windows, strict=True)
+    ]
     size = max(3.2, 1.45 * len(names) + 0.6)
     # corner places its panels itself and refuses a layout engine.
     figure = new_figure(width=size, height=size, layout=None)
@@ -159,7 +164,8 @@ def _window(
     samples: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
 ) -> tuple[float, float]:
     """Range to show: the posterior, and of the prior what leaves it legible."""
-    ends, bulk = _bulk(samples), np.nanquantile(prior, [0.05, 0.95])
+    ends = np.nanquantile(samples, [0.005, 0.995])
+    bulk = np.nanquantile(prior, [0.05, 0.95])
     # Ratios count where the prior is open over decades.
     is_log = _is_wide(float(bulk[0]), float(bulk[1])) and ends[0] > 0
     low, high = np.log(ends) if is_log else np.array(ends)
