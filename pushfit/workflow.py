@@ -4,8 +4,10 @@ Files, frames and records are taken alike. Excluded: what a result shows, which 
 `pushfit.result`.
 """
 
+import contextlib
+import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -14,7 +16,7 @@ import pandas as pd
 
 from pushfit.cache import enable_compile_cache
 from pushfit.config import GraspConfig, config_of, read_config
-from pushfit.data.check import file_kind
+from pushfit.data.check import expect_kind, file_kind
 from pushfit.data.load import configured_recording, reader_options
 from pushfit.data.merge import merge_tables
 from pushfit.data.peaks import extract_peaks
@@ -58,7 +60,8 @@ def identify(
         seed: Seed of every random number.
         engine: "emcee" samples the posterior, "exact" integrates it, "auto" integrates
             where that is possible.
-        progress: Called with a stage and the share of it that is done.
+        progress: Called with a stage and the share of it that is done; None shows both
+            in a notebook.
         checkpoint: File in which a chain is kept, to be gone on with.
 
     Returns:
@@ -73,15 +76,42 @@ def identify(
     settings = as_config(config)
     sources, plans = _several(recordings_or_table), _several(schedule)
     table = gather(sources, plans, settings)
-    found = identify_table(
-        table,
-        settings,
-        seed=seed,
-        engine=engine_for(table, settings, engine),
-        progress=progress,
-        checkpoint=checkpoint,
-    )
+    with shown_progress(progress) as report:
+        found = identify_table(
+            table,
+            settings,
+            seed=seed,
+            engine=engine_for(table, settings, engine),
+            progress=report,
+            checkpoint=checkpoint,
+        )
     return Result.of(replace(found, recipe=recipe_of(sources, plans, settings)))
+
+
+@contextlib.contextmanager
+def shown_progress(progress: Progress | None) -> Iterator[Progress | None]:
+    """The user's way to show progress, else a line in a notebook, else none.
+
+    Args:
+        progress: Of the user.
+
+    Yields:
+        Function of a stage and the share of it that is done.
+    """
+    notebook = sys.modules.get("IPython")
+    shell = notebook.get_ipython() if notebook else None
+    if progress is not None or notebook is None or not hasattr(shell, "kernel"):
+        yield progress
+        return
+    handle = notebook.display.display({"text/plain": ""}, raw=True, display_id=True)
+
+    def show(stage: str, share: float) -> None:
+        handle.update({"text/plain": f"{stage} {100 * share:.0f} %"}, raw=True)
+
+    try:
+        yield show
+    finally:
+        handle.update({"text/plain": ""}, raw=True)
 
 
 def as_config(config: Settings | None) -> GraspConfig:
@@ -167,14 +197,10 @@ def _load(source: Source, config: GraspConfig) -> Recording | PeakTable:
         if any(str(name).startswith("height") for name in source.columns):
             return PeakTable.from_frame(source)
         return _from_frame(source, lambda path: configured_recording(path, config))
-    kind = file_kind(source, **reader_options(config))
-    if kind == "schedule":
-        raise ConfigError(
-            f"{source}: is a schedule; give the recording first, and this as schedule",
-            code="is_a_schedule",
-        )
-    if kind == "table":
+    options = reader_options(config)
+    if file_kind(source, **options) == "table":
         return read_table(source)
+    expect_kind(source, "recording", **options)
     return configured_recording(source, config)
 
 

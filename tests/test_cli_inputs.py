@@ -206,8 +206,8 @@ def test_a_picture_of_an_unknown_format_is_refused_with_the_known_ones(
         ("fit", "alpha_sweep.csv", "`pushfit peaks` makes one"),
         ("fit", "alpha_schedule.csv", "is a schedule"),
         ("compare", "alpha_sweep.csv", "`pushfit identify` does everything"),
-        ("identify", "alpha_schedule.csv", "this by --schedule"),
-        ("peaks", "alpha_schedule.csv", "this by --schedule"),
+        ("identify", "alpha_schedule.csv", "this as its schedule"),
+        ("peaks", "alpha_schedule.csv", "this as its schedule"),
     ],
 )
 def test_a_file_of_another_kind_is_called_what_it_is(command, name, advice, capsys):

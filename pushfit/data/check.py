@@ -25,7 +25,7 @@ INSTEAD: dict[tuple[FileKind, FileKind], str] = {
         "is a table of peak heights, no recording; use `pushfit fit` for it"
     ),
     ("recording", "schedule"): (
-        "is a schedule, no recording; name the recording, and this by --schedule"
+        "is a schedule, no recording; name the recording, and this as its schedule"
     ),
     ("table", "recording"): (
         "is a recording, no table of peak heights; `pushfit peaks` makes one of it, "
