@@ -11,6 +11,7 @@ from pushfit.cli import (
     batch,
     calibrate,
     compare,
+    diff,
     doctor,
     files,
     init,
@@ -68,6 +69,7 @@ for function in (
     verify.verify,
     calibrate.calibrate,
     compare.compare,
+    diff.diff,
     batch.batch,
     doctor.doctor,
 ):

@@ -47,6 +47,10 @@ EXAMPLES = {
         "pushfit compare peaks.csv -c grasp.toml",
         "state the model that is preferred in grasp.toml",
     ),
+    "diff": (
+        "pushfit diff before after --plot diff.png",
+        "open diff.png; a difference whose interval holds 0 is not clear",
+    ),
     "doctor": ("pushfit doctor", "give what it prints along with a report of a bug"),
 }
 
