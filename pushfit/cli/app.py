@@ -17,6 +17,7 @@ from pushfit.cli import (
     init,
     report,
     verify,
+    watch,
 )
 from pushfit.cli.session import command
 from pushfit.cli.stop import stoppable
@@ -71,6 +72,7 @@ for function in (
     compare.compare,
     diff.diff,
     batch.batch,
+    watch.watch,
     doctor.doctor,
 ):
     command(app)(function)

@@ -25,6 +25,10 @@ EXAMPLES = {
         "pushfit batch runs/ -c grasp.toml -o results",
         "open results/report.html; the same command does what is new",
     ),
+    "watch": (
+        "pushfit watch runs/ -c grasp.toml -o results",
+        "open results/report.html and load it again when something has come",
+    ),
     "simulate": (
         "pushfit simulate schedule.csv -c truth.toml -o simulated.csv",
         "`pushfit identify simulated.csv -s schedule.csv`",

@@ -27,7 +27,7 @@ from pushfit.errors import PushfitError
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 # Arguments and options that name files to read. Loading what reads them takes seconds.
 INPUTS = (
-    *("recordings", "recording", "table", "files"),
+    *("recordings", "recording", "table", "files", "folder"),
     *("schedules", "schedule", "config", "profile"),
 )
 ERROR_SCHEMA = "pushfit.error/1"
