@@ -3,6 +3,7 @@
 import json
 import os
 import threading
+from pathlib import Path
 
 import arviz_base
 import numpy as np
@@ -33,11 +34,21 @@ def listing(path):
 
 
 @pytest.mark.slow
+def test_a_format_that_is_asked_for_comes_on_top(theta_only, tmp_path):
+    write_result_folder(theta_only, tmp_path / "out", force=False, pictures="png")
+    names = {path.name for path in (tmp_path / "out" / "figures").iterdir()}
+    assert {"main.png", "main.svg", "traces.png"} <= names
+    assert "traces.svg" not in names
+
+
+@pytest.mark.slow
 def test_a_result_holds_everything_that_the_design_names(theta_only, tmp_path):
     out = write_result_folder(theta_only, tmp_path / "result", force=False)
     assert {entry.name for entry in out.iterdir()} == CONTENT
     names = {path.name for path in (out / "figures").iterdir()}
-    assert {"main.png", "main.svg", "theta.png", "theta_c.svg"} <= names
+    assert {"main.svg", "theta_c.svg", "corner_parameters.png", "traces.png"} <= names
+    # Each figure once; a second format only for who asks.
+    assert len({Path(name).stem for name in names}) == len(names)
     assert json.loads((out / "summary.json").read_text()) == summary_dict(theta_only)
     assert (out / "report.txt").read_text() == render_text(theta_only)
     assert "Content-Security-Policy" in (out / "report.html").read_text()
