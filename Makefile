@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := demo_result
 
-.PHONY: demo test test-slow lint bench bench-honesty docs clean
+.PHONY: demo test test-slow lint bench bench-honesty docs notebooks clean
 
 demo: .stamps/run                ## The example grasp, from recordings to theta_c and alpha*
 	$(BIN)/pushfit demo --out $(DEMO) --force
@@ -31,6 +31,9 @@ bench-honesty: .stamps/bench     ## What lmfit and SciPy say where nothing is de
 
 docs: .stamps/docs               ## The documentation as web pages, in site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+notebooks: .stamps/test          ## The notebooks of the examples from their scripts
+	$(BIN)/jupytext --quiet --to ipynb examples/notebooks/*.py
 
 clean:
 	rm -rf .stamps $(DEMO) site dist build .pytest_cache .ruff_cache .hypothesis

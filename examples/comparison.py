@@ -23,7 +23,6 @@ except ImportError:
     pypesto = None
 
 import pushfit
-from pushfit.config import parse_config
 from pushfit.report.text import sentence_theta_c
 
 PUSH_LENGTH = 0.005
@@ -169,12 +168,11 @@ def by_pypesto(frame: pd.DataFrame) -> str:
 
 
 def by_pushfit(frame: pd.DataFrame) -> str:
-    """`identify_table` by quadrature."""
-    config = parse_config("[push]\nlength_mm = 5.0\n", path="grasp.toml")
-    table = pushfit.PeakTable.from_frame(frame)
-    found = pushfit.identify_table(table, config, seed=0, engine="exact")
-    (K_sn,) = (q for q in found.parameters if q.name == "K_sn")
-    return f"{sentence_theta_c(found)} K_sn: {K_sn.verdict.value}."
+    """`identify` by quadrature."""
+    config = {"push": {"length_mm": 5.0}}
+    found = pushfit.identify(frame, config=config)
+    verdict = found.params["K_sn"].verdict.value
+    return f"{sentence_theta_c(found)} K_sn: {verdict}."
 
 
 def main() -> None:

@@ -21,11 +21,16 @@ from .errors import DataError as DataError
 from .errors import FitError as FitError
 from .errors import PushfitError as PushfitError
 from .fit.comparison import compare_models as compare_models
-from .fit.identify import identify_table as identify_table
+from .fit.results import FitStatus as FitStatus
+from .fit.results import Notice as Notice
+from .fit.results import Verdict as Verdict
 from .model import Grasp as Grasp
 from .model import Parameters as Parameters
 from .model import Pushes as Pushes
 from .model import forward as forward
-from .report.stored import read_result as read_result
+from .result import Result as Result
+from .result import Value as Value
+from .result import load as load
+from .workflow import identify as identify
 
 __version__: str

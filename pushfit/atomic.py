@@ -1,10 +1,26 @@
-"""Write files so that they are complete or absent, never half written."""
+"""Write files so that they are complete or absent, never half written.
+
+What is not a regular file (a device, a FIFO, the standard output of a process) is
+written into and stays what it is, and a symbolic link goes on pointing where it did.
+"""
 
 import contextlib
 import os
+import re
+import shutil
+import stat
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+
+# Descriptors of a process: replacing the file behind one would leave the process, or
+# the shell that opened it, with a file that has no name any more.
+_DESCRIPTOR = re.compile(r"/dev/(fd/\d+|std(in|out|err))|/proc/[^/]+/fd/\d+")
+
+_unfinished: set[Path] = set()
+# Held where stopping the process would leave neither the old nor the new.
+_whole = threading.Lock()
 
 
 @contextlib.contextmanager
@@ -15,27 +31,95 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     reach the disk before the name does, and the rename is one step.
 
     Args:
-        path: File to write.
+        path: File to write, or a link to it; or something to write into.
 
     Yields:
-        Path of an empty temporary file in the same folder.
+        Path of an empty temporary file, in the folder of the file.
     """
-    target = Path(path)
+    if is_stream(path):
+        with _passed_on(Path(path)) as temporary:
+            yield temporary
+        return
+    target = Path(os.path.realpath(path))
     # The same folder, because a rename across file systems is a copy.
     handle, name = tempfile.mkstemp(
         prefix=f".{target.name}.", suffix=".tmp", dir=target.parent
     )
     os.close(handle)
     temporary = Path(name)
-    try:
+    with unfinished(temporary):
         yield temporary
         # mkstemp makes files private; results are to be read like any other file.
         temporary.chmod(0o666 & ~_umask())
         _sync(temporary)
         os.replace(temporary, target)
         _sync(target.parent)
+
+
+def is_stream(path: str | Path) -> bool:
+    """Whether something can only be written into: a device, a FIFO, a descriptor.
+
+    Args:
+        path: As the user named it, there or not.
+    """
+    if _DESCRIPTOR.fullmatch(os.path.abspath(path)):
+        return True
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+@contextlib.contextmanager
+def _passed_on(stream: Path) -> Iterator[Path]:
+    """Lend a temporary file whose content goes into a stream afterwards."""
+    with tempfile.TemporaryDirectory() as folder, unfinished(Path(folder)):
+        temporary = Path(folder) / stream.name
+        temporary.touch()
+        yield temporary
+        with temporary.open("rb") as source, stream.open("wb") as sink:
+            shutil.copyfileobj(source, sink)
+
+
+@contextlib.contextmanager
+def unfinished(path: Path) -> Iterator[None]:
+    """Have a file or folder removed at the end of the block, or of the process.
+
+    Args:
+        path: What is to be renamed, or read, before the block ends.
+    """
+    _unfinished.add(path)
+    try:
+        yield
     finally:
-        temporary.unlink(missing_ok=True)
+        _remove(path)
+        _unfinished.discard(path)
+
+
+@contextlib.contextmanager
+def whole() -> Iterator[None]:
+    """Keep `discard_unfinished`, and so the end of the process, out of a block."""
+    with _whole:
+        yield
+
+
+def discard_unfinished(*, patience: float) -> None:
+    """Remove what is half written, for a process that ends without unwinding.
+
+    Args:
+        patience: Longest wait for the end of a `whole` block [s].
+    """
+    _whole.acquire(timeout=patience)
+    for path in tuple(_unfinished):
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _umask() -> int:

@@ -1,12 +1,13 @@
 """Where compiled programs are kept between runs, so that later runs start faster.
 
 Whoever can write there can run code as the user, so the folder belongs to the user
-alone. Only the command line turns it on, for itself and the processes it starts;
-PUSHFIT_CACHE=off turns it off.
+alone. The command line and `pushfit.identify` turn it on, for themselves and the
+processes they start; PUSHFIT_CACHE=off turns it off.
 """
 
 import os
 import stat
+import sys
 from pathlib import Path
 
 SWITCH = "PUSHFIT_CACHE"
@@ -14,6 +15,8 @@ SWITCH = "PUSHFIT_CACHE"
 PROGRAMS = "PUSHFIT_PROGRAMS"
 # Setting of JAX: where it keeps compiled programs.
 COMPILED = "JAX_COMPILATION_CACHE_DIR"
+# The same for programs that compile faster than so many seconds.
+SMALLEST = "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"
 
 
 def cache_folder() -> Path:
@@ -44,8 +47,17 @@ def enable_compile_cache() -> str:
     os.environ[PROGRAMS] = str(folder)
     os.environ.setdefault(COMPILED, str(folder))
     # Small programs are many.
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+    os.environ.setdefault(SMALLEST, "0")
+    _tell_loaded_jax()
     return str(folder)
+
+
+def _tell_loaded_jax() -> None:
+    """Repeat the settings to a JAX that has read the environment already."""
+    jax = sys.modules.get("jax")
+    if jax is not None and jax.config.jax_compilation_cache_dir is None:
+        for name, kind in ((COMPILED, str), (SMALLEST, float)):
+            jax.config.update(name.lower(), kind(os.environ[name]))
 
 
 def programs_folder() -> Path | None:

@@ -15,6 +15,7 @@ from pushfit.model import (
     Parameters,
     Pushes,
     Scalar,
+    as_float,
     contact,
     push_resistance,
     rolling_limits,
@@ -29,7 +30,7 @@ N_AZIMUTHS = 361
 
 
 def critical_angle(
-    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
+    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"] | float
 ) -> Float[Array, "*n"]:
     """Elevation below which the object rolls, by the mechanics that the grasp names.
 
@@ -44,7 +45,7 @@ def critical_angle(
         θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
         rolls [rad].
     """
-    return CRITICAL_ANGLES[grasp.mechanics](params, grasp, alpha)
+    return CRITICAL_ANGLES[grasp.mechanics](params, grasp, as_float(alpha))
 
 
 def linear_critical_angle(

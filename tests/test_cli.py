@@ -3,7 +3,7 @@
 import inspect
 import json
 import os
-import signal
+import shlex
 import stat
 import subprocess
 import sys
@@ -13,9 +13,12 @@ from typing import get_args
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import typer
 
 from pushfit import cache
 from pushfit.cli import main
+from pushfit.cli.app import app
+from pushfit.cli.examples import EXAMPLES
 from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
 from pushfit.config.inputs import PeaksSection, RecordingSection
@@ -168,21 +171,6 @@ def test_the_cache_can_be_turned_off(no_cache_set, monkeypatch):
     assert cache.programs_folder() is None
 
 
-def test_termination_ends_with_143():
-    code = (
-        "import sys, time; from pushfit.cli.session import Session\n"
-        "s = Session(is_quiet=False, is_verbose=False, is_debug=False, is_json=False)\n"
-        "def work(): print('ready', flush=True); time.sleep(60)\n"
-        "sys.exit(s.run(work))"
-    )
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
-    with process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        process.send_signal(signal.SIGTERM)
-    assert process.returncode == 143
-
-
 def test_a_closed_pipe_is_no_bug():
     command = (
         f'{sys.executable} -c \'from pushfit.cli import main; main(["init", "-"])\''
@@ -307,3 +295,61 @@ def test_completion_is_offered_for_the_shell(capsys, monkeypatch):
     assert "complete -o default -F _pushfit_completion pushfit" in (
         capsys.readouterr().out
     )
+
+
+def test_every_command_ends_its_help_with_an_example_that_it_understands():
+    group = typer.main.get_command(app)
+    for name, known in group.commands.items():
+        example, _ = EXAMPLES[name]
+        first, second, *arguments = shlex.split(example)
+        assert (first, second) == ("pushfit", name)
+        # Raises for an option or argument that the command does not have.
+        known.make_context(name, arguments)
+
+
+def test_help_shows_the_example_on_a_line_of_its_own(capsys):
+    assert main(["fit", "--help"]) == 0
+    assert "\n    pushfit fit peaks.csv -c grasp.toml\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fit", "none.csv"],
+        ["identify", "none.csv"],
+        ["peaks", "none.csv"],
+        ["compare", "none.csv"],
+        ["calibrate", "none.toml", "none.csv"],
+        ["simulate", "none.csv", "-o", "x.csv"],
+    ],
+    ids=lambda a: a[0],
+)
+def test_a_missing_file_is_said_before_anything_heavy_is_loaded(arguments):
+    code = (
+        "import sys; from pushfit.cli import main\n"
+        f"code = main({arguments!r})\n"
+        "print(code, {'jax', 'pandas', 'numpy', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "2 set()\n"
+    assert "no such file" in done.stderr
+
+
+def test_a_folder_that_is_taken_is_said_before_anything_heavy_is_loaded(tmp_path):
+    code = (
+        "import sys; from pushfit.cli import main\n"
+        f"code = main(['demo', '-o', {str(tmp_path)!r}])\n"
+        "print(code, {'jax', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "2 set()\n"
+    assert "--force" in done.stderr
+
+
+def test_all_commands_name_their_output_alike():
+    """-o and --out, whether a file or a folder."""
+    group = typer.main.get_command(app)
+    for known in group.commands.values():
+        for parameter in known.params:
+            if "out" in (parameter.name or ""):
+                assert {"-o", "--out"} <= set(parameter.opts)

@@ -187,3 +187,52 @@ def test_the_picture_is_drawn_where_directions_are_unknown(tmp_path, capsys):
     assert main(["peaks", sweep, "--plot", str(plot)]) == 3
     assert "no angles theta and alpha of its 18 pushes" in capsys.readouterr().err
     assert plot.read_bytes().startswith(b"<?xml")
+
+
+@pytest.mark.parametrize("name", ["x.jpg", "x.gif", "x.tif", "x"])
+def test_a_picture_of_an_unknown_format_is_refused_with_the_known_ones(
+    name, tmp_path, capsys
+):
+    recording = str(EXAMPLE / "alpha_sweep.csv")
+    assert main(["peaks", recording, "--plot", str(tmp_path / name)]) == 2
+    said = capsys.readouterr().err
+    assert "bug" not in said
+    assert ".png, .svg, .pdf" in said
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "advice"),
+    [
+        ("fit", "alpha_sweep.csv", "`pushfit peaks` makes one"),
+        ("fit", "alpha_schedule.csv", "is a schedule"),
+        ("compare", "alpha_sweep.csv", "`pushfit identify` does everything"),
+        ("identify", "alpha_schedule.csv", "this as its schedule"),
+        ("peaks", "alpha_schedule.csv", "this as its schedule"),
+    ],
+)
+def test_a_file_of_another_kind_is_called_what_it_is(command, name, advice, capsys):
+    assert main([command, str(EXAMPLE / name)]) == 3
+    assert advice in capsys.readouterr().err
+
+
+def test_a_table_is_no_recording(tmp_path, capsys):
+    path = tmp_path / "peaks.csv"
+    path.write_text("theta_deg,alpha_deg,height_n,t_peak_s\n10,90,1,2\n20,90,2,4\n")
+    assert main(["identify", str(path)]) == 3
+    assert "use `pushfit fit`" in capsys.readouterr().err
+
+
+def test_a_wrong_schedule_is_not_answered_by_a_page_of_pushes(capsys):
+    recording = str(EXAMPLE / "alpha_sweep.csv")
+    schedule = str(EXAMPLE / "theta_schedule.csv")
+    assert main(["peaks", recording, "-s", schedule]) == 3
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {recording}: 108 pushes are planned, 18 found: ")
+    assert "and 87 more" in said
+    assert len(said) < 700
+
+
+def test_a_counter_is_never_proposed_as_a_pressure(capsys):
+    log = EXAMPLE.parent / "logs" / "rostopic.csv"
+    assert main(["validate", str(log)]) == 3
+    assert "--map pressure=field.bt_data0.pdc_data" in capsys.readouterr().err

@@ -1,5 +1,6 @@
 """What the documents show is run, and what they repeat is compared."""
 
+import itertools
 import re
 import shlex
 import shutil
@@ -15,7 +16,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 # Commands that fit or sample; the rest take a second at most.
 SLOW = {
     *("identify", "fit", "sample", "demo", "batch"),
-    *("verify", "report", "calibrate", "compare"),
+    *("verify", "report", "calibrate", "compare", "diff", "watch"),
 }
 
 
@@ -31,6 +32,21 @@ def commands(page: Path) -> list[list[str]]:
     lines = [line[2:] for line in shown.splitlines() if line.startswith("$ ")]
     words = [shlex.split(line, comments=True) for line in lines]
     return [w[1:] for w in words if Path(w[0]).name == "pushfit"]
+
+
+def in_reading_order() -> list[Path]:
+    """README first, then the pages as the navigation lists them."""
+    listed = re.findall(r"(\w+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
+    return [PAGES[0], *(ROOT / "docs" / name for name in listed)]
+
+
+def written(arguments: list[str]) -> list[str]:
+    """What a command of the documents makes; a batch may go on in its folder."""
+    if arguments[0] == "batch":
+        return []
+    marks = {"-o", "--out", "--plot", "--export"}
+    named = [b for a, b in itertools.pairwise(arguments) if a in marks]
+    return named + (arguments[1:2] if arguments[0] == "init" else [])
 
 
 PAGES_WITH_COMMANDS = [page for page in PAGES if commands(page)]
@@ -51,16 +67,48 @@ def test_the_quick_commands_of_a_page_work(page, workplace, capsys):
             assert main(arguments) == 0, (arguments, capsys.readouterr().err)
 
 
+def test_a_reader_of_all_pages_is_never_told_to_write_a_file_twice():
+    made = [
+        name
+        for page in in_reading_order()
+        for arguments in commands(page)
+        for name in written(arguments)
+    ]
+    assert sorted(set(made)) == sorted(made)
+
+
+def test_the_navigation_lists_every_page():
+    assert set(in_reading_order()) == set(PAGES)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES_WITH_COMMANDS, ids=lambda p: p.name)
-def test_all_commands_of_a_page_work(page, workplace, capsys):
-    for arguments in commands(page):
-        assert main(arguments) == 0, (arguments, capsys.readouterr().err)
+def test_all_commands_of_all_pages_work_in_order_in_one_folder(workplace, capsys):
+    for page in in_reading_order():
+        for arguments in commands(page):
+            code = main(arguments)
+            assert code == 0, (page.name, arguments, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_a_numbered_list_keeps_its_numbers(page):
+    """After an empty line, Markdown takes less than four blanks for the list's end."""
+    later = re.compile(r"^(?!\d+\.).*\n\n(?:[2-9])\. ", re.MULTILINE)
+    text = page.read_text(encoding="utf-8")
+    text = re.sub(r"^```.*?^```$", "```", text, flags=re.DOTALL | re.MULTILINE)
+    assert re.findall(r"\n\n {1,3}\S.*", text) == []
+    assert [item for item in later.findall(text) if not item.startswith(" ")] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_the_python_of_a_page_runs(page, workplace, capsys):
     for block in blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), {})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_the_python_that_takes_its_time_runs(page, workplace, capsys):
+    for block in blocks(page, "py"):
         exec(compile(block, page.name, "exec"), {})
 
 

@@ -17,6 +17,8 @@ LAYERS = ("errors", "config", "model", "data", "fit", "report", "batch", "cli")
 MEMBERS = {
     "atomic": "errors",
     "cache": "errors",
+    "result": "report",
+    "workflow": "batch",
     "__main__": "cli",
     "__init__": "errors",
 }
@@ -32,7 +34,7 @@ FORBIDDEN = {
     "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},
 }
 # Parts of declared libraries that are imported under their own name, or all of one.
-VENDORED = {"pydantic_core", "markupsafe", "sklearn", "dask"}
+VENDORED = {"pydantic_core", "markupsafe", "sklearn", "dask", "PIL"}
 HEAVY = (
     "jax",
     "pandas",

@@ -1,5 +1,6 @@
 """The notebooks run as plain scripts, and the examples beside them as printed."""
 
+import os
 import runpy
 import shutil
 from pathlib import Path
@@ -33,6 +34,39 @@ def test_a_notebook_runs_from_top_to_bottom(path, workplace, capsys):
     assert "critical angle" in capsys.readouterr().out
     assert names["result"].alpha_star.estimate == pytest.approx(65.0, abs=3.0)
     assert (workplace / "main.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
+def test_a_notebook_and_its_script_are_the_same(path):
+    """`make notebooks` writes the one from the other."""
+    jupytext = pytest.importorskip("jupytext")
+    cells = [
+        [(cell.cell_type, cell.source) for cell in jupytext.read(file).cells]
+        for file in (path, path.with_suffix(".ipynb"))
+    ]
+    assert cells[0] == cells[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_notebook_shows_its_pictures_and_its_card(path, workplace):
+    """Executed as Jupyter does, without a screen."""
+    nbclient = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    notebook = nbformat.read(path.with_suffix(".ipynb"), as_version=4)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    client = nbclient.NotebookClient(notebook, timeout=600)
+    client.execute(cwd=str(workplace), env=environment)
+    shown = [
+        output.get("data", {})
+        for cell in notebook.cells
+        if cell.cell_type == "code"
+        for output in cell.outputs
+    ]
+    assert sum("image/png" in data for data in shown) == 4
+    (card,) = [d["text/html"] for d in shown if "θ" in d.get("text/html", "")]
+    assert "data:image/png;base64," in card
 
 
 @pytest.mark.slow

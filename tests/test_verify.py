@@ -22,7 +22,7 @@ def made(tmp_path_factory):
     (place / "grasp.toml").write_text(TOML + "[report]\nprob = 0.8\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
-        patch.setattr(folder_module, "figure_files", lambda _: {})
+        patch.setattr(folder_module, "figure_files", lambda _, **__: {})
         patch.setattr(folder_module, "render_html", lambda _, **__: "")
         options = ["--engine", "sweep", "--seed", "4", "--out", "result"]
         assert main(["sample", "peaks.csv", "-c", "grasp.toml", *options]) == 0

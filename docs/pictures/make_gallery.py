@@ -22,11 +22,12 @@ from pushfit.report.figures.style import (
     new_figure,
     styled,
 )
-from pushfit.report.stored import read_result
+from pushfit.result import load
 
 FOLDER = Path(__file__).parent
 # Names of the figures of a result, and what they are called here.
 GALLERY = {
+    "grasp": "grasp",
     "main": "main",
     "recording_2": "recording",
     "alpha": "alpha",
@@ -133,7 +134,7 @@ def main(arguments: list[str]) -> None:
     """
     figures = {"springs": springs(), "two_answers": two_answers()}
     for folder in arguments[:1]:
-        drawn = all_figures(read_result(folder))
+        drawn = all_figures(load(folder))
         figures |= {file: drawn[name] for name, file in GALLERY.items()}
     for name, figure in figures.items():
         save(figure, FOLDER / f"{name}.png")

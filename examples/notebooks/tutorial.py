@@ -1,11 +1,12 @@
 # ---
 # jupyter:
 #   jupytext:
+#     formats: ipynb,py:percent
 #     text_representation:
 #       extension: .py
 #       format_name: percent
 #   kernelspec:
-#     display_name: Python 3
+#     display_name: Python 3 (ipykernel)
 #     language: python
 #     name: python3
 # ---
@@ -13,70 +14,86 @@
 # %% [markdown]
 # # From a recording to θ_c and α*
 #
-# Open this script as a notebook with jupytext, or run it from the root of the
-# repository: `python examples/notebooks/tutorial.py`. The recordings are simulated.
+# Open `tutorial.ipynb` in Jupyter, or run `python examples/notebooks/tutorial.py` from
+# the root of the repository. The recordings are simulated.
 
 # %%
 from pathlib import Path
 
-import numpy as np
-
 import pushfit
-from pushfit.report.figures import main_figure, save_figure, signal_figure
-from pushfit.report.text import sentence_alpha_star, sentence_theta_c
+from pushfit.report.figures import save_figure, signal_figure
 
-folder = Path("examples/foam_box")
-config = pushfit.read_config(folder / "grasp.toml")
+ROOT = next(p for p in (Path.cwd(), *Path.cwd().parents) if (p / "examples").is_dir())
+folder = ROOT / "examples" / "foam_box"
 
 # %% [markdown]
-# ## Recordings to heights
+# ## Everything in one call
 #
-# One recording for each sweep, each with the schedule of its pushes.
+# One recording for each sweep, each with the schedule of its pushes. What is known of
+# the grasp is in `grasp.toml`; a dictionary would do as well.
 
 # %%
-tables = []
-for sweep in ("theta", "alpha"):
-    recording = pushfit.read_recording(folder / f"{sweep}_sweep.csv")
-    schedule = pushfit.read_schedule(folder / f"{sweep}_schedule.csv")
-    tables.append(pushfit.extract_peaks(recording, schedule, settings=config.peaks))
-table = pushfit.merge_tables(tables)
-table.frame.head()
+result = pushfit.identify(
+    [folder / "theta_sweep.csv", folder / "alpha_sweep.csv"],
+    [folder / "theta_schedule.csv", folder / "alpha_schedule.csv"],
+    config=folder / "grasp.toml",
+    seed=1,
+)
+result
 
 # %% [markdown]
-# Look before you fit: every push is shaded and labelled with its direction.
+# Before you quote a number, read the warnings of the card. The same in text:
 
 # %%
-signal_figure(table.traces[1], table)
+print(result.summary())
 
 # %% [markdown]
-# ## What the heights say without a model
+# ## Look at the pushes
 #
-# At θ = 15° they are lowest near α = 65°.
+# Every push is shaded and labelled with its direction.
 
 # %%
-slow = table.frame[np.isclose(table.frame["theta_deg"], 15.0)]
-slow.groupby("alpha_deg")["height_kpa"].agg(["mean", "std", "count"])
+result.plot("recording_2")
 
 # %% [markdown]
-# ## What the model says
+# ## One number at a time
 #
-# This takes half a minute, and longer the first time.
+# A parameter is a number where the data say something about it. What they leave open
+# refuses to be one.
 
 # %%
-result = pushfit.identify_table(table, config, seed=1)
-print(sentence_theta_c(result))
-print(sentence_alpha_star(result))
+rolling = result.params["C_rr"]
+print(f"C_rr = {rolling:.3f}, that is {rolling}, {rolling.verdict.value}")
+result.to_frame()[["estimate", "lower", "upper", "unit", "verdict"]]
+
+# %%
+result.plot("theta_c")
 
 # %% [markdown]
-# Read the warnings before you quote a number, and which parameters are the prior's.
+# In pairs: which combinations the data fix.
 
 # %%
-for notice in result.warnings:
-    print(f"{notice.code}: {notice.text}")
-for quantity in result.parameters:
-    print(f"{quantity.name:<5}{quantity.verdict.value}")
+result.plot("corner_combinations") if "f1" in result.params else result.plot("learned")
+
+# %% [markdown]
+# ## The same step by step
+#
+# To look between the steps, or to change something there.
 
 # %%
-figure = main_figure(result)
-save_figure(figure, Path("main.png"))
-figure
+recording = pushfit.read_recording(folder / "alpha_sweep.csv")
+schedule = pushfit.read_schedule(folder / "alpha_schedule.csv")
+table = pushfit.extract_peaks(recording, schedule)
+table.frame.groupby("alpha_deg")["height_kpa"].agg(["mean", "std", "count"])
+
+# %%
+signal_figure(table.traces[0], table)
+
+# %% [markdown]
+# ## Keep it
+#
+# `result.save("result")` writes the folder that `pushfit identify --out` writes, and
+# `pushfit.load("result")` reads it. A single figure:
+
+# %%
+save_figure(result.plot(), Path("main.png"))

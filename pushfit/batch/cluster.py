@@ -13,8 +13,10 @@ import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from functools import partial
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from pushfit.atomic import unfinished
 from pushfit.batch.items import Failure
 from pushfit.batch.work import Chunk
 from pushfit.errors import ConfigError
@@ -162,7 +164,7 @@ def _client(
     if find_spec("distributed") is None:
         raise ConfigError(
             "worker processes need dask.distributed, which is not installed; "
-            "pip install 'pushfit[distributed]', or use --workers 1",
+            "pip install distributed, or use --workers 1",
             code="no_distributed",
         )
     from dask import config
@@ -183,6 +185,8 @@ def _client(
     with contextlib.ExitStack() as stack:
         if scheduler is None:
             stack.enter_context(config.set(settings))
+            scratch = stack.enter_context(tempfile.TemporaryDirectory())
+            stack.enter_context(unfinished(Path(scratch)))
             cluster = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
@@ -190,7 +194,7 @@ def _client(
                 host="127.0.0.1",
                 # Any free port: a fixed one may be taken.
                 dashboard_address="127.0.0.1:0",
-                local_directory=stack.enter_context(tempfile.TemporaryDirectory()),
+                local_directory=scratch,
             )
             address = stack.enter_context(cluster)
         else:

@@ -13,7 +13,15 @@ from pathlib import Path
 import pandas as pd
 
 from pushfit.atomic import atomic_path
-from pushfit.batch.folders import FAILURES, PARQUET, POPULATION, REPORT, RESULTS
+from pushfit.batch.folders import (
+    FAILURES,
+    FOLDER,
+    PARQUET,
+    POPULATION,
+    REPORT,
+    RESULTS,
+    folder_name,
+)
 from pushfit.batch.population import COLUMNS
 from pushfit.batch.rows import Answers, Row
 from pushfit.fit.flat import Cell
@@ -91,11 +99,20 @@ def _write_parquet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> N
 def _write_page(path: Path, answers: Answers, population: Sequence[Row]) -> None:
     messages = {failure.item: failure.message for failure in answers.failures}
     frame = pd.DataFrame(
-        [{**row, "message": messages.get(str(row["item"]))} for row in answers.rows]
+        [
+            {**row, "message": messages.get(name), "link": _link(path.parent, name)}
+            for row, name in ((row, str(row["item"])) for row in answers.rows)
+        ]
     )
     page = render_batch(frame, population)
     with atomic_path(path) as temporary:
         Path(temporary).write_text(page, encoding="utf-8", newline="\n")
+
+
+def _link(folder: Path, item: str) -> str | None:
+    """Address of the page of an item, if its folder was written."""
+    page = Path(FOLDER, folder_name(item), REPORT)
+    return page.as_posix() if (folder / page).is_file() else None
 
 
 def _typed(cells: list[Cell]) -> pd.Series:

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
-from pushfit.cli.inputs import load_peaks, read_settings
+from pushfit.cli.inputs import load_peaks, load_table, read_settings
 from pushfit.cli.session import Session
+from pushfit.cli.stop import keep
 from pushfit.errors import FitError
+from pushfit.report.target import check_target
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -28,6 +30,7 @@ def identify(
     columns: options.Columns = None,
     invert: options.Invert = False,
     out: options.OutFolder = None,
+    pictures: options.Pictures = None,
     engine: options.Engine = "auto",
     checkpoint: options.Checkpoint = None,
     seed: options.Seed = 0,
@@ -52,6 +55,7 @@ def identify(
         recordings=tuple(str(path) for path in recordings),
         schedules=tuple(str(path) for path in schedules or ()),
         out=out,
+        pictures=pictures,
         engine=engine,
         checkpoint=checkpoint,
         seed=seed,
@@ -66,23 +70,23 @@ def sample(
     table: options.TableFile,
     config: options.ConfigFile = None,
     out: options.OutFolder = None,
+    pictures: options.Pictures = None,
     engine: options.Engine = "auto",
     checkpoint: options.Checkpoint = None,
     seed: options.Seed = 0,
     json: options.Json = False,
     force: options.Force = False,
 ) -> int:
-    """The same from a table of peaks."""
+    """The same as fit, by a chain that can be kept and gone on with."""
     from pushfit.config import read_config
 
     def load(settings: "GraspConfig") -> "PeakTable":
-        from pushfit.data.table import read_table
-
-        return read_table(table)
+        return load_table(table, settings)
 
     request = Request(
         table=str(table),
         out=out,
+        pictures=pictures,
         engine=engine,
         checkpoint=checkpoint,
         seed=seed,
@@ -96,17 +100,31 @@ def fit(
     session: Session,
     table: options.TableFile,
     config: options.ConfigFile = None,
+    out: options.OutFolder = None,
+    pictures: options.Pictures = None,
     engine: options.Engine = "auto",
     seed: options.Seed = 0,
     json: options.Json = False,
+    force: options.Force = False,
 ) -> int:
-    """The same without files, by quadrature where it applies."""
-    return sample(session, table, config, engine=engine, seed=seed, json=json)
+    """From a table of peaks to theta_c and alpha*, by quadrature where it applies."""
+    return sample(
+        session,
+        table,
+        config,
+        out=out,
+        pictures=pictures,
+        engine=engine,
+        seed=seed,
+        json=json,
+        force=force,
+    )
 
 
 def demo(
     session: Session,
     out: options.OutFolder = None,
+    pictures: options.Pictures = None,
     seed: options.Seed = 0,
     json: options.Json = False,
     force: options.Force = False,
@@ -120,6 +138,7 @@ def demo(
         [folder / f"{sweep}_schedule.csv" for sweep in sweeps],
         folder / "grasp.toml",
         out=out,
+        pictures=pictures,
         seed=seed,
         json=json,
         force=force,
@@ -132,6 +151,7 @@ class Request:
 
     Args:
         out: Folder of the result.
+        pictures: Format that all figures are to have as well.
         engine: How the posterior is found.
         checkpoint: File of an unfinished chain.
         seed: Seed of all randomness.
@@ -143,6 +163,7 @@ class Request:
     """
 
     out: Path | None
+    pictures: str | None
     engine: str
     checkpoint: Path | None
     seed: int
@@ -170,18 +191,20 @@ def analyse(
     Returns:
         Exit code: that of a `FitError` if the numerics are not to be trusted.
     """
+    # Before anything is loaded, so that a name already taken costs nothing.
+    if request.out is not None:
+        check_target(request.out, force=request.force)
     cache = enable_compile_cache()
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus, Recipe
-    from pushfit.report.folder import check_target, write_result_folder
+    from pushfit.report.folder import write_result_folder
     from pushfit.report.summary import summary_dict
     from pushfit.report.text import render_text
 
-    # Before the work, so that a name already taken costs nothing.
-    if request.out is not None:
-        check_target(request.out, force=request.force)
     session.say_more(f"compiled programs: {cache}")
     table = load(settings)
+    if request.checkpoint is not None:
+        keep(f"the chain is kept in {request.checkpoint}; the same command goes on")
     with session.progress() as progress:
         found = identify_table(
             table,
@@ -198,8 +221,10 @@ def analyse(
     )
     found = replace(found, recipe=recipe)
     if request.out is not None:
-        write_result_folder(found, request.out, force=request.force)
-        session.say(f"wrote {request.out}")
+        write_result_folder(
+            found, request.out, force=request.force, pictures=request.pictures
+        )
+        session.wrote(request.out)
     if request.json:
         session.print_json(summary_dict(found))
     else:

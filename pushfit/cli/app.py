@@ -11,13 +11,16 @@ from pushfit.cli import (
     batch,
     calibrate,
     compare,
+    diff,
     doctor,
     files,
     init,
     report,
     verify,
+    watch,
 )
 from pushfit.cli.session import command
+from pushfit.cli.stop import stoppable
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -67,7 +70,9 @@ for function in (
     verify.verify,
     calibrate.calibrate,
     compare.compare,
+    diff.diff,
     batch.batch,
+    watch.watch,
     doctor.doctor,
 ):
     command(app)(function)
@@ -83,7 +88,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code.
     """
     try:
-        app(args=arguments, prog_name="pushfit")
+        with stoppable():
+            app(args=arguments, prog_name="pushfit")
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     return 0

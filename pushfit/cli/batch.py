@@ -8,6 +8,7 @@ import typer
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.session import Session
+from pushfit.cli.stop import keep
 
 if TYPE_CHECKING:
     from pushfit.batch.run import Batch
@@ -24,7 +25,7 @@ def batch(
         typer.Argument(metavar="INPUT...", help="Files, folders and patterns."),
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")
     ],
     config: options.ConfigFile = None,
     profile: options.Profile = None,
@@ -61,23 +62,20 @@ def batch(
     crew = Crew(
         workers=workers, scheduler=scheduler, chunk=chunk, time_limit=time_limit
     )
-    try:
-        with session.progress() as progress:
-            found = identify_batch(
-                inputs,
-                out,
-                config=config,
-                profile=profile,
-                schedule=schedule,
-                seed=seed,
-                engine=engine,
-                folders=folders,
-                crew=crew,
-                progress=progress,
-            )
-    except (KeyboardInterrupt, SystemExit):
-        session.say(f"what is finished is kept in {out}; the same command goes on")
-        raise
+    keep(f"what is finished is kept in {out}; the same command goes on")
+    with session.progress() as progress:
+        found = identify_batch(
+            inputs,
+            out,
+            config=config,
+            profile=profile,
+            schedule=schedule,
+            seed=seed,
+            engine=engine,
+            folders=folders,
+            crew=crew,
+            progress=progress,
+        )
     report(session, found, is_json=json)
     return SOME_FAILED if found.failures else 0
 
@@ -108,7 +106,7 @@ def report(session: Session, found: "Batch", *, is_json: bool) -> None:
     for name, number in facts.items():
         print(f"{name:<12} {number}")
     for path in found.files:
-        session.say(f"wrote {path}")
+        session.wrote(path)
 
 
 def counts(found: "Batch") -> dict[str, int]:

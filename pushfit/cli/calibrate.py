@@ -7,7 +7,8 @@ import typer
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
-from pushfit.cli.output import refuse_existing
+from pushfit.cli.inputs import load_table
+from pushfit.cli.output import refuse_picture
 from pushfit.cli.session import Session
 
 
@@ -22,17 +23,17 @@ def calibrate(
     ] = 20,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Picture of the coverage (png, svg)."),
+        typer.Option(metavar="FILE", help="Picture of the coverage (png, svg, pdf)."),
     ] = None,
     seed: options.Seed = 0,
     json: options.Json = False,
     force: options.Force = False,
 ) -> None:
     """Measure how often intervals hold the truth, for these pushes and this noise."""
+    refuse_picture(plot, force=force)
     cache = enable_compile_cache()
     session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config
-    from pushfit.data.table import read_table
     from pushfit.fit.calibration import calibrate as measure
     from pushfit.report.coverage import (
         calibration_dict,
@@ -41,14 +42,13 @@ def calibrate(
     )
     from pushfit.report.figures import save_figure
 
-    if plot is not None:
-        refuse_existing(plot, force=force)
-    settings, peaks = read_config(config), read_table(table)
+    settings = read_config(config)
+    peaks = load_table(table, settings)
     with session.progress() as progress:
         found = measure(peaks, settings, n_tables=tables, seed=seed, progress=progress)
     if plot is not None:
         save_figure(calibration_figure(found), plot)
-        session.say(f"wrote {plot}")
+        session.wrote(plot)
     if json:
         session.print_json(calibration_dict(found))
     else:

@@ -2,6 +2,7 @@
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
+from pushfit.cli.inputs import load_table
 from pushfit.cli.session import Session
 from pushfit.errors import FitError
 
@@ -17,12 +18,12 @@ def compare(
     cache = enable_compile_cache()
     session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config
-    from pushfit.data.table import read_table
     from pushfit.fit.comparison import compare_models
     from pushfit.fit.results import FitStatus
     from pushfit.report.comparison import comparison_dict, comparison_text
 
-    settings, peaks = read_config(config), read_table(table)
+    settings = read_config(config)
+    peaks = load_table(table, settings)
     with session.progress() as progress:
         found = compare_models(peaks, settings, seed=seed, progress=progress)
     if json:

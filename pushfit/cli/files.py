@@ -9,7 +9,7 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks, read_settings
-from pushfit.cli.output import refuse_existing
+from pushfit.cli.output import refuse_existing, refuse_picture
 from pushfit.cli.session import Session
 from pushfit.errors import DataError
 from pushfit.report.strings import printable
@@ -79,11 +79,11 @@ def peaks(
     force: options.Force = False,
 ) -> None:
     """Heights of the pushes in a recording, as CSV and as a picture."""
+    refuse_picture(plot, force=force)
+    if output is not None:
+        refuse_existing(output, force=force)
     from pushfit.data.table import write_table
 
-    for path in (output, plot):
-        if path is not None:
-            refuse_existing(path, force=force)
     schedules = [] if schedule is None else [schedule]
     settings = read_settings(
         config,
@@ -112,7 +112,7 @@ def peaks(
         print(table.frame.to_csv(index=False), end="")
         return
     write_table(table, output)
-    session.say(f"wrote {output}: {table.n_pushes} pushes")
+    session.wrote(output, f": {table.n_pushes} pushes")
 
 
 def draw_found(
@@ -132,7 +132,7 @@ def draw_found(
 
     recording = configured_recording(path, settings)
     save_figure(found_figure(recording, PeakSettings.of(settings.peaks)), plot)
-    session.say(f"wrote {plot}")
+    session.wrote(plot)
 
 
 def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:
@@ -146,7 +146,7 @@ def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:
     from pushfit.report.figures import save_figure, signal_figure
 
     save_figure(signal_figure(table.traces[0], table), plot)
-    session.say(f"wrote {plot}")
+    session.wrote(plot)
 
 
 def simulate(
@@ -155,7 +155,10 @@ def simulate(
         Path, typer.Argument(metavar="SCHEDULE", help="Directions of the pushes.")
     ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="Recording to write.")
+        Path,
+        typer.Option(
+            *("--out", "-o", "--output"), metavar="FILE", help="Recording to write."
+        ),
     ],
     config: options.ConfigFile = None,
     unit: Annotated[Unit, typer.Option(help="Unit of the sensor.")] = "n",
@@ -176,7 +179,7 @@ def simulate(
         read_schedule(schedule), read_config(config), unit=unit, noise=noise, seed=seed
     )
     write_recording(recording, output)
-    session.say(f"wrote {output}: simulated")
+    session.wrote(output, ": simulated")
 
 
 def describe(path: Path, config: "GraspConfig") -> dict[str, object]:

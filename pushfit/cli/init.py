@@ -27,4 +27,4 @@ def init(
     refuse_existing(path, force=force)
     with atomic_path(path) as temporary:
         temporary.write_text(template(), encoding="utf-8")
-    session.say(f"wrote {path}; set push.length_mm, then run `pushfit identify`")
+    session.wrote(path, "; set push.length_mm, then run `pushfit identify`")

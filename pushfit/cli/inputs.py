@@ -88,8 +88,13 @@ def load_peaks(
     Raises:
         ConfigError: The schedules do not go with the recordings.
     """
+    from pushfit.data.check import expect_kind
     from pushfit.data.files import existing_files
-    from pushfit.data.load import configured_peaks, configured_recording
+    from pushfit.data.load import (
+        configured_peaks,
+        configured_recording,
+        reader_options,
+    )
     from pushfit.data.merge import merge_tables
 
     existing_files([*recordings, *schedules])
@@ -101,6 +106,7 @@ def load_peaks(
         )
     tables = []
     for index, path in enumerate(recordings):
+        expect_kind(path, "recording", **reader_options(config))
         recording = configured_recording(path, config)
         schedule = schedules[index] if schedules else None
         table = configured_peaks(recording, schedule, config)
@@ -108,3 +114,24 @@ def load_peaks(
             session.say_more(f"{path}: {note}")
         tables.append(table)
     return merge_tables(tables)
+
+
+def load_table(path: Path, config: "GraspConfig") -> "PeakTable":
+    """Peak heights from a file that holds them.
+
+    Args:
+        path: Table.
+        config: Settings in force.
+
+    Returns:
+        The table.
+
+    Raises:
+        DataError: It is something else, or breaks a rule.
+    """
+    from pushfit.data.check import expect_kind
+    from pushfit.data.load import reader_options
+    from pushfit.data.table import read_table
+
+    expect_kind(path, "table", **reader_options(config))
+    return read_table(path)

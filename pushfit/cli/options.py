@@ -39,15 +39,23 @@ ConfigFile = Annotated[
 ]
 OutFolder = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder for result and figures."),
+    typer.Option("--out", "-o", metavar="DIR", help="Folder for result and figures."),
+]
+Pictures = Annotated[
+    Literal["png", "svg"] | None,
+    typer.Option("--pictures", help="Every figure also in this format."),
 ]
 OutFile = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="File instead of stdout."),
+    typer.Option(
+        *("--out", "-o", "--output"), metavar="FILE", help="File instead of stdout."
+    ),
 ]
 PlotFile = Annotated[
     Path | None,
-    typer.Option("--plot", metavar="FILE", help="Picture of the recording (png, svg)."),
+    typer.Option(
+        "--plot", metavar="FILE", help="Picture of the recording (png, svg, pdf)."
+    ),
 ]
 Checkpoint = Annotated[
     Path | None,

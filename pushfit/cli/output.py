@@ -2,11 +2,15 @@
 
 from pathlib import Path
 
+from pushfit.atomic import is_stream
 from pushfit.errors import ConfigError
+from pushfit.report.picture_file import picture_format
 
 
 def refuse_existing(path: Path, *, force: bool) -> None:
     """Protect what is already there.
+
+    A device or a FIFO is written into and loses nothing.
 
     Args:
         path: File or folder to be written.
@@ -15,13 +19,30 @@ def refuse_existing(path: Path, *, force: bool) -> None:
     Raises:
         ConfigError: It exists and may not be replaced, or its folder does not exist.
     """
+    if is_stream(path):
+        return
     if path.exists() and not force:
         raise ConfigError(
             f"{path}: exists already; name another, or replace it with --force",
             code="output_exists",
         )
-    if not path.parent.is_dir():
+    if not path.resolve().parent.is_dir():
         raise ConfigError(
             f"{path}: the folder {path.parent} does not exist; create it first",
             code="no_output_folder",
         )
+
+
+def refuse_picture(path: Path | None, *, force: bool) -> None:
+    """The same for a picture, whose suffix has to name a format.
+
+    Args:
+        path: Picture to be written; None for no picture.
+        force: Whether the user allows replacing it.
+
+    Raises:
+        ConfigError: It cannot be written under this name.
+    """
+    if path is not None:
+        picture_format(path)
+        refuse_existing(path, force=force)

@@ -31,4 +31,4 @@ def report(
         return
     with atomic_path(output) as temporary:
         temporary.write_text(page, encoding="utf-8")
-    session.say(f"wrote {output}")
+    session.wrote(output)

@@ -9,19 +9,27 @@ import inspect
 import json
 import logging
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from pushfit.cli.examples import epilog
+from pushfit.cli.stop import keep, kept
+from pushfit.data.files import existing_files
 from pushfit.errors import PushfitError
 
-BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE, TERMINATED = 1, 2, 130, 141, 143
+BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
+# Arguments and options that name files to read. Loading what reads them takes seconds.
+INPUTS = (
+    *("recordings", "recording", "table", "files", "folder"),
+    *("schedules", "schedule", "config", "profile"),
+)
 ERROR_SCHEMA = "pushfit.error/1"
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only errors on stderr.")]
@@ -54,6 +62,16 @@ class Session:
         """
         if not self.is_quiet:
             _print_message(text, style)
+
+    def wrote(self, path: Path, remark: str = "") -> None:
+        """Show that a file or folder is complete.
+
+        Args:
+            path: File or folder.
+            remark: What is to be said of it.
+        """
+        keep(f"{path} is complete")
+        self.say(f"wrote {path}{remark}")
 
     def complain(self, text: str) -> None:
         """Show what is wrong, also to a user who wants quiet.
@@ -121,14 +139,14 @@ class Session:
         if self.is_verbose:
             logging.getLogger("pushfit").setLevel(logging.INFO)
         try:
-            with _terminable(), warnings.catch_warnings():
+            with warnings.catch_warnings():
                 warnings.showwarning = lambda text, *_, **__: self.warn(str(text))
                 return work() or 0
         except PushfitError as error:
             self._report(str(error), error)
             return error.exit_code
         except KeyboardInterrupt:
-            _print_message("interrupted", "yellow")
+            _print_message(f"interrupted; {kept()}", "yellow")
             return INTERRUPTED
         except BrokenPipeError:  # the reader, for example `head`, has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -184,7 +202,11 @@ def command(
                 is_debug=debug,
                 is_json=bool(arguments.get("json")),
             )
-            work = functools.partial(function, session, **arguments)
+
+            def work() -> int | None:
+                existing_files(_inputs(arguments))
+                return function(session, **arguments)
+
             raise typer.Exit(session.run(work))
 
         shared = {"quiet": Quiet, "verbose": Verbose, "debug": Debug}
@@ -198,10 +220,17 @@ def command(
         parameters = [*keyword, *added]
         start.__signature__ = inspect.Signature(parameters)  # pyright: ignore
         start.__annotations__ = {p.name: p.annotation for p in parameters}
-        app.command(name)(start)
+        app.command(name, epilog=epilog(name or function.__name__))(start)
         return function
 
     return register
+
+
+def _inputs(arguments: Mapping[str, object]) -> list[Path]:
+    """Files that a command is going to read, so that a missing one is said at once."""
+    given = [arguments.get(name) for name in INPUTS]
+    several = [one if isinstance(one, list) else [one] for one in given]
+    return [path for one in several for path in one if isinstance(path, Path)]
 
 
 def _print_message(text: str, style: str) -> None:
@@ -212,17 +241,3 @@ def _print_message(text: str, style: str) -> None:
     from pushfit.report.strings import printable
 
     Console(stderr=True, soft_wrap=True).print(Text(printable(text), style=style))
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Turn SIGTERM into an exception, so that temporary files are removed."""
-
-    def leave(number: int, frame: object) -> None:
-        raise SystemExit(TERMINATED)
-
-    before = signal.signal(signal.SIGTERM, leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

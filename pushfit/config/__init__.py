@@ -1,6 +1,6 @@
 """Settings of an analysis: what `grasp.toml` may say."""
 
-from pushfit.config.file import parse_config, read_config, template
+from pushfit.config.file import config_of, parse_config, read_config, template
 from pushfit.config.parameters import Lognormal, Normal, Prior, Uniform
 from pushfit.config.schema import GraspConfig
 
@@ -10,6 +10,7 @@ __all__ = [
     "Normal",
     "Prior",
     "Uniform",
+    "config_of",
     "parse_config",
     "read_config",
     "template",

@@ -110,6 +110,21 @@ def parse_config(text: str, *, path: str) -> GraspConfig:
     return _checked(content, path)
 
 
+def config_of(content: Mapping[str, object]) -> GraspConfig:
+    """Check settings that are no file.
+
+    Args:
+        content: Sections as in `grasp.toml`, for example `{"push": {"length_mm": 5}}`.
+
+    Returns:
+        Settings with every default filled in.
+
+    Raises:
+        ConfigError: They break a rule.
+    """
+    return _checked(content, "config")
+
+
 def _checked(content: Mapping[str, object], path: str) -> GraspConfig:
     try:
         return GraspConfig.model_validate(content)

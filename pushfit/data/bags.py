@@ -121,7 +121,8 @@ def _open_reader(path: str, readable: str, definitions: str | None) -> Any:
         types = import_module("rosbags.typesys")
     except ImportError as error:
         raise ConfigError(
-            f"{path}: bags need the library rosbags; install pushfit[ros]",
+            f"{path}: bags need the library rosbags, which is not installed; "
+            "pip install rosbags",
             code="ros_not_installed",
         ) from error
     # Bags from before ROS 2 Iron carry no definitions; the standard types have stayed

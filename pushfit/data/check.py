@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pushfit.data.dialects import find_layout
+from pushfit.data.faults import refuse
 from pushfit.data.files import existing_file, is_bag
 from pushfit.data.recording import read_recording
 from pushfit.data.schedule import read_schedule
@@ -19,9 +20,25 @@ from pushfit.data.units import split_unit
 from pushfit.errors import Problem, PushfitError
 
 FileKind = Literal["recording", "schedule", "table"]
+INSTEAD: dict[tuple[FileKind, FileKind], str] = {
+    ("recording", "table"): (
+        "is a table of peak heights, no recording; use `pushfit fit` for it"
+    ),
+    ("recording", "schedule"): (
+        "is a schedule, no recording; name the recording, and this as its schedule"
+    ),
+    ("table", "recording"): (
+        "is a recording, no table of peak heights; `pushfit peaks` makes one of it, "
+        "and `pushfit identify` does everything"
+    ),
+    ("table", "schedule"): (
+        "is a schedule, no table of peak heights; `pushfit peaks` makes one of a "
+        "recording and this"
+    ),
+}
 
-_PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
 _HEIGHTS = ("height", "height_normal", "height_tangential")
+_PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
 
 
 def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
@@ -57,7 +74,28 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     is_log = any(unit and unit.quantity == "time" for _, unit in parts)
     is_log = is_log and not stems <= _PLAN
     has_plan = {"theta", "alpha"} <= stems and not is_signal and not is_log
+    if has_plan and any(stem.startswith("height") for stem in stems):
+        # Of a unit that is not known; the reader of tables says so.
+        return "table"
     return "schedule" if has_plan and stated.isdisjoint(names) else "recording"
+
+
+def expect_kind(
+    path: str | Path, kind: Literal["recording", "table"], **recording_options: Any
+) -> None:
+    """Refuse a file of another kind before its reader misunderstands it.
+
+    Args:
+        path: File as the user named it.
+        kind: What is to be read.
+        **recording_options: As for `pushfit.data.recording.read_recording`.
+
+    Raises:
+        DataError: The file is something else (`wrong_kind`).
+    """
+    found = file_kind(path, **recording_options)
+    if found != kind:
+        raise refuse("wrong_kind", INSTEAD[kind, found], path=str(path))
 
 
 def check_files(

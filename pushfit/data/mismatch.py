@@ -9,6 +9,9 @@ from pushfit.data.detection import Extent
 from pushfit.data.schedule import PushSchedule
 from pushfit.errors import DataError, Problem
 
+# More are no help: after a wrong schedule it is all of them.
+N_SHOWN = 3
+
 
 def mismatch_error(
     schedule: PushSchedule, pairs: Alignment, extents: Sequence[Extent]
@@ -52,9 +55,9 @@ def mismatch_error(
     )
     return DataError(
         f"{plan.n_pushes} pushes are planned, {n_found} found: "
-        f"{'; '.join(p.message for p in problems)}{doubt}. Correct the schedule, state "
-        "min_height, or set peaks.allow_missing. Found of planned by (theta, alpha): "
-        f"{_counts(plan, pairs)}",
+        f"{_first([p.message for p in problems], '; ')}{doubt}. Correct the schedule, "
+        "state min_height, or set peaks.allow_missing. Found of planned by "
+        f"(theta, alpha): {_counts(plan, pairs)}",
         code="push_mismatch",
         problems=tuple(problems),
     )
@@ -93,4 +96,12 @@ def _counts(plan: PushSchedule, pairs: Alignment) -> str:
     if pairs.extra:
         counts.append(f"none {len(pairs.extra)} of 0")
     n_whole = len(directions) - len(counts) + bool(pairs.extra)
-    return f"{', '.join(counts)}, the other {n_whole} whole"
+    return f"{_first(counts, ', ')}, the other {n_whole} whole"
+
+
+def _first(texts: Sequence[str], between: str) -> str:
+    """The first few, and how many more there are."""
+    shown = list(texts[:N_SHOWN])
+    if len(texts) > N_SHOWN:
+        shown.append(f"and {len(texts) - N_SHOWN} more")
+    return between.join(shown)

@@ -15,6 +15,8 @@ from pushfit.data.units import UNITS, Quantity, Unit, parse_unit, split_unit
 from pushfit.errors import ConfigError, Problem
 
 ANGLES = ("theta", "alpha")
+# Names that no example should take for a signal.
+NO_SIGNAL = re.compile(r"(seq|time|stamp|n?secs?|frame_id|index)$")
 
 _NANOSECONDS = UNITS["ns"]
 _CLOCK_STEMS = ("time", "t", "timestamp", "stamp", "elapsed", "time_stamp")
@@ -144,7 +146,8 @@ def assign_roles(
     taken |= {i for channel in channels for i in channel.columns}
     ignored = [n for i, n in enumerate(columns.names) if n and i not in taken]
     if not channels and not any(p.code == "missing_column" for p in columns.problems):
-        first = ignored[0] if ignored else "pdc"
+        signals = [name for name in ignored if not NO_SIGNAL.search(name.lower())]
+        first = signals[0] if signals else "pdc"
         columns.add(
             "no_channel",
             f"no column states a signal unit: {_listed(columns.names)}; rename one, "

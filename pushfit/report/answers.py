@@ -237,6 +237,8 @@ def _model_free_remark(quantity: Quantity, free: Quantity | None) -> str:
     low, high = free.interval
     spread = high - low
     number = format_angle(free.estimate % HALF_TURN, spread=spread)
+    start = low % HALF_TURN
+    number += f" ({format_range(start, start + spread, 'deg')})"
     gap = abs(free.estimate - quantity.estimate) % HALF_TURN
     gap = min(gap, HALF_TURN - gap)
     # Half the sum of the widths: the intervals just touch.

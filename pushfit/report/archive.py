@@ -1,9 +1,9 @@
 """Every array of a result as netCDF: draws, prior, observations, fit and pictures.
 
-An `xarray.DataTree` in the ArviZ layout, so that any ArviZ function reads it. Draws are
-one chain: the independent ensembles of an emcee run are kept apart in the group
-`ensembles`, in fitting coordinates. With `summary.json` and `peaks.csv` it is all that
-a report shows (`pushfit.report.stored` reads it back).
+An `xarray.DataTree` in the ArviZ layout, so that any ArviZ function reads it: every
+walker of emcee is a chain. In the group `ensembles` the chains are kept by ensemble, in
+fitting coordinates, for the convergence checks of pushfit. With `summary.json` and
+`peaks.csv` it is all that a report shows (`pushfit.report.stored` reads it back).
 """
 
 import json
@@ -13,11 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.results import Identification
+from pushfit.fit.results import Identification, PosteriorResult
 from pushfit.report.summary import SCHEMA, json_safe
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
+
+# What ArviZ makes R-hat of by default.
+INDEPENDENT_CHAINS = 4
 
 
 def posterior_tree(identification: Identification) -> "DataTree":
@@ -42,11 +45,12 @@ def posterior_tree(identification: Identification) -> "DataTree":
         channel: table.heights(channel)[rows[np.array(fit.channel) == channel]]
         for channel in table.channels
     }
+    n_chains = number_of_chains(posterior)
     tree = arviz_base.from_dict(
         {
-            "posterior": _one_chain(posterior.samples),
-            "prior": _one_chain(posterior.prior_samples),
-            "sample_stats": {"lp": posterior.log_prob[np.newaxis]},
+            "posterior": _chains(posterior.samples, n_chains),
+            "prior": _chains(posterior.prior_samples, 1),
+            "sample_stats": _chains({"lp": posterior.log_prob}, n_chains),
             "observed_data": observed,
         },
         dims={name: [f"{name}_push"] for name in observed},
@@ -71,6 +75,37 @@ def posterior_tree(identification: Identification) -> "DataTree":
     ):
         tree[name] = DataTree(dataset)
     tree.attrs = root_attributes(identification)
+    return tree
+
+
+def chains_tree(identification: Identification) -> "DataTree":
+    """The same for ArviZ, with the walkers of emcee as the chains of `posterior`.
+
+    Draws of the reported quantities are a shuffled part of these chains, whose R-hat
+    would always be 1; they are in the group `draws`.
+
+    Args:
+        identification: The result.
+
+    Returns:
+        Groups as in `posterior_tree`. Without a chain it is that.
+    """
+    from xarray import Dataset, DataTree
+
+    tree, posterior = posterior_tree(identification), identification.posterior
+    chain = posterior.chain
+    if chain is None or number_of_chains(posterior) > 1:
+        return tree
+    walkers = np.moveaxis(chain, 2, 1).reshape(-1, chain.shape[1], chain.shape[3])
+    variables = {}
+    for index, name in enumerate(posterior.chain_names):
+        variables[name] = (("chain", "draw"), walkers[..., index])
+        if name.startswith("ln_"):
+            variables[name[3:]] = (("chain", "draw"), np.exp(walkers[..., index]))
+    coords = {"chain": np.arange(len(walkers)), "draw": np.arange(chain.shape[1])}
+    tree["draws"] = tree["posterior"].copy()
+    tree["posterior"] = DataTree(Dataset(variables, coords=coords))
+    del tree["sample_stats"]  # by draw, not by walker
     return tree
 
 
@@ -103,11 +138,39 @@ def _as_text(value: object) -> str:
     return json.dumps(json_safe(value))
 
 
-def _one_chain(
-    samples: Mapping[str, Float[np.ndarray, " n"]],
-) -> dict[str, Float[np.ndarray, "1 n"]]:
-    """Draws with the leading axis that ArviZ takes for chains."""
-    return {name: draws[np.newaxis] for name, draws in samples.items()}
+def number_of_chains(posterior: PosteriorResult) -> int:
+    """Chains among which ArviZ is to compare draws.
+
+    Args:
+        posterior: Draws, those of emcee step by step, all walkers of a step together.
+
+    Returns:
+        Walkers of all ensembles. Independent draws make any number of chains; where
+        they cannot be shared out evenly, one.
+    """
+    n_draws = posterior.log_prob.size
+    if posterior.chain is not None:
+        n_ensembles, n_steps, n_walkers, _ = posterior.chain.shape
+        if n_ensembles * n_steps * n_walkers == n_draws:
+            return n_ensembles * n_walkers
+        return 1
+    return INDEPENDENT_CHAINS if n_draws % INDEPENDENT_CHAINS == 0 else 1
+
+
+def _chains(
+    samples: Mapping[str, Float[np.ndarray, " n"]], n_chains: int
+) -> dict[str, Float[np.ndarray, "c d"]]:
+    """Draws by chain and step."""
+    return {name: draws.reshape(-1, n_chains).T for name, draws in samples.items()}
+
+
+def one_row(chains: Float[np.ndarray, "c d"]) -> Float[np.ndarray, " n"]:
+    """Draws in the order of the record, from their chains.
+
+    Args:
+        chains: By chain and step.
+    """
+    return chains.T.ravel()
 
 
 def _add_units(tree: "DataTree", identification: Identification) -> None:

@@ -32,6 +32,7 @@ OK = "ok"
 WIDTH = 100.0
 # Quantities that differ by more than this among items are drawn over their logarithm.
 WIDE = 10.0
+LOG = "ln_"
 
 Record = Mapping[str, object]
 
@@ -94,8 +95,9 @@ def render_batch(
     """The whole batch as one page.
 
     Args:
-        frame: One row per item. Read are `item`, `status`, `chi_square_p`, `warnings`
-            (codes joined by ";") and `message`; of the angles `theta_c` and
+        frame: One row per item. Read are `item`, `link` (address of its page beside
+            this one), `status`, `chi_square_p`, `warnings` (codes joined by ";") and
+            `message`; of the angles `theta_c` and
             `alpha_star` the columns `<name>_deg`, `<name>_low_deg`, `<name>_high_deg`,
             `<name>_sets` (JSON) and `<name>_verdict`; of `A`, `B` and `C_rr` the same
             without `_deg`, and `<name>_unit`. Columns and cells may be missing.
@@ -131,6 +133,7 @@ def render_batch(
                 "p_value": _p_value(_number(record, "chi_square_p")),
                 "warnings": _word(record, "warnings").replace(";", ", "),
                 "message": _word(record, "message"),
+                "link": _word(record, "link"),
             }
             for index, record in enumerate(records)
         ],
@@ -241,15 +244,38 @@ def _population_row(row: Record) -> dict[str, object]:
     """One quantity of the population as printed."""
     name, unit = _word(row, "quantity"), _word(row, "unit")
     n_items = _number(row, "n_items")
+    if name.startswith(LOG):
+        # Pooled as logarithms, so the mean is geometric and the spread a ratio.
+        name, row = name.removeprefix(LOG), _exponentials(row)
+        spread = _with_range(row, "spread")
+        spread = f"a factor {'' if spread.startswith('below') else 'of '}{spread}"
+    else:
+        spread = _with_range(row, "spread")
     return {
         "symbol": symbol(name),
         "unit": unit_label(unit),
         "mean": _with_range(row, "mean"),
-        "spread": _with_range(row, "spread"),
+        "spread": spread if _is_known(row, "spread") else "",
         "n_items": "" if n_items is None else f"{n_items:.0f}",
         "outliers": _names(row, "outliers"),
         "not_usable": _names(row, "not_usable"),
     }
+
+
+def _is_known(row: Record, name: str) -> bool:
+    """Whether there is a number or at least its upper end."""
+    return any(_number(row, column) is not None for column in (name, f"{name}_high"))
+
+
+def _exponentials(row: Record) -> Record:
+    """Row of a logarithm as one of the quantity itself."""
+    changed = dict(row)
+    for name in ("mean", "spread"):
+        for column in (name, f"{name}_low", f"{name}_high"):
+            value = _number(row, column)
+            if value is not None:
+                changed[column] = math.exp(value)
+    return changed
 
 
 def _names(row: Record, column: str) -> str:

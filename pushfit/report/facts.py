@@ -38,8 +38,8 @@ PREDICTIVE = {
 WORDS = {
     Verdict.LEARNED: "learned",
     Verdict.PARTLY: "partly learned",
-    Verdict.ASSUMED: "prior-dominated",
-    Verdict.SEVERAL_MODES: "several values",
+    Verdict.ASSUMED: "assumed",
+    Verdict.SEVERAL_MODES: "several modes",
     Verdict.ONE_SIDED: "one-sided",
     Verdict.NOT_DETERMINED: "not determined",
 }

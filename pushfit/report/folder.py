@@ -13,29 +13,23 @@ import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
+from pushfit.atomic import unfinished, whole
 from pushfit.data.table import write_table
-from pushfit.errors import ConfigError
 from pushfit.fit.results import Identification
 from pushfit.report.archive import posterior_tree
 from pushfit.report.figures import figure_files
-from pushfit.report.html import render_html
+from pushfit.report.html import is_shown, render_html
 from pushfit.report.summary import summary_dict
+from pushfit.report.target import check_target
 from pushfit.report.text import render_text
-
-CONTENT = frozenset(
-    {
-        "peaks.csv",
-        "result.nc",
-        "summary.json",
-        "report.txt",
-        "report.html",
-        "figures",
-    }
-)
 
 
 def write_result_folder(
-    identification: Identification, out: Path, *, force: bool
+    identification: Identification,
+    out: Path,
+    *,
+    force: bool,
+    pictures: str | None = None,
 ) -> Path:
     """Write tables, posterior, summary, reports and figures of a result.
 
@@ -43,10 +37,12 @@ def write_result_folder(
         identification: The result.
         out: Folder to create; its parent exists.
         force: Replace a result folder that stands there.
+        pictures: "png" or "svg" for every figure also in this format.
 
     Returns:
         The folder: `peaks.csv`, `result.nc`, `summary.json`, `report.txt`, `figures/`
-        as PNG and SVG, and `report.html` where Jinja2 is installed.
+        as the page shows them, lines as SVG and dense ones as PNG, and `report.html`
+        where Jinja2 is installed.
 
     Raises:
         ConfigError: Something stands there and is not to be replaced, or the parent
@@ -56,66 +52,17 @@ def write_result_folder(
     token = secrets.token_hex(4)
     fresh = out.with_name(f".{out.name}.{token}.partial")
     fresh.mkdir()
-    try:
-        _write_content(identification, fresh)
+    with unfinished(fresh):
+        _write_content(identification, fresh, pictures)
         _sync_tree(fresh)
-        _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
+        with whole():
+            _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
     return out
 
 
-def check_target(out: Path, *, force: bool) -> None:
-    """Refuse a target before anything is computed for it.
-
-    Args:
-        out: Folder to create.
-        force: Replace a result folder that stands there.
-
-    Raises:
-        ConfigError: As in `write_result_folder`.
-    """
-    if not out.name:
-        raise ConfigError(
-            f"{out}: not the name of a folder; name one to create", code="output_name"
-        )
-    if out.is_symlink():
-        raise ConfigError(
-            f"{out}: is a symbolic link, which is never followed for writing; "
-            "name the folder itself",
-            code="output_symlink",
-        )
-    if not out.parent.is_dir():
-        raise ConfigError(
-            f"{out}: the folder {out.parent} does not exist; create it first",
-            code="output_parent",
-        )
-    if not out.exists():
-        return
-    if not force:
-        raise ConfigError(
-            f"{out}: exists and is not overwritten; choose another name or use --force",
-            code="output_exists",
-        )
-    strange = _strange_content(out)
-    if strange:
-        raise ConfigError(
-            f"{out}: {strange} is not part of a result, so --force does not remove it; "
-            "choose another name or move it away",
-            code="output_not_a_result",
-        )
-
-
-def _strange_content(out: Path) -> str:
-    """Name of something in the folder that no result has; empty if all is known."""
-    if not out.is_dir():
-        return out.name
-    entries = {entry.name for entry in out.iterdir()}
-    return min(entries - CONTENT, default="")
-
-
-def _write_content(identification: Identification, folder: Path) -> None:
+def _write_content(
+    identification: Identification, folder: Path, pictures: str | None
+) -> None:
     """Write every file of a result."""
     write_table(identification.table, folder / "peaks.csv")
     posterior_tree(identification).to_netcdf(folder / "result.nc", engine="h5netcdf")
@@ -124,7 +71,11 @@ def _write_content(identification: Identification, folder: Path) -> None:
     )
     (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
     (folder / "report.txt").write_text(render_text(identification), encoding="utf-8")
-    files = figure_files(identification)
+
+    def is_wanted(name: str, suffix: str) -> bool:
+        return suffix == pictures or is_shown(name, suffix)
+
+    files = figure_files(identification, is_wanted=is_wanted)
     (folder / "figures").mkdir()
     for name, content in files.items():
         (folder / "figures" / name).write_bytes(content)

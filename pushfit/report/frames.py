@@ -28,18 +28,19 @@ class Correlation:
     value: float
 
 
-def parameters_frame(identification: Identification) -> pd.DataFrame:
-    """Parameters and combinations, one row each.
+def result_frame(identification: Identification) -> pd.DataFrame:
+    """Angles, parameters and combinations, one row each.
 
     Args:
         identification: The result.
 
     Returns:
-        Indexed by name: `kind` ("parameter" or "combination"), `estimate`, `lower`,
-        `upper`, `prob`, `unit`, `verdict`, `contraction` and `note`. NaN is unknown or
-        not to be quoted.
+        Indexed by name: `kind` ("angle", "parameter" or "combination"), `estimate`,
+        `lower`, `upper`, `prob`, `unit`, `verdict`, `contraction` and `note`. NaN is
+        unknown or not to be quoted.
     """
     kinds = (
+        ("angle", (identification.theta_c, identification.alpha_star)),
         ("parameter", identification.parameters),
         ("combination", identification.combinations),
     )

@@ -22,13 +22,14 @@ from pushfit.report.facts import (
     quantity_cells,
 )
 from pushfit.report.figures.identification import figure_files
-from pushfit.report.figures.main import main_figure
+from pushfit.report.figures.main import MAX_SWEEPS, main_figure, sweeps_of
 from pushfit.report.figures.style import figure_bytes
 from pushfit.report.pages import render_page
 from pushfit.report.strings import printable, symbol
 
 # Dense figures, smaller as pixels than as paths.
 AS_PIXELS = frozenset({"corner_parameters", "corner_combinations", "traces"})
+THETA = "Heights against elevation for every azimuth"
 MIME = {"svg": "image/svg+xml", "png": "image/png"}
 
 
@@ -47,15 +48,20 @@ def render_html(
     Raises:
         ConfigError: Jinja2 is not installed.
     """
-    files = dict(files or figure_files(identification, is_wanted=_is_shown))
+    files = dict(files or figure_files(identification, is_wanted=is_shown))
     stacked = main_figure(identification, is_stacked=True)
     files["main_stacked.svg"] = figure_bytes(stacked, "svg")
     content = _content(identification) | {"images": _images(files)}
     return render_page("report.html.j2", content)
 
 
-def _is_shown(name: str, suffix: str) -> bool:
-    """Whether a page shows a figure in this format."""
+def is_shown(name: str, suffix: str) -> bool:
+    """Whether a page shows a figure in this format.
+
+    Args:
+        name: Of the figure.
+        suffix: "png" or "svg".
+    """
     return suffix == ("png" if name in AS_PIXELS else "svg")
 
 
@@ -64,7 +70,7 @@ def _images(files: Mapping[str, bytes]) -> dict[str, str]:
     images = {}
     for file, content in files.items():
         name, _, suffix = file.rpartition(".")
-        if _is_shown(name, suffix):
+        if is_shown(name, suffix):
             text = base64.b64encode(content).decode("ascii")
             images[name] = f"data:{MIME[suffix]};base64,{text}"
     return images
@@ -119,20 +125,31 @@ def _content(identification: Identification) -> dict[str, object]:
             for name, version in identification.versions.items()
         ],
         "config": json.dumps(
-            identification.config.model_dump(mode="json", exclude_defaults=True),
+            stated_config(identification),
             indent=2,
             ensure_ascii=True,
         ),
     }
 
 
+def stated_config(identification: Identification) -> dict[str, object]:
+    """Settings that were stated, and those that every number depends on.
+
+    Args:
+        identification: The result.
+    """
+    config = identification.config
+    stated = config.model_dump(mode="json", exclude_defaults=True)
+    # A default push length is an assumption of the reader's as well.
+    push = config.push.model_dump(mode="json")
+    return {"push": push, **{k: v for k, v in stated.items() if k != "push"}}
+
+
 def _rows(
     quantities: tuple[Quantity, ...], identification: Identification
 ) -> list[tuple[str, ...]]:
     """Cells of the table of quantities."""
-    return [
-        (symbol(q.name), *quantity_cells(quoted(q, identification))) for q in quantities
-    ]
+    return [(q.name, *quantity_cells(quoted(q, identification))) for q in quantities]
 
 
 def _main_caption(identification: Identification) -> str:
@@ -147,7 +164,8 @@ def _main_caption(identification: Identification) -> str:
 def _sweep_captions(identification: Identification) -> list[tuple[str, str]]:
     """Names and captions of the figures of heights against each angle."""
     captions = {
-        "theta": "Heights against elevation for every azimuth",
+        # Up to so many azimuths are in the main figure.
+        **({"theta": THETA} if _n_azimuths(identification) > MAX_SWEEPS else {}),
         "alpha": "Heights against azimuth, as a curve and around the push frame",
     }
     return [
@@ -155,6 +173,11 @@ def _sweep_captions(identification: Identification) -> list[tuple[str, str]]:
         for swept, words in captions.items()
         for kind in (c.removeprefix("height") for c in identification.table.channels)
     ]
+
+
+def _n_azimuths(identification: Identification) -> int:
+    """Azimuths at which the elevation was swept."""
+    return len(sweeps_of(identification, "theta", identification.table.channels[0]))
 
 
 def _recording_captions(identification: Identification) -> list[tuple[str, str]]:

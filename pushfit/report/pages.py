@@ -6,13 +6,14 @@ its content security policy names each style sheet and script by its hash.
 
 import base64
 import hashlib
+import html
 import re
 from collections.abc import Mapping
 from importlib import resources
 from typing import TYPE_CHECKING
 
 from pushfit.errors import ConfigError
-from pushfit.report.strings import SYMBOLS
+from pushfit.report.strings import MEANINGS, SYMBOLS, symbol
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -44,7 +45,7 @@ def render_page(
     except ImportError as error:
         raise ConfigError(
             "the HTML report needs Jinja2, which is not installed; "
-            "install pushfit[report] or use the text report",
+            "pip install jinja2, or use the text report",
             code="html_unavailable",
         ) from error
     environment = Environment(
@@ -54,6 +55,7 @@ def render_page(
         trim_blocks=True,
     )
     environment.filters["letters"] = letters
+    environment.filters["named"] = named
     style, code = _text("report.css"), _text(script) if script else ""
     page = environment.get_template(template).render(
         style=Markup(style),
@@ -66,18 +68,51 @@ def render_page(
 
 
 def letters(text: str) -> "Markup":
+    """The same for a template.
+
+    Args:
+        text: Anything.
+    """
+    from markupsafe import Markup
+
+    return Markup(indexed_html(text))
+
+
+def named(name: str) -> "Markup":
+    """Symbol of a quantity that says on hover what it stands for.
+
+    Args:
+        name: Stable name.
+    """
+    from markupsafe import Markup
+
+    return Markup(symbol_html(name))
+
+
+def symbol_html(name: str) -> str:
+    """The same for a page that is no template.
+
+    Args:
+        name: Stable name.
+    """
+    shown = indexed_html(symbol(name))
+    if name not in MEANINGS:
+        return shown
+    return f'<abbr title="{html.escape(MEANINGS[name])}">{shown}</abbr>'
+
+
+def indexed_html(text: str) -> str:
     """Escaped text in which indices are set as such, θ_c as θ with a low c.
 
     Args:
         text: Anything; only what is escaped is searched for letters.
     """
-    from markupsafe import Markup, escape
 
     def lowered(match: re.Match[str]) -> str:
         letter, _, index = match.group().partition("_")
         return f"{letter}<sub>{index}</sub>"
 
-    return Markup(INDEXED.sub(lowered, str(escape(text))))
+    return INDEXED.sub(lowered, html.escape(text))
 
 
 def _text(name: str) -> str:

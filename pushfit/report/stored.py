@@ -35,7 +35,7 @@ from pushfit.fit.results import (
     Recipe,
     Verdict,
 )
-from pushfit.report.archive import CURVES
+from pushfit.report.archive import CURVES, one_row
 from pushfit.report.summary import SCHEMA
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ def _posterior(summary: Mapping[str, Any], groups: Groups) -> PosteriorResult:
     return PosteriorResult(
         samples=_draws(groups["posterior"]),
         prior_samples=_draws(groups["prior"]),
-        log_prob=_array(groups["sample_stats"], "lp")[0],
+        log_prob=one_row(_array(groups["sample_stats"], "lp")),
         chain=_array(groups["ensembles"], "chain") if has_chain else None,
         chain_names=_words(groups["ensembles"], "coordinate") if has_chain else (),
         thin=int(groups["ensembles"].attrs["thin"]) if has_chain else 1,
@@ -268,7 +268,7 @@ def _words(group: "Dataset", name: str) -> tuple[str, ...]:
 
 
 def _draws(group: "Dataset") -> dict[str, np.ndarray]:
-    return {str(name): _array(group, str(name))[0] for name in group.data_vars}
+    return {str(name): one_row(_array(group, str(name))) for name in group.data_vars}
 
 
 def _profiles(groups: Groups) -> dict[str, LikelihoodProfile]:

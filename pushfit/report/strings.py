@@ -35,6 +35,25 @@ SYMBOLS = {
     "f2": ("f2", r"$f_2$"),
 }
 
+# What a reader who hovers over a letter is told.
+MEANINGS = {
+    "theta_c": "critical angle: pushes below it make the object roll",
+    "alpha_star": "best push direction: the azimuth that resists least",
+    "K_sn": "normal stiffness of the support finger",
+    "K_dn": "normal stiffness of the contact",
+    "K_st": "tangential stiffness of the support finger",
+    "C_rr": "rolling friction coefficient",
+    "C_d": "rotational stiffness of the contact: torque over tilt",
+    "L": "distance between the pushing and the supporting contact",
+    "A": "normal stiffness that the heights meet: K_sn and K_dn in series",
+    "B": "tangential stiffness that the heights meet while nothing rolls",
+    "F_0": "preload of the grasp",
+    "e1": "ellipse of K_st: logarithm of its stretch along x against y",
+    "e2": "ellipse of K_st: the same along the diagonals",
+    "f1": "ellipse of B: logarithm of its stretch along x against y",
+    "f2": "ellipse of B: the same along the diagonals",
+}
+
 # The largest uncertainty that still shows whole degrees (two digits of it).
 COARSE_DEG = 99.0
 HALF_TURN_DEG = 180.0

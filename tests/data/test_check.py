@@ -155,3 +155,11 @@ def test_the_recorded_angle_of_the_hand_pushes_is_from_the_normal(real_data):
     # Angles are recorded to 0.001°, and components to 1e-6, which near the normal
     # (90°) resolves sqrt(2e-6) rad.
     np.testing.assert_allclose(recording.theta, np.arcsin(normal), rtol=0, atol=1.5e-3)
+
+
+def test_heights_in_an_unknown_unit_are_no_schedule(tmp_path):
+    path = tmp_path / "grams.csv"
+    path.write_text("theta_deg,alpha_deg,height_g\n10,90,3\n20,90,4\n")
+    assert file_kind(path) == "table"
+    (problem,) = check_files([path])
+    assert "height_g" in problem.message

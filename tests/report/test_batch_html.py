@@ -13,7 +13,7 @@ from pushfit.report.batch_html import render_batch
 from tests.report.makers import HOSTILE
 from tests.report.test_html import ALLOWED, Page
 
-TAGS = ALLOWED | {"svg", "line", "rect", "circle", "script"}
+TAGS = ALLOWED | set("svg line rect circle script details summary".split())
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_every_item_has_a_row_with_its_numbers(frame):
     assert "40.0°" in first
     assert "38.0° to 42.0°" in first
     assert "30.0° to 32.0° or above 50°" in second
-    assert "several values" in second
+    assert "several modes" in second
     assert "large_tilt, few_pushes" in second
     assert "&lt; 0.001" in second
     assert "90000 N/m" in third
@@ -147,5 +147,30 @@ def test_the_policy_names_the_one_script_by_its_hash(frame):
 def test_a_spread_that_may_be_zero_is_a_bound(frame):
     row = {"quantity": "ln_A", "mean": 6.2, "spread": None, "spread_high": 0.3}
     text = Page(render_batch(frame, [row])).text
-    assert "below 0.300" in text
-    assert "ln A" in text
+    assert "a factor below 1.35" in text
+
+
+def test_a_population_is_in_units_and_its_spread_a_ratio():
+    """ln 520 = 6.2538; a spread of 0.2 is a factor of 1.22."""
+    row = {"quantity": "ln_A", "unit": "N/m", "mean": np.log(520.0), "n_items": 9}
+    row |= {"mean_low": np.log(500.0), "mean_high": np.log(540.0), "spread": 0.2}
+    page = render_batch(pd.DataFrame({"item": ["a"]}), [row])
+    assert "520 (500 to 540)" in page
+    assert "a factor of 1.22" in page
+    assert "ln A" not in page
+
+
+def test_a_failed_item_is_one_line_and_its_folder_a_link():
+    frame = pd.DataFrame(
+        {
+            "item": ["a.csv", "b.csv"],
+            "status": ["failed", "ok"],
+            "message": ["line 3: no number; " * 30, None],
+            "link": [None, "items/b.csv-12/report.html"],
+        }
+    )
+    page = render_batch(frame)
+    assert "<details><summary>what went wrong</summary>line 3" in page
+    assert '<a href="items/b.csv-12/report.html">b.csv</a>' in page
+    headings = re.findall(r'<th scope="col">(\w+)', page)
+    assert headings[:3] == ["item", "status", "warnings"]

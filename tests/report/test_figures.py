@@ -24,7 +24,7 @@ from pushfit.report.figures import (
 )
 from pushfit.report.figures.diagnostics import autocorrelation
 from pushfit.report.figures.direction import ellipse_points
-from pushfit.report.figures.main import sweep_figures, sweeps_of
+from pushfit.report.figures.main import sweep_makers, sweeps_of
 from pushfit.report.figures.pairs import corner_figure
 from pushfit.report.figures.recording import MAX_POINTS, signal_figure
 from pushfit.report.figures.style import (
@@ -91,7 +91,7 @@ def test_pushes_that_were_left_out_are_in_the_figure(determined):
 
 def test_without_an_azimuth_sweep_there_is_one_panel(theta_only):
     assert len(main_figure(theta_only).axes) == 1
-    assert list(sweep_figures(theta_only)) == ["theta"]
+    assert list(sweep_makers(theta_only)) == ["theta"]
 
 
 def test_every_axis_with_numbers_says_its_unit(determined):

@@ -2,25 +2,29 @@
 
 import json
 import os
+import threading
+from pathlib import Path
 
 import arviz_base
 import numpy as np
 import pytest
 import xarray as xr
 
+from pushfit.cli import main
 from pushfit.data.table import read_table
 from pushfit.errors import ConfigError
 from pushfit.report import folder as folder_module
 from pushfit.report.archive import posterior_tree
-from pushfit.report.folder import CONTENT, write_result_folder
+from pushfit.report.folder import write_result_folder
 from pushfit.report.summary import summary_dict
+from pushfit.report.target import CONTENT
 from pushfit.report.text import render_text
 
 
 @pytest.fixture
 def quick(monkeypatch):
     """Leave out the drawing, which other tests cover."""
-    monkeypatch.setattr(folder_module, "figure_files", lambda _: {})
+    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
     monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "<html></html>")
 
 
@@ -30,11 +34,21 @@ def listing(path):
 
 
 @pytest.mark.slow
+def test_a_format_that_is_asked_for_comes_on_top(theta_only, tmp_path):
+    write_result_folder(theta_only, tmp_path / "out", force=False, pictures="png")
+    names = {path.name for path in (tmp_path / "out" / "figures").iterdir()}
+    assert {"main.png", "main.svg", "traces.png"} <= names
+    assert "traces.svg" not in names
+
+
+@pytest.mark.slow
 def test_a_result_holds_everything_that_the_design_names(theta_only, tmp_path):
     out = write_result_folder(theta_only, tmp_path / "result", force=False)
     assert {entry.name for entry in out.iterdir()} == CONTENT
     names = {path.name for path in (out / "figures").iterdir()}
-    assert {"main.png", "main.svg", "theta.png", "theta_c.svg"} <= names
+    assert {"main.svg", "theta_c.svg", "corner_parameters.png", "traces.png"} <= names
+    # Each figure once; a second format only for who asks.
+    assert len({Path(name).stem for name in names}) == len(names)
     assert json.loads((out / "summary.json").read_text()) == summary_dict(theta_only)
     assert (out / "report.txt").read_text() == render_text(theta_only)
     assert "Content-Security-Policy" in (out / "report.html").read_text()
@@ -196,3 +210,15 @@ def test_others_may_read_a_result_as_they_may_read_any_new_folder(determined, tm
     ordinary.mkdir()
     out = write_result_folder(determined, tmp_path / "result", force=False)
     assert out.stat().st_mode == ordinary.stat().st_mode
+
+
+def test_the_page_of_a_result_goes_into_a_fifo(determined, tmp_path):
+    write_result_folder(determined, tmp_path / "result", force=False)
+    fifo, received = tmp_path / "page", []
+    os.mkfifo(fifo)
+    reader = threading.Thread(target=lambda: received.append(fifo.read_bytes()))
+    reader.start()
+    assert main(["report", str(tmp_path / "result"), "-o", str(fifo)]) == 0
+    reader.join(5)
+    assert received[0].startswith(b"<!DOCTYPE html>")
+    assert fifo.is_fifo()

@@ -16,7 +16,7 @@ from tests.report.makers import HOSTILE
 ALLOWED = frozenset(
     "html head meta title style body header main section h1 h2 h3 p div span strong "
     "figure picture source img figcaption ul li code pre br sub dl dt dd table thead "
-    "tbody tr th td".split()
+    "tbody tr th td abbr".split()
 )
 
 

@@ -16,7 +16,7 @@ from pushfit.report.stored import read_summary
 @pytest.fixture
 def result(determined, tmp_path, monkeypatch):
     """A result folder without its drawings."""
-    monkeypatch.setattr(folder_module, "figure_files", lambda _: {})
+    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
     monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "")
     return write_result_folder(determined, tmp_path / "result", force=False)
 
@@ -98,7 +98,7 @@ def test_other_versions_explain_what_draws_scatter_and_no_more(
 
 def test_an_axis_that_passes_zero_has_hardly_moved(determined, tmp_path, monkeypatch):
     """179.9° and 0.1° are 0.2° apart."""
-    monkeypatch.setattr(folder_module, "figure_files", lambda _: {})
+    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
     monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "")
     axis = replace(determined.alpha_star, estimate=179.9, interval=(177.9, 181.9))
     before = replace(determined, alpha_star=axis)

@@ -19,7 +19,7 @@ from pushfit.report.text import render_text
 
 def leave_out_figures(patch):
     """Folders and pages without figures."""
-    patch.setattr(folder_module, "figure_files", lambda _: {})
+    patch.setattr(folder_module, "figure_files", lambda _, **__: {})
     patch.setattr(folder_module, "render_html", lambda _, **__: "")
     patch.setattr(html_module, "figure_files", lambda _, **__: {})
     patch.setattr(html_module, "main_figure", lambda _, **__: None)

@@ -9,7 +9,7 @@ import pytest
 from pushfit.config import GraspConfig
 from pushfit.fit.results import FitStatus, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
-from pushfit.report.frames import correlations, parameters_frame
+from pushfit.report.frames import correlations, result_frame
 from pushfit.report.text import render_text, sentence_alpha_star, sentence_theta_c
 from tests.report.makers import make_angle
 
@@ -180,7 +180,7 @@ def test_stiffness_is_not_quoted_where_the_push_length_is_unknown(unknown_length
 def test_the_report_tells_learned_from_assumed_and_fixed(determined):
     text = render_text(determined)
     assert re.search(r"^C_rr .*learned", text, re.MULTILINE)
-    assert re.search(r"^K_sn .*prior-dominated", text, re.MULTILINE)
+    assert re.search(r"^K_sn .*assumed", text, re.MULTILINE)
     assert re.search(r"^L +0.04 +m +fixed", text, re.MULTILINE)
 
 
@@ -227,9 +227,11 @@ def test_marks_of_the_figures_are_the_answers_of_the_sentence(two_modes):
 def test_the_frame_holds_every_parameter_and_no_number_that_is_not_quoted(
     unknown_length,
 ):
-    frame = parameters_frame(unknown_length)
+    frame = result_frame(unknown_length)
+    quantities = (*unknown_length.parameters, *unknown_length.combinations)
     assert list(frame.index) == [
-        q.name for q in (*unknown_length.parameters, *unknown_length.combinations)
+        *("theta_c", "alpha_star"),
+        *(q.name for q in quantities),
     ]
     assert np.isnan(
         frame.loc["K_sn", ["estimate", "lower", "upper"]].astype(float)

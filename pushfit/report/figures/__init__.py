@@ -3,7 +3,8 @@
 from pushfit.report.figures.coverage import coverage_figure
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.direction import Ellipses, ellipse_figure
-from pushfit.report.figures.identification import all_figures, figure_files
+from pushfit.report.figures.grasp import grasp_figure
+from pushfit.report.figures.identification import all_figures, figure_files, plot
 from pushfit.report.figures.main import main_figure
 from pushfit.report.figures.pairs import corner_figure
 from pushfit.report.figures.posterior import (
@@ -33,9 +34,11 @@ __all__ = [
     "figure_bytes",
     "figure_files",
     "found_figure",
+    "grasp_figure",
     "learned_figure",
     "main_figure",
     "peaks_figure",
+    "plot",
     "quantity_figure",
     "recording_figure",
     "residual_figure",

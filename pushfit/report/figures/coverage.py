@@ -8,13 +8,14 @@ from pushfit.report.figures.style import (
     COLUMN,
     MARKERS,
     SERIES,
+    canvas,
     math_symbol,
-    new_figure,
     place_legend,
     styled,
 )
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Probability claimed, measured share, and the limits of the measurement.
@@ -25,7 +26,10 @@ SPREAD = 0.6
 
 @styled
 def coverage_figure(
-    points: Mapping[str, Sequence[Point]], *, n_tables: int
+    points: Mapping[str, Sequence[Point]],
+    *,
+    n_tables: int,
+    ax: "Axes | None" = None,
 ) -> "Figure":
     """Draw measured coverage with its limits, a group for each claim.
 
@@ -33,12 +37,13 @@ def coverage_figure(
         points: For each quantity the claimed probability, the measured share, and the
             lower and upper binomial limit.
         n_tables: Tables behind each point.
+        ax: Where to draw; None makes a figure.
 
     Returns:
         Figure of one column's width.
     """
-    figure = new_figure(width=COLUMN, height=COLUMN)
-    axes = figure.subplots()
+    rows = -(-len(points) // 4)
+    figure, axes = canvas(ax, width=COLUMN, height=COLUMN + 0.25 * rows)
     claims = sorted({row[0] for rows in points.values() for row in rows})
     for place, claim in enumerate(claims):
         axes.plot(
@@ -69,7 +74,8 @@ def coverage_figure(
     axes.set_xlabel("probability claimed")
     axes.set_ylabel("truth inside [%]")
     axes.set_title(f"{n_tables} simulated tables")
-    place_legend(axes, loc="lower right", ncols=2)
+    # Below the axes: points may stand anywhere inside.
+    place_legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4)
     legend = axes.get_legend()
     for text in legend.get_texts() if legend else ():
         text.set_parse_math(True)

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 
 # Residuals that are shown as an alarm; the same limit as in the goodness of fit.
 OUTLIER_SIGMA = 5.0
-MAX_TRACES = 24
+# More lines hide each other, more steps change no pixel, and both cost megabytes.
+MAX_TRACES = 4
+MAX_STEPS = 400
 
 
 def _draw_residuals(
@@ -143,16 +145,17 @@ def trace_figure(
     panels = figure.subplots(n_names, 2, width_ratios=(3, 1), squeeze=False)
     steps = thin * np.arange(n_kept)
     shown = max(1, -(-n_walkers * n_ensembles // MAX_TRACES))
+    every = max(1, -(-n_kept // MAX_STEPS))
     for index, name in enumerate(names):
         trace, lag = panels[index]
         for ensemble in range(n_ensembles):
             trace.plot(
-                steps,
-                chain[ensemble, :, ::shown, index],
+                steps[::every],
+                chain[ensemble, ::every, ::shown, index],
                 color=SERIES[ensemble % len(SERIES)],
                 ls=DASHES[0],
-                lw=0.4,
-                alpha=0.6,
+                lw=0.6,
+                alpha=0.8,
                 rasterized=True,
             )
         trace.set_ylabel(math_symbol(name), parse_math=True)
@@ -179,7 +182,7 @@ def trace_figure(
     panels[-1, 0].set_xlabel("step")
     panels[-1, 1].set_xlabel("lag [steps]")
     panels[0, 0].set_title(
-        f"{n_ensembles} ensembles of {n_walkers} walkers", fontsize=9
+        f"{n_ensembles} ensembles of {n_walkers} walkers, a few of each", fontsize=9
     )
     panels[0, 1].set_title("autocorrelation", fontsize=9)
     return figure

@@ -17,6 +17,7 @@ from pushfit.report.figures.style import (
     DATA,
     PRIOR,
     drawable,
+    math_symbol,
     new_figure,
     styled,
 )
@@ -121,8 +122,27 @@ def ellipse_figure(
         unit: Unit of the stiffness.
         alpha_star: Best push direction to mark.
     """
-    figure = new_figure(width=COLUMN * len(ellipses), height=COLUMN + 0.2)
+    from matplotlib.lines import Line2D
+
+    figure = new_figure(width=COLUMN * len(ellipses), height=COLUMN + 0.5)
     panels = np.atleast_1d(figure.subplots(1, len(ellipses)))
     for axes, one in zip(panels, ellipses, strict=True):
         draw_ellipses(axes, one, unit=unit, alpha_star=alpha_star)
+    entries = {
+        "median of the posterior": Line2D([], [], color=DATA, lw=1.8),
+        "draws": Line2D([], [], color=DATA, lw=0.8, alpha=0.4),
+    }
+    if any(not one.is_informed for one in ellipses):
+        entries["not learned from these data"] = Line2D([], [], color=PRIOR, lw=1.8)
+    if alpha_star is not None and alpha_star.estimates:
+        words = f"{math_symbol('alpha_star')} {drawable(alpha_star.text)}"
+        entries[words] = Line2D([], [], color=BLACK, lw=1.1, ls=(0, (4, 2)))
+    legend = figure.legend(
+        list(entries.values()),
+        list(entries),
+        loc="outside lower center",
+        ncols=2 if len(ellipses) == 1 else len(entries),
+    )
+    for text in legend.get_texts():
+        text.set_parse_math(True)
     return figure

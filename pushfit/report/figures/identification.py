@@ -11,21 +11,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pushfit.errors import ConfigError
 from pushfit.fit.profile_sets import threshold
 from pushfit.fit.quoting import STIFFNESSES, is_trusted, quoted
-from pushfit.fit.results import FitStatus, Identification, Quantity, Verdict
+from pushfit.fit.results import (
+    FitStatus,
+    Identification,
+    PosteriorResult,
+    Quantity,
+    Verdict,
+)
 from pushfit.report.answers import (
     HALF_TURN,
-    Answer,
     alpha_star_answer,
     theta_c_answer,
 )
+from pushfit.report.facts import verdict_word
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.direction import Ellipses, ellipse_figure
+from pushfit.report.figures.grasp import grasp_figure
 from pushfit.report.figures.main import (
     main_figure,
     marker_of,
-    sweep_figures,
+    sweep_makers,
     within_half_turn,
 )
 from pushfit.report.figures.pairs import corner_figure
@@ -37,9 +45,59 @@ from pushfit.report.figures.recording import signal_figure
 from pushfit.report.figures.style import figure_bytes
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+ANSWERS = {"theta_c": theta_c_answer, "alpha_star": alpha_star_answer}
 INFORMED = frozenset({Verdict.LEARNED, Verdict.PARTLY, Verdict.DETERMINED})
+
+
+def figure_makers(
+    identification: Identification,
+) -> dict[str, Callable[..., "Figure"]]:
+    """What draws each figure that a result supports, by the name of its file.
+
+    Args:
+        identification: The result.
+
+    Returns:
+        Functions of `ax`; those of a posterior only where it is to be trusted, corner
+        plots only where the library `corner` is installed.
+    """
+    makers: dict[str, Callable[..., Figure]] = {
+        "main": _whole(main_figure, identification),
+        "grasp": _whole(_grasp, identification),
+    }
+    for index, trace in enumerate(identification.table.traces, start=1):
+        makers[f"recording_{index}"] = _whole(
+            signal_figure, trace, identification.table
+        )
+    makers |= sweep_makers(identification)
+    if identification.fit.status is FitStatus.OK:
+        makers["residuals"] = _whole(_residuals, identification)
+    if is_trusted(identification):
+        makers |= _posterior_makers(identification)
+    chain = identification.posterior.chain
+    if chain is not None:
+        makers["traces"] = _whole(_traces, identification.posterior, chain)
+    return makers
+
+
+def _whole(
+    draw: Callable[..., "Figure"], *arguments: object
+) -> Callable[..., "Figure"]:
+    """Maker of a figure with panels of its own."""
+
+    def make(*, ax: "Axes | None") -> "Figure":
+        if ax is not None:
+            raise ConfigError(
+                "this figure has several panels and does not fit into one; leave out "
+                "`ax` and take the figure that comes back",
+                code="several_panels",
+            )
+        return draw(*arguments)
+
+    return make
 
 
 def all_figures(identification: Identification) -> dict[str, "Figure"]:
@@ -47,81 +105,116 @@ def all_figures(identification: Identification) -> dict[str, "Figure"]:
 
     Args:
         identification: The result.
-
-    Returns:
-        Figures; those of a posterior only where it is to be trusted, corner plots only
-        where the library `corner` is installed.
     """
-    figures = {"main": main_figure(identification)}
-    for index, trace in enumerate(identification.table.traces, start=1):
-        figures[f"recording_{index}"] = signal_figure(trace, identification.table)
-    figures |= sweep_figures(identification)
-    if identification.fit.status is FitStatus.OK:
-        figures["residuals"] = _residuals(identification)
-    if is_trusted(identification):
-        figures |= _posterior_figures(identification)
-    posterior = identification.posterior
-    if posterior.chain is not None:
-        diagnostics = posterior.diagnostics
-        figures["traces"] = trace_figure(
-            posterior.chain,
-            posterior.chain_names,
-            thin=posterior.thin,
-            autocorr_time=diagnostics.autocorr_time if diagnostics else {},
+    makers = figure_makers(identification)
+    return {name: make(ax=None) for name, make in makers.items()}
+
+
+def plot(
+    identification: Identification, name: str, *, ax: "Axes | None" = None
+) -> "Figure":
+    """One figure of a result.
+
+    Args:
+        identification: The result.
+        name: As the file is called.
+        ax: Where to draw; None makes a figure.
+
+    Raises:
+        ConfigError: There is no such figure, or it has several panels.
+    """
+    makers = figure_makers(identification)
+    if name not in makers:
+        raise ConfigError(
+            f"{name!r} is no figure of this result; it has {', '.join(makers)}",
+            code="unknown_figure",
         )
-    return figures
+    return makers[name](ax=ax)
 
 
 def figure_files(
     identification: Identification,
     *,
-    is_wanted: Callable[[str, str], bool] = lambda name, suffix: True,
+    is_wanted: Callable[[str, str], bool],
 ) -> dict[str, bytes]:
-    """Content of the files of all figures, each as PNG and SVG.
+    """Content of the files of all figures.
 
     Args:
         identification: The result.
-        is_wanted: Whether a figure is wanted in a format, both by name.
+        is_wanted: Whether a figure is wanted as "png" or "svg", both by name.
 
     Returns:
         Content by file name, "main.png" and so on.
     """
     files = {}
-    for name, figure in all_figures(identification).items():
-        for suffix in filter(partial(is_wanted, name), ("png", "svg")):
-            files[f"{name}.{suffix}"] = figure_bytes(figure, suffix)
+    for name, make in figure_makers(identification).items():
+        suffixes = [s for s in ("png", "svg") if is_wanted(name, s)]
+        if suffixes:
+            figure = make(ax=None)
+            files |= {f"{name}.{s}": figure_bytes(figure, s) for s in suffixes}
     return files
 
 
-def _posterior_figures(identification: Identification) -> dict[str, "Figure"]:
-    """Figures of a posterior that is to be trusted."""
-    figures = {}
-    answers = (
-        (identification.theta_c, theta_c_answer(identification)),
-        (identification.alpha_star, alpha_star_answer(identification)),
-    )
-    for quantity, answer in answers:
-        if answer.name in identification.posterior.samples:
-            figures[answer.name] = _angle(identification, quantity, answer)
-    if "f1" in identification.posterior.samples:
-        figures["ellipse"] = _ellipse(identification)
+def _posterior_makers(
+    identification: Identification,
+) -> dict[str, Callable[..., "Figure"]]:
+    """Makers of the figures of a posterior that is to be trusted."""
+    makers: dict[str, Callable[..., Figure]] = {}
+    samples = identification.posterior.samples
+    for name in ("theta_c", "alpha_star"):
+        if name in samples:
+            makers[name] = partial(_angle, identification, name)
+    if "f1" in samples:
+        makers["ellipse"] = _whole(_ellipse, identification)
     if identification.parameters:
-        shown = [quoted(q, identification) for q in identification.parameters]
-        figures["learned"] = learned_figure(
-            [q.name for q in shown],
-            np.array([_or_nan(q.contraction) for q in shown]),
-            verdicts=[q.verdict.value for q in shown],
-        )
+        makers["learned"] = partial(_learned, identification)
     if find_spec("corner"):
         groups = {
             "corner_parameters": identification.parameters,
             "corner_combinations": identification.combinations,
         }
         for name, quantities in groups.items():
-            figure = _corner(identification, quantities)
-            if figure is not None:
-                figures[name] = figure
-    return figures
+            shown = _shown_in_pairs(identification, quantities)
+            if len(shown) > 1:
+                makers[name] = _whole(_corner, identification, shown)
+    return makers
+
+
+def _grasp(identification: Identification) -> "Figure":
+    """Sketch of the grasp with the answers."""
+    table, used = identification.table, identification.used
+    markers = {
+        name: marker_of(answer(identification), identification)
+        for name, answer in ANSWERS.items()
+    }
+    return grasp_figure(
+        np.degrees(table.theta[used]),
+        np.degrees(table.alpha[used]),
+        reach_deg=identification.config.reach.alpha_deg,
+        **markers,
+    )
+
+
+def _learned(identification: Identification, *, ax: "Axes | None") -> "Figure":
+    """How much of each parameter came from the data."""
+    shown = [quoted(q, identification) for q in identification.parameters]
+    return learned_figure(
+        [q.name for q in shown],
+        np.array([_or_nan(q.contraction) for q in shown]),
+        verdicts=[verdict_word(q.verdict) for q in shown],
+        ax=ax,
+    )
+
+
+def _traces(posterior: PosteriorResult, chain: np.ndarray) -> "Figure":
+    """Walkers of the chain."""
+    diagnostics = posterior.diagnostics
+    return trace_figure(
+        chain,
+        posterior.chain_names,
+        thin=posterior.thin,
+        autocorr_time=diagnostics.autocorr_time if diagnostics else {},
+    )
 
 
 def _or_nan(value: float | None) -> float:
@@ -129,10 +222,10 @@ def _or_nan(value: float | None) -> float:
     return np.nan if value is None else value
 
 
-def _angle(
-    identification: Identification, quantity: Quantity, answer: Answer
-) -> "Figure":
-    """Profile and posterior of θ_c or α*."""
+def _angle(identification: Identification, name: str, *, ax: "Axes | None") -> "Figure":
+    """Profile and posterior of θ_c or α*; into given axes the posterior alone."""
+    quantity: Quantity = getattr(identification, name)
+    answer = ANSWERS[name](identification)
     posterior = identification.posterior
     draws = posterior.samples[answer.name]
     prior = posterior.prior_samples.get(answer.name, np.empty(0))
@@ -154,11 +247,12 @@ def _angle(
         curve,
         draws,
         prior,
-        marker=marker_of(answer),
+        marker=marker_of(answer, identification),
         likelihood_pieces=pieces,
         level=threshold(quantity.prob, freedom),
         prob=quantity.prob,
         modes=modes,
+        ax=ax,
     )
 
 
@@ -185,25 +279,28 @@ def _ellipse(identification: Identification) -> "Figure":
                 is_informed=quantity is not None and quantity.verdict in INFORMED,
             )
         )
-    marker = marker_of(alpha_star_answer(identification))
+    marker = marker_of(alpha_star_answer(identification), identification)
     return ellipse_figure(panels, unit=unit, alpha_star=marker)
 
 
-def _corner(
+def _shown_in_pairs(
     identification: Identification, quantities: Sequence[Quantity]
-) -> "Figure | None":
-    """Corner plot of what varies and may be quoted; None for fewer than two."""
+) -> list[Quantity]:
+    """What varies and may be quoted."""
     posterior = identification.posterior
     is_known = identification.config.push.length_known
-    shown = [
+    return [
         q
         for q in quantities
         if (is_known or q.name not in STIFFNESSES)
         and _varies(posterior.samples.get(q.name))
         and _varies(posterior.prior_samples.get(q.name))
     ]
-    if len(shown) < 2:
-        return None
+
+
+def _corner(identification: Identification, shown: Sequence[Quantity]) -> "Figure":
+    """Corner plot."""
+    posterior = identification.posterior
     return corner_figure(
         {q.name: posterior.samples[q.name] for q in shown},
         {q.name: posterior.prior_samples[q.name] for q in shown},

@@ -3,6 +3,8 @@
 The same answers that the text gives are marked, with their whole sets.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 MIN_DIRECTIONS = 3
 # What the first figure shows at a glance; the others have a figure of their own.
 MAX_SWEEPS = 5
+ANSWERS = {"theta": theta_c_answer, "alpha": alpha_star_answer}
 OTHER = {"theta": "alpha", "alpha": "theta"}
 
 
@@ -89,28 +92,42 @@ def _sweep(
     )
 
 
-def _richest(sweeps: list[Sweep]) -> list[Sweep]:
-    """The sweeps with most directions, where there are too many for one look."""
+def _richest(sweeps: list[Sweep], fixed_deg: float | None) -> list[Sweep]:
+    """The sweeps with most directions, where there are too many for one look.
+
+    The one that the marked angle belongs to is always among them.
+    """
     if len(sweeps) <= MAX_SWEEPS:
         return sweeps
     counts = [np.unique(sweep.angle_deg.round(3)).size for sweep in sweeps]
     most = max(counts)
     kept = [s for s, count in zip(sweeps, counts, strict=True) if count == most]
     step = -(-len(kept) // MAX_SWEEPS)
-    return kept[::step]
+    own = [s for s in sweeps if s.fixed_deg == fixed_deg]
+    chosen = kept[::step]
+    if own and own[0] not in chosen:
+        chosen = [*own, *chosen[: MAX_SWEEPS - 1]]
+    return sorted(chosen, key=lambda sweep: sweep.fixed_deg)
 
 
-def marker_of(answer: Answer) -> Marker:
+def marker_of(answer: Answer, identification: Identification) -> Marker:
     """What figures mark of an answer.
 
     Args:
         answer: θ_c or α*.
+        identification: The result.
     """
-    pieces = answer.pieces
+    pieces, fixed_deg = answer.pieces, None
+    if answer.name == "theta_c":
+        fixed_deg = identification.reference_alpha_deg
     if answer.name == "alpha_star":
         pieces = within_half_turn(pieces)
     return Marker(
-        name=answer.name, estimates=answer.values, pieces=pieces, text=answer.short
+        name=answer.name,
+        estimates=answer.values,
+        pieces=pieces,
+        text=answer.short,
+        fixed_deg=fixed_deg,
     )
 
 
@@ -143,15 +160,15 @@ def main_figure(
         identification: The result.
         is_stacked: Panels below each other, for a narrow page.
     """
-    answers = {
-        "theta": theta_c_answer(identification),
-        "alpha": alpha_star_answer(identification),
-    }
+    answers = {swept: answer(identification) for swept, answer in ANSWERS.items()}
     channels = identification.table.channels
     swept = [s for s in answers if sweeps_of(identification, s, channels[0])]
     swept = swept or ["theta"]
+    markers = {s: marker_of(answer, identification) for s, answer in answers.items()}
     panels = {
-        (channel, angle): _richest(sweeps_of(identification, angle, channel))
+        (channel, angle): _richest(
+            sweeps_of(identification, angle, channel), markers[angle].fixed_deg
+        )
         for channel in channels
         for angle in swept
     }
@@ -169,35 +186,38 @@ def main_figure(
             swept=angle,
             channel=channel,
             unit=identification.table.unit,
-            marker=marker_of(answers[angle]),
+            marker=markers[angle],
             prob=_band_prob(identification),
         )
     return figure
 
 
-def sweep_figures(identification: Identification) -> dict[str, "Figure"]:
-    """Heights against each angle that was swept, one figure per channel.
+def sweep_makers(
+    identification: Identification,
+) -> dict[str, Callable[..., "Figure"]]:
+    """What draws heights against each angle that was swept, one figure per channel.
 
     Args:
         identification: The result.
+
+    Returns:
+        Functions of `ax`, by the name of the file.
     """
-    figures, table = {}, identification.table
-    options = {"unit": table.unit, "prob": _band_prob(identification)}
+    makers, table = {}, identification.table
+    draw = {"theta": theta_figure, "alpha": alpha_figure}
     for channel in table.channels:
-        suffix = channel.removeprefix("height")
-        thetas = sweeps_of(identification, "theta", channel)
-        if thetas:
-            marker = marker_of(theta_c_answer(identification))
-            figures[f"theta{suffix}"] = theta_figure(
-                thetas, channel=channel, theta_c=marker, **options
-            )
-        alphas = sweeps_of(identification, "alpha", channel)
-        if alphas:
-            marker = marker_of(alpha_star_answer(identification))
-            figures[f"alpha{suffix}"] = alpha_figure(
-                alphas, channel=channel, alpha_star=marker, **options
-            )
-    return figures
+        for swept, answer in ANSWERS.items():
+            sweeps = sweeps_of(identification, swept, channel)
+            if sweeps:
+                makers[f"{swept}{channel.removeprefix('height')}"] = partial(
+                    draw[swept],
+                    sweeps,
+                    unit=table.unit,
+                    channel=channel,
+                    prob=_band_prob(identification),
+                    marker=marker_of(answer(identification), identification),
+                )
+    return makers
 
 
 def _band_prob(identification: Identification) -> float:

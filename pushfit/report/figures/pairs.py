@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from pushfit.report.figures.style import (
     DATA,
+    PALE,
     PRIOR,
     drawable,
     math_symbol,
@@ -27,7 +28,11 @@ if TYPE_CHECKING:
 MAX_DRAWS = 20_000
 N_BINS = 24
 # Width of a panel in widths of the posterior, at most.
-ZOOM = 4.0
+ZOOM = 1.3
+# Height of the prior in a panel where the posterior is 1.
+PRIOR_TOP = 0.6
+# Panel that a prior fills evenly.
+EVERYWHERE = "#EFEFEF"
 
 
 @styled
@@ -53,7 +58,12 @@ def corner_figure(
 
     names = list(samples)
     windows = [_window(samples[name], prior[name]) for name in names]
-    scales = ["log" if _is_wide(*window) else "linear" for window in windows]
+    # A shape may be positive here and of either sign before the data.
+    is_positive = [np.nanmin([samples[n].min(), prior[n].min()]) > 0 for n in names]
+    scales = [
+        "log" if positive and _is_wide(*window) else "linear"
+        for positive, window in zip(is_positive, windows, strict=True)
+    ]
     size = max(3.2, 1.45 * len(names) + 0.6)
     # corner places its panels itself and refuses a layout engine.
     figure = new_figure(width=size, height=size, layout=None)
@@ -83,19 +93,19 @@ def corner_figure(
         )
         grid = np.array(figure.axes).reshape(len(names), len(names))
         if colour == PRIOR:
-            _clear(grid[is_beyond[:, None] | is_beyond[None]])
+            _fill(grid[is_beyond[:, None] | is_beyond[None]])
     for index, name in enumerate(names):
         for axes in grid[index:, index]:
             axes.set_xlim(*windows[index])
         for axes in grid[index, :index]:
             axes.set_ylim(*windows[index])
-        _draw_margin(grid[index, index], samples[name], prior[name])
+        _draw_margin(grid[index, index], samples[name], prior[name], windows[index])
     _label_corner(figure, names, units)
     margin = 0.75 / size
     figure.subplots_adjust(left=margin, bottom=margin, right=0.98, top=0.98)
     figure.legend(
         [Line2D([], [], color=DATA), Line2D([], [], color=PRIOR)],
-        ["posterior, 50 % and 90 %", "prior, unless far wider than the panel"],
+        ["posterior, 50 % and 90 %", "prior; far wider than a panel in grey"],
         loc="upper right",
         fontsize=9,
     )
@@ -103,25 +113,38 @@ def corner_figure(
 
 
 def _draw_margin(
-    axes: "Axes", samples: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
+    axes: "Axes",
+    samples: Float[np.ndarray, " n"],
+    prior: Float[np.ndarray, " m"],
+    window: tuple[float, float],
 ) -> None:
-    """Densities of both over the scale of the axis, in place of corner's counts."""
+    """Densities of both in place of corner's counts, each on a scale of its own.
+
+    On one scale a prior that the data narrowed a hundred times would not be seen.
+    """
     is_log = axes.get_xscale() == "log"
     _clear([axes])
-    top = 0.0
-    for draws, colour in ((prior, PRIOR), (samples, DATA)):
+    shown = [] if _is_beyond(window, prior) else [(prior, N_BINS, PRIOR_TOP)]
+    for draws, bins, top in (*shown, (samples, 2 * N_BINS, 1.0)):
         low, high = _bulk(draws)
-        if is_log:
-            edges = np.geomspace(max(low, 1e-6 * high), high, N_BINS + 1)
-        else:
-            edges = np.linspace(low, high, N_BINS + 1)
+        space = np.geomspace if is_log else np.linspace
+        edges = space(max(low, 1e-6 * high) if is_log else low, high, bins + 1)
         counts, _ = np.histogram(draws[np.isfinite(draws)], edges)
-        widths = np.diff(np.log(edges) if is_log else edges)
-        density = counts / (draws.size * widths)
-        top = max(top, float(density.max()))
-        axes.stairs(density, edges, color=colour, lw=1.3)
-    axes.set_ylim(0, 1.08 * top)
+        height = top * counts / max(counts.max(), 1)
+        if draws is prior:
+            axes.stairs(height, edges, color=PALE, fill=True)
+        else:
+            axes.stairs(height, edges, color=DATA, lw=1.3)
+    axes.set_ylim(0, 1.08)
     axes.set_yticks([])
+
+
+def _fill(panels: Iterable["Axes"]) -> None:
+    """Show a prior that is far wider than some panels: it is everywhere in them."""
+    panels = list(panels)
+    _clear(panels)
+    for axes in panels:
+        axes.set_facecolor(EVERYWHERE)
 
 
 def _clear(panels: Iterable["Axes"]) -> None:
@@ -141,7 +164,8 @@ def _window(
     samples: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
 ) -> tuple[float, float]:
     """Range to show: the posterior, and of the prior what leaves it legible."""
-    ends, bulk = _bulk(samples), np.nanquantile(prior, [0.05, 0.95])
+    ends = np.nanquantile(samples, [0.005, 0.995])
+    bulk = np.nanquantile(prior, [0.05, 0.95])
     # Ratios count where the prior is open over decades.
     is_log = _is_wide(float(bulk[0]), float(bulk[1])) and ends[0] > 0
     low, high = np.log(ends) if is_log else np.array(ends)

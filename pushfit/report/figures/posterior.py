@@ -16,6 +16,8 @@ from pushfit.report.figures.style import (
     DATA,
     PALE,
     PRIOR,
+    angle_words,
+    canvas,
     drawable,
     math_symbol,
     new_figure,
@@ -151,6 +153,7 @@ def quantity_figure(
     prob: float,
     unit: str = "deg",
     modes: Sequence[float] = (),
+    ax: "Axes | None" = None,
 ) -> "Figure":
     """Profile likelihood above, posterior over prior below, all modes marked.
 
@@ -164,13 +167,17 @@ def quantity_figure(
         prob: Probability of both sets.
         unit: Unit of the quantity.
         modes: Values at the local optima of the likelihood.
+        ax: Where to draw the posterior alone; None makes a figure of both.
     """
     limits = _limits(profile, samples, modes)
-    n_rows = 2 if profile is not None else 1
-    figure = new_figure(width=1.5 * COLUMN, height=0.8 + 1.5 * n_rows)
-    panels = np.atleast_1d(figure.subplots(n_rows, 1, sharex=True))
+    if profile is None or ax is not None:
+        figure, axes = canvas(ax, width=1.5 * COLUMN, height=2.3)
+        panels = np.array([axes])
+    else:
+        figure = new_figure(width=1.5 * COLUMN, height=3.8)
+        panels = figure.subplots(2, 1, sharex=True)
     draw_posterior(panels[-1], samples, prior, marker=marker, limits=limits)
-    if profile is not None:
+    if profile is not None and ax is None:
         draw_profile(
             panels[0],
             *profile,
@@ -189,8 +196,10 @@ def quantity_figure(
         f"{math_symbol(marker.name)} [{drawable(label)}]" if label else marker.name,
         parse_math=True,
     )
+    where = "" if marker.fixed_deg is None else angle_words("α", marker.fixed_deg)
+    symbol = f"{math_symbol(marker.name)}{' at ' if where else ''}{where}"
     panels[0].set_title(
-        f"{math_symbol(marker.name)}  {drawable(marker.text)}",
+        f"{symbol}:  {drawable(marker.text)}",
         fontweight="normal",
         fontsize=9,
         parse_math=True,
@@ -231,16 +240,18 @@ def learned_figure(
     contraction: Float[np.ndarray, " p"],
     *,
     verdicts: Sequence[str],
+    ax: "Axes | None" = None,
 ) -> "Figure":
     """How much of each parameter came from the data and how much was assumed.
 
     Args:
         names: Of the parameters.
         contraction: 1 - var_posterior / var_prior; NaN where there is no such number.
-        verdicts: "learned", "partly", "assumed" or "fixed" for each.
+        verdicts: Word of each, for example "learned".
+        ax: Where to draw; None makes a figure.
     """
-    figure = new_figure(width=1.5 * COLUMN, height=0.9 + 0.28 * len(names))
-    axes = figure.subplots()
+    height = 0.9 + 0.28 * len(names)
+    figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)
     rows = np.arange(len(names))[::-1]
     axes.barh(rows, np.ones(len(names)), color=PALE, height=0.6, label="assumed")
     share = np.clip(np.nan_to_num(contraction), 0, 1)

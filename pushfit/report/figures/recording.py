@@ -356,6 +356,11 @@ def marks_of(table: PeakTable, rows: Sequence[int]) -> PushMarks:
     def column(name: str) -> Float[np.ndarray, " p"]:
         return frame[name].to_numpy(dtype=float) if name in frame else unknown
 
+    heights = [column(f"{channel}_{table.unit}") for channel in table.channels]
+    baseline = column(f"baseline_{table.unit}")
+    if len(heights) > 1:
+        # Of components the signal is the length of their change, which rests at zero.
+        baseline = np.zeros(len(frame))
     return PushMarks(
         push=frame["push"].to_numpy(dtype=int),
         theta_deg=column("theta_deg"),
@@ -363,7 +368,7 @@ def marks_of(table: PeakTable, rows: Sequence[int]) -> PushMarks:
         t_start=column("t_start_s"),
         t_end=column("t_end_s"),
         t_peak=column("t_peak_s"),
-        baseline=column(f"baseline_{table.unit}"),
-        height=column(f"{table.channels[0]}_{table.unit}"),
+        baseline=baseline,
+        height=heights[0] if len(heights) == 1 else np.linalg.norm(heights, axis=0),
         flags=tuple(";".join(sorted(table.flags[row])) for row in rows),
     )

@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar
 
+from pushfit.atomic import atomic_path
+from pushfit.report.picture_file import picture_format
 from pushfit.report.strings import SYMBOLS, printable, unit_label
 
 if TYPE_CHECKING:
@@ -87,16 +89,47 @@ def new_figure(
     height: float,
     layout: Literal["constrained"] | None = "constrained",
 ) -> "Figure":
-    """Empty figure that belongs to no window.
+    """Empty figure that belongs to no window, and that a notebook shows.
 
     Args:
         width: [inch].
         height: [inch].
         layout: Layout engine of matplotlib.
     """
+    return _shown_figure()(figsize=(width, height), layout=layout)
+
+
+def canvas(
+    axes: "Axes | None", *, width: float, height: float
+) -> "tuple[Figure, Axes]":
+    """Axes to draw into: those of the user, or a figure of their own.
+
+    Args:
+        axes: Of the user.
+        width: Of a new figure [inch].
+        height: Of a new figure [inch].
+    """
+    if axes is None:
+        figure = new_figure(width=width, height=height)
+        return figure, figure.subplots()
+    figure = axes.get_figure(root=True)
+    if figure is None:
+        raise ValueError("the axes belong to no figure any more; make new ones")
+    return figure, axes
+
+
+@functools.cache
+def _shown_figure() -> "type[Figure]":
+    """Figure with the method by which a notebook shows what pyplot does not know."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout=layout)
+    class ShownFigure(Figure):
+        """Figure that a notebook shows as a picture."""
+
+        def _repr_png_(self) -> bytes:
+            return figure_bytes(self, "png")
+
+    return ShownFigure
 
 
 @functools.cache
@@ -188,10 +221,13 @@ def place_legend(axes: "Axes", **options: object) -> None:
         axes.legend(**options)  # pyright: ignore[reportArgumentType]
 
 
+# Lines and their soft edges need no more.
+N_COLOURS = 128
 # No date: a figure of the same numbers is the same file.
 METADATA: Mapping[str, Mapping[str, str | None]] = {
     "svg": {"Date": None, "Creator": None},
     "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
 }
 
 
@@ -201,8 +237,13 @@ def save_figure(figure: "Figure", path: Path) -> None:
     Args:
         figure: Any figure of this package.
         path: For example `theta.png` or `theta.svg`.
+
+    Raises:
+        ConfigError: The suffix is none of those that can be written.
     """
-    path.write_bytes(figure_bytes(figure, path.suffix.removeprefix(".")))
+    content = figure_bytes(figure, picture_format(path))
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
 
 
 @styled
@@ -221,4 +262,18 @@ def figure_bytes(figure: "Figure", suffix: str) -> bytes:
     stream = io.BytesIO()
     metadata = dict(METADATA.get(suffix, {}))
     figure.savefig(stream, format=suffix, metadata=metadata)
-    return stream.getvalue()
+    return with_palette(stream) if suffix == "png" else stream.getvalue()
+
+
+def with_palette(picture: io.BytesIO) -> bytes:
+    """A PNG of few colours in a third of the bytes.
+
+    Args:
+        picture: PNG.
+    """
+    from PIL import Image
+
+    shown = Image.open(picture).convert("RGB")
+    small = io.BytesIO()
+    shown.quantize(N_COLOURS, method=Image.Quantize.FASTOCTREE).save(small, "png")
+    return small.getvalue()

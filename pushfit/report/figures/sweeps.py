@@ -19,6 +19,7 @@ from pushfit.report.figures.style import (
     MARKERS,
     PAGE,
     angle_words,
+    canvas,
     channel_label,
     drawable,
     math_symbol,
@@ -36,6 +37,12 @@ Pieces = Sequence[tuple[float | None, float | None]]
 
 # Entries of a legend side by side, below the panel, where no push can lie under them.
 LEGEND_COLUMNS = 4
+# Opacity of a set that is a hundredth of the axis wide, and must still be seen.
+SHADE = 0.16
+TICKS = {"theta": (15, 30, 45, 90), "alpha": (30, 60, 90)}
+MAX_TICKS = 10
+# Angles that differ by less are one [deg].
+SAME_DEG = 1e-2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,12 +81,14 @@ class Marker:
         estimates: Values to mark by a line [deg]; several for several modes.
         pieces: Set to shade, piece by piece; None for an open end [deg].
         text: The answer in a few words, written above the axes.
+        fixed_deg: The other angle, where the quantity belongs to one curve [deg].
     """
 
     name: str
     estimates: tuple[float, ...] = ()
     pieces: Pieces = ()
     text: str = ""
+    fixed_deg: float | None = None
 
 
 def draw_sweep(
@@ -128,31 +137,60 @@ def draw_sweep(
         )
 
 
-def draw_marker(axes: "Axes", marker: Marker) -> None:
-    """Shade the set of a quantity and mark its value on the angle axis.
+def draw_marker(
+    axes: "Axes", marker: Marker, *, sweep: Sweep | None = None, colour: str = BLACK
+) -> None:
+    """Mark a quantity and its set on the angle axis, and on the curve it belongs to.
 
     Args:
         axes: Cartesian axes with the angle in degrees along x, limits already set.
         marker: What to mark.
+        sweep: The curve; None where the quantity belongs to all of them.
+        colour: Of the curve.
     """
     low, high = axes.get_xlim()
     for start, end in marker.pieces:
         left = low if start is None else max(start, low)
         right = high if end is None else min(end, high)
         if left < right:
-            axes.axvspan(left, right, color=BLACK, alpha=0.09, lw=0, zorder=0)
+            axes.axvspan(left, right, color=colour, alpha=SHADE, lw=0, zorder=0)
+            if sweep is not None:
+                inside = np.linspace(left, right, 60)
+                curve = np.interp(inside, sweep.grid_deg, sweep.best_fit)
+                axes.plot(inside, curve, color=colour, lw=6, alpha=0.4, zorder=2.5)
     for value in marker.estimates:
         if low <= value <= high:
-            axes.axvline(value, color=BLACK, lw=1.1, ls=(0, (4, 2)), zorder=2)
+            axes.axvline(value, color=colour, lw=1.1, ls=(0, (4, 2)), zorder=2)
+            if sweep is not None:
+                height = np.interp(value, sweep.grid_deg, sweep.best_fit)
+                axes.plot(value, height, "o", color=colour, mec="white", ms=7, zorder=5)
     axes.set_xlim(low, high)
     if marker.text:
+        where = "" if marker.fixed_deg is None else angle_words("α", marker.fixed_deg)
+        symbol = f"{math_symbol(marker.name)}{' at ' if where else ''}{where}"
         axes.set_title(
-            f"{math_symbol(marker.name)}  {drawable(marker.text)}",
+            f"{symbol}:  {drawable(marker.text)}",
             loc="center",
             fontsize=9,
             fontweight="normal",
+            color=colour,
             parse_math=True,
         )
+
+
+def set_angle_ticks(axes: "Axes", swept: str) -> None:
+    """Ticks where people push: at multiples of 15° and 30°.
+
+    Args:
+        axes: Cartesian axes with the angle in degrees along x, limits already set.
+        swept: "theta" or "alpha".
+    """
+    from matplotlib.ticker import MultipleLocator
+
+    low, high = axes.get_xlim()
+    steps = [step for step in TICKS[swept] if (high - low) / step <= MAX_TICKS]
+    if high - low >= TICKS[swept][0] and steps:
+        axes.xaxis.set_major_locator(MultipleLocator(steps[0]))
 
 
 def legend_height(sweeps: Sequence[Sweep]) -> float:
@@ -198,9 +236,13 @@ def draw_panel(
     axes.set_xlabel(words[swept])
     axes.set_ylabel(channel_label(channel, unit))
     axes.margins(x=0.03, y=0.12)
-    axes.locator_params(axis="x", steps=[1, 1.5, 3, 4.5, 6, 9, 10], nbins=8)
+    set_angle_ticks(axes, swept)
     if marker is not None:
-        draw_marker(axes, marker)
+        own = _sweep_of(marker, sweeps)
+        if own is None:
+            draw_marker(axes, marker)
+        else:
+            draw_marker(axes, marker, sweep=sweeps[own], colour=colours[own])
     title = "pushes"
     if any(sweep.grid_deg.size for sweep in sweeps):
         title += ", fit"
@@ -220,6 +262,18 @@ def draw_panel(
     )
 
 
+def _sweep_of(marker: Marker, sweeps: Sequence[Sweep]) -> int | None:
+    """Number of the sweep whose curve a quantity belongs to, if it has a curve."""
+    for index, sweep in enumerate(sweeps):
+        is_own = (
+            marker.fixed_deg is not None
+            and abs(sweep.fixed_deg - marker.fixed_deg) < SAME_DEG
+        )
+        if is_own and sweep.grid_deg.size:
+            return index
+    return None
+
+
 @styled
 def theta_figure(
     sweeps: Sequence[Sweep],
@@ -227,7 +281,8 @@ def theta_figure(
     unit: str,
     channel: str = "height",
     prob: float,
-    theta_c: Marker | None = None,
+    marker: Marker | None = None,
+    ax: "Axes | None" = None,
 ) -> "Figure":
     """Peak height against elevation, one series per azimuth.
 
@@ -236,16 +291,18 @@ def theta_figure(
         unit: Unit of the heights.
         channel: Height channel.
         prob: Probability of the bands.
-        theta_c: Critical angle to mark.
+        marker: Critical angle to mark.
+        ax: Where to draw; None makes a figure.
     """
-    figure = new_figure(width=1.5 * COLUMN, height=3.4 + legend_height(sweeps))
+    height = 3.4 + legend_height(sweeps)
+    figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)
     draw_panel(
-        figure.subplots(),
+        axes,
         sweeps,
         swept="theta",
         channel=channel,
         unit=unit,
-        marker=theta_c,
+        marker=marker,
         prob=prob,
     )
     return figure
@@ -275,11 +332,19 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
         for turn in (0.0, np.pi):
             axes.plot([value + turn] * 2, [0, top], color=BLACK, lw=1.1, ls=(0, (4, 2)))
     axes.set_ylim(0, top)
-    angles = np.concatenate([sweep.angle_deg for sweep in sweeps])
-    if angles.min(initial=0.0) >= 0 and angles.max(initial=0.0) <= 180:
-        axes.set_xlim(0, np.pi)
+    low, high = _wedge(sweeps, marker)
+    axes.set_xlim(np.radians(low), np.radians(high))
+    axes.set_xticks(np.radians(np.arange(low, min(high, low + 331) + 1, 30)))
     axes.yaxis.set_major_locator(MaxNLocator(4))
     axes.tick_params(labelsize=7)
+
+
+def _wedge(sweeps: Sequence[Sweep], marker: Marker) -> tuple[float, float]:
+    """Azimuths between which there is something to see, in steps of 30° [deg]."""
+    seen = np.concatenate([*(s.angle_deg for s in sweeps), np.array(marker.estimates)])
+    low = 30.0 * np.floor(seen.min(initial=90.0) / 30)
+    high = 30.0 * np.ceil(seen.max(initial=90.0) / 30)
+    return (low, high) if high - low < 300 else (0.0, 360.0)
 
 
 @styled
@@ -289,7 +354,8 @@ def alpha_figure(
     unit: str,
     channel: str = "height",
     prob: float,
-    alpha_star: Marker | None = None,
+    marker: Marker | None = None,
+    ax: "Axes | None" = None,
 ) -> "Figure":
     """Peak height against azimuth, as a curve and around the push frame.
 
@@ -298,33 +364,25 @@ def alpha_figure(
         unit: Unit of the heights.
         channel: Height channel.
         prob: Probability of the bands.
-        alpha_star: Best push direction to mark.
+        marker: Best push direction to mark.
+        ax: Where to draw the curves alone; None makes a figure of both.
     """
-    marker = alpha_star or Marker(name="alpha_star")
+    marker = marker or Marker(name="alpha_star")
+    panel = {"swept": "alpha", "channel": channel, "unit": unit, "prob": prob}
+    if ax is not None:
+        figure, axes = canvas(ax, width=PAGE, height=PAGE)
+        draw_panel(axes, sweeps, marker=marker, **panel)
+        return figure
     figure = new_figure(width=PAGE, height=3.2 + legend_height(sweeps))
     # Apart, so that the legend of the one takes no room from the other.
     grid = figure.add_gridspec(1, 2)
     left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-    draw_panel(
-        left.subplots(),
-        sweeps,
-        swept="alpha",
-        channel=channel,
-        unit=unit,
-        marker=marker,
-        prob=prob,
-    )
-    polar = right.add_subplot(projection="polar")
-    draw_polar(polar, sweeps, marker)
+    draw_panel(left.subplots(), sweeps, marker=marker, **panel)
+    draw_polar(right.add_subplot(projection="polar"), sweeps, marker)
     is_signed = any(np.any(sweep.height < 0) for sweep in sweeps)
-    # Half a disc is drawn into the middle of the square of a whole one.
-    is_half = polar.get_xlim() == (0.0, np.pi)
-    polar.set_title(
+    right.suptitle(
         f"{'positive ' if is_signed else ''}{channel_label(channel, unit)}, "
         "around the push frame",
-        loc="center",
         fontsize=8,
-        fontweight="normal",
-        y=0.85 if is_half else None,
     )
     return figure

@@ -1,0 +1,93 @@
+"""Ctrl-C and SIGTERM end a command at once, wherever it is.
+
+Python runs signal handlers between two of its own steps. A compilation by JAX is one
+step that may last a minute, a callback of JAX swallows what a handler raises, and emcee
+prints it. So nothing is raised: a thread of its own waits for the signal, removes what
+is half written and ends the process. All files are complete or absent at any moment, so
+no unwinding is needed.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+
+from pushfit.atomic import discard_unfinished
+
+WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+# Shells report a process that a signal ended by 128 and its number.
+SIGNALLED = 128
+# Longest wait for a result folder that is just taking its place [s].
+PATIENCE = 0.5
+SHOW_CURSOR = "\r\x1b[K\x1b[?25h"
+NOTHING = "nothing was written"
+
+# What signals do belongs to the process, and so does what they say.
+_kept = [NOTHING]
+
+
+def keep(sentence: str) -> None:
+    """Say, from now on, what a user has who stops the command.
+
+    Args:
+        sentence: What is kept and where.
+    """
+    _kept[0] = sentence
+
+
+def kept() -> str:
+    """What to tell a user who stops the command now."""
+    return _kept[0]
+
+
+@contextlib.contextmanager
+def stoppable() -> Iterator[None]:
+    """Have the two signals end the process while the block runs."""
+    keep(NOTHING)
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may say what signals do
+        return
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    # The bytes are written by the handler in C, which waits for nobody.
+    descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    before = {number: signal.signal(number, _leave_to_thread) for number in WORDS}
+    thread = threading.Thread(target=_watch, args=(reader,), daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(descriptor)
+        writer.close()
+        thread.join()
+        reader.close()
+
+
+def _leave_to_thread(number: int, frame: object) -> None:
+    """Handler that keeps Python's own from raising."""
+
+
+def _watch(reader: socket.socket) -> None:
+    """Wait for one of the signals, or for the end of the block."""
+    while received := reader.recv(1):
+        number = received[0]
+        if number in WORDS:
+            _end(signal.Signals(number))
+
+
+def _end(number: signal.Signals) -> None:
+    """Leave nothing half written, and nobody at work, and go."""
+    for child in multiprocessing.active_children():
+        child.kill()
+    discard_unfinished(patience=PATIENCE)
+    # The bar of a terminal hides the cursor.
+    start = SHOW_CURSOR if sys.stderr.isatty() else ""
+    with contextlib.suppress(OSError):
+        os.write(2, f"{start}{WORDS[number]}; {kept()}\n".encode(errors="replace"))
+    os._exit(SIGNALLED + number)

@@ -1,0 +1,185 @@
+"""The grasp from the side and from above: what θ, α and the two answers mean.
+
+A sketch: proportions are free, angles are true. Azimuths run counter-clockwise from the
+x axis, along which the supports stand; elevations run from the surface into the object.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.report.figures.style import (
+    BLACK,
+    BLUE,
+    COLUMN,
+    GREY,
+    PALE,
+    VERMILLION,
+    drawable,
+    math_symbol,
+    new_figure,
+    styled,
+)
+from pushfit.report.figures.sweeps import SHADE, Marker
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Length of the arrows, and where the finger touches, in widths of the object.
+REACH = 0.85
+DASHED = (0, (4, 2))
+
+
+def _ray(angle_deg: float, length: float, *, down: bool) -> tuple[float, float]:
+    """End of a ray from the contact."""
+    angle = np.radians(angle_deg)
+    return length * np.cos(angle), (-1 if down else 1) * length * np.sin(angle)
+
+
+def _arrow(axes: "Axes", end: tuple[float, float], colour: str) -> None:
+    """Push arrow from the contact."""
+    axes.annotate(
+        "",
+        end,
+        (0, 0),
+        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2, "shrinkA": 0},
+        zorder=5,
+    )
+
+
+def _fan(
+    axes: "Axes", marker: Marker, *, limits: tuple[float, float], down: bool
+) -> None:
+    """The set of an angle as a wedge, its values as dashed rays."""
+    from matplotlib.patches import Wedge
+
+    for start, end in marker.pieces:
+        low = limits[0] if start is None else start
+        high = limits[1] if end is None else end
+        ends = (-high, -low) if down else (low, high)
+        axes.add_patch(Wedge((0, 0), REACH, *ends, color=BLUE, alpha=2 * SHADE, lw=0))
+    for value in marker.estimates:
+        x, y = _ray(value, REACH, down=down)
+        axes.plot([0, x], [0, y], color=BLUE, lw=1.2, ls=DASHED)
+
+
+def _label(axes: "Axes", text: str, angle_deg: float, *, down: bool) -> None:
+    """Symbol at the end of a ray."""
+    x, y = _ray(angle_deg, 1.16 * REACH, down=down)
+    axes.text(x, y, text, ha="center", va="center", fontsize=9, parse_math=True)
+
+
+def draw_side(axes: "Axes", marker: Marker, theta_deg: Sequence[float]) -> None:
+    """Draw object, supports and finger from the side, with pushes and θ_c.
+
+    Args:
+        axes: Where to.
+        marker: Critical angle.
+        theta_deg: Elevations that were pushed [deg].
+    """
+    from matplotlib.patches import Arc, Circle, FancyBboxPatch, Wedge
+
+    style = "round,pad=0,rounding_size=0.1"
+    axes.add_patch(
+        FancyBboxPatch((-1, -1.05), 2, 1.05, boxstyle=style, fc=PALE, ec=GREY, zorder=0)
+    )
+    axes.add_patch(Circle((0, 0.3), 0.3, fc="white", ec=GREY))
+    for x in (-0.55, 0.55):
+        axes.add_patch(Wedge((x, -1.35), 0.3, 0, 360, fc="white", ec=GREY))
+    for theta in np.unique(np.round(theta_deg, 3)):
+        x, y = _ray(theta, REACH, down=True)
+        axes.plot([0.9 * x, x], [0.9 * y, y], color=GREY, lw=1)
+    _fan(axes, marker, limits=(0.0, 90.0), down=True)
+    push = 35.0
+    _arrow(axes, _ray(push, REACH, down=True), VERMILLION)
+    axes.add_patch(Arc((0, 0), 0.9, 0.9, theta1=-push, theta2=0, color=VERMILLION))
+    axes.text(
+        *_ray(22.0, 0.58, down=True), "θ", color=VERMILLION, fontsize=11, ha="center"
+    )
+    axes.plot([0, 0.8], [0, 0], color=BLACK, lw=0.8)
+    if marker.estimates:
+        _label(axes, math_symbol("theta_c"), marker.estimates[0], down=True)
+    words = f"from the side: below {math_symbol('theta_c')} the object rolls"
+    axes.text(0, -1.9, words, ha="center", parse_math=True)
+    for text, place in (("finger", (0, 0.3)), ("supports", (0, -1.35))):
+        axes.text(*place, text, ha="center", va="center", fontsize=7, color=GREY)
+    axes.text(-0.9, -0.95, "object", fontsize=7, color=GREY)
+    axes.set(xlim=(-1.3, 1.3), ylim=(-2.0, 0.75), aspect="equal")
+
+
+def draw_top(
+    axes: "Axes",
+    marker: Marker,
+    alpha_deg: Sequence[float],
+    reach_deg: tuple[float, float],
+) -> None:
+    """Draw the surface from above, with azimuths, reach and α*.
+
+    Args:
+        axes: Where to.
+        marker: Best push direction.
+        alpha_deg: Azimuths that were pushed [deg].
+        reach_deg: Azimuths that the finger can push in [deg].
+    """
+    from matplotlib.patches import Arc, FancyBboxPatch, Wedge
+
+    style = "round,pad=0,rounding_size=0.1"
+    axes.add_patch(
+        FancyBboxPatch((-1.2, -1), 2.4, 2, boxstyle=style, fc=PALE, ec=GREY, zorder=0)
+    )
+    axes.add_patch(Wedge((0, 0), 0.95 * REACH, *reach_deg, color="white", zorder=1))
+    for alpha in np.unique(np.round(alpha_deg, 3)):
+        x, y = _ray(alpha, 0.95 * REACH, down=False)
+        axes.plot([0, x], [0, y], color=GREY, lw=0.7)
+    _fan(axes, marker, limits=reach_deg, down=False)
+    push = float(np.clip(30.0, *reach_deg))
+    _arrow(axes, _ray(push, REACH, down=False), VERMILLION)
+    axes.add_patch(Arc((0, 0), 0.8, 0.8, theta1=0, theta2=push, color=VERMILLION))
+    axes.text(0.44, 0.06, "α", color=VERMILLION, fontsize=11)
+    axes.plot([0, 1.1], [0, 0], color=BLACK, lw=0.8)
+    axes.text(1.14, -0.12, "x", fontsize=9)
+    if marker.estimates:
+        _label(axes, math_symbol("alpha_star"), marker.estimates[0], down=False)
+    words = f"from above: along {math_symbol('alpha_star')} it gives way most easily"
+    axes.text(0, -1.3, words, ha="center", parse_math=True)
+    axes.text(-1.1, -0.9, "grey: pushed; white: within reach", fontsize=7, color=GREY)
+    axes.set(xlim=(-1.35, 1.35), ylim=(-1.45, 1.3), aspect="equal")
+
+
+@styled
+def grasp_figure(
+    theta_deg: Float[np.ndarray, " n"],
+    alpha_deg: Float[np.ndarray, " n"],
+    *,
+    theta_c: Marker,
+    alpha_star: Marker,
+    reach_deg: tuple[float, float],
+) -> "Figure":
+    """The grasp with a push, its two angles and the two answers.
+
+    Args:
+        theta_deg: Elevations that were pushed [deg].
+        alpha_deg: Azimuths that were pushed [deg].
+        theta_c: Critical angle.
+        alpha_star: Best push direction.
+        reach_deg: Azimuths that the finger can push in [deg].
+    """
+    figure = new_figure(width=2 * COLUMN, height=0.95 * COLUMN)
+    side, top = figure.subplots(1, 2)
+    draw_side(side, theta_c, list(theta_deg))
+    draw_top(top, alpha_star, list(alpha_deg), reach_deg)
+    for axes, marker in ((side, theta_c), (top, alpha_star)):
+        axes.set_axis_off()
+        symbol = math_symbol(marker.name)
+        axes.set_title(
+            f"{symbol}:  {drawable(marker.text)}",
+            loc="center",
+            fontsize=9,
+            fontweight="normal",
+            color=BLUE,
+            parse_math=True,
+        )
+    return figure

@@ -1,0 +1,30 @@
+"""Names of picture files: known before anything that could draw is loaded."""
+
+from pathlib import Path
+
+from pushfit.atomic import is_stream
+from pushfit.errors import ConfigError
+
+# Formats for photographs would smear the lines.
+FORMATS = ("png", "svg", "pdf")
+
+
+def picture_format(path: Path) -> str:
+    """Format of a picture by the name of its file, for example "svg".
+
+    Args:
+        path: File; a stream may have no suffix and gets a PNG.
+
+    Raises:
+        ConfigError: The suffix is none of those that can be written.
+    """
+    suffix = path.suffix.removeprefix(".").lower()
+    if suffix in FORMATS:
+        return suffix
+    if not suffix and is_stream(path):
+        return FORMATS[0]
+    raise ConfigError(
+        f"{path}: the suffix {path.suffix!r} is no format for pictures; end the name "
+        f"in {', '.join(f'.{name}' for name in FORMATS)}",
+        code="picture_format",
+    )

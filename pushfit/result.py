@@ -1,0 +1,209 @@
+"""A result to hold: what one table told, ready to print, plot, save and pass on.
+
+A `Result` is an `Identification` that shows itself. Numbers that may not be quoted are
+not in it, whether it is fresh or read back from a folder.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from pushfit.fit.quoting import quoted
+from pushfit.fit.results import Identification, Quantity
+from pushfit.report.answers import alpha_star_answer, theta_c_answer
+from pushfit.report.archive import chains_tree
+from pushfit.report.card import card_html, latex_table, markdown_table
+from pushfit.report.facts import quantity_cells, verdict_word
+from pushfit.report.figures import plot
+from pushfit.report.folder import write_result_folder
+from pushfit.report.frames import result_frame
+from pushfit.report.stored import read_result
+from pushfit.report.strings import symbol
+from pushfit.report.summary import Json, summary_dict
+from pushfit.report.text import render_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from xarray import DataTree
+
+
+class Value(Quantity):
+    """One number with everything that may honestly be said of it.
+
+    `float(value)` and `f"{value:.3g}"` give the estimate, `str(value)` estimate,
+    interval and unit with the digits that the interval justifies.
+    """
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, quantity: Quantity) -> "Value":
+        """The same quantity as a value.
+
+        Args:
+            quantity: Already without what may not be quoted.
+        """
+        return cls(**{f.name: getattr(quantity, f.name) for f in fields(quantity)})
+
+    def __float__(self) -> float:
+        """Estimate.
+
+        Raises:
+            ValueError: There is none to quote.
+        """
+        if self.estimate is None:
+            raise ValueError(
+                f"{self.name} has no single estimate: "
+                f"{verdict_word(self.verdict)}; see its interval and sets"
+            )
+        return float(self.estimate)
+
+    def __format__(self, spec: str) -> str:
+        """Estimate in a format of floats; without one the same as `str`."""
+        return format(float(self), spec) if spec else str(self)
+
+    def __str__(self) -> str:
+        """Estimate, interval and unit."""
+        value, interval, unit, verdict, _ = quantity_cells(self)
+        around = f"({interval})" if interval else ""
+        number = f"{value}{unit}" if unit == "°" else f"{value} {unit}".strip()
+        return " ".join(part for part in (number, around) if part) or verdict
+
+    def __repr__(self) -> str:
+        """The same with its name and verdict."""
+        return f"<{self.name}: {self}, {verdict_word(self.verdict)}>"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class Result(Identification):
+    """What one table told, with all ways to look at it.
+
+    `print(result)` is the whole report, a notebook shows a card. The fields are those
+    of `Identification`: `theta_c`, `alpha_star`, `parameters`, `combinations`,
+    `warnings`, `status`, `table`, `fit`, `posterior` and so on.
+    """
+
+    @classmethod
+    def of(cls, identification: Identification) -> "Result":
+        """Result of an identification.
+
+        Args:
+            identification: What was found.
+        """
+        if isinstance(identification, cls):
+            return identification
+
+        def value(quantity: Quantity | None) -> Value | None:
+            if quantity is None:
+                return None
+            return Value.of(quoted(quantity, identification))
+
+        own = {f.name: getattr(identification, f.name) for f in fields(identification)}
+        for name in ("theta_c", "alpha_star", "alpha_star_model_free"):
+            own[name] = value(own[name])
+        for name in ("parameters", "combinations"):
+            own[name] = tuple(value(quantity) for quantity in own[name])
+        return cls(**own)
+
+    @property
+    def params(self) -> Mapping[str, Value]:
+        """Parameters and combinations by name, for example `params["K_sn"]`."""
+        both = (*self.parameters, *self.combinations)
+        return MappingProxyType({q.name: Value.of(q) for q in both})
+
+    def summary(self) -> str:
+        """The two answers and the warnings, a sentence each."""
+        sentences = [
+            a.sentence for a in (theta_c_answer(self), alpha_star_answer(self))
+        ]
+        return "\n".join([*sentences, *(notice.text for notice in self.warnings)])
+
+    def to_frame(self) -> pd.DataFrame:
+        """Angles, parameters and combinations, one row each; NaN is unknown.
+
+        Returns:
+            Indexed by name: `kind`, `estimate`, `lower`, `upper`, `prob`, `unit`,
+            `verdict`, `contraction` and `note`.
+        """
+        return result_frame(self)
+
+    def to_dict(self) -> dict[str, Json]:
+        """Content of `summary.json`."""
+        return summary_dict(self)
+
+    def to_latex(self) -> str:
+        """The table of numbers for a paper; needs the package booktabs."""
+        return latex_table(self)
+
+    def to_markdown(self) -> str:
+        """The table of numbers for a page."""
+        return markdown_table(self)
+
+    def to_datatree(self) -> "DataTree":
+        """Posterior, prior, data and fit for ArviZ, every walker a chain."""
+        return chains_tree(self)
+
+    def plot(self, name: str = "main", *, ax: "Axes | None" = None) -> "Figure":
+        """One of the figures of the report.
+
+        Args:
+            name: As the file in `figures` is called, for example "theta_c".
+            ax: Where to draw, for a figure of a single panel; None makes a figure.
+
+        Returns:
+            The figure, which a notebook shows.
+
+        Raises:
+            ConfigError: This result has no such figure, or it has several panels.
+        """
+        return plot(self, name, ax=ax)
+
+    def save(
+        self, folder: str | Path, *, force: bool = False, pictures: str | None = None
+    ) -> Path:
+        """Write the folder that `pushfit identify --out` writes.
+
+        Args:
+            folder: Folder to create.
+            force: Replace a result that stands there.
+            pictures: "png" or "svg" for every figure also in this format.
+
+        Returns:
+            The folder.
+
+        Raises:
+            ConfigError: Something stands there, or the parent does not exist.
+        """
+        return write_result_folder(self, Path(folder), force=force, pictures=pictures)
+
+    def __str__(self) -> str:
+        """The report."""
+        return render_text(self)
+
+    def __repr__(self) -> str:
+        """Both answers in short."""
+        answers = (theta_c_answer(self), alpha_star_answer(self))
+        said = ", ".join(f"{symbol(a.name)} {a.short}" for a in answers)
+        n_used = int(self.used.sum())
+        return f"<pushfit result: {said}; {n_used} pushes, {self.status.name.lower()}>"
+
+    def _repr_html_(self) -> str:
+        """Card for a notebook."""
+        return card_html(self)
+
+
+def load(folder: str | Path) -> Result:
+    """A result that `save` or `--out` wrote.
+
+    Args:
+        folder: Result folder.
+
+    Raises:
+        DataError: The folder is no result, lacks a part, or is of another schema.
+    """
+    return Result.of(read_result(folder))

@@ -1,0 +1,244 @@
+"""From whatever holds the pushes to a result in one call, as `pushfit identify` does.
+
+Files, frames and records are taken alike. Excluded: what a result shows, which is in
+`pushfit.result`.
+"""
+
+import contextlib
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+import pandas as pd
+
+from pushfit.cache import enable_compile_cache
+from pushfit.config import GraspConfig, config_of, read_config
+from pushfit.data.check import expect_kind, file_kind
+from pushfit.data.load import configured_recording, reader_options
+from pushfit.data.merge import merge_tables
+from pushfit.data.peaks import extract_peaks
+from pushfit.data.recording import Recording
+from pushfit.data.schedule import PushSchedule, read_schedule
+from pushfit.data.table import PeakTable, read_table
+from pushfit.errors import ConfigError
+from pushfit.fit.identify import identify_table
+from pushfit.fit.results import Recipe
+from pushfit.result import Result
+
+Read = TypeVar("Read")
+Progress = Callable[[str, float], None]
+Named = str | Path
+Source = Named | pd.DataFrame | Recording | PeakTable
+Plan = Named | pd.DataFrame | PushSchedule
+Settings = GraspConfig | Named | Mapping[str, object]
+
+
+def identify(
+    recordings_or_table: Source | Sequence[Source],
+    schedule: Plan | Sequence[Plan] | None = None,
+    config: Settings | None = None,
+    seed: int = 0,
+    *,
+    engine: str = "auto",
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+) -> Result:
+    """From recordings of pushes, or a table of their heights, to θ_c and α*.
+
+    Args:
+        recordings_or_table: One or several recordings of one grasp, or one table of
+            peak heights: paths, frames whose columns state their units, or what
+            `read_recording` and `read_table` give.
+        schedule: Directions of the pushes, one schedule for each recording; None where
+            the recordings have angle columns, and for a table.
+        config: What is known of grasp and sensor: a `grasp.toml`, its content, or what
+            `read_config` gives.
+        seed: Seed of every random number.
+        engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws are
+            not to be trusted.
+        progress: Called with a stage and the share of it that is done; None shows both
+            in a notebook.
+        checkpoint: File in which a chain is kept, to be gone on with.
+
+    Returns:
+        The result. Its status says whether numbers may be quoted.
+
+    Raises:
+        ConfigError: A file is missing, or settings or schedules do not fit.
+        DataError: The input breaks a rule, or no push is left.
+        FitError: No start gives finite residuals.
+    """
+    enable_compile_cache()
+    settings = as_config(config)
+    sources, plans = _several(recordings_or_table), _several(schedule)
+    table = gather(sources, plans, settings)
+    with shown_progress(progress) as report:
+        found = identify_table(
+            table,
+            settings,
+            seed=seed,
+            engine=engine,
+            progress=report,
+            checkpoint=checkpoint,
+        )
+    return Result.of(replace(found, recipe=recipe_of(sources, plans, settings)))
+
+
+@contextlib.contextmanager
+def shown_progress(progress: Progress | None) -> Iterator[Progress | None]:
+    """The user's way to show progress, else a line in a notebook, else none.
+
+    Args:
+        progress: Of the user.
+
+    Yields:
+        Function of a stage and the share of it that is done.
+    """
+    notebook = sys.modules.get("IPython")
+    shell = notebook.get_ipython() if notebook else None
+    if progress is not None or notebook is None or not hasattr(shell, "kernel"):
+        yield progress
+        return
+    handle = notebook.display.display({"text/plain": ""}, raw=True, display_id=True)
+
+    def show(stage: str, share: float) -> None:
+        handle.update({"text/plain": f"{stage} {100 * share:.0f} %"}, raw=True)
+
+    try:
+        yield show
+    finally:
+        handle.update({"text/plain": ""}, raw=True)
+
+
+def as_config(config: Settings | None) -> GraspConfig:
+    """Settings, however they are given.
+
+    Args:
+        config: File, its content, the settings themselves, or None for the defaults.
+
+    Raises:
+        ConfigError: They cannot be read or break a rule.
+    """
+    if isinstance(config, GraspConfig):
+        return config
+    if isinstance(config, Mapping):
+        return config_of(config)
+    return read_config(config)
+
+
+def gather(
+    sources: Sequence[Source], plans: Sequence[Plan], config: GraspConfig
+) -> PeakTable:
+    """Peak heights of one grasp.
+
+    Args:
+        sources: Recordings, or one table.
+        plans: A schedule for each recording, or none.
+        config: Settings in force.
+
+    Returns:
+        One table.
+
+    Raises:
+        ConfigError: Schedules and recordings do not go together.
+        DataError: An input breaks a rule.
+    """
+    loaded = [_load(source, config) for source in sources]
+    tables = [one for one in loaded if isinstance(one, PeakTable)]
+    if tables:
+        _check_tables(tables, loaded, plans)
+        return tables[0]
+    if plans and len(plans) != len(loaded):
+        raise ConfigError(
+            f"{len(loaded)} recordings and {len(plans)} schedules; give one schedule "
+            "for each recording, in the same order",
+            code="schedule_count",
+        )
+    schedules = [_load_plan(plan) for plan in plans] or [None] * len(loaded)
+    return merge_tables(
+        [
+            extract_peaks(recording, plan, settings=config.peaks)
+            for recording, plan in zip(loaded, schedules, strict=True)
+            if isinstance(recording, Recording)
+        ]
+    )
+
+
+def _check_tables(
+    tables: Sequence[PeakTable],
+    loaded: Sequence[Recording | PeakTable],
+    plans: Sequence[Plan],
+) -> None:
+    """Refuse a table together with what it makes no sense with."""
+    if len(loaded) > 1:
+        kinds = f"{len(tables)} tables and {len(loaded) - len(tables)} recordings"
+        raise ConfigError(
+            f"{kinds} at once; give recordings only, or one table "
+            "(`merge_tables` makes one of several)",
+            code="mixed_inputs",
+        )
+    if plans:
+        raise ConfigError(
+            "a table of peak heights has its directions and takes no schedule; leave "
+            "the schedule out, or give the recording",
+            code="table_with_schedule",
+        )
+
+
+def _load(source: Source, config: GraspConfig) -> Recording | PeakTable:
+    """A recording or a table, whatever it is given as."""
+    if isinstance(source, Recording | PeakTable):
+        return source
+    if isinstance(source, pd.DataFrame):
+        if any(str(name).startswith("height") for name in source.columns):
+            return PeakTable.from_frame(source)
+        return _from_frame(source, lambda path: configured_recording(path, config))
+    options = reader_options(config)
+    if file_kind(source, **options) == "table":
+        return read_table(source)
+    expect_kind(source, "recording", **options)
+    return configured_recording(source, config)
+
+
+def _load_plan(plan: Plan) -> PushSchedule:
+    if isinstance(plan, PushSchedule):
+        return plan
+    if isinstance(plan, pd.DataFrame):
+        return _from_frame(plan, read_schedule)
+    return read_schedule(plan)
+
+
+def _from_frame(frame: pd.DataFrame, read: Callable[[Path], Read]) -> Read:
+    """Read a frame as the file that it would be: by the same rules and messages."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "frame.csv"
+        frame.to_csv(path, index=False)
+        return read(path)
+
+
+def recipe_of(
+    sources: Sequence[Source], plans: Sequence[Plan], config: GraspConfig
+) -> Recipe | None:
+    """Which files to read to do it again; None unless everything was a file.
+
+    Args:
+        sources: As given.
+        plans: As given.
+        config: Settings in force.
+    """
+    if not all(isinstance(given, str | Path) for given in (*sources, *plans)):
+        return None
+    names = tuple(str(source) for source in sources)
+    if len(names) == 1 and file_kind(names[0], **reader_options(config)) == "table":
+        return Recipe(table=names[0])
+    return Recipe(recordings=names, schedules=tuple(str(plan) for plan in plans))
+
+
+def _several(given: object) -> list:
+    """What was given, in a list; None is nothing."""
+    if given is None:
+        return []
+    return list(given) if isinstance(given, list | tuple) else [given]

@@ -1,0 +1,168 @@
+"""One call from whatever holds the pushes: files, frames and records are one thing."""
+
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pandas as pd
+import pytest
+
+import pushfit
+from pushfit import cache, workflow
+from pushfit.errors import ConfigError, DataError
+from pushfit.fit.results import Identification, Recipe
+from tests.batch.makers import table_text
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "foam_box"
+SWEEP, PLAN = EXAMPLE / "alpha_sweep.csv", EXAMPLE / "alpha_schedule.csv"
+
+
+class Asked(Exception):
+    """What the identification was asked for."""
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Call `identify` and give the table, settings and seed that it would fit."""
+
+    def stop(table, config, **options):
+        raise Asked(table, config, options)
+
+    monkeypatch.setattr(workflow, "identify_table", stop)
+
+    def ask(*arguments, **options):
+        with pytest.raises(Asked) as caught:
+            pushfit.identify(*arguments, engine="sweep", **options)
+        return caught.value.args
+
+    return ask
+
+
+@pytest.fixture
+def table(tmp_path):
+    path = tmp_path / "peaks.csv"
+    path.write_text(table_text(1, n=6))
+    return path
+
+
+def test_a_table_is_the_same_as_path_frame_and_record(table, asked):
+    frames = [
+        asked(given)[0].frame
+        for given in (table, str(table), pd.read_csv(table), pushfit.read_table(table))
+    ]
+    for frame in frames[1:]:
+        pd.testing.assert_frame_equal(frame, frames[0])
+
+
+def test_a_recording_is_the_same_as_path_frame_and_record(asked):
+    recording = pushfit.read_recording(SWEEP)
+    schedule = pushfit.read_schedule(PLAN)
+    inputs = [
+        (SWEEP, PLAN),
+        ([str(SWEEP)], [str(PLAN)]),
+        (recording, schedule),
+        (pd.read_csv(SWEEP), pd.read_csv(PLAN)),
+    ]
+    frames = [asked(*given)[0].frame for given in inputs]
+    assert len(frames[0]) == 18
+    for frame in frames[1:]:
+        pd.testing.assert_frame_equal(frame, frames[0])
+
+
+def test_settings_are_the_same_as_file_and_as_dictionary(table, tmp_path, asked):
+    path = tmp_path / "grasp.toml"
+    path.write_text("[push]\nlength_mm = 4.0\n")
+    settings = {"push": {"length_mm": 4.0}}
+    assert asked(table, config=path)[1] == asked(table, config=settings)[1]
+    with pytest.raises(ConfigError, match="did you mean length_mm"):
+        pushfit.identify(table, config={"push": {"lenght_mm": 4.0}})
+
+
+def test_the_seed_is_zero_unless_stated(table, asked):
+    assert asked(table)[2]["seed"] == 0
+    assert asked(table, seed=3)[2]["seed"] == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        (("none.csv",), ConfigError, "no such file"),
+        ((PLAN,), DataError, "is a schedule"),
+        (([SWEEP, SWEEP], PLAN), ConfigError, "2 recordings and 1 schedules"),
+        ((SWEEP,), DataError, "no angles"),
+    ],
+)
+def test_inputs_that_do_not_go_together_are_refused(arguments, error, words):
+    with pytest.raises(error, match=words):
+        pushfit.identify(*arguments)
+
+
+def test_a_table_goes_with_nothing_else(table):
+    with pytest.raises(ConfigError, match="takes no schedule"):
+        pushfit.identify(table, PLAN)
+    with pytest.raises(ConfigError, match="1 tables and 1 recordings"):
+        pushfit.identify([table, SWEEP])
+
+
+def test_only_files_can_be_verified_later(table):
+    config = workflow.as_config(None)
+    assert workflow.recipe_of([table], [], config) == Recipe(table=str(table))
+    assert workflow.recipe_of([SWEEP], [PLAN], config) == Recipe(
+        recordings=(str(SWEEP),), schedules=(str(PLAN),)
+    )
+    assert workflow.recipe_of([pd.DataFrame()], [], config) is None
+
+
+def test_compiled_programs_are_kept_although_jax_is_loaded(monkeypatch, tmp_path):
+    """JAX reads the environment once; after that only its own settings count."""
+    settings = {}
+
+    class Config:
+        jax_compilation_cache_dir = None
+
+        def update(self, name, value):
+            settings[name] = value
+
+    loaded = ModuleType("jax")
+    monkeypatch.setattr(loaded, "config", Config(), raising=False)
+    monkeypatch.setitem(sys.modules, "jax", loaded)
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
+    for name in (cache.SWITCH, cache.COMPILED):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(cache.PROGRAMS, "")
+    cache.enable_compile_cache()
+    assert settings["jax_compilation_cache_dir"] == str(tmp_path / "compiled")
+
+
+def test_a_notebook_shows_the_stage_and_its_share(monkeypatch):
+    shown = []
+
+    class Handle:
+        def update(self, data, *, raw):
+            assert raw
+            shown.append(data["text/plain"])
+
+    notebook = ModuleType("IPython")
+    notebook.get_ipython = lambda: type("Shell", (), {"kernel": 1})()
+    notebook.display = type(
+        "Display", (), {"display": staticmethod(lambda *a, **k: Handle())}
+    )
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    with workflow.shown_progress(None) as progress:
+        progress("sampling", 0.25)
+    assert shown == ["sampling 25 %", ""]
+
+
+def test_without_a_notebook_nothing_is_shown(monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    with workflow.shown_progress(None) as progress:
+        assert progress is None
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.slow
+def test_a_frame_becomes_a_result(table):
+    result = pushfit.identify(pd.read_csv(table), config={"push": {"length_mm": 5}})
+    assert isinstance(result, pushfit.Result)
+    assert isinstance(result, Identification)
+    assert str(result).startswith("pushfit ")
