@@ -82,6 +82,7 @@ _REASONS = {
     "sd": ("sd_range", "is no standard deviation; it must be above 0"),
     "count": ("count_range", "is below 1; number pushes and repeats from 1"),
     "field_uniqueness": ("duplicate_push", "stands for two pushes; number them apart"),
+    "definition": ("unknown_definition", "is neither apex nor plateau"),
     "flags": ("unknown_flag", "is no list of known flags, joined by ';'"),
 }
 

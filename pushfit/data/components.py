@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pushfit.data.detection import Extent, Noise
+from pushfit.data.detection import Extent
 from pushfit.data.heights import Height
 from pushfit.data.peak_settings import PeakSettings
 from pushfit.data.records import Recording
-from pushfit.data.rests import find_rests, rest_curve, rest_noise, slopes
+from pushfit.data.rests import baselines, rest_curve, rest_noise
 from pushfit.data.saturation import saturated_pushes
 from pushfit.errors import ConfigError, DataError
 
@@ -112,7 +112,11 @@ def measure_components(
         change, sd = _changes(time, samples[known], extents, heights)
         signs = np.where(change < 0, -1, 1).tolist()
         at_end = saturated_pushes(
-            samples[known], extents, signs=signs, limit=settings.limit, sigma=0.0
+            samples[known],
+            extents,
+            signs=signs,
+            limit=settings.limit,
+            sigma=np.zeros(len(extents)),
         )
         # A channel that a push leaves alone dwells at its largest reading as well.
         is_cut |= at_end & (np.abs(change) > _CLEAR * sd)
@@ -151,20 +155,14 @@ def _changes(
     heights: Sequence[Height],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Mean change of one channel around the top of each push, and its sd."""
-    rests = find_rests(time, samples, extents)
-    noise = rest_noise(samples, rests, Noise.of(samples))
-    drift = slopes(rests)
-    change, sd = np.empty(len(extents)), np.empty(len(extents))
-    for k, (extent, height) in enumerate(zip(extents, heights, strict=True)):
-        rest = rests[k] if rests[k].n_samples else rests[k + 1]
-        half = _TOP_SHARE * extent.width
-        first, last = np.searchsorted(
-            time, [height.t_peak - half, height.t_peak + half]
-        )
-        top = samples[int(first) : max(int(last), int(first) + 1)]
-        change[k] = top.mean() - rest.level - drift[k] * (height.t_peak - rest.time)
-        sd[k] = np.hypot(noise.of_mean(np.array([len(top)]))[0], noise.of_rest(rest))
-    return change, sd
+    noise = rest_noise(time, samples, extents)
+    base = baselines(time, samples, extents, noise)
+    parts = [_around_top(time, e, h) for e, h in zip(extents, heights, strict=True)]
+    top = np.array([samples[part].mean() for part in parts])
+    n_top = np.array([part.stop - part.start for part in parts])
+    when = np.array([height.t_peak for height in heights])
+    change = top - base.level - base.drift(when)
+    return change, np.hypot(noise.of_mean(n_top), base.sd_at(when))
 
 
 def _around_top(time: Float[np.ndarray, " n"], extent: Extent, height: Height) -> slice:

@@ -109,7 +109,7 @@ def extract_peaks(
         is_there = np.flatnonzero(pairs.hump >= 0)
         chosen = found.only([int(k) for k in pairs.hump[is_there]])
         plan = schedule.repeated(pairs.n_cycles).rows(is_there)
-    columns, definition = _measured(recording, time, signal, chosen, settings)
+    columns = _measured(recording, time, signal, chosen, settings)
     frame = pd.DataFrame(
         {
             "push": plan.push,
@@ -121,7 +121,7 @@ def extract_peaks(
             "t_end_s": [e.t_end for e in chosen.extents],
         }
     )
-    notes = [*recording.notes, f"heights are those of the {definition} of each push"]
+    notes = [*recording.notes, _definition_note(columns["definition"])]
     notes += _left_out(found, chosen)
     if schedule is not None and pairs is not None:
         notes += _pairing_notes(schedule, pairs, found)
@@ -267,11 +267,11 @@ def _measured(
     signal: Float[np.ndarray, " n"],
     chosen: _Found,
     settings: PeakSettings,
-) -> tuple[dict[str, Sequence[float] | Sequence[str]], str]:
-    """Height columns of the table, and what the heights are."""
+) -> dict[str, Sequence[float] | Sequence[str]]:
+    """Height columns of the table, with what each height is."""
     turned = -1.0 if settings.invert else 1.0
     is_force = settings.normal is not None
-    heights, definition = measure_heights(
+    heights = measure_heights(
         time,
         signal,
         chosen.extents,
@@ -281,7 +281,10 @@ def _measured(
         signs=chosen.signs,
     )
     words = [set(h.flags) for h in heights]
-    times = {"t_peak_s": [h.t_peak for h in heights]}
+    times = {
+        "t_peak_s": [h.t_peak for h in heights],
+        "definition": [h.definition for h in heights],
+    }
     if is_force:
         columns, is_cut = measure_components(
             recording,
@@ -293,19 +296,16 @@ def _measured(
         )
         for own, cut in zip(words, is_cut, strict=True):
             own |= {"saturated"} if cut else set()
-        return {**columns, **times, "flags": _joined(words)}, definition
+        return {**columns, **times, "flags": _joined(words)}
     name = settings.channel or next(iter(recording.channels))
     unit = recording.units[name]
-    return (
-        {
-            f"height_{unit}": [h.height for h in heights],
-            f"height_sd_{unit}": [h.sd for h in heights],
-            f"baseline_{unit}": [turned * h.baseline for h in heights],
-            **times,
-            "flags": _joined(words),
-        },
-        definition,
-    )
+    return {
+        f"height_{unit}": [h.height for h in heights],
+        f"height_sd_{unit}": [h.sd for h in heights],
+        f"baseline_{unit}": [turned * h.baseline for h in heights],
+        **times,
+        "flags": _joined(words),
+    }
 
 
 def _joined(words: Sequence[set[str]]) -> list[str]:
@@ -326,6 +326,18 @@ def _pairing_notes(
         error = mismatch_error(schedule, pairs, found.extents)
         notes += [problem.message for problem in error.problems]
     return notes
+
+
+def _definition_note(definitions: Sequence[float] | Sequence[str]) -> str:
+    """What the heights are; a warning where they are not all the same."""
+    n_held = list(definitions).count("plateau")
+    if n_held in (0, len(definitions)):
+        return f"heights are those of the {definitions[0]} of each push"
+    return (
+        f"mixed definitions: {n_held} of {len(definitions)} heights are plateaus, the "
+        'others apexes; state peaks.height = "apex" or "plateau" before they are '
+        "compared in a fit"
+    )
 
 
 def _left_out(found: _Found, chosen: _Found) -> list[str]:

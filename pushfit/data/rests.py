@@ -5,20 +5,25 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float, Real
-from numpy.lib.stride_tricks import sliding_window_view
+from jaxtyping import Bool, Float, Int, Real
 
-from pushfit.data.detection import Extent, Noise
+from pushfit.data.detection import Extent, usual_step
+from pushfit.data.noise import Noise
 
-# The foot of a push is found at 5 % of its height: this share of its width before it,
-# the signal may already be on its way.
-_GUARD = 0.15
-_MAX_GUARD = 0.25
-# After a release sensors recover; the later part of a rest is the better one.
-_SETTLED = 0.5
-# Rests on either side that the drift under a push is judged by.
-_NEIGHBOURS = 3
-_MIN_RESTS = 3
+# Share of the time between two pushes in which the signal comes to rest.
+_TAIL = 0.3
+# A rest of fewer samples shows no level.
+_FEWEST = 3
+_FEWEST_STEPS = 4
+# Share of the height by which a rest may lie above the one after the push, if it is
+# short: the signal had not come to rest.
+_MAX_UNREST = 0.1
+# Share of the height by which drift may move the rest under a push; sensors and grasps
+# are shifted by more. And how many sd a rest may move that has settled.
+_SHIFT, _UNSETTLED = 0.08, 4.0
+# The mean of the middle half scatters by 9 % more than the mean.
+_MIDDLE = 1.09
+_ALL = slice(None)
 # Long enough for several pushes, short enough for drift [s].
 _STRETCH = 30.0
 _BLOCK = 16
@@ -35,30 +40,8 @@ _MAX_BLOCKS = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rest:
-    """The settled part of a rest.
-
-    Args:
-        start: First sample.
-        end: One past the last sample.
-        level: Mean of the middle half of the samples [unit]; NaN without samples.
-        time: Middle of the samples [s].
-    """
-
-    start: int
-    end: int
-    level: float
-    time: float
-
-    @property
-    def n_samples(self) -> int:
-        """Number of samples."""
-        return self.end - self.start
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RestNoise:
-    """Noise of samples at rest.
+    """Noise of samples at rest beside each push.
 
     Args:
         sigma: Standard deviation of a sample [unit].
@@ -66,67 +49,215 @@ class RestNoise:
         quantum: Resolution [unit].
     """
 
-    sigma: float
-    correlation: float
+    sigma: Float[np.ndarray, " p"]
+    correlation: Float[np.ndarray, " p"]
     quantum: float
 
-    def of_mean(self, n_samples: Real[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Standard deviations of means of so many samples [unit]."""
-        variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
+    def of(self, rows: Int[np.ndarray, " r"]) -> "RestNoise":
+        """Noise beside some of the pushes."""
+        return RestNoise(
+            sigma=self.sigma[rows],
+            correlation=self.correlation[rows],
+            quantum=self.quantum,
+        )
+
+    def of_mean(
+        self,
+        n_samples: Real[np.ndarray, " p"],
+        rows: Int[np.ndarray, " p"] | slice = _ALL,
+    ) -> Float[np.ndarray, " p"]:
+        """Standard deviations of means of so many samples beside some pushes [unit]."""
+        sigma = self.sigma[rows]
+        variance = self.correlation[rows] * sigma**2 / np.maximum(n_samples, 1.0)
         # Rounding is not averaged out where the noise does not reach the next count.
-        if self.sigma < self.quantum / 2:
-            variance = variance + self.quantum**2 / 12
-        return np.sqrt(variance)
-
-    def of_rest(self, rest: Rest) -> float:
-        """Standard deviation of the level of a rest [unit]."""
-        # The mean of the middle half scatters by 9 % more than the mean.
-        return 1.09 * float(self.of_mean(np.array([rest.n_samples]))[0])
+        coarse = sigma < self.quantum / 2
+        return np.sqrt(variance + np.where(coarse, self.quantum**2 / 12, 0.0))
 
 
-def find_rests(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Baselines:
+    """Rest level under each push, from the rests beside it and from nothing else.
+
+        level(t) = level + slope (t - time)
+
+    Args:
+        level: Mean of the rest before the push; of that after it where the samples
+            show none before, NaN where they show neither [unit].
+        time: Middle of that rest [s].
+        slope: Drift to the rest after the push [unit/s].
+        doubt: Drift that may be a shift instead [unit/s].
+        sd: Standard deviation of `level` [unit].
+        sd_after: Standard deviation of the level that `slope` leads to [unit].
+        time_after: Its time; NaN where there is none [s].
+    """
+
+    level: Float[np.ndarray, " p"]
+    time: Float[np.ndarray, " p"]
+    slope: Float[np.ndarray, " p"]
+    doubt: Float[np.ndarray, " p"]
+    sd: Float[np.ndarray, " p"]
+    sd_after: Float[np.ndarray, " p"]
+    time_after: Float[np.ndarray, " p"]
+
+    def drift(self, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+        """Change of the level since `time` [unit].
+
+        Args:
+            when: A time for each push [s].
+        """
+        return self.slope * (when - self.time)
+
+    def sd_at(self, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+        """Standard deviation of the level [unit].
+
+        Args:
+            when: A time for each push [s].
+        """
+        since = when - self.time
+        share = np.where(
+            self.slope == 0.0,
+            0.0,
+            since / np.maximum(self.time_after - self.time, 1e-9),
+        )
+        share = np.nan_to_num(share)
+        own, after = (1 - share) * self.sd, share * np.nan_to_num(self.sd_after)
+        return np.sqrt(own**2 + after**2 + (self.doubt * since) ** 2)
+
+
+def rest_windows(
+    time: Float[np.ndarray, " n"], extents: Sequence[Extent], *, is_long: bool = False
+) -> tuple[Int[np.ndarray, "p 2"], Int[np.ndarray, "p 2"]]:
+    """Samples of the rests before and after each push, first and one past the last.
+
+    They are measured from the feet of the push, so that a neighbour or an end of the
+    recording can only cut them short, never move them.
+
+    Args:
+        time: Sample times [s].
+        extents: Pushes in order.
+        is_long: Whether to take all that is settled, to judge the noise.
+
+    Returns:
+        Rests before and after; empty where there is none.
+    """
+    step = usual_step(time)
+    before, after = np.empty((len(extents), 2)), np.empty((len(extents), 2))
+    for k, extent in enumerate(extents):
+        feet = extent.feet
+        before[k], after[k] = feet.before(step), feet.after(step)
+        if is_long:
+            before[k, 0] -= _MAX_SAMPLES * step
+            after[k, 1] += _MAX_SAMPLES * step
+        if k > 0:
+            ended = extents[k - 1].t_end
+            tail = _TAIL * (extent.t_start - ended)
+            before[k, 0] = max(before[k, 0], ended + tail)
+            # In a short rest a part of it has to do.
+            before[k, 1] = max(before[k, 1], extent.t_start - tail)
+        if k + 1 < len(extents):
+            after[k, 1] = min(after[k, 1], extents[k + 1].feet.before(step)[1])
+    return np.searchsorted(time, before), np.searchsorted(time, after)
+
+
+def baselines(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
-) -> tuple[Rest, ...]:
-    """Settled parts of the rests before, between and after pushes.
+    noise: RestNoise,
+) -> Baselines:
+    """Rest levels under pushes, each by its own rests.
+
+    The rest before a push is its baseline. That after it tells of drift, unless it is
+    off by more than drift can be, or has not settled: then the grasp or the sensor has
+    changed under the push, and what lies between is doubt.
 
     Args:
         time: Sample times [s].
         signal: Samples [unit].
         extents: Pushes in order.
+        noise: Noise beside each push.
 
     Returns:
-        One rest more than pushes.
+        The baselines.
     """
-    ends = [0, *(e.end for e in extents)]
-    starts = [*(e.start for e in extents), len(time)]
-    guards = [*(_GUARD * e.width for e in extents), 0.0]
-    # No longer than the push: an old baseline is no better than a fresh one.
-    spans = [*(max(e.width, 0.2) for e in extents), np.inf]
-    rests = []
-    for k, (end, start) in enumerate(zip(ends, starts, strict=True)):
-        if start <= end:
-            rests.append(
-                Rest(start=end, end=end, level=np.nan, time=float(time[end - 1]))
-            )
+    windows = rest_windows(time, extents)
+    # Rests before and after, by level, middle and number of samples.
+    parts = [np.array([_rest(time, signal, w) for w in own]) for own in windows]
+    (level, when, n), (level_after, when_after, n_after) = (p.T for p in parts)
+    sd, sd_after = (_MIDDLE * noise.of_mean(count) for count in (n, n_after))
+    height = np.array([max(e.height, 1e-300) for e in extents])
+    only_after = np.isnan(level) | _is_unrest(extents, level - level_after, height)
+    rate = (level_after - level) / np.maximum(when_after - when, 1e-9)
+    shift = (level_after - level) / height
+    unsettled = _unsettled(signal, time, windows[1], rate, noise)
+    trust = 1 / (1 + (shift / _SHIFT) ** 4) / (1 + (unsettled / _UNSETTLED) ** 4)
+    has_both = np.isfinite(rate) & ~only_after
+    starts = np.array([e.t_start for e in extents])
+    return Baselines(
+        level=_filled(np.where(only_after, level_after, level), signal),
+        time=np.nan_to_num(np.where(only_after, when_after, when), nan=0.0)
+        + np.where(only_after & np.isnan(when_after), starts, 0.0),
+        slope=np.where(has_both, trust * rate, 0.0),
+        doubt=np.where(has_both, (1 - trust) * np.abs(rate) / 2, 0.0),
+        sd=np.where(only_after, sd_after, sd),
+        sd_after=sd_after,
+        time_after=when_after,
+    )
+
+
+def _rest(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    window: Int[np.ndarray, " 2"],
+) -> tuple[float, float, int]:
+    """Level, middle and samples of a rest; NaN where there is next to nothing of it."""
+    first, last = (int(k) for k in window)
+    if last - first < _FEWEST:
+        return np.nan, np.nan, 0
+    part = slice(first, last)
+    return _middle_mean(signal[part]), float(time[part].mean()), last - first
+
+
+def _filled(
+    level: Float[np.ndarray, " p"], signal: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " p"]:
+    """Levels, those of pushes without any rest beside them from the nearest others."""
+    known = np.flatnonzero(np.isfinite(level))
+    if known.size == 0:
+        return np.full(len(level), float(signal.min()))
+    return np.interp(np.arange(len(level)), known, level[known])
+
+
+def _is_unrest(
+    extents: Sequence[Extent],
+    excess: Float[np.ndarray, " p"],
+    height: Float[np.ndarray, " p"],
+) -> Bool[np.ndarray, " p"]:
+    """Whether the signal did not come to rest before a push, but did so after it."""
+    is_short = np.array(
+        [False, *(b.t_start - a.t_end < b.width / 2 for a, b in pairwise(extents))]
+    )
+    return is_short & (np.nan_to_num(excess) > _MAX_UNREST * height)
+
+
+def _unsettled(
+    signal: Float[np.ndarray, " n"],
+    time: Float[np.ndarray, " n"],
+    windows: Int[np.ndarray, "p 2"],
+    rate: Float[np.ndarray, " p"],
+    noise: RestNoise,
+) -> Float[np.ndarray, " p"]:
+    """How far the rests after pushes move besides their drift [sd]."""
+    moved, expected, n = np.zeros((3, len(windows)))
+    for k, (first, last) in enumerate(windows.tolist()):
+        half = (last - first) // 2
+        if half < _FEWEST:
             continue
-        # In a short rest a part of it has to do.
-        guard = min(guards[k], _MAX_GUARD * (time[start - 1] - time[end]))
-        t_last = time[start - 1] - guard
-        settled = time[end] + (_SETTLED * (t_last - time[end]) if k else 0.0)
-        first, last = np.searchsorted(time, [max(settled, t_last - spans[k]), t_last])
-        first, last = min(int(first), start - 1), max(int(last), int(first) + 1)
-        last = min(last, start)
-        rests.append(
-            Rest(
-                start=first,
-                end=last,
-                level=_middle_mean(signal[first:last]),
-                time=float(time[first:last].mean()),
-            )
-        )
-    return tuple(rests)
+        early, late = slice(first, first + half), slice(last - half, last)
+        moved[k] = signal[late].mean() - signal[early].mean()
+        expected[k] = np.nan_to_num(rate[k]) * (time[late].mean() - time[early].mean())
+        n[k] = half
+    return np.where(n > 0, (moved - expected) / (2**0.5 * noise.of_mean(n) + 1e-300), 0)
 
 
 def rest_curve(
@@ -220,61 +351,58 @@ def without_dips(
     return filled, dips
 
 
-def slopes(rests: Sequence[Rest]) -> Float[np.ndarray, " p"]:
-    """Drift under each push: median slope between the rests around it [unit/s].
-
-    A median, because a grasp that settles shifts one rest against the next by more than
-    any drift. Two rests cannot tell the one from the other: no drift is assumed then.
-    """
-    outside = np.full(_NEIGHBOURS - 1, np.nan)
-    level = np.concatenate([outside, [r.level for r in rests], outside])
-    when = np.concatenate([outside, [r.time for r in rests], outside])
-    y, t = (sliding_window_view(a, 2 * _NEIGHBOURS) for a in (level, when))
-    i, j = np.triu_indices(2 * _NEIGHBOURS, 1)
-    slope = (y[:, j] - y[:, i]) / np.maximum(t[:, j] - t[:, i], 1e-12)
-    is_enough = np.isfinite(y).sum(axis=1) >= _MIN_RESTS
-    result = np.zeros(len(rests) - 1)
-    result[is_enough] = np.nanmedian(slope[is_enough], axis=1)
-    return result
-
-
 def rest_noise(
-    signal: Float[np.ndarray, " n"], rests: Sequence[Rest], fallback: Noise
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    extents: Sequence[Extent],
 ) -> RestNoise:
-    """Noise of the samples at rest, and how far it averages out.
+    """Noise of the samples at rest beside each push, and how far it averages out.
 
     Args:
+        time: Sample times [s].
         signal: Samples [unit].
-        rests: Where the signal rests.
-        fallback: Noise of all samples, where the rests are too short.
+        extents: Pushes in order.
 
     Returns:
-        The noise.
+        The noise; that of all rests beside a push whose own are too short.
     """
-    blocks = []
-    for rest in rests:
-        n_blocks = min(rest.n_samples, _MAX_SAMPLES) // _BLOCK
-        samples = signal[rest.end - n_blocks * _BLOCK : rest.end]
-        if n_blocks > 1:
-            blocks.append(samples.reshape(n_blocks, _BLOCK))
-    steps = [np.diff(b.mean(axis=1)) for b in blocks]
+    general = Noise.of(signal)
+    floor = general.quantum**2 / 12
+    windows = rest_windows(time, extents, is_long=True)
+    own = [[_blocks(signal, w) for w in pair] for pair in zip(*windows, strict=True)]
+    everywhere = _scatter([b for pair in own for b in pair], floor)
+    fallback = everywhere or (general.sigma, 1.0)
+    found = np.array([_scatter(pair, floor) or fallback for pair in own])
+    return RestNoise(
+        sigma=found[:, 0], correlation=found[:, 1], quantum=general.quantum
+    )
+
+
+def _blocks(
+    signal: Float[np.ndarray, " n"], window: Int[np.ndarray, " 2"]
+) -> Float[np.ndarray, "b m"]:
+    """Samples of a rest in blocks, those nearest to its end."""
+    first, last = (int(k) for k in window)
+    n_blocks = min(max(last - first, 0), _MAX_SAMPLES) // _BLOCK
+    n_blocks = n_blocks if n_blocks > 1 else 0
+    return signal[last - n_blocks * _BLOCK : last].reshape(n_blocks, _BLOCK)
+
+
+def _scatter(
+    blocks: Sequence[Float[np.ndarray, "b m"]], floor: float
+) -> tuple[float, float] | None:
+    """Standard deviation of a sample and correlation; None from too few blocks."""
+    steps = [np.diff(b.mean(axis=1)) for b in blocks if len(b)]
     n_steps = sum(map(len, steps))
-    if n_steps < 4:
-        return RestNoise(
-            sigma=fallback.sigma, correlation=1.0, quantum=fallback.quantum
-        )
+    if n_steps < _FEWEST_STEPS:
+        return None
     within = float(np.mean(np.concatenate(blocks).var(axis=1, ddof=1)))
     between = float(np.mean(np.concatenate(steps) ** 2)) / 2
-    floor = fallback.quantum**2 / 12
     correlation = between * _BLOCK / max(within, floor, 1e-300)
     # Beyond chance only: the ratio itself scatters by sqrt(2/n).
     if correlation < 1 + 3 * np.sqrt(2 / n_steps):
         correlation = 1.0
-    return RestNoise(
-        sigma=float(np.sqrt(max(within, floor))),
-        correlation=correlation,
-        quantum=fallback.quantum,
-    )
+    return float(np.sqrt(max(within, floor))), float(correlation)
 
 
 def _middle_mean(samples: Float[np.ndarray, " n"]) -> float:

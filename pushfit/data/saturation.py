@@ -11,6 +11,9 @@ _MIN_SAMPLES = 3
 # A sensor at its limit may be noisy there: readings within this many sigma of the
 # largest count as the largest, if that is a small share of the height.
 _BAND_SIGMAS, _MAX_BAND = 4.0, 0.02
+# Its limit may also creep. Several pointed pushes that end within one of these shares
+# of the height, each with so many readings there, end at a limit.
+_BANDS, _MIN_NEAR, _MIN_PUSHES = (0.001, 0.002, 0.004, 0.008), 6, 2
 
 
 def saturated_pushes(
@@ -19,7 +22,7 @@ def saturated_pushes(
     *,
     signs: Sequence[int],
     limit: float | None,
-    sigma: float,
+    sigma: Float[np.ndarray, " p"],
 ) -> Bool[np.ndarray, " p"]:
     """Find the pushes that reach the end of the range.
 
@@ -29,8 +32,8 @@ def saturated_pushes(
         signs: 1 for a push that goes up, -1 for one that goes down.
         limit: Largest reading of the sensor; None to recognise it. Where a push goes
             down, it is that of the reversed signal, and recognised as well [unit].
-        sigma: Noise of a sample at rest; 0 where pushes are held, whose readings pile
-            up at their level by themselves [unit].
+        sigma: Noise of a sample at rest beside each push; 0 where it is held, so that
+            its readings pile up at their level by themselves [unit].
 
     Returns:
         Whether each push is cut.
@@ -41,21 +44,24 @@ def saturated_pushes(
         tops = [sign * signal[extents[k].start : extents[k].end] for k in rows]
         end = np.inf if limit is None else limit
         if limit is None or sign < 0:
-            found = _ceiling(tops, [extents[k].height for k in rows], sigma)
+            found = _ceiling(tops, [extents[k].height for k in rows], sigma[rows])
             end = min(end, found)
         is_cut[rows] = [bool(np.any(top >= end)) for top in tops]
     return is_cut
 
 
 def _ceiling(
-    tops: Sequence[Float[np.ndarray, " _"]], heights: Sequence[float], sigma: float
+    tops: Sequence[Float[np.ndarray, " _"]],
+    heights: Sequence[float],
+    sigma: Float[np.ndarray, " q"],
 ) -> float:
     """Level at which readings pile up, infinite if they do nowhere.
 
     A natural top has about as many samples just below its highest value as at it; a cut
     one has them all at it. What one push shows holds for all.
     """
-    largest = max(float(top.max(initial=-np.inf)) for top in tops)
+    highest = np.array([float(top.max(initial=-np.inf)) for top in tops])
+    largest = float(highest.max())
     for top in tops:
         n_at = np.count_nonzero(top >= largest)
         if n_at < _MIN_SAMPLES:
@@ -63,10 +69,23 @@ def _ceiling(
         just_below = np.isin(top, np.unique(top)[-4:-1])
         if n_at > 2 * np.count_nonzero(just_below):
             return largest
-    band = _BAND_SIGMAS * sigma
-    for top, height in zip(tops, heights, strict=True):
-        n_at = np.count_nonzero(top > largest - band)
-        n_below = np.count_nonzero(top > largest - 4 * band) - n_at
-        if band <= _MAX_BAND * height and n_at >= _MIN_SAMPLES and n_at > 2 * n_below:
+    for top, height, own in zip(tops, heights, sigma, strict=True):
+        band = _BAND_SIGMAS * own
+        if band <= _MAX_BAND * height and _piles_up(top, largest, band, _MIN_SAMPLES):
+            return largest - band
+    pointed = [k for k in range(len(tops)) if sigma[k] > 0]
+    for share in _BANDS:
+        band = share * max(heights)
+        at_end = [k for k in pointed if _piles_up(tops[k], largest, band, _MIN_NEAR)]
+        if len(at_end) >= _MIN_PUSHES:
             return largest - band
     return np.inf
+
+
+def _piles_up(
+    top: Float[np.ndarray, " n"], largest: float, band: float, least: int
+) -> bool:
+    """Whether far more readings lie in a band below a level than in those beneath."""
+    n_at = np.count_nonzero(top > largest - band)
+    n_below = np.count_nonzero(top > largest - 4 * band) - n_at
+    return n_at >= least and n_at > 2 * n_below

@@ -22,6 +22,9 @@ FLAGS = {
     "outlier": "the height is far from those of the same direction",
 }
 
+# What a height may be, see `pushfit.data.heights`.
+DEFINITIONS = ("apex", "plateau")
+
 # Heights under these flags are not what the model predicts; the others are opinions.
 EXCLUDING_FLAGS = frozenset({"saturated", "clipped", "gap", "drift", "lost_contact"})
 
@@ -29,7 +32,7 @@ _HEIGHTS = tuple(name for c in CHANNELS for name in (c, f"{c}_sd"))
 LAYOUT = Layout(
     signals=(*_HEIGHTS, "baseline"),
     times=("t_start", "t_peak", "t_end"),
-    texts=("flags",),
+    texts=("definition", "flags"),
     any_of=CHANNELS,
 )
 
@@ -65,6 +68,7 @@ def canonical_frame(
         "repeat",
         *(f"{name}_{unit}" for name in LAYOUT.signals),
         *(f"{name}_s" for name in LAYOUT.times),
+        "definition",
         "flags",
     ]
     ordered = frame.reindex(columns=[name for name in names if name in frame])
@@ -79,6 +83,7 @@ def _rules(unit: str) -> dict[str, list]:
     positive = pa.Check.gt(0, error="sd")
     rules = {f"{channel}_{unit}": [finite] for channel in CHANNELS}
     rules |= {f"{channel}_sd_{unit}": [positive, finite] for channel in CHANNELS}
+    rules["definition"] = [pa.Check.isin([*DEFINITIONS, ""], error="definition")]
     rules["flags"] = [pa.Check(_are_flags, element_wise=True, error="flags")]
     return rules
 
