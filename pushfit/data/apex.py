@@ -23,6 +23,8 @@ _R = np.array([0.003, 0.06, 0.2, 0.6, 3.0])
 # What is thought of the roundings before one hump is seen. Noise rounds a tip but does
 # not sharpen a curve: with equal shares tips come out low by 0.2-0.3 sigma.
 _SHARES = np.array([0.6, 0.03, 0.07, 0.12, 0.18])
+# Mean squared residual that noise alone exceeds once in 20 (chi-square, 11 degrees).
+_BEYOND_CHANCE = 1.8
 # A flank must fall: beyond this share of s, q leaves no top inside.
 _STEEPEST = 0.98
 
@@ -108,6 +110,9 @@ def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) 
     found = np.isfinite(best)
     floor = np.where(found, best, 0.0)
     variance = np.maximum(noise, 1e-300) ** 2
+    misfit = floor / (N_BINS - 5) / variance
+    # What no shape of the family describes counts as noise.
+    variance = variance * np.maximum(1.0, misfit / _BEYOND_CHANCE)
     exponent = np.minimum(-(sse - floor[:, None]) / (2 * variance[:, None]), 0.0)
     likelihood = np.where(has_top, np.exp(exponent) * bank.volume, 0.0)
     weights = _weigh(likelihood)
@@ -117,7 +122,7 @@ def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) 
         height=np.where(found, height + centre[:, 0], np.nan),
         sd=np.where(found, np.sqrt((weights * spread).sum(axis=1)), np.nan),
         position=(weights * np.where(has_top, position, 0.0)).sum(axis=1),
-        misfit=np.where(found, floor / (N_BINS - 5) / variance, np.inf),
+        misfit=np.where(found, misfit, np.inf),
     )
 
 

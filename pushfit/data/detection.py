@@ -114,7 +114,6 @@ def find_extents(
         wider = float(np.median([feet.width for feet in found])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
             found = _detect(time, signal, noise, wider, split, min_height)
-    step = usual_step(time)
     ends = [None, *(feet.end for feet in found)]
     starts = [*(feet.start for feet in found[1:]), None]
     traced = [
@@ -124,12 +123,11 @@ def find_extents(
             feet,
             room=(ends[k], starts[k]),
             sigma=noise.sigma,
-            step=step,
             smoothing=smoothing,
         )
         for k, feet in enumerate(found)
     ]
-    kept = _without_trends(traced, float(time[-1] - time[0]))
+    kept = _without_trends(traced, time)
     heights = np.array([feet.height for feet in kept])
     smallest = 0.0 if min_height is not None else _smallest_push(heights)
     return tuple(_extent(feet, time, smallest) for feet in kept)
@@ -144,16 +142,24 @@ def usual_step(time: Float[np.ndarray, " n"]) -> float:
     return float(np.median(np.diff(time[: 1 + _SAMPLES])))
 
 
-def _without_trends(found: Sequence[Feet], duration: float) -> list[Feet]:
+def _without_trends(found: Sequence[Feet], time: Float[np.ndarray, " n"]) -> list[Feet]:
     """Leave out what begins or never ends, unless it is as short as a push."""
     whole = [f.end - f.start for f in found if not (f.cut_start or f.cut_end)]
+    duration = float(time[-1] - time[0])
     longest = _CUT_LENGTHS * max(whole) if whole else _MAX_CUT * duration
-    return [
-        f
-        for f in found
-        if not (f.cut_start and f.cut_end)
-        and not ((f.cut_start or f.cut_end) and f.end - f.start > longest)
-    ]
+    slack = 2 * float(np.median([f.step for f in found])) if found else 0.0
+
+    def is_trend(feet: Feet) -> bool:
+        if feet.width < slack and not (feet.cut_start or feet.cut_end):
+            return True  # what is left of it in its own smoothing is one reading
+        rises = feet.half_up > time[0] + slack
+        falls = feet.half_down < time[-1] - slack
+        if rises and falls:
+            return False  # more than half of it is there on either side
+        is_cut = feet.cut_start or feet.cut_end
+        return not (rises or falls) or (is_cut and feet.end - feet.start > longest)
+
+    return [feet for feet in found if not is_trend(feet)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +171,7 @@ class _Trace:
     y: Float[np.ndarray, " m"]
     noise: float
 
-    def at(self, index: float) -> float:
+    def at(self, index: float | int) -> float:
         """Time of a grid position."""
         return self.t0 + self.step * index
 
@@ -183,12 +189,13 @@ def _detect(
     significant = _SIGNIFICANT * trace.noise
     humps = Humps.between(trace.y, _maxima(trace.y, significant))
     humps.join(split)
-    least = min_height
-    if least is None:
+    if min_height is None:
         large = _LARGE * float(humps.heights.max(initial=0.0))
         noise_alone = _BEYOND_NOISE * trace.noise
-        least = max(noise_alone, _SIGNIFICANT * _rest_wander(humps, trace, large))
-    humps.drop_below(least)
+        wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
+        humps.drop_below(max(noise_alone, wander))
+    else:
+        humps.drop_below(min_height)
     heights = humps.heights
     return tuple(
         _coarse(humps, k, trace, float(height)) for k, height in enumerate(heights)
@@ -252,7 +259,9 @@ def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
     scatters = []
     start = 0
     for k in [*np.flatnonzero(humps.heights >= large), None]:
-        first, last = (len(trace.y), 0) if k is None else _feet(humps, int(k), trace)
+        first, last = (
+            (len(trace.y), 0) if k is None else _feet(humps, int(k), trace, own=True)
+        )
         ordered = np.sort(trace.y[start:first])
         n_third = len(ordered) // 3
         if n_third > 1:
@@ -262,19 +271,20 @@ def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
     return float(np.median(scatters)) if scatters else 0.0
 
 
-def _feet(humps: Humps, k: int, trace: _Trace) -> tuple[int, int]:
+def _feet(humps: Humps, k: int, trace: _Trace, *, own: bool = False) -> tuple[int, int]:
     """First and last grid position of a push above its feet.
 
-    Both feet are those over the higher valley: the other one may lie beyond a step of
-    the rest level.
+    Both feet are those over the higher valley, because the other one may lie beyond a
+    step of the rest level; or with `own` each that over its own.
     """
     y, peak = trace.y, int(humps.peaks[k])
     left, right = int(humps.valleys[k]), int(humps.valleys[k + 1])
     rest = y[peak] - max(float(humps.heights[k]), 0.0)
-    foot = rest + max(FOOT * (y[peak] - rest), 3 * trace.noise)
-    below = np.flatnonzero(y[left:peak] < foot)
+    rests = (y[left], y[right]) if own else (rest, rest)
+    feet = [low + max(FOOT * (y[peak] - low), 3 * trace.noise) for low in rests]
+    below = np.flatnonzero(y[left:peak] < feet[0])
     start = left + below[-1] + 1 if below.size else left
-    below = np.flatnonzero(y[peak + 1 : right + 1] < foot)
+    below = np.flatnonzero(y[peak + 1 : right + 1] < feet[1])
     end = peak + below[0] if below.size else right
     return int(start), int(end)
 
@@ -291,6 +301,7 @@ def _coarse(humps: Humps, k: int, trace: _Trace, height: float) -> Feet:
         half_down=trace.at(int(above[-1]) + 0.5),
         end=trace.at(end),
         height=height,
+        step=trace.step,
         cut_start=start <= 1,
         cut_end=end >= len(y) - 2,
     )

@@ -41,6 +41,7 @@ _STEPS_OF_GAP = 3.0
 _BEYOND_CHANCE = 1.86
 # What the family of shapes misses where there is no noise, as a share of the height.
 _SHAPE = 0.0015
+_MOST = 0.5
 # Share of the height that the baseline may move by under a push.
 _MAX_DRIFT = 0.2
 
@@ -115,7 +116,9 @@ def measure_heights(
         extents,
         signs=signs,
         limit=limit,
-        sigma=np.where(held, 0.0, noise.sigma),
+        # Where most are held, readings pile up at levels by themselves; among pointed
+        # pushes a level is that of the limit.
+        sigma=np.where(held & (held.mean() > _MOST), 0.0, noise.sigma),
     )
     # The drift of an upright picture of a dip goes the other way.
     rise = tops.level - base.level - np.array(signs) * drift
@@ -237,16 +240,12 @@ def _apexes(
     while todo.size:
         bins, counts = bin_means(time, signal, windows[todo], N_BINS)
         n = counts.sum(axis=1)
-        per_bin = noise.of_mean(n / N_BINS, todo)
+        per_bin = noise.of_part(n / N_BINS, todo)
         fit = fit_apex(bins, per_bin)
-        misfit = np.maximum(fit.misfit, 1.0)
         middle = windows[todo].mean(axis=1)
         half = np.diff(windows[todo], axis=1)[:, 0] / 2
         level[todo] = np.where(np.isnan(fit.height), bins.max(axis=1), fit.height)
-        excess = np.where(fit.misfit > _MAX_MISFIT, np.sqrt(misfit), 1.0)
-        sd[todo] = np.where(np.isnan(fit.sd), per_bin, fit.sd) * np.where(
-            np.isfinite(excess), excess, 1.0
-        )
+        sd[todo] = np.where(np.isnan(fit.sd), per_bin, fit.sd)
         when[todo] = middle + half * fit.position
         least = np.maximum(2 * _MAX_GAP * half, _STEPS_OF_GAP * step)
         gap[todo] = _largest_gap(time, windows[todo]) > least

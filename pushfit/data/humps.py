@@ -11,13 +11,16 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-# A dip is shorter than this share of the time between two tops, a rest is not.
-_REST_QUANTILE = 0.2
+# A dip is briefer than the smoothing, which is so many bins; a rest is not.
+_DIP_BINS = 3
+# A first or last reading that is higher than this share of its hump shows no foot.
+_FOOTLESS = 0.2
 # A level is held if the signal stays within the first share of the smaller hump of it
 # for the second share of that hump's width. A sine does so for 0.41 of it only.
 _LEVEL, _HELD = 0.15, 0.6
-# Humps lower than this share of the step below them are wiggles of a plateau.
-_ON_TOP = 0.1
+# Humps lower than this share of the whole are wiggles of a plateau; a single one that
+# is lower than the other share of the step below it is an overshoot.
+_ON_TOP, _ON_STEP = 0.2, 0.33
 
 
 @dataclass(slots=True)
@@ -44,7 +47,7 @@ class Humps:
         bounds = [0, *peaks, len(y) - 1]
         spans = list(pairwise(bounds))
         valleys = np.array([a + int(np.argmin(y[a : b + 1])) for a, b in spans])
-        rests = np.array([np.quantile(y[a : b + 1], _REST_QUANTILE) for a, b in spans])
+        rests = np.array([_low(y[a : b + 1]) for a, b in spans])
         return cls(y, peaks, valleys, rests)
 
     @property
@@ -64,17 +67,21 @@ class Humps:
         return self.y[self.peaks] - np.maximum(left, right)
 
     def _is_cut_off(self, end: int, inner: float) -> bool:
-        """Whether the signal has only just begun, or is about to end, in a push."""
+        """Whether the signal begins or ends in a push, not at a new rest level.
+
+        What sags a little from its top is a plateau; a hump that is high over a long
+        level stands on a step.
+        """
         if not np.isfinite(inner):
             return False
-        outer, peak = self.y[self.valleys[end]], self.y[self.peaks[end]]
-        span = np.abs(self.peaks[end] - (0 if end == 0 else len(self.y) - 1))
-        at_edge = self.valleys[end] == (0 if end == 0 else len(self.y) - 1)
-        is_high = outer - inner > _REST_QUANTILE * (peak - inner)
-        part = slice(0, span + 1) if end == 0 else slice(-span - 1, None)
-        level = _LEVEL * (peak - outer)
-        dwell = longest_run(np.abs(self.y[part] - outer) <= level)
-        return bool(at_edge or is_high) and is_high and dwell < 0.5 * self._width(end)
+        peak, edge = int(self.peaks[end]), 0 if end == 0 else len(self.y) - 1
+        outer, top = self.y[self.valleys[end]], self.y[peak]
+        if outer - inner <= _FOOTLESS * (top - inner):
+            return False
+        part = self.y[min(peak, edge) : max(peak, edge) + 1]
+        dwell = longest_run(np.abs(part - outer) <= _LEVEL * (top - outer))
+        is_step = top - outer >= _ON_STEP * (outer - inner)
+        return not (is_step and dwell >= self._width(end))
 
     def _width(self, k: int) -> int:
         """Bins of a hump above half of its height over the higher valley."""
@@ -96,7 +103,7 @@ class Humps:
         self.valleys[peak] = lower
         first = self.peaks[peak - 1] if peak > 0 else 0
         last = self.peaks[peak] if peak < len(self.peaks) else len(self.y) - 1
-        self.rests[peak] = np.quantile(self.y[first : last + 1], _REST_QUANTILE)
+        self.rests[peak] = _low(self.y[first : last + 1])
 
     def join(self, split: float) -> None:
         """Join neighbours whose valley is too high for a rest between two pushes.
@@ -164,7 +171,7 @@ class Humps:
         self.rests = np.delete(self.rests, pair + 1)
 
     def drop_below(self, least: float) -> None:
-        """Remove humps lower than `least`, smallest first.
+        """Remove humps that are too low, the lowest first.
 
         Args:
             least: Smallest height that stays.
@@ -175,6 +182,12 @@ class Humps:
             if heights[smallest] >= least:
                 return
             self.drop(smallest)
+
+
+def _low(y: Float[np.ndarray, " m"]) -> float:
+    """Lowest level that is kept for longer than a dip."""
+    n = min(_DIP_BINS, len(y) - 1)
+    return float(np.partition(y, n)[n])
 
 
 def longest_run(inside: Bool[np.ndarray, " m"]) -> int:

@@ -7,14 +7,14 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
-from pushfit.data.detection import Extent, usual_step
+from pushfit.data.detection import Extent
 from pushfit.data.noise import Noise
 
 # Share of the time between two pushes in which the signal comes to rest.
-_TAIL = 0.3
+_TAIL = 0.5
 # A rest of fewer samples shows no level.
 _FEWEST = 3
-_FEWEST_STEPS = 4
+_FEWEST_BLOCKS = 4
 # Share of the height by which a rest may lie above the one after the push, if it is
 # short: the signal had not come to rest.
 _MAX_UNREST = 0.1
@@ -26,7 +26,7 @@ _MIDDLE = 1.09
 _ALL = slice(None)
 # Long enough for several pushes, short enough for drift [s].
 _STRETCH = 30.0
-_BLOCK = 16
+_BLOCK, _SMALL_BLOCK = 16, 8
 _MAX_SAMPLES = 1024
 # Sensors undershoot after a release by a few percent of a push; what falls below rest
 # by more than this share of the highest push is no undershoot.
@@ -69,9 +69,25 @@ class RestNoise:
         """Standard deviations of means of so many samples beside some pushes [unit]."""
         sigma = self.sigma[rows]
         variance = self.correlation[rows] * sigma**2 / np.maximum(n_samples, 1.0)
-        # Rounding is not averaged out where the noise does not reach the next count.
-        coarse = sigma < self.quantum / 2
-        return np.sqrt(variance + np.where(coarse, self.quantum**2 / 12, 0.0))
+        return np.sqrt(variance + self._rounding(sigma))
+
+    def of_part(
+        self,
+        n_samples: Real[np.ndarray, " p"],
+        rows: Int[np.ndarray, " p"] | slice = _ALL,
+    ) -> Float[np.ndarray, " p"]:
+        """Standard deviations of means of neighbouring samples [unit].
+
+        Without correlation, which a few rests show badly: what is slower than a part of
+        a push has to show in the push itself.
+        """
+        sigma = self.sigma[rows]
+        variance = sigma**2 / np.maximum(n_samples, 1.0)
+        return np.sqrt(variance + self._rounding(sigma))
+
+    def _rounding(self, sigma: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+        """Variance that is not averaged out: the noise does not reach the next count."""
+        return np.where(sigma < self.quantum / 2, self.quantum**2 / 12, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,22 +156,22 @@ def rest_windows(
     Returns:
         Rests before and after; empty where there is none.
     """
-    step = usual_step(time)
     before, after = np.empty((len(extents), 2)), np.empty((len(extents), 2))
     for k, extent in enumerate(extents):
         feet = extent.feet
-        before[k], after[k] = feet.before(step), feet.after(step)
+        before[k], after[k] = feet.before, feet.after
         if is_long:
-            before[k, 0] -= _MAX_SAMPLES * step
-            after[k, 1] += _MAX_SAMPLES * step
+            before[k, 0] -= _MAX_SAMPLES * feet.step
+            after[k, 1] += _MAX_SAMPLES * feet.step
         if k > 0:
             ended = extents[k - 1].t_end
             tail = _TAIL * (extent.t_start - ended)
             before[k, 0] = max(before[k, 0], ended + tail)
             # In a short rest a part of it has to do.
-            before[k, 1] = max(before[k, 1], extent.t_start - tail)
+            before[k, 1] = max(before[k, 1], extent.t_start - tail / 2)
         if k + 1 < len(extents):
-            after[k, 1] = min(after[k, 1], extents[k + 1].feet.before(step)[1])
+            middle = (extent.t_end + extents[k + 1].t_start) / 2
+            after[k, 1] = max(min(after[k, 1], middle), after[k, 0])
     return np.searchsorted(time, before), np.searchsorted(time, after)
 
 
@@ -188,8 +204,8 @@ def baselines(
     height = np.array([max(e.height, 1e-300) for e in extents])
     only_after = np.isnan(level) | _is_unrest(extents, level - level_after, height)
     rate = (level_after - level) / np.maximum(when_after - when, 1e-9)
-    shift = (level_after - level) / height
-    unsettled = _unsettled(signal, time, windows[1], rate, noise)
+    shift = np.clip((level_after - level) / height, -1e3, 1e3)
+    unsettled = np.clip(_unsettled(signal, time, windows[1], rate, noise), -1e3, 1e3)
     trust = 1 / (1 + (shift / _SHIFT) ** 4) / (1 + (unsettled / _UNSETTLED) ** 4)
     has_both = np.isfinite(rate) & ~only_after
     starts = np.array([e.t_start for e in extents])
@@ -257,7 +273,7 @@ def _unsettled(
         moved[k] = signal[late].mean() - signal[early].mean()
         expected[k] = np.nan_to_num(rate[k]) * (time[late].mean() - time[early].mean())
         n[k] = half
-    return np.where(n > 0, (moved - expected) / (2**0.5 * noise.of_mean(n) + 1e-300), 0)
+    return np.where(n > 0, (moved - expected) / (2**0.5 * noise.of_part(n) + 1e-300), 0)
 
 
 def rest_curve(
@@ -311,8 +327,8 @@ def without_dips(
     """Fill what falls far below rest up to it.
 
     Rest is the level that most readings have in common. That may be one of long
-    plateaus: where it lies clearly above the line between both ends of the recording,
-    rest is that line. Should an end lie inside a push, the line is too high to matter.
+    plateaus: where it lies clearly above the lower end of the recording, rest is that
+    end. The lower one, because the other may lie inside a push or beyond a step.
 
     Args:
         time: Sample times [s].
@@ -324,14 +340,14 @@ def without_dips(
     """
     n_first, n_last = np.searchsorted(time, [time[0] + _END, time[-1] - _END])
     n_last = min(int(n_last), len(time) - 5)
-    ends = (np.median(signal[: max(5, n_first)]), np.median(signal[n_last:]))
+    ends = (np.median(signal[: max(5, int(n_first))]), np.median(signal[n_last:]))
     knots = _rest_knots(time, signal)
-    slack = _SLACK * Noise.of(signal).sigma
+    n_end = max(5, int(n_first))
+    slack = _SLACK * Noise.of(signal).sigma / n_end**0.5
 
     def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        line = np.interp(when, time[[0, -1]], ends)
         usual = np.interp(when, *knots)
-        return np.where(usual > line + slack, line, usual)
+        return np.where(usual > min(ends) + slack, min(ends), usual)
 
     # Nearly all recordings end here, so this looks at the extremes of short blocks.
     blocks = np.arange(0, len(time), 1 + len(time) // _MAX_BLOCKS)
@@ -368,41 +384,58 @@ def rest_noise(
     """
     general = Noise.of(signal)
     floor = general.quantum**2 / 12
-    windows = rest_windows(time, extents, is_long=True)
-    own = [[_blocks(signal, w) for w in pair] for pair in zip(*windows, strict=True)]
-    everywhere = _scatter([b for pair in own for b in pair], floor)
-    fallback = everywhere or (general.sigma, 1.0)
-    found = np.array([_scatter(pair, floor) or fallback for pair in own])
+    near = list(zip(*rest_windows(time, extents), strict=True))
+    far = list(zip(*rest_windows(time, extents, is_long=True), strict=True))
+    around = [[_blocks(signal, w, _BLOCK) for w in pair] for pair in far]
+    everywhere = _correlation([b for pair in around for b in pair], floor) or 1.0
     return RestNoise(
-        sigma=found[:, 0], correlation=found[:, 1], quantum=general.quantum
+        sigma=np.array(
+            [
+                _scatter(signal, beside, floor)
+                or _scatter(signal, between, floor)
+                or general.sigma
+                for beside, between in zip(near, far, strict=True)
+            ]
+        ),
+        correlation=np.array([_correlation(p, floor) or everywhere for p in around]),
+        quantum=general.quantum,
     )
 
 
 def _blocks(
-    signal: Float[np.ndarray, " n"], window: Int[np.ndarray, " 2"]
+    signal: Float[np.ndarray, " n"], window: Int[np.ndarray, " 2"], length: int
 ) -> Float[np.ndarray, "b m"]:
     """Samples of a rest in blocks, those nearest to its end."""
     first, last = (int(k) for k in window)
-    n_blocks = min(max(last - first, 0), _MAX_SAMPLES) // _BLOCK
-    n_blocks = n_blocks if n_blocks > 1 else 0
-    return signal[last - n_blocks * _BLOCK : last].reshape(n_blocks, _BLOCK)
+    n_blocks = min(max(last - first, 0), _MAX_SAMPLES) // length
+    return signal[last - n_blocks * length : last].reshape(n_blocks, length)
 
 
 def _scatter(
-    blocks: Sequence[Float[np.ndarray, "b m"]], floor: float
-) -> tuple[float, float] | None:
-    """Standard deviation of a sample and correlation; None from too few blocks."""
-    steps = [np.diff(b.mean(axis=1)) for b in blocks if len(b)]
+    signal: Float[np.ndarray, " n"],
+    windows: Sequence[Int[np.ndarray, " 2"]],
+    floor: float,
+) -> float | None:
+    """Standard deviation of a sample within blocks; None from too few of them."""
+    blocks = np.concatenate([_blocks(signal, w, _SMALL_BLOCK) for w in windows])
+    if len(blocks) < _FEWEST_BLOCKS:
+        return None
+    return float(np.sqrt(max(float(blocks.var(axis=1, ddof=1).mean()), floor)))
+
+
+def _correlation(
+    blocks: Sequence[Float[np.ndarray, "_ m"]], floor: float
+) -> float | None:
+    """Variance of means over that of independent samples; None from too few blocks."""
+    steps = [np.diff(b.mean(axis=1)) for b in blocks if len(b) > 1]
     n_steps = sum(map(len, steps))
-    if n_steps < _FEWEST_STEPS:
+    if n_steps < _FEWEST_BLOCKS:
         return None
     within = float(np.mean(np.concatenate(blocks).var(axis=1, ddof=1)))
     between = float(np.mean(np.concatenate(steps) ** 2)) / 2
     correlation = between * _BLOCK / max(within, floor, 1e-300)
     # Beyond chance only: the ratio itself scatters by sqrt(2/n).
-    if correlation < 1 + 3 * np.sqrt(2 / n_steps):
-        correlation = 1.0
-    return float(np.sqrt(max(within, floor))), float(correlation)
+    return 1.0 if correlation < 1 + 3 * np.sqrt(2 / n_steps) else float(correlation)
 
 
 def _middle_mean(samples: Float[np.ndarray, " n"]) -> float:

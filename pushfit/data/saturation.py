@@ -70,7 +70,7 @@ def _ceiling(
         if n_at > 2 * np.count_nonzero(just_below):
             return largest
     for top, height, own in zip(tops, heights, sigma, strict=True):
-        band = _BAND_SIGMAS * own
+        band = float(_BAND_SIGMAS * own)
         if band <= _MAX_BAND * height and _piles_up(top, largest, band, _MIN_SAMPLES):
             return largest - band
     pointed = [k for k in range(len(tops)) if sigma[k] > 0]
@@ -86,6 +86,6 @@ def _piles_up(
     top: Float[np.ndarray, " n"], largest: float, band: float, least: int
 ) -> bool:
     """Whether far more readings lie in a band below a level than in those beneath."""
-    n_at = np.count_nonzero(top > largest - band)
-    n_below = np.count_nonzero(top > largest - 4 * band) - n_at
+    n_at = int(np.count_nonzero(top > largest - band))
+    n_below = int(np.count_nonzero(top > largest - 4 * band)) - n_at
     return n_at >= least and n_at > 2 * n_below

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from pushfit.data.course import Course
 from pushfit.data.detection import Extent
 from pushfit.data.rests import RestNoise
 
@@ -43,7 +44,7 @@ def bin_means(
     windows: Float[np.ndarray, "p 2"],
     n_bins: int,
 ) -> tuple[Float[np.ndarray, "p bins"], Int[np.ndarray, "p bins"]]:
-    """Means and counts of the samples in equal parts of windows; empty parts filled.
+    """Means and counts of the samples in equal parts of windows.
 
     Args:
         time: Sample times [s].
@@ -54,18 +55,15 @@ def bin_means(
     Returns:
         Means and counts.
     """
-    share = np.linspace(0, 1, n_bins + 1)
-    edges = windows[:, :1] + np.diff(windows, axis=1) * share
-    # reduceat takes no index beyond the last sample; the very last one is left out.
-    index = np.minimum(np.searchsorted(time, edges), len(time) - 1)
-    counts = np.diff(index, axis=1)
-    pairs = np.stack([index[:, :-1], index[:, 1:]], axis=2).ravel()
-    sums = np.add.reduceat(signal, pairs)[::2]
-    means = sums.reshape(counts.shape) / np.maximum(counts, 1)
-    middle = (edges[:, :-1] + edges[:, 1:]) / 2
-    empty = counts == 0
-    means[empty] = np.interp(middle[empty], time, signal)
-    return means, counts
+    # Next to nothing of a push still has a level.
+    least = np.median(np.diff(time[: 1 << 16]))
+    windows = np.stack(
+        [windows[:, 0], np.maximum(windows[:, 1], windows[:, 0] + least)], 1
+    )
+    edges = windows[:, :1] + np.diff(windows, axis=1) * np.linspace(0, 1, n_bins + 1)
+    counts = np.diff(np.searchsorted(time, edges), axis=1)
+    means = [Course.of(time, signal, own[0], own[-1]).parts(own) for own in edges]
+    return np.array(means), counts
 
 
 def profiles(
@@ -99,9 +97,8 @@ def calmed(
         noise: Noise beside them.
     """
     n = np.array([extent.end - extent.start for extent in extents])
-    share = noise.of_mean(n / PROFILE_BINS) / np.maximum(
-        profile.max(axis=1) - base, 1e-300
-    )
+    rise = np.maximum(profile.max(axis=1) - base, 1e-300)
+    share = np.minimum(noise.of_part(n / PROFILE_BINS) / rise, 1.0)
     widths = np.clip(np.ceil((share / _CALM) ** 2), 1, _MAX_CALMING).astype(int)
     calm = profile.copy()
     for width in np.unique(widths[widths > 1]):
@@ -156,7 +153,7 @@ def are_held(
     held = np.zeros(len(extents), dtype=bool)
     windows = np.array([[e.feet.half_up, e.feet.half_down] for e in extents])
     bins, counts = bin_means(time, signal, windows, PROFILE_BINS)
-    variance = noise.of_mean(counts.mean(axis=1)) ** 2
+    variance = noise.of_part(counts.mean(axis=1)) ** 2
     gain = _misfit(bins, *_hyperbolas()) - _misfit(bins, *_levels())
     is_level = gain > _EVIDENCE * variance
     for k, extent in enumerate(extents):
@@ -171,15 +168,16 @@ def _is_steady(course: Float[np.ndarray, " m"]) -> bool:
     first, last = held_part(course)
     margin = round(0.15 * (last - first))
     inner = course[first + margin : last - margin]
-    share = (last - first) / max(1, np.count_nonzero(course > 0.5))
-    return len(inner) >= 4 and share >= _HELD_SHARE and inner.std() <= _MAX_SCATTER
+    share = (last - first) / max(1, int(np.count_nonzero(course > 0.5)))
+    is_calm = bool(inner.size and inner.std() <= _MAX_SCATTER)
+    return len(inner) >= 4 and share >= _HELD_SHARE and is_calm
 
 
 def _misfit(
     bins: Float[np.ndarray, "p bins"],
     q: Float[np.ndarray, "g bins 3"],
     inverse: Float[np.ndarray, "g 3 3"],
-    is_hyperbola: bool,
+    is_hyperbola: bool,  # noqa: FBT001 - the last of what a family is made of
 ) -> Float[np.ndarray, " p"]:
     """Squares that the best of a family leaves, beyond all if none has its form."""
     y = bins - bins.mean(axis=1, keepdims=True)

@@ -86,10 +86,9 @@ def test_heights_know_no_offset_and_scale_with_the_unit(gain, offset):
     moved = with_signal(made.recording, lambda y: gain * y + offset)
     plain = extract_peaks(made.recording, THETA_SWEEP)
     table = extract_peaks(moved, THETA_SWEEP)
-    # Rounding of the moved samples, over a height of some counts.
-    np.testing.assert_allclose(
-        table.heights("height"), gain * plain.heights("height"), rtol=1e-9
-    )
+    # Rounding of the moved samples may move a foot by next to nothing: far below the sd.
+    error = table.heights("height") / gain - plain.heights("height")
+    assert np.abs(error / plain.sd("height")).max() < 1e-4
 
 
 def test_a_missing_push_is_named_with_its_direction_and_time():
