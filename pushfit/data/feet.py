@@ -33,7 +33,8 @@ _TAIL = 0.5
 # Samples of rest that show that a push had not begun.
 _SHOWN = 3
 _GRID, _FINE = 400, 17
-_ROUNDS, _REACH = 6, 2.0
+_ROUNDS, _SETTLED, _REACH = 8, 1e-6, 2.0
+_UNIT = np.linspace(0.0, 1.0, _FINE)
 _SIGMAS = 3.0
 # Height over the noise that makes feet clear, and the share of the width that may be
 # smoothed over to get there.
@@ -124,24 +125,36 @@ def trace_feet(
         The feet.
     """
     has_neighbours = (room[0] is not None, room[1] is not None)
-    feet = coarse
+    lowest = time[0] if room[0] is None else min(room[0], coarse.start)
+    highest = time[-1] if room[1] is None else max(room[1], coarse.end)
+    reach = 2 * _reach(coarse)
+    course = Course.of(
+        time,
+        signal,
+        float(max(lowest, coarse.start - reach)),
+        float(min(highest, coarse.end + reach)),
+    )
+    feet = replace(coarse, step=float(np.median(np.diff(course.time))))
     for _ in range(_ROUNDS):
-        reach = _REACH * max(min(feet.width, 2 * _LONGEST), 4 * feet.step)
-        reach += feet.half_up - feet.start + feet.end - feet.half_down
-        lowest = time[0] if room[0] is None else min(room[0], feet.start)
-        highest = time[-1] if room[1] is None else max(room[1], feet.end)
+        reach = _reach(feet)
         ends = (
-            float(max(lowest, feet.start - reach)),
-            float(min(highest, feet.end + reach)),
+            float(max(lowest, course.time[0], feet.start - reach)),
+            float(min(highest, course.time[-1], feet.end + reach)),
         )
-        feet = _trace(
-            Course.of(time, signal, *ends),
+        before, feet = (
             feet,
-            ends,
-            has_neighbours=has_neighbours,
-            tau=smoothing or _smoothing(feet, sigma),
-            sigma=sigma,
+            _trace(
+                course,
+                feet,
+                ends,
+                has_neighbours=has_neighbours,
+                tau=smoothing or _smoothing(feet, sigma),
+                sigma=sigma,
+            ),
         )
+        moved = abs(feet.start - before.start) + abs(feet.end - before.end)
+        if moved + abs(feet.width - before.width) < _SETTLED * feet.width:
+            break
     early = feet.start - _BEGINS * (feet.half_up - feet.start)
     late = feet.end + _BEGINS * (feet.end - feet.half_down)
     return replace(
@@ -150,6 +163,12 @@ def trace_feet(
         cut_end=room[1] is None
         and bool(len(time) - np.searchsorted(time, late) < _SHOWN),
     )
+
+
+def _reach(feet: Feet) -> float:
+    """Time around a push that its rests lie in [s]."""
+    width = max(min(feet.width, 2 * _LONGEST), 4 * feet.step)
+    return _REACH * width + feet.half_up - feet.start + feet.end - feet.half_down
 
 
 def _smoothing(feet: Feet, sigma: float) -> float:
@@ -215,7 +234,7 @@ def _trace(
         half_down=half_down,
         end=end,
         height=float(min(rises)),
-        step=float(np.median(np.diff(course.time))),
+        step=feet.step,
         cut_start=False,
         cut_end=False,
     )
@@ -225,9 +244,8 @@ def _top(
     course: Course, when: Float[np.ndarray, " m"], peak: int, tau: float
 ) -> tuple[float, float]:
     """Time and height of the highest running mean beside a point of the grid."""
-    fine = np.linspace(
-        when[max(peak - 1, 0)], when[min(peak + 1, len(when) - 1)], _FINE
-    )
+    first, last = when[max(peak - 1, 0)], when[min(peak + 1, len(when) - 1)]
+    fine = first + (last - first) * _UNIT
     own = course.smooth(fine, tau)
     k = int(np.argmax(own))
     return float(fine[k]), float(own[k])
@@ -267,7 +285,8 @@ def _crossing(
     if below[0] == 0:
         return float(when[0])
     # Between two points of the grid, so that the grid itself does not matter.
-    fine = np.linspace(when[below[0] - 1], when[below[0]], _FINE)
+    first, last = when[below[0] - 1], when[below[0]]
+    fine = first + (last - first) * _UNIT
     own = course.smooth(fine, tau)
     own = own if mirror is None else mirror - own
     k = int(np.argmax(own < level))

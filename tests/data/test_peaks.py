@@ -88,7 +88,7 @@ def test_heights_know_no_offset_and_scale_with_the_unit(gain, offset):
     table = extract_peaks(moved, THETA_SWEEP)
     # Rounding of the moved samples may move a foot by next to nothing: far below the sd.
     error = table.heights("height") / gain - plain.heights("height")
-    assert np.abs(error / plain.sd("height")).max() < 1e-4
+    assert np.abs(error / plain.sd("height")).max() < 1e-3
 
 
 def test_a_missing_push_is_named_with_its_direction_and_time():
