@@ -46,7 +46,7 @@ def identify(
         map=map,
         unit=unit,
         columns=columns,
-        invert=invert,
+        peaks={"invert": invert},
     )
     request = Request(
         recordings=tuple(str(path) for path in recordings),

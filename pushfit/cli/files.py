@@ -34,6 +34,7 @@ def validate(
     map: options.Map = None,
     unit: options.UnitOf = None,
     columns: options.Columns = None,
+    rate: options.Rate = None,
     json: options.Json = False,
 ) -> int:
     """Say what files hold, or what is wrong with them."""
@@ -42,7 +43,13 @@ def validate(
     from pushfit.data.load import reader_options
 
     settings = read_settings(
-        config, profile=profile, format=format, map=map, unit=unit, columns=columns
+        config,
+        profile=profile,
+        format=format,
+        map=map,
+        unit=unit,
+        columns=columns,
+        rate=rate,
     )
     existing_files(files)
     problems = check_files(files, **reader_options(settings))
@@ -73,7 +80,16 @@ def peaks(
     map: options.Map = None,
     unit: options.UnitOf = None,
     columns: options.Columns = None,
+    rate: options.Rate = None,
+    channel: options.Channel = None,
     invert: options.Invert = False,
+    height: options.Height = None,
+    min_height: options.MinHeight = None,
+    split: options.Split = None,
+    exclude: options.Exclude = None,
+    include: options.Include = None,
+    begin: options.From = None,
+    end: options.To = None,
     output: options.OutFile = None,
     plot: options.PlotFile = None,
     force: options.Force = False,
@@ -92,8 +108,24 @@ def peaks(
         map=map,
         unit=unit,
         columns=columns,
-        invert=invert,
+        rate=rate,
+        peaks={
+            "channel": channel,
+            "invert": invert,
+            "height": height,
+            "min_height": min_height,
+            "split": split,
+            "exclude": exclude,
+            "include": include,
+            "begin": begin,
+            "end": end,
+        },
     )
+    if schedule is None and not has_angles(recording, settings):
+        print_heights(session, recording, settings, output=output)
+        if plot is not None:
+            draw_found(session, recording, settings, plot=plot)
+        return
     try:
         table = load_peaks(session, [recording], schedules, settings)
     except DataError as error:
@@ -103,8 +135,6 @@ def peaks(
             settings = settings.model_copy(update={"peaks": found})
             table = load_peaks(session, [recording], schedules, settings)
             draw_peaks(session, table, plot)
-        if plot is not None and error.code == "no_directions":
-            draw_found(session, recording, settings, plot=plot)
         raise
     if plot is not None:
         draw_peaks(session, table, plot)
@@ -113,6 +143,51 @@ def peaks(
         return
     write_table(table, output)
     session.say(f"wrote {output}: {table.n_pushes} pushes")
+
+
+def has_angles(path: Path, settings: "GraspConfig") -> bool:
+    """Whether a recording has the angles of its pushes.
+
+    Args:
+        path: Recording.
+        settings: Settings in force.
+    """
+    from pushfit.data.load import configured_recording
+
+    recording = configured_recording(path, settings)
+    return recording.theta is not None and recording.alpha is not None
+
+
+def print_heights(
+    session: Session, path: Path, settings: "GraspConfig", *, output: Path | None
+) -> None:
+    """Give the heights of pushes whose directions are not known.
+
+    Args:
+        session: Where notes go.
+        path: Recording without angles.
+        settings: Settings in force.
+        output: File to write; None for standard output.
+    """
+    from pushfit.atomic import atomic_path
+    from pushfit.data.load import configured_recording
+    from pushfit.data.peaks import measure_pushes
+
+    recording = configured_recording(path, settings)
+    measured = measure_pushes(recording, settings=settings.peaks)
+    for note in (*recording.notes, *measured.notes):
+        tell = session.warn if note in measured.cautions else session.say_more
+        tell(f"{path}: {note}")
+    session.say(
+        f"{path}: no angles and no schedule, so the {len(measured.frame)} pushes have "
+        "heights and times but no directions; give --schedule for a fit"
+    )
+    if output is None:
+        print(measured.frame.to_csv(index=False), end="")
+        return
+    with atomic_path(output) as temporary:
+        measured.frame.to_csv(temporary, index=False, lineterminator="\n")
+    session.say(f"wrote {output}: {len(measured.frame)} pushes")
 
 
 def draw_found(

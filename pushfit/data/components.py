@@ -126,7 +126,9 @@ def measure_components(
         length[_around_top(time, extent, height)].mean()
         for extent, height in zip(extents, heights, strict=True)
     ]
-    scale = top / np.maximum(around, 1e-300)
+    # Where there is no hump, the length is noise.
+    is_hump = np.array([h.definition != "" for h in heights])
+    scale = np.where(is_hump, top / np.maximum(around, 1e-300), 1.0)
     across = [channel for channel in changes if channel != name]
     squares = np.array([(scale * changes[c]) ** 2 for c in across])
     variances = np.array([sds[c] ** 2 for c in across])

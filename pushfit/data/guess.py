@@ -149,7 +149,12 @@ def _guess(
 def _find_header(
     split: list[list[str]], n_values: list[int], filled: list[int]
 ) -> tuple[int | None, int | None]:
-    """Find the line of names and the first line of data below it."""
+    """Find the line of names and the first line of data below it.
+
+    Of several that could be it, the one that most lines below agree with: a preamble
+    may hold tables of its own.
+    """
+    best, most = (None, None), 0.0
     for k, i in enumerate(filled[:-1]):
         n = len(split[i])
         if n < 2 or n_values[i] or not any(split[i]):
@@ -161,11 +166,15 @@ def _find_header(
             and _is_unit_row(split[below[0]])
         )
         rows = below[is_unit_row : is_unit_row + 3]
-        if n_values[rows[0]] and any(
-            len(split[j]) in (n, n + 1) and n_values[j] for j in rows
-        ):
-            return i, rows[0]
-    return None, None
+        if not n_values[rows[0]]:
+            continue
+        if any(len(split[j]) in (n, n + 1) and n_values[j] for j in rows):
+            fits = [len(split[j]) in (n, n + 1) for j in below[is_unit_row:]]
+            share = sum(fits) / len(fits)
+            # What is wrong in a few rows is to be told, not passed over.
+            if share > most + 0.5 or (share > most and most == 0.0):
+                best, most = (i, rows[0]), share
+    return best
 
 
 _UNIT_WORD = re.compile(

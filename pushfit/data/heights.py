@@ -42,6 +42,8 @@ _BEYOND_CHANCE = 1.86
 # What the family of shapes misses where there is no noise, as a share of the height.
 _SHAPE = 0.0015
 _MOST = 0.5
+# Share of the width on either side of the moment of a missing push.
+_MOMENT = 0.1
 # Share of the height that the baseline may move by under a push.
 _MAX_DRIFT = 0.2
 
@@ -55,7 +57,8 @@ class Height:
         sd: Standard deviation of `height` [unit].
         baseline: Rest level under the top [unit].
         t_peak: Time of the top [s].
-        definition: Whether it is the apex of a hump or the level of a plateau.
+        definition: Whether it is the apex of a hump or the level of a plateau; empty
+            where there is no hump.
         flags: Flag words, see `pushfit.data.table_rules.FLAGS`.
     """
 
@@ -63,7 +66,7 @@ class Height:
     sd: float
     baseline: float
     t_peak: float
-    definition: Literal["apex", "plateau"]
+    definition: Literal["apex", "plateau", ""]
     flags: frozenset[str]
 
 
@@ -85,6 +88,7 @@ def measure_heights(
     definition: Definition,
     limit: float | None,
     signs: Sequence[int] | None = None,
+    is_missing: Sequence[bool] = (),
 ) -> tuple[Height, ...]:
     """Measure pushes, each by itself.
 
@@ -96,6 +100,8 @@ def measure_heights(
         limit: Largest reading of the sensor; None to recognise it [unit].
         signs: 1 for a push that goes up, -1 for one that goes down, whose height is
             negative; None if all go up.
+        is_missing: Whether each push has no hump, so that only its moment is measured;
+            none where empty.
 
     Returns:
         Heights in the same order.
@@ -109,7 +115,10 @@ def measure_heights(
     held = are_held(time, upright, extents, calm=calm, base=base.level, noise=noise)
     if definition != "auto":
         held = np.full(len(extents), definition == "plateau")
-    tops = _tops(time, upright, extents, (profile, calm), held, base.level, noise)
+    missing = np.array(is_missing or [False] * len(extents))
+    held &= ~missing
+    kinds = (held, missing)
+    tops = _tops(time, upright, extents, (profile, calm), kinds, base.level, noise)
     drift = base.drift(tops.time)
     is_cut = saturated_pushes(
         signal,
@@ -127,8 +136,9 @@ def measure_heights(
     checks = {
         "clipped": np.array([e.is_cut for e in extents]),
         "gap": tops.has_gap,
-        "saturated": is_cut,
-        "drift": _moved(base, tops.time) > _MAX_DRIFT * np.abs(rise),
+        "saturated": is_cut & ~missing,
+        "missing": missing,
+        "drift": ~missing & (_moved(base, tops.time) > _MAX_DRIFT * np.abs(rise)),
     }
     return tuple(
         Height(
@@ -136,7 +146,7 @@ def measure_heights(
             sd=float(sd[k]),
             baseline=float(base.level[k] + drift[k]),
             t_peak=float(tops.time[k]),
-            definition="plateau" if held[k] else "apex",
+            definition="" if missing[k] else "plateau" if held[k] else "apex",
             flags=frozenset(word for word, is_so in checks.items() if is_so[k]),
         )
         for k in range(len(extents))
@@ -168,17 +178,19 @@ def _tops(
     signal: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
     profiles: tuple[Float[np.ndarray, "p m"], Float[np.ndarray, "p m"]],
-    held: Bool[np.ndarray, " p"],
+    kinds: tuple[Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]],
     base: Float[np.ndarray, " p"],
     noise: RestNoise,
 ) -> _Tops:
-    """Plateaus of the pushes that are held, apexes of the others."""
+    """Plateaus of the pushes that are held, moments of the missing, else apexes."""
+    held, missing = kinds
     n = len(extents)
     level, sd, when = np.empty((3, n))
     has_gap = np.zeros(n, dtype=bool)
     for find, profile, rows in (
         (_plateaus, profiles[1], np.flatnonzero(held)),
-        (_apexes, profiles[0], np.flatnonzero(~held)),
+        (_moments, profiles[0], np.flatnonzero(missing)),
+        (_apexes, profiles[0], np.flatnonzero(~held & ~missing)),
     ):
         if rows.size:
             some = [extents[k] for k in rows]
@@ -186,6 +198,28 @@ def _tops(
             level[rows], sd[rows] = found.level, found.sd
             when[rows], has_gap[rows] = found.time, found.has_gap
     return _Tops(level=level, sd=sd, time=when, has_gap=has_gap)
+
+
+def _moments(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    extents: Sequence[Extent],
+    profile: Float[np.ndarray, "p m"],
+    base: Float[np.ndarray, " p"],
+    noise: RestNoise,
+) -> _Tops:
+    """Means around the moments at which pushes were to be at their tops."""
+    windows = np.array(
+        [[e.t_peak - _MOMENT * e.width, e.t_peak + _MOMENT * e.width] for e in extents]
+    )
+    windows = np.clip(windows, time[0], time[-1])
+    means, counts = bin_means(time, signal, windows, 1)
+    return _Tops(
+        level=means[:, 0],
+        sd=noise.of_mean(counts[:, 0]),
+        time=np.array([e.t_peak for e in extents]),
+        has_gap=counts[:, 0] == 0,
+    )
 
 
 def _plateaus(

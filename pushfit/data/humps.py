@@ -1,8 +1,8 @@
 """Humps of a smoothed signal, the valleys between them, and which belong together.
 
-Several humps without a rest between them are one push. A valley is a rest if it is deep,
-or if the signal stays at its level for long, on both sides of a hump: so the pushes that
-follow a step of the rest level are as many as those before it.
+Several humps without a rest between them are one push. A valley is a rest if it is
+deep, or if the signal stays at its level for long, on both sides of a hump: so the
+pushes that follow a step of the rest level are as many as those before it.
 """
 
 from dataclasses import dataclass

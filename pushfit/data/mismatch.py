@@ -9,6 +9,9 @@ from pushfit.data.detection import Extent
 from pushfit.data.schedule import PushSchedule
 from pushfit.errors import DataError, Problem
 
+# Pushes in which two assignments differ that are shown.
+_MAX_SHOWN = 4
+
 
 def mismatch_error(
     schedule: PushSchedule, pairs: Alignment, extents: Sequence[Extent]
@@ -29,7 +32,7 @@ def mismatch_error(
     problems = [
         Problem(
             code="push_missing",
-            message=f"{_named(plan, i)} has no hump{_between(pairs, extents, i)}",
+            message=f"{named(plan, i)} has no hump{_between(pairs, extents, i)}",
             path=path,
             value=str(plan.push[i]),
         )
@@ -38,30 +41,59 @@ def mismatch_error(
     problems += [
         Problem(
             code="push_extra",
-            message=f"the hump at {extents[j].t_peak:.2f} s is no planned push",
+            message=(
+                f"the hump at {extents[j].t_peak:.2f} s is no planned push and left "
+                f"out; say so by --exclude {extents[j].t_start:.2f}:"
+                f"{extents[j].t_end:.2f}"
+            ),
             path=path,
             value=f"{extents[j].t_peak:.2f} s",
         )
         for j in pairs.extra
     ]
     n_found = plan.n_pushes - len(pairs.missing) + len(pairs.extra)
-    doubt = (
-        "; another assignment fits nearly as well, so check which one it is"
-        if pairs.is_ambiguous
-        else ""
-    )
     return DataError(
         f"{plan.n_pushes} pushes are planned, {n_found} found: "
-        f"{'; '.join(p.message for p in problems)}{doubt}. Correct the schedule, state "
-        "min_height, or set peaks.allow_missing. Found of planned by (theta, alpha): "
-        f"{_counts(plan, pairs)}",
+        f"{'; '.join(p.message for p in problems) or 'not in their rhythm'}"
+        f"{_doubt(plan, pairs, extents)}",
         code="push_mismatch",
         problems=tuple(problems),
     )
 
 
-def _named(plan: PushSchedule, i: int) -> str:
-    """A planned push in words."""
+def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> str:
+    """The assignments between which the times do not decide, and what would."""
+    if pairs.other is None:
+        return ""
+    differ = np.flatnonzero(pairs.hump != pairs.other)[:_MAX_SHOWN]
+    shown = [
+        "; ".join(f"push {plan.push[i]} {_at(extents, int(hump[i]))}" for i in differ)
+        for hump in (pairs.hump, pairs.other)
+    ]
+    window = "T1:T2"
+    if pairs.extra:
+        extra = extents[pairs.extra[0]]
+        window = f"{extra.t_start:.2f}:{extra.t_end:.2f}"
+    return (
+        f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
+        "the schedule a column time_s, leave out what is no push by --exclude "
+        f"{window}, state --min-height, or take (a) by allow_missing = true in "
+        f"[peaks]. Found of planned by (theta, alpha) in (a): {_counts(plan, pairs)}"
+    )
+
+
+def _at(extents: Sequence[Extent], hump: int) -> str:
+    """Where a push is, in words."""
+    return "missing" if hump < 0 else f"at {extents[hump].t_peak:.2f} s"
+
+
+def named(plan: PushSchedule, i: int) -> str:
+    """A planned push in words.
+
+    Args:
+        plan: Planned pushes.
+        i: Its position.
+    """
     return (
         f"push {plan.push[i]} (theta {np.degrees(plan.theta[i]):g}, "
         f"alpha {np.degrees(plan.alpha[i]):g}, repeat {plan.repeat[i]})"

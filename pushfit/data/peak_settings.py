@@ -32,7 +32,14 @@ class PeakSettings:
         limit: Reading at which the sensor ends: pushes that reach it are saturated;
             None recognises a limit by samples that pile up at the largest reading
             [unit of the channel].
-        allow_missing: Whether a recording may lack planned pushes or have others.
+        exclude: Windows of time whose humps are no pushes [s].
+        include: Windows of time whose humps are pushes, however small [s].
+        begin: Time before which samples are left out; None takes them from the first
+            [s].
+        end: Time after which samples are left out [s].
+        use_missing: Whether heights at the moments of missing pushes go into a fit.
+        allow_missing: Whether to go on with the likeliest assignment to the schedule
+            where another is nearly as likely.
     """
 
     channel: str | None = None
@@ -44,6 +51,11 @@ class PeakSettings:
     split: float = 0.41
     smoothing: float | None = None
     limit: float | None = None
+    exclude: tuple[tuple[float, float], ...] = ()
+    include: tuple[tuple[float, float], ...] = ()
+    begin: float | None = None
+    end: float | None = None
+    use_missing: bool = False
     allow_missing: bool = False
 
     def __post_init__(self) -> None:
@@ -53,6 +65,14 @@ class PeakSettings:
                 f"peaks.split = {self.split:g} is outside (0, 1); 0.41 is usual",
                 code="peak_settings",
             )
+        for name in ("exclude", "include"):
+            for first, last in getattr(self, name):
+                if not first < last:
+                    raise ConfigError(
+                        f"peaks.{name} = [[{first:g}, {last:g}]] ends before it "
+                        "begins; give the earlier time first",
+                        code="peak_settings",
+                    )
         for name in ("min_height", "smoothing"):
             value = getattr(self, name)
             if value is not None and not value > 0:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.data.units import Calibration
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, DataError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +46,41 @@ class Recording:
     alpha: Float[np.ndarray, " n"] | None = None
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def between(self, begin: float | None, end: float | None) -> "Recording":
+        """The part between two times.
+
+        Args:
+            begin: First time; None from the beginning [s].
+            end: Last time; None to the end [s].
+
+        Returns:
+            The part, itself where neither is stated.
+
+        Raises:
+            DataError: If there is nothing between them (`no_rows`).
+        """
+        if begin is None and end is None:
+            return self
+        first = 0 if begin is None else int(np.searchsorted(self.time, begin))
+        last = len(self.time)
+        if end is not None:
+            last = int(np.searchsorted(self.time, end, side="right"))
+        if last <= first:
+            raise DataError(
+                f"no samples from {begin} to {end} s: the recording runs from "
+                f"{self.time[0]:g} to {self.time[-1]:g} s; state times within it",
+                code="no_rows",
+            )
+        part = slice(first, last)
+        return replace(
+            self,
+            time=self.time[part],
+            channels={name: y[part] for name, y in self.channels.items()},
+            theta=None if self.theta is None else self.theta[part],
+            alpha=None if self.alpha is None else self.alpha[part],
+            notes=(*self.notes, f"took {last - first} of {len(self.time)} samples"),
+        )
 
     def calibrated(self, channel: str, calibration: Calibration) -> "Recording":
         """Convert one channel by a calibration that the user chose, and note it.

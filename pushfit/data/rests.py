@@ -86,7 +86,7 @@ class RestNoise:
         return np.sqrt(variance + self._rounding(sigma))
 
     def _rounding(self, sigma: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Variance that is not averaged out: the noise does not reach the next count."""
+        """Variance that is not averaged out where noise does not reach a count."""
         return np.where(sigma < self.quantum / 2, self.quantum**2 / 12, 0.0)
 
 

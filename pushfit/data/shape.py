@@ -177,7 +177,7 @@ def _misfit(
     bins: Float[np.ndarray, "p bins"],
     q: Float[np.ndarray, "g bins 3"],
     inverse: Float[np.ndarray, "g 3 3"],
-    is_hyperbola: bool,  # noqa: FBT001 - the last of what a family is made of
+    is_hyperbola: bool,
 ) -> Float[np.ndarray, " p"]:
     """Squares that the best of a family leaves, beyond all if none has its form."""
     y = bins - bins.mean(axis=1, keepdims=True)

@@ -46,6 +46,7 @@ class PeakTable:
         sources: Files behind the rows.
         notes: What was recognised, left out or filled in, for the user.
         traces: Signals that the heights were measured in, where there were any.
+        cautions: Notes that the user should not overlook.
     """
 
     frame: pd.DataFrame
@@ -53,6 +54,7 @@ class PeakTable:
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
     traces: tuple[Trace, ...] = ()
+    cautions: tuple[str, ...] = ()
 
     @classmethod
     def from_frame(

@@ -18,6 +18,7 @@ FLAGS = {
     "clipped": "the recording starts or ends inside the push",
     "gap": "samples are missing at the top of the push",
     "drift": "the baseline moved by more than a fifth of the height",
+    "missing": "no hump at the planned moment, the height is what is there",
     "lost_contact": "the push lifted the finger off",
     "outlier": "the height is far from those of the same direction",
 }
@@ -26,7 +27,9 @@ FLAGS = {
 DEFINITIONS = ("apex", "plateau")
 
 # Heights under these flags are not what the model predicts; the others are opinions.
-EXCLUDING_FLAGS = frozenset({"saturated", "clipped", "gap", "drift", "lost_contact"})
+EXCLUDING_FLAGS = frozenset(
+    {"saturated", "clipped", "gap", "drift", "missing", "lost_contact"}
+)
 
 _HEIGHTS = tuple(name for c in CHANNELS for name in (c, f"{c}_sd"))
 LAYOUT = Layout(

@@ -8,7 +8,7 @@ a name without a unit has none, and an implausible number is reported, never res
 
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -54,6 +54,7 @@ UNITS: dict[str, Unit] = {
     for unit in (
         Unit(name="n", quantity="signal", canonical="n"),
         Unit(name="mn", quantity="signal", canonical="n", per=1e3),
+        Unit(name="un", quantity="signal", canonical="n", per=1e6),
         Unit(name="kpa", quantity="signal", canonical="kpa"),
         Unit(name="pa", quantity="signal", canonical="kpa", per=1e3),
         Unit(name="counts", quantity="signal", canonical="counts"),
@@ -69,6 +70,34 @@ UNITS: dict[str, Unit] = {
         Unit(name="mm", quantity="length", canonical="m", per=1e3),
     )
 }
+
+# Two letters look like the micro sign.
+_MICRO = str.maketrans("µμ", "uu")
+# Volts of an amplifier with its gain, as `500 mN/V`.
+_GAIN = re.compile(r"(?P<gain>[+-]?\d*\.?\d+(?:e[+-]?\d+)?)\s*(?P<unit>[a-z]+)/v")
+
+
+def find_unit(text: str) -> Unit | None:
+    """Look up a unit, also volts with the gain that turns them into one.
+
+    >>> find_unit("500 mN/V").times, find_unit("µN").name
+    (500.0, 'un')
+
+    Args:
+        text: Unit as written, case does not matter.
+
+    Returns:
+        The unit; None where it is not known.
+    """
+    name = text.strip().lower().translate(_MICRO)
+    gain = _GAIN.fullmatch(name)
+    if gain is None:
+        return UNITS.get(name)
+    unit = UNITS.get(gain["unit"])
+    if unit is None or unit.quantity != "signal":
+        return None
+    return replace(unit, name=name, times=float(gain["gain"]) * unit.times)
+
 
 _BRACKETED = re.compile(r"^(?P<stem>.*\S)\s*[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]$")
 
@@ -93,7 +122,7 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
         stem, suffix = bracketed["stem"], bracketed["unit"]
     else:
         stem, _, suffix = text.rpartition("_")
-    unit = UNITS.get(suffix.lower())
+    unit = find_unit(suffix)
     return (stem, unit) if stem and unit else (text, None)
 
 
@@ -111,17 +140,17 @@ def parse_unit(text: str, *, quantities: Sequence[Quantity] = ()) -> Unit:
         ConfigError: If the unit is unknown (`unknown_unit`) or measures something else
             (`wrong_unit`).
     """
-    unit = UNITS.get(text.strip().lower())
+    unit = find_unit(text)
     allowed = [
         u.name for u in UNITS.values() if not quantities or u.quantity in quantities
     ]
     if unit is None:
         hint = did_you_mean(text.lower(), allowed)
         raise ConfigError(
-            f"unit {text!r} is not known; known here: {', '.join(allowed)}{hint}",
+            f"unit {text!r} is not known; known here: {', '.join(allowed)}, and volts with their gain, such as 500mN/V{hint}",
             code="unknown_unit",
         )
-    if unit.name not in allowed:
+    if quantities and unit.quantity not in quantities:
         raise ConfigError(
             f"unit {text!r} measures {unit.quantity}; needed is a unit of "
             f"{' or '.join(quantities)}: {', '.join(allowed)}",
