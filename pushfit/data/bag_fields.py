@@ -54,6 +54,11 @@ def mapped_fields(
     for key, target in mapping.items():
         name, suffix = split_unit(key)
         topic, _, rest = target.partition(".")
+        # ROS 1 lets topics be without the slash that users write.
+        topic = next(
+            (t for t in (topic, topic.lstrip("/"), f"/{topic}") if t in reader.topics),
+            topic,
+        )
         if name == "time":
             raise ConfigError(
                 f"{path}: the time of a bag comes from its stamps; map channels only",
@@ -112,8 +117,9 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
         count = "no topic" if not topics else f"{len(topics)} topics"
         raise refuse(
             "no_channel" if not topics else "ambiguous_topic",
-            f"{count} of a known type among {_described(reader)}; state "
-            "--map pressure=/topic.field --unit pressure=counts",
+            f"{count} of a known type among {_described(reader)}; state for example "
+            f"--map pressure={_example(reader, first)} --unit pressure=counts; the "
+            f"numbers in it are {_listed(reader, first)}",
             path=path,
         )
     topic = topics[0]
@@ -139,6 +145,49 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
         )
         for i in range(n_fingers)
     ]
+
+
+# Numbers of a message that are listed.
+_MAX_LISTED = 24
+
+
+def numbers_in(message: Any, prefix: str = "") -> list[str]:
+    """Paths of all single numbers of a message, first of each array.
+
+    Args:
+        message: Decoded message.
+        prefix: Path of the message itself.
+    """
+    if isinstance(message, bool | str | bytes):
+        return []
+    if isinstance(message, int | float):
+        return [prefix]
+    if hasattr(message, "__len__"):
+        return numbers_in(message[0], f"{prefix}[0]") if len(message) else []
+    names = [n for n in vars(type(message)).get("__slots__", ()) or vars(message)]
+    return [
+        path
+        for name in names
+        if name != "__msgtype__" and not name.startswith("_")
+        for path in numbers_in(getattr(message, name), f"{prefix}.{name}")
+    ]
+
+
+def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
+    """Numbers of all topics, as `--map` takes them."""
+    return [path for topic in reader.topics for path in numbers_in(first(topic), topic)]
+
+
+def _example(reader: Any, first: Callable[[str], Any]) -> str:
+    paths = [p for p in _paths(reader, first) if ".header" not in p]
+    return paths[-1] if paths else "/topic.field"
+
+
+def _listed(reader: Any, first: Callable[[str], Any]) -> str:
+    paths = _paths(reader, first)
+    more = len(paths) - _MAX_LISTED
+    ending = f" and {more} more" if more > 0 else ""
+    return ", ".join(paths[:_MAX_LISTED]) + ending if paths else "none"
 
 
 def number_at(message: Any, path: Sequence[str]) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pushfit.data.faults import data_error, problem, refuse
+from pushfit.data.ddf import read_preamble
 from pushfit.data.guess import DELIMITERS, Guess, best_guess, split_line, uncommented
 from pushfit.data.textfile import TextFile
 from pushfit.errors import ConfigError, Problem
@@ -27,6 +28,7 @@ _DESCRIBED = {
     "plotjuggler": "PlotJuggler csv",
     "mcapcsv": "mcap cat --format=csv",
     "ros2csv": "ros2 topic echo --csv",
+    "ddf": "Aurora indenter log",
 }
 
 
@@ -46,6 +48,7 @@ class Layout:
         data_line: First line of data, counted from 1.
         data_start: Byte of the clean text where that line begins.
         notes: What was passed over, for the user.
+        rate: Samples per second, where the file states it [Hz].
     """
 
     writer: str
@@ -59,6 +62,7 @@ class Layout:
     data_line: int
     data_start: int
     notes: tuple[str, ...]
+    rate: float | None = None
 
     @property
     def n_fields(self) -> int:
@@ -108,6 +112,7 @@ def find_layout(
             path=text.path,
         )
     lines = head.decode(errors="replace").split("\n")[:_HEAD_LINES]
+    columns = _all_columns(columns, lines)
     guess = best_guess(lines, columns, text.path)
     if columns:
         _refuse_names_above(lines[: guess.data], guess.delimiter, columns, text.path)
@@ -116,9 +121,12 @@ def find_layout(
     doubled = _doubled_names(names, text.path, guess.header)
     if doubled:
         raise data_error(doubled)
-    unit_row = _unit_row(lines, guess)
+    preamble = lines[: guess.header or 0]
+    log = read_preamble(preamble, names) if not columns else None
+    unit_row = log.units if log else _unit_row(lines, guess)
+    writer = _writer(names, format, bool(columns), text.path)
     return Layout(
-        writer=_writer(names, format, bool(columns), text.path),
+        writer="ddf" if log else writer,
         delimiter=guess.delimiter,
         decimal=guess.decimal,
         names=names,
@@ -128,8 +136,22 @@ def find_layout(
         header_line=None if guess.header is None else guess.header + 1,
         data_line=guess.data + 1,
         data_start=_byte_of_line(head, guess.data),
-        notes=(*notes, *_layout_notes(lines, guess, unit_row)),
+        notes=(*notes, *_layout_notes(lines, guess, () if log else unit_row)),
+        rate=log.rate if log else None,
     )
+
+
+def _all_columns(columns: Sequence[str], lines: list[str]) -> tuple[str, ...]:
+    """Columns as named, the last `...` replaced by as many without a name."""
+    if not columns or columns[-1] != "...":
+        return tuple(columns)
+    named = tuple(columns[:-1])
+    widths = [
+        max(len([c for c in split_line(line, d) if c]) for d in DELIMITERS)
+        for line in lines
+        if line.strip()
+    ]
+    return named + ("",) * (max(widths, default=0) - len(named))
 
 
 def _unit_row(lines: list[str], guess: Guess) -> tuple[str, ...]:

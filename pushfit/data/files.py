@@ -122,6 +122,25 @@ def existing_files(paths: Iterable[str | Path]) -> None:
         raise ConfigError(message, code=problems[0].code, problems=tuple(problems))
 
 
+def refuse_other_names(path: str) -> None:
+    """Refuse a file whose name tells that it is a log of a program's own.
+
+    Args:
+        path: File as the user named it.
+
+    Raises:
+        DataError: If it is one (`not_csv`).
+    """
+    if Path(path).suffix.lower() == ".btd":
+        raise refuse(
+            "not_csv",
+            "is a SynTouch BioTac log (.btd); open it with the BioTac program that "
+            "recorded it and save it as text, then state the columns: "
+            "--columns time_s,pdc_counts,... and --rate if none of them is a time",
+            path=path,
+        )
+
+
 def is_bag(path: str) -> bool:
     """Tell whether a file, or a ROS 2 bag folder, is a bag by its first bytes."""
     if Path(path).is_dir():

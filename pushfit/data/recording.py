@@ -23,7 +23,7 @@ from pushfit.data.roles import Role, Roles, assign_roles
 from pushfit.data.samples import Gaps, Samples, ThetaFrom, build_recording
 from pushfit.data.scan import Tail
 from pushfit.data.textfile import TextFile, open_text
-from pushfit.data.units import Calibration, Unit
+from pushfit.data.units import UNITS, Calibration, Unit
 from pushfit.errors import DataError
 
 __all__ = ["Recording", "Source", "read_recording"]
@@ -39,6 +39,7 @@ def read_recording(
     mapping: Mapping[str, str] = _NOTHING,
     units: Mapping[str, str] = _NOTHING,
     columns: Sequence[str] = (),
+    rate: float | None = None,
     calibration: Mapping[str, Calibration] = _UNCHANGED,
     definitions: str | None = None,
     theta_from: ThetaFrom = "tangential",
@@ -61,7 +62,10 @@ def read_recording(
         mapping: Column name by channel name, and by `time`, `theta` and `alpha`; for
             bags `/topic.field.path`.
         units: Unit by channel or column name, where the name states none.
-        columns: Column names in order, for a file without a header.
+        columns: Column names in order, for a file without a header; a last name `...`
+            stands for all that follow.
+        rate: Samples per second, for a recording without a time; None where a column
+            or the file itself tells it [Hz].
         calibration: Conversion by channel name.
         definitions: Folder of `.msg` files, for ROS 2 bags that carry no definitions.
         theta_from: What a recorded theta is measured from.
@@ -95,7 +99,15 @@ def read_recording(
     else:
         text = open_text(given, encoding=encoding)
         layout = find_layout(text, format=format, columns=columns)
-        roles = _roles(text, layout, mapping=mapping, units=units, tail=tail)
+        rate = rate or layout.rate
+        roles = _roles(
+            text,
+            layout,
+            mapping=mapping,
+            units=units,
+            tail=tail,
+            has_rate=rate is not None,
+        )
         cells = read_cells(
             text,
             layout,
@@ -104,7 +116,7 @@ def read_recording(
             missing=missing,
             max_bytes=max_bytes,
         )
-        samples = _samples(text, layout, roles, cells)
+        samples = _samples(text, layout, roles, cells, rate=rate)
     recording = build_recording(
         samples, theta_from=theta_from, gaps=gaps, trust_units=trust_units
     )
@@ -120,10 +132,13 @@ def _roles(
     mapping: Mapping[str, str],
     units: Mapping[str, str],
     tail: Tail,
+    has_rate: bool,
 ) -> Roles:
     """Give the columns their roles, or list what is wrong with names and rows."""
     try:
-        return assign_roles(layout, mapping=mapping, units=units, path=text.path)
+        return assign_roles(
+            layout, mapping=mapping, units=units, path=text.path, has_rate=has_rate
+        )
     except DataError as error:
         # The rows may be wrong as well: the user is to mend all in one go.
         rows = row_problems(text, layout, tail=tail)
@@ -144,26 +159,33 @@ def _kinds(layout: Layout, roles: Roles) -> dict[int, Kind]:
     return kinds
 
 
-def _samples(text: TextFile, layout: Layout, roles: Roles, cells: Cells) -> Samples:
+def _samples(
+    text: TextFile, layout: Layout, roles: Roles, cells: Cells, *, rate: float | None
+) -> Samples:
     """Sort parsed columns by their roles."""
 
     def series(role: Role) -> tuple[np.ndarray, Unit]:
         return cells.values[role.columns[0]], role.unit
 
-    clock, time = _first_filled_clock(roles, cells)
-    names = [layout.names[i] for i in clock.columns]
+    if roles.clocks:
+        clock, time = _first_filled_clock(roles, cells)
+        unit = clock.unit
+        origin = " and ".join(layout.names[i] for i in clock.columns)
+    else:
+        time, unit = np.arange(cells.scan.n_rows) / (rate or 1.0), UNITS["s"]
+        origin = f"the rate of {rate:g} samples a second"
     source = Source(path=text.path, sha256=text.sha256, dialect=layout.description)
     return Samples(
         path=text.path,
         time=time,
-        time_unit=clock.unit,
+        time_unit=unit,
         channels={role.name: series(role) for role in roles.channels},
         angles={role.name: series(role) for role in roles.angles},
         is_union=layout.writer == "plotjuggler",
         lines=cells.scan.lines,
         sources=(source,),
         notes=(
-            f"recognised {layout.description}; time from {' and '.join(names)}",
+            f"recognised {layout.description}; time from {origin}",
             *layout.notes,
             *roles.notes,
             *cells.notes,

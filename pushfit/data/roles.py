@@ -11,7 +11,14 @@ from dataclasses import dataclass
 from pushfit.data.dialects import Layout
 from pushfit.data.faults import data_error, did_you_mean, problem
 from pushfit.data.guess import STAMP
-from pushfit.data.units import UNITS, Quantity, Unit, parse_unit, split_unit
+from pushfit.data.units import (
+    UNITS,
+    Quantity,
+    Unit,
+    find_unit,
+    parse_unit,
+    split_unit,
+)
 from pushfit.errors import ConfigError, Problem
 
 ANGLES = ("theta", "alpha")
@@ -95,7 +102,7 @@ class _Columns:
         stem, suffix = split_unit(name)
         stated = [suffix, *(split_unit(key)[1] for key in keys)]
         if self.unit_row:
-            stated.append(UNITS.get(self.unit_row[i].lower()))
+            stated.append(find_unit(self.unit_row[i]))
         stated += [
             parse_unit(self.units[key])
             for key in dict.fromkeys((name, stem, *keys))
@@ -117,6 +124,7 @@ def assign_roles(
     mapping: Mapping[str, str],
     units: Mapping[str, str],
     path: str,
+    has_rate: bool = False,
 ) -> Roles:
     """Decide what each column of a recording is for.
 
@@ -125,6 +133,7 @@ def assign_roles(
         mapping: Column name by channel, or by `time`, `theta` and `alpha`.
         units: Unit by channel or column name.
         path: File as the user named it, for messages.
+        has_rate: Whether times follow from a rate where no column is one.
 
     Returns:
         The roles.
@@ -136,7 +145,7 @@ def assign_roles(
     """
     columns = _Columns(layout, mapping, units, path)
     _check_stated_names(columns)
-    clocks = _clocks(columns)
+    clocks = _clocks(columns, has_rate=has_rate)
     taken = {i for clock in clocks for i in clock.columns}
     angles = _angles(columns)
     taken |= {i for angle in angles for i in angle.columns}
@@ -191,7 +200,7 @@ def _check_stated_names(columns: _Columns) -> None:
             )
 
 
-def _clocks(columns: _Columns) -> list[Role]:
+def _clocks(columns: _Columns, *, has_rate: bool) -> list[Role]:
     """Find the time column by mapping, by dialect, or by its name and unit."""
     if "time" in columns.mapped:
         key, name = columns.mapped["time"]
@@ -211,11 +220,11 @@ def _clocks(columns: _Columns) -> list[Role]:
         for name, unit in candidates
         if (role := _clock(columns, name, unit, key)) is not None
     ]
-    if not found and not columns.problems:
+    if not found and not columns.problems and not has_rate:
         columns.add(
             "no_time",
             f"no time column among {_listed(columns.names)}; name one time_s, or state "
-            "--map time=COLUMN --unit time=s",
+            "--map time=COLUMN --unit time=s, or the samples per second by --rate",
         )
     return found
 

@@ -14,7 +14,13 @@ from pathlib import Path
 from typing import BinaryIO
 
 from pushfit.data.faults import refuse
-from pushfit.data.files import FileStamp, existing_file, refuse_other_types, sha256_of
+from pushfit.data.files import (
+    FileStamp,
+    existing_file,
+    refuse_other_names,
+    refuse_other_types,
+    sha256_of,
+)
 from pushfit.errors import ConfigError
 
 BLOCK = 1 << 22
@@ -192,6 +198,7 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
             f"{given}: is a folder; name the files in it", code="is_a_folder"
         )
     stamp = FileStamp.of(given)
+    refuse_other_names(given)
     with open(given, "rb") as file:
         start = file.read(4096)
         file.seek(0)
