@@ -78,12 +78,15 @@ def line(
     cells = [name.partition("_20")[0], column, str(known), str(len(extents))]
     if not extents:
         return " | ".join([*cells, "-", "-", "-"])
-    measured, definition = measure_heights(
+    measured = measure_heights(
         recording.time,
         recording.channels[CHANNEL],
         extents,
         definition="auto",
         limit=None,
+    )
+    definition = ", ".join(
+        f"{n} {word}" for word, n in Counter(h.definition for h in measured).items()
     )
     flags = Counter(flag for height in measured for flag in height.flags)
     counted = ", ".join(f"{n} {flag}" for flag, n in sorted(flags.items()))

@@ -184,6 +184,10 @@ def test_the_picture_is_drawn_where_directions_are_unknown(tmp_path, capsys):
     """It shows how many rows a schedule needs, and in which order."""
     plot = tmp_path / "found.svg"
     sweep = str(EXAMPLE / "alpha_sweep.csv")
-    assert main(["peaks", sweep, "--plot", str(plot)]) == 3
-    assert "no angles theta and alpha of its 18 pushes" in capsys.readouterr().err
+    assert main(["peaks", sweep, "--plot", str(plot)]) == 0
+    printed = capsys.readouterr()
+    assert "18 pushes have heights and times but no directions" in printed.err
+    header, *rows = printed.out.strip().splitlines()
+    assert "height_kpa" in header and "theta" not in header
+    assert len(rows) == 18
     assert plot.read_bytes().startswith(b"<?xml")

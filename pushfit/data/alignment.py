@@ -24,12 +24,14 @@ _LEAD = 1.5
 _OUTSIDE, _SLACK = 30.0, 0.1
 # Scatter of a time between two pushes that robots keep, and keep to a plan, in periods.
 _LEAST_SCATTER, _TIMED_SCATTER = 0.03, 0.05
-# Standard deviation over the median of a normal distribution, and a fifth more: the time
-# of one push is off in the gaps on both sides of it.
+# Standard deviation over the median of a normal distribution, and a fifth more: the
+# time of one push is off in the gaps on both sides of it.
 _WIDER = 1.2 * 1.4826
 # A hump is on the beat of another if it is off by less than this, in periods; humps
 # have a rhythm if this share of so many neighbours is. Of random ones 0.2 to 0.4 is.
-_BEAT, _STEADY, _NEIGHBOURS, _FEW_BEATS = 0.1, 0.55, 8, 4
+_BEAT, _STEADY, _NEIGHBOURS, _FEW_BEATS = 0.1, 0.45, 8, 4
+# Gaps off by less than this are in time without a search.
+_IN_TIME = 0.15
 # How much likelier the best way must be: this many nats.
 _CLEAR = 4.0
 # Periods worth trying are as good as the best one but for so many nats, and so many.
@@ -243,7 +245,7 @@ def _is_in_rhythm(case: _Case) -> bool:
         return True
     scale = 1.0 if case.is_timed else float(np.median(gaps / steps))
     off = np.abs(gaps / scale - steps) / float(np.median(steps))
-    return bool(np.all(off < 0.3))
+    return bool(np.all(off < _IN_TIME))
 
 
 def _ways(case: _Case, scales: Sequence[tuple[float, float]]) -> list[_Way]:

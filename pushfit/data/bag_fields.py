@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from pushfit.data.faults import refuse
 from pushfit.data.guess import NUMBER
 from pushfit.data.roles import ANGLES
@@ -158,13 +160,13 @@ def numbers_in(message: Any, prefix: str = "") -> list[str]:
         message: Decoded message.
         prefix: Path of the message itself.
     """
-    if isinstance(message, bool | str | bytes):
+    if message is None or isinstance(message, bool | str | bytes):
         return []
-    if isinstance(message, int | float):
+    if isinstance(message, int | float | np.number):
         return [prefix]
     if hasattr(message, "__len__"):
         return numbers_in(message[0], f"{prefix}[0]") if len(message) else []
-    names = [n for n in vars(type(message)).get("__slots__", ()) or vars(message)]
+    names = vars(type(message)).get("__slots__") or getattr(message, "__dict__", ())
     return [
         path
         for name in names

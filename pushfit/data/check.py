@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from pushfit.data.dialects import find_layout
 from pushfit.data.files import existing_file, is_bag
+from pushfit.data.foreign import foreign_table
 from pushfit.data.recording import read_recording
 from pushfit.data.schedule import read_schedule
 from pushfit.data.table import read_table
@@ -43,6 +44,8 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     if given.endswith(".parquet"):
         return "table"
     if is_bag(given) or recording_options.get("format", "auto") != "auto":
+        return "recording"
+    if foreign_table(given, columns=recording_options.get("columns", ())):
         return "recording"
     text = open_text(given, encoding=recording_options.get("encoding"))
     names = find_layout(text, columns=recording_options.get("columns", ())).names

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pushfit.data.faults import data_error, problem, refuse
 from pushfit.data.ddf import read_preamble
+from pushfit.data.faults import data_error, problem, refuse
 from pushfit.data.guess import DELIMITERS, Guess, best_guess, split_line, uncommented
 from pushfit.data.textfile import TextFile
 from pushfit.errors import ConfigError, Problem
@@ -138,6 +138,28 @@ def find_layout(
         data_start=_byte_of_line(head, guess.data),
         notes=(*notes, *_layout_notes(lines, guess, () if log else unit_row)),
         rate=log.rate if log else None,
+    )
+
+
+def layout_of(names: tuple[str, ...], dialect: str) -> Layout:
+    """Layout of columns that were not text.
+
+    Args:
+        names: Their names.
+        dialect: What they were.
+    """
+    return Layout(
+        writer="native",
+        delimiter=",",
+        decimal=".",
+        names=names,
+        unit_row=(),
+        first_row=(),
+        has_trailing=False,
+        header_line=None,
+        data_line=1,
+        data_start=0,
+        notes=(dialect,),
     )
 
 

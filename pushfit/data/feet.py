@@ -28,12 +28,14 @@ _FEWEST = 8
 _SETTLING = 0.4
 # Less of a rest than this share of what is wanted shows no level.
 _LEAST = 0.25
+# A hump that is lower than this share of the step below it is an overshoot.
+ON_STEP = 0.33
 # Share of the time from a neighbour in which the signal comes to rest.
 _TAIL = 0.5
 # Samples of rest that show that a push had not begun.
 _SHOWN = 3
 _GRID, _FINE = 400, 17
-_ROUNDS, _SETTLED, _REACH = 8, 1e-6, 2.0
+_ROUNDS, _SETTLED, _REACH = 12, 1e-9, 2.0
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 _SIGMAS = 3.0
 # Height over the noise that makes feet clear, and the share of the width that may be
@@ -201,6 +203,11 @@ def _trace(
         return feet
     peak = int(inside[np.argmax(y[inside])])
     t_peak, top = _top(course, when, peak, tau)
+    # What the samples begin or end with is a rest only if a push stands on it.
+    if not has_neighbours[0] and _is_top(before, after, top):
+        before = np.nan
+    if not has_neighbours[1] and _is_top(after, before, top):
+        after = np.nan
     if np.isnan(before) and np.isnan(after):
         before = after = float(min(y[0], y[-1]))
     rests = (
@@ -238,6 +245,11 @@ def _trace(
         cut_start=False,
         cut_end=False,
     )
+
+
+def _is_top(level: float, other: float, top: float) -> bool:
+    """Whether a level at an end of the samples is that of the push itself."""
+    return top - level < ON_STEP * (level - other)
 
 
 def _top(

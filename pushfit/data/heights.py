@@ -45,7 +45,7 @@ _MOST = 0.5
 # Share of the width on either side of the moment of a missing push.
 _MOMENT = 0.1
 # Share of the height that the baseline may move by under a push.
-_MAX_DRIFT = 0.2
+_MAX_DRIFT = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,6 +11,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from pushfit.data.feet import ON_STEP
+
 # A dip is briefer than the smoothing, which is so many bins; a rest is not.
 _DIP_BINS = 3
 # A first or last reading that is higher than this share of its hump shows no foot.
@@ -18,9 +20,8 @@ _FOOTLESS = 0.2
 # A level is held if the signal stays within the first share of the smaller hump of it
 # for the second share of that hump's width. A sine does so for 0.41 of it only.
 _LEVEL, _HELD = 0.15, 0.6
-# Humps lower than this share of the whole are wiggles of a plateau; a single one that
-# is lower than the other share of the step below it is an overshoot.
-_ON_TOP, _ON_STEP = 0.2, 0.33
+# Humps lower than this share of the whole are wiggles of a plateau.
+_ON_TOP = 0.2
 
 
 @dataclass(slots=True)
@@ -80,7 +81,7 @@ class Humps:
             return False
         part = self.y[min(peak, edge) : max(peak, edge) + 1]
         dwell = longest_run(np.abs(part - outer) <= _LEVEL * (top - outer))
-        is_step = top - outer >= _ON_STEP * (outer - inner)
+        is_step = top - outer >= ON_STEP * (outer - inner)
         return not (is_step and dwell >= self._width(end))
 
     def _width(self, k: int) -> int:

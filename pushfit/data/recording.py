@@ -13,10 +13,11 @@ from types import MappingProxyType
 import numpy as np
 
 from pushfit.data.bags import read_bag
-from pushfit.data.dialects import Format, Layout, find_layout
+from pushfit.data.dialects import Format, Layout, find_layout, layout_of
 from pushfit.data.explain import Kind
 from pushfit.data.faults import data_error
-from pushfit.data.files import existing_file, is_bag
+from pushfit.data.files import existing_file, is_bag, sha256_of
+from pushfit.data.foreign import foreign_table
 from pushfit.data.prescan import MAX_BYTES, Cells, read_cells, row_problems
 from pushfit.data.records import Recording, Source
 from pushfit.data.roles import Role, Roles, assign_roles
@@ -57,7 +58,8 @@ def read_recording(
     angles. Other columns are ignored with a note.
 
     Args:
-        path: CSV file, plain or compressed by gzip, or a ROS bag.
+        path: CSV file, plain or compressed by gzip, a ROS bag, the output of
+            `rostopic echo`, a rospy log, or a NumPy file.
         format: Dialect; `auto` recognises it.
         mapping: Column name by channel name, and by `time`, `theta` and `alpha`; for
             bags `/topic.field.path`.
@@ -96,6 +98,10 @@ def read_recording(
             is_salvage=tail == "salvage",
             max_bytes=max_bytes,
         )
+    elif foreign := foreign_table(given, columns=columns):
+        samples = _foreign_samples(
+            given, *foreign, mapping=mapping, units=units, rate=rate
+        )
     else:
         text = open_text(given, encoding=encoding)
         layout = find_layout(text, format=format, columns=columns)
@@ -123,6 +129,35 @@ def read_recording(
     for channel, conversion in calibration.items():
         recording = recording.calibrated(channel, conversion)
     return recording
+
+
+def _foreign_samples(
+    path: str,
+    table: Mapping[str, np.ndarray],
+    dialect: str,
+    *,
+    mapping: Mapping[str, str],
+    units: Mapping[str, str],
+    rate: float | None,
+) -> Samples:
+    """Sort the columns of a log that is no table by their roles."""
+    layout = layout_of(tuple(table), dialect)
+    roles = assign_roles(
+        layout, mapping=mapping, units=units, path=path, has_rate=rate is not None
+    )
+    series = list(table.values())
+    n = len(series[0])
+    clock = roles.clocks[0] if roles.clocks else None
+    time = np.arange(n) / (rate or 1.0) if clock is None else series[clock.columns[0]]
+    return Samples(
+        path=path,
+        time=time,
+        time_unit=UNITS["s"] if clock is None else clock.unit,
+        channels={r.name: (series[r.columns[0]], r.unit) for r in roles.channels},
+        angles={r.name: (series[r.columns[0]], r.unit) for r in roles.angles},
+        sources=(Source(path=path, sha256=sha256_of(path), dialect=dialect),),
+        notes=(f"recognised {dialect}", *roles.notes),
+    )
 
 
 def _roles(

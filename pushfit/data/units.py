@@ -147,7 +147,8 @@ def parse_unit(text: str, *, quantities: Sequence[Quantity] = ()) -> Unit:
     if unit is None:
         hint = did_you_mean(text.lower(), allowed)
         raise ConfigError(
-            f"unit {text!r} is not known; known here: {', '.join(allowed)}, and volts with their gain, such as 500mN/V{hint}",
+            f"unit {text!r} is not known; known here: {', '.join(allowed)}, and volts "
+            f"with their gain, such as 500mN/V{hint}",
             code="unknown_unit",
         )
     if quantities and unit.quantity not in quantities:

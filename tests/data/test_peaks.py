@@ -86,7 +86,7 @@ def test_heights_know_no_offset_and_scale_with_the_unit(gain, offset):
     moved = with_signal(made.recording, lambda y: gain * y + offset)
     plain = extract_peaks(made.recording, THETA_SWEEP)
     table = extract_peaks(moved, THETA_SWEEP)
-    # Rounding of the moved samples may move a foot by next to nothing: far below the sd.
+    # Rounding of the moved samples may move a foot by next to nothing.
     error = table.heights("height") / gain - plain.heights("height")
     assert np.abs(error / plain.sd("height")).max() < 1e-3
 
@@ -132,7 +132,8 @@ def test_two_assignments_that_fit_alike_are_both_shown_and_refused():
         extract_peaks(recording, ALPHA_SWEEP)
     error = caught.value
     assert error.code == "push_mismatch"
-    assert "(a) push 1 " in str(error) and "(b) push 1 " in str(error)
+    assert "(a) push 1 " in str(error)
+    assert "(b) push 1 " in str(error)
     likeliest = PeakSettings(allow_missing=True)
     assert extract_peaks(recording, ALPHA_SWEEP, settings=likeliest).n_pushes >= 17
 
