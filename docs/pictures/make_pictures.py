@@ -151,9 +151,7 @@ def missing(figure: Figure) -> None:
     plan = PushSchedule.planned(0.5, np.zeros(6), repeats=1)
     settings = PeakSettings(allow_missing=True)
     axes = figure.subplots()
-    draw(
-        axes, made, settings, "allow_missing = true: push 3 of 6 is told to be missing"
-    )
+    draw(axes, made, settings, "push 3 of 6 is told to be missing")
     found = extract_peaks(made, plan, settings=settings).frame
     for push, when in zip(found["push"], found["t_peak_s"], strict=True):
         axes.annotate(f"push {push}", (when, 1.12), ha="center", fontsize=7)

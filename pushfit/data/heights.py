@@ -193,7 +193,7 @@ def _tops(
         (_apexes, profiles[0], np.flatnonzero(~held & ~missing)),
     ):
         if rows.size:
-            some = [extents[k] for k in rows]
+            some = [extents[int(k)] for k in rows]
             found = find(time, signal, some, profile[rows], base[rows], noise.of(rows))
             level[rows], sd[rows] = found.level, found.sd
             when[rows], has_gap[rows] = found.time, found.has_gap

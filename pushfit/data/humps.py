@@ -140,7 +140,7 @@ class Humps:
         to is a rest.
         """
         a, b = (int(k) for k in self.peaks[pair : pair + 2])
-        low = self.y[self.valleys[pair + 1]]
+        low = float(self.y[self.valleys[pair + 1]])
         height = min(self.y[a], self.y[b]) - low
         least = _HELD * min(
             self._width_over(pair, low), self._width_over(pair + 1, low)
