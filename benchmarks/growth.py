@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks import tables
 from pushfit.cache import enable_compile_cache
-from pushfit.data.table import PeakTable, write_table
+from pushfit.data.tables.peak_table import PeakTable, write_table
 from pushfit.fit.lane_draws import draw_lanes
 from pushfit.fit.lane_fit import fit_lanes
 from pushfit.fit.lane_posterior import integrate_lanes

@@ -11,7 +11,7 @@ from collections import Counter
 
 import numpy as np
 
-from pushfit.data.alignment import Alignment, align
+from pushfit.data.plans.alignment import Alignment, align
 
 N_PLANNED = 12
 PERIOD, SCATTER = 3.5, 0.02

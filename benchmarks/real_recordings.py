@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pushfit.data.heights import measure_heights
-from pushfit.data.peak_settings import PeakSettings
-from pushfit.data.peaks import find_pushes
-from pushfit.data.recording import read_recording
-from pushfit.data.records import Recording
+from pushfit.data.peaks.extract import find_pushes
+from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.records import Recording
 
 HAND = "biotac_hand_pushes"
 GRID_LOW = "soft_skin/grid_r0.20_0.5N_11-02-2025_14-22-29"

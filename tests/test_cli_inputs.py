@@ -8,9 +8,9 @@ import pytest
 
 from pushfit.cli.app import main
 from pushfit.config import parse_config, read_config
-from pushfit.data.load import reader_options
-from pushfit.data.recording import read_recording
-from pushfit.data.units import BIOTAC_PDC
+from pushfit.data.recordings.load import reader_options
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.units import BIOTAC_PDC
 from pushfit.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "foam_box"
@@ -188,6 +188,7 @@ def test_the_picture_is_drawn_where_directions_are_unknown(tmp_path, capsys):
     printed = capsys.readouterr()
     assert "18 pushes have heights and times but no directions" in printed.err
     header, *rows = printed.out.strip().splitlines()
-    assert "height_kpa" in header and "theta" not in header
+    assert "height_kpa" in header
+    assert "theta" not in header
     assert len(rows) == 18
     assert plot.read_bytes().startswith(b"<?xml")

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from pushfit.data.peak_settings import PeakSettings
-from pushfit.data.peaks import extract_peaks
-from pushfit.data.records import Recording
-from pushfit.data.schedule import PushSchedule
+from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.records import Recording
 from pushfit.report.figures.recording import PushMarks, draw_pushes
 
 FOLDER = Path(__file__).parent

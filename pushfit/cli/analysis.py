@@ -13,7 +13,7 @@ from pushfit.errors import FitError
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
-    from pushfit.data.table import PeakTable
+    from pushfit.data.tables.peak_table import PeakTable
 
 
 def identify(
@@ -76,7 +76,7 @@ def sample(
     from pushfit.config import read_config
 
     def load(settings: "GraspConfig") -> "PeakTable":
-        from pushfit.data.table import read_table
+        from pushfit.data.tables.peak_table import read_table
 
         return read_table(table)
 

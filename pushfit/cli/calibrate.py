@@ -32,7 +32,7 @@ def calibrate(
     cache = enable_compile_cache()
     session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config
-    from pushfit.data.table import read_table
+    from pushfit.data.tables.peak_table import read_table
     from pushfit.fit.calibration import calibrate as measure
     from pushfit.report.coverage import (
         calibration_dict,

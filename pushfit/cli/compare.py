@@ -17,7 +17,7 @@ def compare(
     cache = enable_compile_cache()
     session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config
-    from pushfit.data.table import read_table
+    from pushfit.data.tables.peak_table import read_table
     from pushfit.fit.comparison import compare_models
     from pushfit.fit.results import FitStatus
     from pushfit.report.comparison import comparison_dict, comparison_text

@@ -16,7 +16,7 @@ from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
-    from pushfit.data.table import PeakTable
+    from pushfit.data.tables.peak_table import PeakTable
 
 SCHEMA = "pushfit.validate/1"
 Unit = Literal["n", "kpa", "counts", "au"]
@@ -38,9 +38,9 @@ def validate(
     json: options.Json = False,
 ) -> int:
     """Say what files hold, or what is wrong with them."""
-    from pushfit.data.check import check_files
-    from pushfit.data.files import existing_files
-    from pushfit.data.load import reader_options
+    from pushfit.data.recordings.check import check_files
+    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.text.files import existing_files
 
     settings = read_settings(
         config,
@@ -95,7 +95,7 @@ def peaks(
     force: options.Force = False,
 ) -> None:
     """Heights of the pushes in a recording, as CSV and as a picture."""
-    from pushfit.data.table import write_table
+    from pushfit.data.tables.peak_table import write_table
 
     for path in (output, plot):
         if path is not None:
@@ -152,7 +152,7 @@ def has_angles(path: Path, settings: "GraspConfig") -> bool:
         path: Recording.
         settings: Settings in force.
     """
-    from pushfit.data.load import configured_recording
+    from pushfit.data.recordings.load import configured_recording
 
     recording = configured_recording(path, settings)
     return recording.theta is not None and recording.alpha is not None
@@ -170,8 +170,8 @@ def print_heights(
         output: File to write; None for standard output.
     """
     from pushfit.atomic import atomic_path
-    from pushfit.data.load import configured_recording
-    from pushfit.data.peaks import measure_pushes
+    from pushfit.data.peaks.extract import measure_pushes
+    from pushfit.data.recordings.load import configured_recording
 
     recording = configured_recording(path, settings)
     measured = measure_pushes(recording, settings=settings.peaks)
@@ -201,8 +201,8 @@ def draw_found(
         settings: Settings in force.
         plot: Picture to write, in the format of its suffix.
     """
-    from pushfit.data.load import configured_recording
-    from pushfit.data.peak_settings import PeakSettings
+    from pushfit.data.pushes.settings import PeakSettings
+    from pushfit.data.recordings.load import configured_recording
     from pushfit.report.figures import found_figure, save_figure
 
     recording = configured_recording(path, settings)
@@ -242,7 +242,7 @@ def simulate(
 ) -> None:
     """Record simulated pushes of a stated grasp."""
     from pushfit.config import read_config
-    from pushfit.data.schedule import read_schedule
+    from pushfit.data.plans.schedule import read_schedule
     from pushfit.data.simulate import write_recording
     from pushfit.data.truth import simulate_from_config
 
@@ -264,11 +264,11 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
     Returns:
         Facts by name, as JSON knows them.
     """
-    from pushfit.data.check import file_kind
-    from pushfit.data.load import reader_options
-    from pushfit.data.recording import read_recording
-    from pushfit.data.schedule import read_schedule
-    from pushfit.data.table import read_table
+    from pushfit.data.plans.schedule import read_schedule
+    from pushfit.data.recordings.check import file_kind
+    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.recordings.recording import read_recording
+    from pushfit.data.tables.peak_table import read_table
 
     layout = reader_options(config)
     kind = file_kind(path, **layout)

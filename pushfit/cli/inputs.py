@@ -12,7 +12,7 @@ _NOTHING: Mapping[str, object] = MappingProxyType({})
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
-    from pushfit.data.table import PeakTable
+    from pushfit.data.tables.peak_table import PeakTable
 
 
 def read_settings(
@@ -115,9 +115,9 @@ def load_peaks(
     Raises:
         ConfigError: The schedules do not go with the recordings.
     """
-    from pushfit.data.files import existing_files
-    from pushfit.data.load import configured_peaks, configured_recording
-    from pushfit.data.merge import merge_tables
+    from pushfit.data.recordings.load import configured_peaks, configured_recording
+    from pushfit.data.tables.merge import merge_tables
+    from pushfit.data.text.files import existing_files
 
     existing_files([*recordings, *schedules])
     if schedules and len(schedules) != len(recordings):

@@ -13,7 +13,7 @@ import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
-from pushfit.data.table import write_table
+from pushfit.data.tables.peak_table import write_table
 from pushfit.errors import ConfigError
 from pushfit.fit.results import Identification
 from pushfit.report.archive import posterior_tree

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from pushfit.data.table import read_table
+from pushfit.data.tables.peak_table import read_table
 from pushfit.errors import ConfigError
 from pushfit.report import folder as folder_module
 from pushfit.report.archive import posterior_tree
