@@ -119,7 +119,7 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
         count = "no topic" if not topics else f"{len(topics)} topics"
         raise refuse(
             "no_channel" if not topics else "ambiguous_topic",
-            f"{count} of a known type among {_described(reader)}; state for example "
+            f"{count} of a known type among {_described(reader)}; state "
             f"--map pressure={_example(reader, first)} --unit pressure=counts; the "
             f"numbers in it are {_listed(reader, first)}",
             path=path,
@@ -177,11 +177,14 @@ def numbers_in(message: Any, prefix: str = "") -> list[str]:
 
 def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
     """Numbers of all topics, as `--map` takes them."""
-    return [path for topic in reader.topics for path in numbers_in(first(topic), topic)]
+    paths = [
+        path for topic in reader.topics for path in numbers_in(first(topic), topic)
+    ]
+    return [path for path in paths if ".header." not in path]
 
 
 def _example(reader: Any, first: Callable[[str], Any]) -> str:
-    paths = [p for p in _paths(reader, first) if ".header" not in p]
+    paths = _paths(reader, first)
     return paths[-1] if paths else "/topic.field"
 
 

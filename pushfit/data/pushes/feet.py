@@ -35,8 +35,8 @@ ON_STEP = 0.33
 _TAIL = 0.5
 # Samples of rest that show that a push had not begun.
 _SHOWN = 3
-_GRID, _FINE = 400, 17
-_ROUNDS, _SETTLED, _REACH = 12, 1e-9, 2.0
+_GRID, _FINE = 240, 17
+_ROUNDS, _REACH = 4, 2.0
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 _SIGMAS = 3.0
 # Height over the noise that makes feet clear, and the share of the width that may be
@@ -113,7 +113,8 @@ def trace_feet(
     """Trace the feet of a push from its own samples.
 
     Feet depend on the levels of the rests, and rests lie beyond the feet: both are
-    found in turns, which changes next to nothing after the second.
+    found in turns, which changes next to nothing after the second. Their number is
+    fixed, because rounding must not decide when to stop.
 
     Args:
         time: Sample times [s].
@@ -144,20 +145,14 @@ def trace_feet(
             float(max(lowest, course.time[0], feet.start - reach)),
             float(min(highest, course.time[-1], feet.end + reach)),
         )
-        before, feet = (
+        feet = _trace(
+            course,
             feet,
-            _trace(
-                course,
-                feet,
-                ends,
-                has_neighbours=has_neighbours,
-                tau=smoothing or _smoothing(feet, sigma),
-                sigma=sigma,
-            ),
+            ends,
+            has_neighbours=has_neighbours,
+            tau=smoothing or _smoothing(feet, sigma),
+            sigma=sigma,
         )
-        moved = abs(feet.start - before.start) + abs(feet.end - before.end)
-        if moved + abs(feet.width - before.width) < _SETTLED * feet.width:
-            break
     early = feet.start - _BEGINS * (feet.half_up - feet.start)
     late = feet.end + _BEGINS * (feet.end - feet.half_down)
     return replace(
