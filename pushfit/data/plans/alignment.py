@@ -350,6 +350,12 @@ def _pair(case: _Case, scale: float, scatter: float) -> list[_Way]:
         ways.append(_traced(total, back, ahead, int(np.argmin(rest))))
     # What shares no other pair may still leave one of these out.
     for row in rows if rows.size > 1 else ():
+        others = rows[rows != row]
+        k = int(np.argmin(np.abs(others - row)))
+        step = steady.planned[row] - steady.planned[others[k]]
+        gap = steady.clock[taken[row]] - steady.clock[taken[others[k]]]
+        if abs(gap - step) < _IN_TIME:
+            continue  # what comes in time is the push
         fewer = taken.copy()
         fewer[row] = -1
         ways.append(_Way(hump=fewer, cost=steady.cost(fewer, begin, end)))

@@ -315,7 +315,7 @@ def test_returns_from_dips_are_no_pushes():
     error = table.heights("height") - [100, 120, 80, 100, 110]
     assert np.abs(error / table.sd("height")).max() < MAX_PULL
     assert any(
-        "falls below rest: at 3.0" in note and "signed = true" in note
+        "falls below rest: at 2.99 s" in note and "signed = true" in note
         for note in table.notes
     )
 
