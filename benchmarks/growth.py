@@ -23,7 +23,7 @@ from pushfit.fit.lane_posterior import integrate_lanes
 
 from benchmarks import tables
 from pushfit.cache import enable_compile_cache
-from pushfit.data.table import PeakTable, write_table
+from pushfit.data.tables.peak_table import PeakTable, write_table
 from pushfit.fit.lane_fit import fit_lanes
 from pushfit.fit.lane_results import N_DRAWS, N_LANES
 

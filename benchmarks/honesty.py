@@ -21,7 +21,7 @@ from scipy import optimize, stats
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.identify import identify_table
 from pushfit.fit.priors import default_priors
 from pushfit.fit.quoting import pieces_for, quoted

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import peak_prominences
 
-from pushfit.data.peaks import extract_peaks
-from pushfit.data.schedule import PushSchedule
+from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, SimulatedRecording, simulate_recording
 from pushfit.model import Grasp, Parameters
 

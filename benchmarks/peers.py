@@ -17,7 +17,7 @@ from numpyro.infer import MCMC, NUTS
 from scipy import optimize
 
 from benchmarks.tables import NAMES, PUSH_LENGTH
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.derived import samples_mapping
 from pushfit.fit.diagnostics import autocorr_time
 from pushfit.fit.priors import default_priors

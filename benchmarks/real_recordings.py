@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pushfit.data.heights import measure_heights
-from pushfit.data.peak_settings import PeakSettings
-from pushfit.data.peaks import find_pushes
-from pushfit.data.recording import read_recording
-from pushfit.data.records import Recording
+from pushfit.data.peaks.extract import find_pushes
+from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.records import Recording
 
 HAND = "biotac_hand_pushes"
 GRID_LOW = "soft_skin/grid_r0.20_0.5N_11-02-2025_14-22-29"
@@ -78,12 +78,15 @@ def line(
     cells = [name.partition("_20")[0], column, str(known), str(len(extents))]
     if not extents:
         return " | ".join([*cells, "-", "-", "-"])
-    measured, definition = measure_heights(
+    measured = measure_heights(
         recording.time,
         recording.channels[CHANNEL],
         extents,
         definition="auto",
         limit=None,
+    )
+    definition = ", ".join(
+        f"{n} {word}" for word, n in Counter(h.definition for h in measured).items()
     )
     flags = Counter(flag for height in measured for flag in height.flags)
     counted = ", ".join(f"{n} {flag}" for flag, n in sorted(flags.items()))

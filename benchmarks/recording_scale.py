@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pushfit.data.peaks import extract_peaks
-from pushfit.data.recording import read_recording
-from pushfit.data.schedule import PushSchedule
+from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.recordings.recording import read_recording
 
 RATE = 2200
 PERIOD = 4.5

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from pushfit.data.simulate import simulate_table
-from pushfit.data.table import write_table
+from pushfit.data.tables.peak_table import write_table
 from pushfit.model import Grasp, Parameters
 
 TRUTH = Parameters(K_sn=1200.0, K_dn=600.0, K_st=300.0, C_rr=0.24, C_d=0.24, L=0.04)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.lane_results import Ready, ready
 from pushfit.fit.lanes import Lane
 from pushfit.fit.priors import default_priors

@@ -21,7 +21,7 @@ import pandas as pd
 
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.directions import critical_angle
 from pushfit.fit.constrained import ConstrainedFit
 from pushfit.fit.identify import fit_table

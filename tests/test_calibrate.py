@@ -3,7 +3,7 @@
 import json
 
 from pushfit.cli import main
-from pushfit.data.table import write_table
+from pushfit.data.tables.peak_table import write_table
 from tests.fit.tables import TOML, case_table
 from tests.problems import CASES
 

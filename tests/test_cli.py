@@ -22,13 +22,13 @@ from pushfit.cli.examples import EXAMPLES
 from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
 from pushfit.config.inputs import PeaksSection, RecordingSection
-from pushfit.data.dialects import Format
 from pushfit.data.grasp import make_grasp
-from pushfit.data.load import reader_options
-from pushfit.data.peak_settings import PeakSettings
-from pushfit.data.recording import read_recording
-from pushfit.data.samples import Gaps, ThetaFrom
-from pushfit.data.scan import Tail
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.load import reader_options
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.samples import Gaps, ThetaFrom
+from pushfit.data.text.dialects import Format
+from pushfit.data.text.scan import Tail
 from pushfit.data.truth import stated_parameters
 from pushfit.directions import critical_angle
 from pushfit.errors import ConfigError, DataError, FitError, Problem

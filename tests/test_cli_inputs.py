@@ -8,9 +8,9 @@ import pytest
 
 from pushfit.cli.app import main
 from pushfit.config import parse_config, read_config
-from pushfit.data.load import reader_options
-from pushfit.data.recording import read_recording
-from pushfit.data.units import BIOTAC_PDC
+from pushfit.data.recordings.load import reader_options
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.units import BIOTAC_PDC
 from pushfit.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "foam_box"
@@ -184,8 +184,13 @@ def test_the_picture_is_drawn_where_directions_are_unknown(tmp_path, capsys):
     """It shows how many rows a schedule needs, and in which order."""
     plot = tmp_path / "found.svg"
     sweep = str(EXAMPLE / "alpha_sweep.csv")
-    assert main(["peaks", sweep, "--plot", str(plot)]) == 3
-    assert "no angles theta and alpha of its 18 pushes" in capsys.readouterr().err
+    assert main(["peaks", sweep, "--plot", str(plot)]) == 0
+    printed = capsys.readouterr()
+    assert "18 pushes have heights and times but no directions" in printed.err
+    header, *rows = printed.out.strip().splitlines()
+    assert "height_kpa" in header
+    assert "theta" not in header
+    assert len(rows) == 18
     assert plot.read_bytes().startswith(b"<?xml")
 
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from pushfit.cli import main
-from pushfit.data.table import write_table
+from pushfit.data.tables.peak_table import write_table
 from pushfit.fit import comparison
 from pushfit.fit.results import FitStatus
 from tests.fit.tables import TOML, case_table

@@ -7,7 +7,7 @@ import jsonschema
 import pytest
 
 from pushfit.cli import main
-from pushfit.data.table import write_table
+from pushfit.data.tables.peak_table import write_table
 from pushfit.report import folder as folder_module
 from pushfit.report.summary import summary_schema
 from tests.fit.tables import TOML, case_table

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from pushfit.data.peak_settings import PeakSettings
-from pushfit.data.peaks import extract_peaks
-from pushfit.data.records import Recording
-from pushfit.data.schedule import PushSchedule
+from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.records import Recording
 from pushfit.report.figures.recording import PushMarks, draw_pushes
 
 FOLDER = Path(__file__).parent
@@ -151,9 +151,7 @@ def missing(figure: Figure) -> None:
     plan = PushSchedule.planned(0.5, np.zeros(6), repeats=1)
     settings = PeakSettings(allow_missing=True)
     axes = figure.subplots()
-    draw(
-        axes, made, settings, "allow_missing = true: push 3 of 6 is told to be missing"
-    )
+    draw(axes, made, settings, "push 3 of 6 is told to be missing")
     found = extract_peaks(made, plan, settings=settings).frame
     for push, when in zip(found["push"], found["t_peak_s"], strict=True):
         axes.annotate(f"push {push}", (when, 1.12), ha="center", fontsize=7)

@@ -13,7 +13,7 @@ import numpy as np
 
 from pushfit.config import read_config
 from pushfit.data.grasp import make_grasp
-from pushfit.data.schedule import PushSchedule, write_schedule
+from pushfit.data.plans.schedule import PushSchedule, write_schedule
 from pushfit.data.simulate import (
     ALPHA_SWEEP,
     Session,

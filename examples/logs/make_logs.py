@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pushfit.data.schedule import PushSchedule, write_schedule
+from pushfit.data.plans.schedule import PushSchedule, write_schedule
 from pushfit.data.simulate import Session, simulate_recording
 from pushfit.model import Grasp, Parameters
 

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from pushfit.data.files import sha256_of
+from pushfit.data.text.files import sha256_of
 from pushfit.errors import ConfigError
 
 STORE = "batch.sqlite"

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pushfit.data.files import existing_files, is_bag
+from pushfit.data.text.files import existing_files, is_bag
 
 # What a folder is searched for; anything may be named.
 SUFFIXES = frozenset(

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from pushfit.batch.inputs import schedule_for, settings_for
 from pushfit.config import GraspConfig, read_config
-from pushfit.data.files import FileStamp, existing_file, sha256_of
-from pushfit.data.grasps import GraspRows, is_long_table, read_grasps
+from pushfit.data.tables.grasps import GraspRows, is_long_table, read_grasps
+from pushfit.data.text.files import FileStamp, existing_file, sha256_of
 from pushfit.errors import PushfitError
 from pushfit.fit.environment import environment
 

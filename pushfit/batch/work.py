@@ -12,10 +12,14 @@ from pathlib import Path
 from pushfit.batch.folders import SUMMARY, folder_name
 from pushfit.batch.items import Failure, Item
 from pushfit.batch.store import Finished
-from pushfit.data.check import file_kind
-from pushfit.data.files import sha256_of
-from pushfit.data.load import configured_peaks, configured_recording, reader_options
-from pushfit.data.table import PeakTable, read_table
+from pushfit.data.recordings.check import file_kind
+from pushfit.data.recordings.load import (
+    configured_peaks,
+    configured_recording,
+    reader_options,
+)
+from pushfit.data.tables.peak_table import PeakTable, read_table
+from pushfit.data.text.files import sha256_of
 from pushfit.errors import DataError, PushfitError
 from pushfit.fit.identify import identify_table
 from pushfit.fit.many import ItemResult, identify_many

@@ -15,7 +15,7 @@ from pushfit.report.target import check_target
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
-    from pushfit.data.table import PeakTable
+    from pushfit.data.tables.peak_table import PeakTable
 
 
 def identify(
@@ -49,7 +49,7 @@ def identify(
         map=map,
         unit=unit,
         columns=columns,
-        invert=invert,
+        peaks={"invert": invert},
     )
     request = Request(
         recordings=tuple(str(path) for path in recordings),

@@ -16,7 +16,7 @@ from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
-    from pushfit.data.table import PeakTable
+    from pushfit.data.tables.peak_table import PeakTable
 
 SCHEMA = "pushfit.validate/1"
 Unit = Literal["n", "kpa", "counts", "au"]
@@ -34,15 +34,22 @@ def validate(
     map: options.Map = None,
     unit: options.UnitOf = None,
     columns: options.Columns = None,
+    rate: options.Rate = None,
     json: options.Json = False,
 ) -> int:
     """Say what files hold, or what is wrong with them."""
-    from pushfit.data.check import check_files
-    from pushfit.data.files import existing_files
-    from pushfit.data.load import reader_options
+    from pushfit.data.recordings.check import check_files
+    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.text.files import existing_files
 
     settings = read_settings(
-        config, profile=profile, format=format, map=map, unit=unit, columns=columns
+        config,
+        profile=profile,
+        format=format,
+        map=map,
+        unit=unit,
+        columns=columns,
+        rate=rate,
     )
     existing_files(files)
     problems = check_files(files, **reader_options(settings))
@@ -73,7 +80,16 @@ def peaks(
     map: options.Map = None,
     unit: options.UnitOf = None,
     columns: options.Columns = None,
+    rate: options.Rate = None,
+    channel: options.Channel = None,
     invert: options.Invert = False,
+    height: options.Height = None,
+    min_height: options.MinHeight = None,
+    split: options.Split = None,
+    exclude: options.Exclude = None,
+    include: options.Include = None,
+    begin: options.From = None,
+    end: options.To = None,
     output: options.OutFile = None,
     plot: options.PlotFile = None,
     force: options.Force = False,
@@ -82,7 +98,7 @@ def peaks(
     refuse_picture(plot, force=force)
     if output is not None:
         refuse_existing(output, force=force)
-    from pushfit.data.table import write_table
+    from pushfit.data.tables.peak_table import write_table
 
     schedules = [] if schedule is None else [schedule]
     settings = read_settings(
@@ -92,8 +108,24 @@ def peaks(
         map=map,
         unit=unit,
         columns=columns,
-        invert=invert,
+        rate=rate,
+        peaks={
+            "channel": channel,
+            "invert": invert,
+            "height": height,
+            "min_height": min_height,
+            "split": split,
+            "exclude": exclude,
+            "include": include,
+            "begin": begin,
+            "end": end,
+        },
     )
+    if schedule is None and not has_angles(recording, settings):
+        print_heights(session, recording, settings, output=output)
+        if plot is not None:
+            draw_found(session, recording, settings, plot=plot)
+        return
     try:
         table = load_peaks(session, [recording], schedules, settings)
     except DataError as error:
@@ -103,8 +135,6 @@ def peaks(
             settings = settings.model_copy(update={"peaks": found})
             table = load_peaks(session, [recording], schedules, settings)
             draw_peaks(session, table, plot)
-        if plot is not None and error.code == "no_directions":
-            draw_found(session, recording, settings, plot=plot)
         raise
     if plot is not None:
         draw_peaks(session, table, plot)
@@ -113,6 +143,51 @@ def peaks(
         return
     write_table(table, output)
     session.wrote(output, f": {table.n_pushes} pushes")
+
+
+def has_angles(path: Path, settings: "GraspConfig") -> bool:
+    """Whether a recording has the angles of its pushes.
+
+    Args:
+        path: Recording.
+        settings: Settings in force.
+    """
+    from pushfit.data.recordings.load import configured_recording
+
+    recording = configured_recording(path, settings)
+    return recording.theta is not None and recording.alpha is not None
+
+
+def print_heights(
+    session: Session, path: Path, settings: "GraspConfig", *, output: Path | None
+) -> None:
+    """Give the heights of pushes whose directions are not known.
+
+    Args:
+        session: Where notes go.
+        path: Recording without angles.
+        settings: Settings in force.
+        output: File to write; None for standard output.
+    """
+    from pushfit.atomic import atomic_path
+    from pushfit.data.peaks.extract import measure_pushes
+    from pushfit.data.recordings.load import configured_recording
+
+    recording = configured_recording(path, settings)
+    measured = measure_pushes(recording, settings=settings.peaks)
+    for note in (*recording.notes, *measured.notes):
+        tell = session.warn if note in measured.cautions else session.say_more
+        tell(f"{path}: {note}")
+    session.say(
+        f"{path}: no angles and no schedule, so the {len(measured.frame)} pushes have "
+        "heights and times but no directions; give --schedule for a fit"
+    )
+    if output is None:
+        print(measured.frame.to_csv(index=False), end="")
+        return
+    with atomic_path(output) as temporary:
+        measured.frame.to_csv(temporary, index=False, lineterminator="\n")
+    session.say(f"wrote {output}: {len(measured.frame)} pushes")
 
 
 def draw_found(
@@ -126,8 +201,8 @@ def draw_found(
         settings: Settings in force.
         plot: Picture to write, in the format of its suffix.
     """
-    from pushfit.data.load import configured_recording
-    from pushfit.data.peak_settings import PeakSettings
+    from pushfit.data.pushes.settings import PeakSettings
+    from pushfit.data.recordings.load import configured_recording
     from pushfit.report.figures import found_figure, save_figure
 
     recording = configured_recording(path, settings)
@@ -170,7 +245,7 @@ def simulate(
 ) -> None:
     """Record simulated pushes of a stated grasp."""
     from pushfit.config import read_config
-    from pushfit.data.schedule import read_schedule
+    from pushfit.data.plans.schedule import read_schedule
     from pushfit.data.simulate import write_recording
     from pushfit.data.truth import simulate_from_config
 
@@ -192,11 +267,11 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
     Returns:
         Facts by name, as JSON knows them.
     """
-    from pushfit.data.check import file_kind
-    from pushfit.data.load import reader_options
-    from pushfit.data.recording import read_recording
-    from pushfit.data.schedule import read_schedule
-    from pushfit.data.table import read_table
+    from pushfit.data.plans.schedule import read_schedule
+    from pushfit.data.recordings.check import file_kind
+    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.recordings.recording import read_recording
+    from pushfit.data.tables.peak_table import read_table
 
     layout = reader_options(config)
     kind = file_kind(path, **layout)

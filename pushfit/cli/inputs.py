@@ -2,14 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError
 
+_NOTHING: Mapping[str, object] = MappingProxyType({})
+
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
-    from pushfit.data.table import PeakTable
+    from pushfit.data.tables.peak_table import PeakTable
 
 
 def read_settings(
@@ -20,7 +23,8 @@ def read_settings(
     map: Sequence[str] | None,
     unit: Sequence[str] | None,
     columns: str | None,
-    invert: bool = False,
+    rate: float | None = None,
+    peaks: Mapping[str, object] = _NOTHING,
 ) -> "GraspConfig":
     """Settings of the files, and of the options that override them.
 
@@ -31,7 +35,8 @@ def read_settings(
         map: `channel=column` each.
         unit: `channel=unit` each.
         columns: Names of all columns, between commas.
-        invert: Whether pushes go downwards.
+        rate: Samples per second of recordings without a time.
+        peaks: What options say of `[peaks]`; None where they do not.
 
     Returns:
         The settings.
@@ -50,10 +55,32 @@ def read_settings(
         stated["unit"] = dict(_pair(text, "--unit") for text in unit)
     if columns is not None:
         stated["columns"] = [name.strip() for name in columns.split(",")]
+    if rate is not None:
+        stated["rate"] = rate
     changes: dict[str, Mapping[str, object]] = {"recording": stated} if stated else {}
-    if invert:
-        changes["peaks"] = {"invert": True}
+    own = {key: value for key, value in peaks.items() if value not in (None, False, [])}
+    for key in ("exclude", "include"):
+        if key in own:
+            own[key] = [_window(text, f"--{key}") for text in _texts(own[key])]
+    if own:
+        changes["peaks"] = own
     return read_config(config, profile=profile, changes=changes)
+
+
+def _texts(given: object) -> list[str]:
+    return [str(text) for text in given] if isinstance(given, list) else []
+
+
+def _window(text: str, option: str) -> tuple[float, float]:
+    """First and last second of a window."""
+    first, _, last = text.partition(":")
+    try:
+        return float(first), float(last)
+    except ValueError:
+        raise ConfigError(
+            f"{option} {text} is no window; write for example {option} 12.0:13.5",
+            code="no_window",
+        ) from None
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:
@@ -88,14 +115,14 @@ def load_peaks(
     Raises:
         ConfigError: The schedules do not go with the recordings.
     """
-    from pushfit.data.check import expect_kind
-    from pushfit.data.files import existing_files
-    from pushfit.data.load import (
+    from pushfit.data.recordings.check import expect_kind
+    from pushfit.data.recordings.load import (
         configured_peaks,
         configured_recording,
         reader_options,
     )
-    from pushfit.data.merge import merge_tables
+    from pushfit.data.tables.merge import merge_tables
+    from pushfit.data.text.files import existing_files
 
     existing_files([*recordings, *schedules])
     if schedules and len(schedules) != len(recordings):
@@ -111,7 +138,8 @@ def load_peaks(
         schedule = schedules[index] if schedules else None
         table = configured_peaks(recording, schedule, config)
         for note in table.notes:
-            session.say_more(f"{path}: {note}")
+            tell = session.warn if note in table.cautions else session.say_more
+            tell(f"{path}: {note}")
         tables.append(table)
     return merge_tables(tables)
 
@@ -129,9 +157,9 @@ def load_table(path: Path, config: "GraspConfig") -> "PeakTable":
     Raises:
         DataError: It is something else, or breaks a rule.
     """
-    from pushfit.data.check import expect_kind
-    from pushfit.data.load import reader_options
-    from pushfit.data.table import read_table
+    from pushfit.data.recordings.check import expect_kind
+    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.tables.peak_table import read_table
 
     expect_kind(path, "table", **reader_options(config))
     return read_table(path)

@@ -98,3 +98,36 @@ Columns = Annotated[
     typer.Option(metavar="A,B,...", help="Names of the columns of a bare table."),
 ]
 Invert = Annotated[bool, typer.Option("--invert", help="Pushes lower the signal.")]
+Channel = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Channel that shows the pushes.")
+]
+Height = Annotated[
+    Literal["auto", "apex", "plateau"] | None,
+    typer.Option(help="What the height of a push is; auto: by its own shape."),
+]
+MinHeight = Annotated[
+    float | None,
+    typer.Option(metavar="H", help="Smallest height of a push, in the channel's unit."),
+]
+Split = Annotated[
+    float | None,
+    typer.Option(metavar="0..1", help="Valley below which two humps are two pushes."),
+]
+Exclude = Annotated[
+    list[str] | None,
+    typer.Option(metavar="T1:T2", help="Seconds between which humps are no pushes."),
+]
+Include = Annotated[
+    list[str] | None,
+    typer.Option(metavar="T1:T2", help="Seconds between which small humps are pushes."),
+]
+From = Annotated[
+    float | None, typer.Option("--from", metavar="T", help="Second to begin at.")
+]
+To = Annotated[
+    float | None, typer.Option("--to", metavar="T", help="Second to end at.")
+]
+Rate = Annotated[
+    float | None,
+    typer.Option(metavar="HZ", help="Samples per second, where no column is a time."),
+]

@@ -21,7 +21,7 @@ import typer
 
 from pushfit.cli.examples import epilog
 from pushfit.cli.stop import keep, kept
-from pushfit.data.files import existing_files
+from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
 
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141

@@ -68,7 +68,7 @@ def find_inputs(
         ConfigError: The result does not say how its table was made.
         DataError: An input is missing or has changed.
     """
-    from pushfit.data.files import sha256_of
+    from pushfit.data.text.files import sha256_of
 
     recipe = summary.get("recipe")
     if recipe is None:
@@ -139,7 +139,7 @@ def run_again(
     Returns:
         What it finds now.
     """
-    from pushfit.data.table import read_table
+    from pushfit.data.tables.peak_table import read_table
     from pushfit.fit.identify import identify_table
 
     config, recipe = recorded_config(summary), summary["recipe"]

@@ -51,6 +51,11 @@ class RecordingSection(Section):
         description="column names in order, for files without a header",
         examples=[["time_s", "pressure_counts"]],
     )
+    rate: Positive | None = Field(
+        default=None,
+        description="samples per second, for recordings without a time [Hz]",
+        examples=[125.0],
+    )
     map: dict[str, str] = Field(
         default={},
         description="column of each channel, and of time, theta and alpha",
@@ -148,7 +153,29 @@ class PeaksSection(Section):
         "recognised by samples that pile up there",
         examples=[4095],
     )
+    exclude: tuple[tuple[Number, Number], ...] = Field(
+        default=(),
+        description="windows of time whose humps are no pushes [s]",
+        examples=[[[12.0, 13.5]]],
+    )
+    include: tuple[tuple[Number, Number], ...] = Field(
+        default=(),
+        description="windows of time whose humps are pushes, however small [s]",
+        examples=[[[40.0, 42.0]]],
+    )
+    begin: Number | None = Field(
+        default=None, description="time to begin at [s]", examples=[2.0]
+    )
+    end: Number | None = Field(
+        default=None, description="time to end at [s]", examples=[118.0]
+    )
+    use_missing: bool = Field(
+        default=False,
+        description="true: a planned push without a hump goes into the fit with the "
+        "height at its moment",
+    )
     allow_missing: bool = Field(
         default=False,
-        description="true: the recording may lack planned pushes or have others",
+        description="true: go on with the likeliest assignment to the schedule where "
+        "another is nearly as likely",
     )

@@ -15,9 +15,9 @@ import pandas as pd
 from jaxtyping import Float
 
 from pushfit.atomic import atomic_path
-from pushfit.data.records import Recording
-from pushfit.data.schedule import PushSchedule
-from pushfit.data.table import PeakTable
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.recordings.records import Recording
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
 
 # The paper's two protocols (section 5): three pushes per direction.

@@ -4,8 +4,8 @@ import numpy as np
 
 from pushfit.config import GraspConfig, Prior
 from pushfit.data.grasp import make_grasp
-from pushfit.data.records import Recording
-from pushfit.data.schedule import PushSchedule
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import Session, simulate_recording
 from pushfit.errors import ConfigError
 from pushfit.model import Parameters

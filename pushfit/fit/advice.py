@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.bands import predicted_heights
 from pushfit.fit.problem import Problem
 from pushfit.fit.results import Verdict

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 from scipy import stats
 
 from pushfit.config import GraspConfig
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError, FitError
 from pushfit.fit.derived import HALF_TURN, equal_tailed_interval, samples_mapping
 from pushfit.fit.identify import Fitted, fit_table, identify_table, reach_of

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.chains import in_chunks
 from pushfit.fit.criticism import goodness_of_fit
 from pushfit.fit.identify import Fitted, draw_posterior, fit_table

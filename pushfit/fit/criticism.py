@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from scipy import stats
 from scipy.spatial import KDTree
 
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.noise import Noise
 from pushfit.fit.results import FitResult, GoodnessOfFit, PredictiveCheck
 

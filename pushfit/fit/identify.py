@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pushfit.config import GraspConfig
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.advice import measurements, next_push
 from pushfit.fit.bands import prediction_bands

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.identify import (
     Fitted,
     conclude,

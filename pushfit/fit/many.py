@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.config import GraspConfig
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.flat import Cell, flat_values, pooled_draws
 from pushfit.fit.identify import identify_table, prepared

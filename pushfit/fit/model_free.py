@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.derived import equal_tailed_interval, highest_density_set, median
 from pushfit.fit.results import Quantity, Verdict
 

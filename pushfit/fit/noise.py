@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy import stats
 
 from pushfit.config import GraspConfig
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.results import Notice
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from pushfit.config import GraspConfig
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.criticism import LEVEL, label
 from pushfit.fit.derived import in_contact
 from pushfit.fit.results import (

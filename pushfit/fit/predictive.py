@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.criticism import Directions, pushed_directions
 from pushfit.fit.problem import STUDENT_DOF, Problem
 from pushfit.fit.programs import compiled

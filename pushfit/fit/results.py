@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pushfit.config import GraspConfig
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 
 Piece = tuple[float | None, float | None]
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
 from pushfit.fit.data_point import data_names
 from pushfit.fit.noise import Noise, choose_noise

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from pushfit.atomic import unfinished, whole
-from pushfit.data.table import write_table
+from pushfit.data.tables.peak_table import write_table
 from pushfit.fit.results import Identification
 from pushfit.report.archive import posterior_tree
 from pushfit.report.figures import figure_files

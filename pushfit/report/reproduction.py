@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
-from pushfit.data.table import PeakTable, read_table
+from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.fit.results import Identification
 from pushfit.report.archive import posterior_tree
 from pushfit.report.stored import BROKEN, not_whole

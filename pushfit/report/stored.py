@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pushfit.config import GraspConfig
-from pushfit.data.records import Source
-from pushfit.data.table import PeakTable, read_table
-from pushfit.data.traces import Trace
+from pushfit.data.recordings.records import Source
+from pushfit.data.tables.peak_table import PeakTable, read_table
+from pushfit.data.tables.traces import Trace
 from pushfit.errors import DataError
 from pushfit.fit.results import (
     Band,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushfit.data.simulate import simulate_table
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.setup import Setup
 from pushfit.model import Grasp
 from tests.fit.tables import setup_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.criticism import LEVEL, goodness_of_fit
 from pushfit.fit.noise import Noise
 from pushfit.fit.results import FitResult, FitStatus, PredictiveCheck

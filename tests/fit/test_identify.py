@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pushfit.config import parse_config
-from pushfit.data.table import read_table
+from pushfit.data.tables.peak_table import read_table
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.identify import fit_table, identify_table
 from pushfit.fit.quantities import angle_quantity

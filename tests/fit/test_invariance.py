@@ -8,7 +8,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pushfit.data.table import PeakTable, concatenate, read_table, write_table
+from pushfit.data.tables.peak_table import (
+    PeakTable,
+    concatenate,
+    read_table,
+    write_table,
+)
 from pushfit.fit import setup as setups
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.profiles import likelihood_profiles

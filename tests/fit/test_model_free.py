@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.model_free import model_free_direction
 from pushfit.fit.results import Verdict
 

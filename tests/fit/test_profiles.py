@@ -9,7 +9,7 @@ import pytest
 from scipy import optimize, stats
 
 from pushfit.config import parse_config
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.profile_sets import pieces_below, profile_set, threshold, verdict_of
 from pushfit.fit.profiles import likelihood_profiles

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pushfit.data.schedule import PushSchedule
+from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording, simulate_table
 from pushfit.directions import critical_angle
 from pushfit.errors import ConfigError

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pushfit.config import GraspConfig
-from pushfit.data.recording import Source
+from pushfit.data.recordings.recording import Source
 from pushfit.fit.results import (
     Combination,
     FitStatus,

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pushfit.data.recording import Source
-from pushfit.data.table import PeakTable
-from pushfit.data.traces import Trace
+from pushfit.data.recordings.recording import Source
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.tables.traces import Trace
 from pushfit.fit.comparison import (
     Comparison,
     ModelScore,

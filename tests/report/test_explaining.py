@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from pushfit.data.table import PeakTable
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.report.figures import (
     Marker,
     Sweep,

@@ -9,9 +9,9 @@ import pytest
 from matplotlib import rcParams
 from matplotlib.colors import to_hex, to_rgb
 
-from pushfit.data.recording import Recording
-from pushfit.data.table import PeakTable
-from pushfit.data.traces import envelope
+from pushfit.data.recordings.recording import Recording
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.tables.traces import envelope
 from pushfit.errors import ConfigError
 from pushfit.report.figures import (
     Marker,

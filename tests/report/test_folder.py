@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from pushfit.cli import main
-from pushfit.data.table import read_table
+from pushfit.data.tables.peak_table import read_table
 from pushfit.errors import ConfigError
 from pushfit.report import folder as folder_module
 from pushfit.report.archive import posterior_tree

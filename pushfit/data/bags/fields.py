@@ -1,0 +1,236 @@
+"""Which numbers in the messages of a bag are channels, and how to get at them."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pushfit.data.recordings.roles import ANGLES
+from pushfit.data.recordings.units import UNITS, Unit, parse_unit, split_unit
+from pushfit.data.text.faults import refuse
+from pushfit.data.text.guess import NUMBER
+from pushfit.errors import ConfigError, DataError
+
+# What messages of known types hold, in units that their definitions fix.
+_TACTILE = (
+    ("biotac_sensors/msg/BioTacHand", "bt_data", "pdc_data"),
+    ("sr_robot_msgs/msg/BiotacAll", "tactiles", "pdc"),
+)
+_WRENCH = "geometry_msgs/msg/WrenchStamped"
+_KNOWN = (*(known[0] for known in _TACTILE), _WRENCH)
+_GLUED_INDEX = re.compile(r"(?P<name>.*?\D)(?P<index>\d+)")
+
+
+@dataclass(slots=True, kw_only=True)
+class Field:
+    """One number of each message of a topic."""
+
+    name: str
+    topic: str
+    path: tuple[str, ...]
+    unit: Unit
+    values: list[float] = field(default_factory=list)
+
+
+def mapped_fields(
+    path: str, mapping: Mapping[str, str], units: Mapping[str, str], reader: Any
+) -> list[Field]:
+    """Resolve the mapped fields against the bag's topics.
+
+    Args:
+        path: Bag as the user named it.
+        mapping: `/topic.field.path` by channel name, `theta` and `alpha`.
+        units: Unit by channel name.
+        reader: Open reader of the bag.
+
+    Returns:
+        The fields.
+
+    Raises:
+        ConfigError: If a unit is missing or wrong, or the time is mapped.
+        DataError: If there is no such topic (`missing_column`).
+    """
+    fields = []
+    for key, target in mapping.items():
+        name, suffix = split_unit(key)
+        topic, _, rest = target.partition(".")
+        # ROS 1 lets topics be without the slash that users write.
+        topic = next(
+            (t for t in (topic, topic.lstrip("/"), f"/{topic}") if t in reader.topics),
+            topic,
+        )
+        if name == "time":
+            raise ConfigError(
+                f"{path}: the time of a bag comes from its stamps; map channels only",
+                code="time_in_bag",
+            )
+        if topic not in reader.topics or not rest:
+            raise refuse(
+                "missing_column",
+                f"--map {key}={target} is not /topic.field of this bag; there "
+                f"are the topics {_described(reader)}",
+                path=path,
+            )
+        stated = {u.name: u for u in (suffix, *_stated(units, name, key)) if u}
+        quantity = "angle" if name in ANGLES else "signal"
+        unit = next(iter(stated.values()), None)
+        if len(stated) != 1 or unit is None or unit.quantity != quantity:
+            found = " and ".join(stated) or "none"
+            example = "deg" if quantity == "angle" else "counts"
+            raise ConfigError(
+                f"{path}: {name} needs one {quantity} unit, stated is {found}; state "
+                f"--unit {name}={example}",
+                code="missing_unit",
+            )
+        steps = tuple(filter(None, re.split(r"[.\[\]]+", rest)))
+        fields.append(Field(name=name, topic=topic, path=steps, unit=unit))
+    return fields
+
+
+def _stated(units: Mapping[str, str], *names: str) -> list[Unit]:
+    return [parse_unit(units[name]) for name in names if name in units]
+
+
+def _described(reader: Any) -> str:
+    return ", ".join(f"{t} ({info.msgtype})" for t, info in reader.topics.items())
+
+
+def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Field]:
+    """Find the signals of the one topic whose message type is known.
+
+    Args:
+        path: Bag as the user named it.
+        reader: Open reader of the bag.
+        first: Gives the first message of a topic, None if it has none.
+
+    Returns:
+        The fields.
+
+    Raises:
+        DataError: If there is no topic (`no_rows`), none that is known (`no_channel`),
+            or several (`ambiguous_topic`).
+    """
+    if not reader.topics:
+        raise refuse("no_rows", "the bag holds no messages; record again", path=path)
+    topics = [t for t, info in reader.topics.items() if info.msgtype in _KNOWN]
+    if len(topics) != 1:
+        count = "no topic" if not topics else f"{len(topics)} topics"
+        raise refuse(
+            "no_channel" if not topics else "ambiguous_topic",
+            f"{count} of a known type among {_described(reader)}; state "
+            f"--map pressure={_example(reader, first)} --unit pressure=counts; the "
+            f"numbers in it are {_listed(reader, first)}",
+            path=path,
+        )
+    topic = topics[0]
+    msgtype = reader.topics[topic].msgtype
+    if msgtype == _WRENCH:
+        return [
+            Field(
+                name=f"force_{axis}",
+                topic=topic,
+                path=("wrench", "force", axis),
+                unit=UNITS["n"],
+            )
+            for axis in "xyz"
+        ]
+    _, array, number = next(known for known in _TACTILE if known[0] == msgtype)
+    n_fingers = len(getattr(first(topic), array, ()))
+    return [
+        Field(
+            name=f"{number.removesuffix('_data')}{i}",
+            topic=topic,
+            path=(array, str(i), number),
+            unit=UNITS["counts"],
+        )
+        for i in range(n_fingers)
+    ]
+
+
+# Numbers of a message that are listed.
+_MAX_LISTED = 24
+
+
+def numbers_in(message: Any, prefix: str = "") -> list[str]:
+    """Paths of all single numbers of a message, first of each array.
+
+    Args:
+        message: Decoded message.
+        prefix: Path of the message itself.
+    """
+    if message is None or isinstance(message, bool | str | bytes):
+        return []
+    if isinstance(message, int | float | np.number):
+        return [prefix]
+    if hasattr(message, "__len__"):
+        return numbers_in(message[0], f"{prefix}[0]") if len(message) else []
+    names = vars(type(message)).get("__slots__") or getattr(message, "__dict__", ())
+    return [
+        path
+        for name in names
+        if name != "__msgtype__" and not name.startswith("_")
+        for path in numbers_in(getattr(message, name), f"{prefix}.{name}")
+    ]
+
+
+def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
+    """Numbers of all topics, as `--map` takes them."""
+    paths = [
+        path for topic in reader.topics for path in numbers_in(first(topic), topic)
+    ]
+    return [path for path in paths if ".header." not in path]
+
+
+def _example(reader: Any, first: Callable[[str], Any]) -> str:
+    paths = _paths(reader, first)
+    return paths[-1] if paths else "/topic.field"
+
+
+def _listed(reader: Any, first: Callable[[str], Any]) -> str:
+    paths = _paths(reader, first)
+    more = len(paths) - _MAX_LISTED
+    ending = f" and {more} more" if more > 0 else ""
+    return ", ".join(paths[:_MAX_LISTED]) + ending if paths else "none"
+
+
+def number_at(message: Any, path: Sequence[str]) -> float:
+    """Follow the steps of a path into a message.
+
+    Args:
+        message: Decoded message.
+        path: Names of fields, indices into arrays and texts, names of joints.
+
+    Returns:
+        The number there; whatever Python raises where there is none.
+    """
+    value, parent = message, message
+    for step in path:
+        if isinstance(value, str):
+            value = NUMBER["."].findall(value)[int(step)]
+            continue
+        if hasattr(value, "__len__"):
+            names = list(getattr(parent, "name", ()))
+            value = value[int(step) if step.isdigit() else names.index(step)]
+            continue
+        parent = value
+        glued = _GLUED_INDEX.fullmatch(step)
+        if not hasattr(value, step) and glued:
+            value = getattr(value, glued["name"])[int(glued["index"])]
+        else:
+            value = getattr(value, step)
+    return float(value)
+
+
+def bad_field(path: str, item: Field, *, message: Any, count: int) -> DataError:
+    """Say that a message does not hold a field, and what it holds."""
+    names = ", ".join(
+        n for n in vars(type(message)).get("__slots__", ()) or vars(message)
+    )
+    return refuse(
+        "missing_column",
+        f"message {count} of {item.topic} has no number {'.'.join(item.path)}; its "
+        f"fields are {names.replace('__msgtype__', '').strip(', ')}",
+        path=path,
+    )

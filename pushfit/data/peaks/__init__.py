@@ -1,0 +1,1 @@
+"""How high the pushes are, and how sure that is."""

@@ -1,0 +1,223 @@
+"""Signals that pushes are found in, and heights along and across the contact normal.
+
+A force sensor gives components in its own frame. Pushes are found in the length of the
+change of force, and measured in the component along the normal and in the length of
+the rest: the `height_normal` and `height_tangential` of the model. Excluded: turning
+the sensor's frame; one of its axes must be the contact normal.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pushfit.data.peaks.heights import Height
+from pushfit.data.peaks.rests import baselines, rest_curve, rest_noise
+from pushfit.data.peaks.saturation import saturated_pushes
+from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.records import Recording
+from pushfit.errors import ConfigError, DataError
+
+# Share of the width around the top that the components are averaged over.
+_TOP_SHARE = 0.2
+_MIN_SAMPLES = 5
+# Change of a channel that is beyond doubt one by the push [sd].
+_CLEAR = 10.0
+
+
+def push_signal(
+    recording: Recording, settings: PeakSettings
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Signal that the pushes are found in, pushes going up.
+
+    Args:
+        recording: Samples.
+        settings: Which channel, or which normal.
+
+    Returns:
+        Times [s] and samples, those that are missing left out.
+
+    Raises:
+        ConfigError: The channel is not named, or not there (`channel`).
+        DataError: The channel has fewer than five samples (`too_short`).
+    """
+    if settings.normal is not None:
+        _, name = _normal(recording, settings.normal)
+        forces = np.stack(list(recording.channels.values()))
+        known = np.isfinite(forces).all(axis=0)
+        time = _enough(recording.time[known], name)
+        change = [f - rest_curve(time, f) for f in forces[:, known]]
+        return time, np.linalg.norm(change, axis=0)
+    name = _channel(recording, settings.channel)
+    samples = recording.channels[name]
+    time, known = recording.time, np.isfinite(samples)
+    # Copies of a long recording cost more than finding its pushes.
+    if not known.all():
+        time, samples = time[known], samples[known]
+    _enough(time, name)
+    return time, -samples if settings.invert else samples
+
+
+def signal_name(recording: Recording, settings: PeakSettings) -> str:
+    """Words for what `push_signal` returns.
+
+    Args:
+        recording: Samples.
+        settings: Which channel, or which normal.
+    """
+    if settings.normal is not None:
+        return "change of force"
+    name = _channel(recording, settings.channel)
+    return f"{name}, sign changed" if settings.invert else name
+
+
+def measure_components(
+    recording: Recording,
+    extents: Sequence[Extent],
+    heights: Sequence[Height],
+    *,
+    settings: PeakSettings,
+    time: Float[np.ndarray, " n"],
+    length: Float[np.ndarray, " n"],
+) -> tuple[dict[str, list[float]], Bool[np.ndarray, " p"]]:
+    """Heights along the normal and across it.
+
+        Δ_c = (mean_top F_c - rest F_c) · top |ΔF| / mean_top |ΔF|
+        height_normal = Δ_n,   height_tangential = sqrt(Σ_t Δ_t² - sd²)
+
+    with means around the measured top of |ΔF|. The sd across the tangential force is
+    subtracted, because noise only ever lengthens a vector.
+
+    Args:
+        recording: Samples of all force channels.
+        extents: Where the pushes are.
+        heights: Measured tops of the length of the change of force.
+        settings: Which channel is along the normal, and where the sensor ends.
+        time: Times of `length` [s].
+        length: Length of the change of force, as `push_signal` gives it.
+
+    Returns:
+        Columns of a peak table, and which pushes reach the end of a channel's range.
+
+    Raises:
+        ConfigError: The normal is not a channel, or units differ (`channel`).
+    """
+    sign, name = _normal(recording, str(settings.normal))
+    unit = recording.units[name]
+    known = np.isfinite(list(recording.channels.values())).all(axis=0)
+    changes, sds = {}, {}
+    is_cut = np.zeros(len(extents), dtype=bool)
+    for channel, samples in recording.channels.items():
+        change, sd = _changes(time, samples[known], extents, heights)
+        signs = np.where(change < 0, -1, 1).tolist()
+        at_end = saturated_pushes(
+            samples[known],
+            extents,
+            signs=signs,
+            limit=settings.limit,
+            sigma=np.zeros(len(extents)),
+        )
+        # A channel that a push leaves alone dwells at its largest reading as well.
+        is_cut |= at_end & (np.abs(change) > _CLEAR * sd)
+        changes[channel], sds[channel] = change, sd
+    top = np.array([h.height + h.baseline for h in heights])
+    around = [
+        length[_around_top(time, extent, height)].mean()
+        for extent, height in zip(extents, heights, strict=True)
+    ]
+    # Where there is no hump, the length is noise.
+    is_hump = np.array([h.definition != "" for h in heights])
+    scale = np.where(is_hump, top / np.maximum(around, 1e-300), 1.0)
+    across = [channel for channel in changes if channel != name]
+    squares = np.array([(scale * changes[c]) ** 2 for c in across])
+    variances = np.array([sds[c] ** 2 for c in across])
+    total = np.maximum(squares.sum(axis=0), 1e-300)
+    along = (squares * variances).sum(axis=0) / total
+    perpendicular = variances.sum(axis=0) - along
+    tangential = np.sqrt(np.maximum(squares.sum(axis=0) - perpendicular, 0.0))
+    # Each height also shares the doubt about the top of the whole.
+    doubt = np.array([h.sd for h in heights]) / np.maximum(top, 1e-300)
+    pushed = sign * scale * changes[name]
+    columns = {
+        f"height_normal_{unit}": list(pushed),
+        f"height_normal_sd_{unit}": list(np.hypot(sds[name], doubt * pushed)),
+        f"height_tangential_{unit}": list(tangential),
+        f"height_tangential_sd_{unit}": list(
+            np.hypot(np.sqrt(along), doubt * tangential)
+        ),
+    }
+    return columns, is_cut
+
+
+def _changes(
+    time: Float[np.ndarray, " n"],
+    samples: Float[np.ndarray, " n"],
+    extents: Sequence[Extent],
+    heights: Sequence[Height],
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """Mean change of one channel around the top of each push, and its sd."""
+    noise = rest_noise(time, samples, extents)
+    base = baselines(time, samples, extents, noise)
+    parts = [_around_top(time, e, h) for e, h in zip(extents, heights, strict=True)]
+    top = np.array([samples[part].mean() for part in parts])
+    n_top = np.array([part.stop - part.start for part in parts])
+    when = np.array([height.t_peak for height in heights])
+    change = top - base.level - base.drift(when)
+    return change, np.hypot(noise.of_mean(n_top), base.sd_at(when))
+
+
+def _around_top(time: Float[np.ndarray, " n"], extent: Extent, height: Height) -> slice:
+    """Samples around the top of a push, at least one."""
+    half = _TOP_SHARE * extent.width
+    first, last = np.searchsorted(time, [height.t_peak - half, height.t_peak + half])
+    first = min(int(first), len(time) - 1)
+    return slice(first, max(int(last), first + 1))
+
+
+def _channel(recording: Recording, wanted: str | None) -> str:
+    """Name of the channel to look in."""
+    names = list(recording.channels)
+    if wanted is None and len(names) == 1:
+        return names[0]
+    if wanted in recording.channels:
+        return str(wanted)
+    found = (
+        f"channel {wanted!r} is not there" if wanted else "which channel is not said"
+    )
+    raise ConfigError(
+        f"{found}; the recording has {', '.join(names) or 'none'}: name one as "
+        "peaks.channel, or for force components the one along the contact normal as "
+        "peaks.normal",
+        code="channel",
+    )
+
+
+def _normal(recording: Recording, normal: str) -> tuple[float, str]:
+    """Sign and name of the channel along the normal."""
+    sign, name = (-1.0, normal[1:]) if normal.startswith("-") else (1.0, normal)
+    if name not in recording.channels or len(recording.channels) < 2:
+        raise ConfigError(
+            f"peaks.normal = {normal!r} needs that channel and one across it; the "
+            f"recording has {', '.join(recording.channels) or 'none'}",
+            code="channel",
+        )
+    units = set(recording.units.values())
+    if len(units) > 1:
+        raise ConfigError(
+            f"force components are in one unit, the recording has {', '.join(units)}; "
+            "map only the force channels",
+            code="channel",
+        )
+    return sign, name
+
+
+def _enough(time: Float[np.ndarray, " n"], name: str) -> Float[np.ndarray, " n"]:
+    """Times, if there are enough for a push."""
+    if len(time) < _MIN_SAMPLES:
+        raise DataError(
+            f"channel {name!r} has {len(time)} samples; a push alone needs more than "
+            f"{_MIN_SAMPLES}",
+            code="too_short",
+        )
+    return time

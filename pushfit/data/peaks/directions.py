@@ -1,0 +1,76 @@
+"""Directions of pushes from the angles recorded with them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.detection import Extent
+from pushfit.data.recordings.records import Recording
+from pushfit.errors import DataError
+
+# The direction of a push is that of its end, so only the time around the top counts.
+_TOP_SHARE = 0.25
+
+
+def recorded_directions(
+    recording: Recording, extents: Sequence[Extent]
+) -> PushSchedule:
+    """Take the direction of each push from the recorded angles around its top.
+
+    Medians, because trackers have spikes; that of the azimuth is taken about its mean
+    direction, so that ±180° is one direction.
+
+    Args:
+        recording: Samples with both angles.
+        extents: Where the pushes are.
+
+    Returns:
+        The pushes as a schedule, in order.
+
+    Raises:
+        DataError: The recording has no angles, or none at a push (`no_directions`).
+    """
+    if recording.theta is None or recording.alpha is None:
+        raise DataError(
+            f"the recording has no angles theta and alpha of its {len(extents)} "
+            "pushes; give a schedule with a row push,theta_deg,alpha_deg,repeat for "
+            "each, or map the columns that hold the angles",
+            code="no_directions",
+        )
+    theta, alpha = np.empty(len(extents)), np.empty(len(extents))
+    for k, extent in enumerate(extents):
+        half = max(_TOP_SHARE * extent.width, 1e-9)
+        first, last = np.searchsorted(
+            recording.time, [extent.t_peak - half, extent.t_peak + half]
+        )
+        # At least the nearest sample on either side.
+        top = slice(max(0, int(first) - 1), int(last) + 1)
+        theta[k] = _median(recording.theta[top])
+        alpha[k] = _circular_median(recording.alpha[top])
+    lost = np.flatnonzero(~np.isfinite(theta + alpha))
+    if lost.size:
+        when = ", ".join(f"{extents[int(k)].t_peak:.2f} s" for k in lost)
+        raise DataError(
+            f"no angles are recorded at the pushes at {when}; fill them in or give a "
+            "schedule",
+            code="no_directions",
+        )
+    return PushSchedule.in_order(theta, alpha)
+
+
+def _median(angle: Float[np.ndarray, " n"]) -> float:
+    """Median of the samples there are."""
+    known = angle[np.isfinite(angle)]
+    return float(np.median(known)) if known.size else np.nan
+
+
+def _circular_median(angle: Float[np.ndarray, " n"]) -> float:
+    """Median of an azimuth, in (-π, π]."""
+    known = angle[np.isfinite(angle)]
+    if known.size == 0:
+        return np.nan
+    mean = np.angle(np.exp(1j * known).sum())
+    offset = np.angle(np.exp(1j * (known - mean)))
+    return float(np.angle(np.exp(1j * (mean + np.median(offset)))))

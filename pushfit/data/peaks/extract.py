@@ -1,0 +1,237 @@
+"""From a recording to the table of peak heights.
+
+Pushes are found in one channel, paired with a schedule or given the recorded angles,
+and measured. What was found, doubted or left out is told in notes or refused in words.
+Excluded: the ways of finding, pairing and measuring, each in its own module.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from pushfit.config.inputs import PeaksSection
+from pushfit.data.peaks.components import (
+    measure_components,
+    push_signal,
+    signal_name,
+)
+from pushfit.data.peaks.directions import recorded_directions
+from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.peaks.notes import extraction_notes
+from pushfit.data.plans.pairing import Paired, pair
+from pushfit.data.plans.schedule import DECIMALS, PushSchedule
+from pushfit.data.pushes.found import DEFAULTS, Found, find, find_pushes, no_pushes
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.records import Recording
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.tables.traces import MAX_KEPT, Trace, envelope
+from pushfit.errors import DataError
+
+__all__ = ["DEFAULTS", "Heights", "extract_peaks", "find_pushes", "measure_pushes"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heights:
+    """Heights and times of pushes whose directions are not known.
+
+    Args:
+        frame: One row per push, as in a peak table but for the angles.
+        notes: What there is to be told.
+        cautions: Those of the notes that the user should not overlook.
+    """
+
+    frame: pd.DataFrame
+    notes: tuple[str, ...]
+    cautions: tuple[str, ...]
+
+
+def extract_peaks(
+    recording: Recording,
+    schedule: PushSchedule | None = None,
+    *,
+    settings: PeakSettings | PeaksSection = DEFAULTS,
+) -> PeakTable:
+    """Measure the pushes of a recording.
+
+    Args:
+        recording: Samples, with the angles of the push where there is no schedule.
+        schedule: Planned pushes; a recording of k cycles may have a schedule of one.
+        settings: How to find and measure; also as stated in `[peaks]` of a config.
+
+    Returns:
+        One row per push, flagged where the height is not to be trusted. A planned push
+        that is missing has a row as well.
+
+    Raises:
+        ConfigError: The channel to look in is not named, or not there.
+        DataError: There are no pushes (`no_pushes`), no directions (`no_directions`),
+            or two assignments to the schedule are nearly as good (`push_mismatch`).
+    """
+    settings = PeakSettings.of(settings)
+    recording = recording.between(settings.begin, settings.end)
+    time, signal = push_signal(recording, settings)
+    try:
+        paired = _paired(time, signal, schedule, settings)
+    except DataError as error:
+        raise _of_files(error, recording) from None
+    if paired.plan is None:
+        plan = recorded_directions(recording, paired.chosen.extents)
+    else:
+        plan = paired.plan
+    columns = _measured(recording, time, signal, paired, settings)
+    frame = pd.DataFrame(
+        {
+            "push": plan.push,
+            "theta_deg": np.degrees(plan.theta).round(DECIMALS),
+            "alpha_deg": np.degrees(plan.alpha).round(DECIMALS),
+            "repeat": plan.repeat,
+            **columns,
+        }
+    )
+    notes, cautions = extraction_notes(paired, frame)
+    sources = recording.sources
+    if schedule is not None and schedule.source is not None:
+        sources = (*sources, schedule.source)
+    table = PeakTable.from_frame(
+        frame, sources=sources, notes=(*recording.notes, *cautions, *notes)
+    )
+    trace = _trace(recording, settings, table=table)
+    return replace(table, traces=(trace,), cautions=cautions)
+
+
+def measure_pushes(
+    recording: Recording, *, settings: PeakSettings | PeaksSection = DEFAULTS
+) -> Heights:
+    """Heights and times of the pushes of a recording whose directions are not known.
+
+    Args:
+        recording: Samples.
+        settings: How to find and measure.
+
+    Returns:
+        The heights.
+
+    Raises:
+        ConfigError: The channel to look in is not named, or not there.
+        DataError: There are no pushes (`no_pushes`).
+    """
+    settings = PeakSettings.of(settings)
+    recording = recording.between(settings.begin, settings.end)
+    time, signal = push_signal(recording, settings)
+    try:
+        paired = _paired(time, signal, None, settings)
+    except DataError as error:
+        raise _of_files(error, recording) from None
+    columns = _measured(recording, time, signal, paired, settings)
+    n = len(paired.chosen.extents)
+    frame = pd.DataFrame({"push": np.arange(1, n + 1), **columns})
+    notes, cautions = extraction_notes(paired, frame)
+    return Heights(frame=frame, notes=(*cautions, *notes), cautions=cautions)
+
+
+def _of_files(error: DataError, recording: Recording) -> DataError:
+    """The same error with the names of the files before it."""
+    files = ", ".join(source.path for source in recording.sources)
+    message = f"{files}: {error}" if files else str(error)
+    return DataError(message, code=error.code, problems=error.problems)
+
+
+def _trace(recording: Recording, settings: PeakSettings, *, table: PeakTable) -> Trace:
+    """The signal that all rows of a table were measured in."""
+    time, signal = envelope(*push_signal(recording, settings), max_points=MAX_KEPT)
+    return Trace(
+        path=recording.sources[0].path if recording.sources else "",
+        name=signal_name(recording, settings),
+        unit=table.unit,
+        time=time,
+        signal=signal,
+        first_row=0,
+        n_rows=table.n_pushes,
+    )
+
+
+def _paired(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    schedule: PushSchedule | None,
+    settings: PeakSettings,
+) -> Paired:
+    """Humps, and which of them are the planned pushes."""
+    span = (float(time[0]), float(time[-1]))
+    found = find(time, signal, settings, signed=bool(settings.signed))
+    paired = pair(found, schedule, settings, span=span)
+    if (
+        settings.signed is None
+        and schedule is not None
+        and (paired.alignment is None or not paired.alignment.is_complete)
+        and np.any(schedule.theta < 0)
+    ):
+        both = find(time, signal, settings, signed=True)
+        better = pair(both, schedule, settings, span=span)
+        if paired.n_odd > better.n_odd:
+            found, paired = both, better
+    if all(extent.is_brush for extent in found.extents):
+        raise no_pushes(signal, settings, found)
+    paired.refuse_doubt(settings)
+    return paired
+
+
+def _measured(
+    recording: Recording,
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    paired: Paired,
+    settings: PeakSettings,
+) -> dict[str, Sequence[float] | Sequence[str]]:
+    """Height columns of the table, with what each height is."""
+    chosen: Found = paired.chosen
+    turned = -1.0 if settings.invert else 1.0
+    is_force = settings.normal is not None
+    heights = measure_heights(
+        time,
+        signal,
+        chosen.extents,
+        definition=settings.height,
+        # The limit is that of the channel, not of its picture.
+        limit=None if settings.limit is None or is_force else turned * settings.limit,
+        signs=chosen.signs,
+        is_missing=paired.is_missing,
+    )
+    words = [set(h.flags) for h in heights]
+    if settings.use_missing:
+        words = [own - {"missing"} for own in words]
+    times = {
+        "t_peak_s": [h.t_peak for h in heights],
+        "t_start_s": [e.t_start for e in chosen.extents],
+        "t_end_s": [e.t_end for e in chosen.extents],
+        "definition": [h.definition for h in heights],
+    }
+    if is_force:
+        columns, is_cut = measure_components(
+            recording,
+            chosen.extents,
+            heights,
+            settings=settings,
+            time=time,
+            length=signal,
+        )
+        for own, cut in zip(words, is_cut, strict=True):
+            own |= {"saturated"} if cut else set()
+        return {**columns, **times, "flags": _joined(words)}
+    name = settings.channel or next(iter(recording.channels))
+    unit = recording.units[name]
+    return {
+        f"height_{unit}": [h.height for h in heights],
+        f"height_sd_{unit}": [h.sd for h in heights],
+        f"baseline_{unit}": [turned * h.baseline for h in heights],
+        **times,
+        "flags": _joined(words),
+    }
+
+
+def _joined(words: Sequence[set[str]]) -> list[str]:
+    """Flag words of each push as one cell."""
+    return [";".join(sorted(own)) for own in words]

@@ -1,0 +1,94 @@
+"""What there is to tell about pushes that were taken from a recording."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from pushfit.data.plans.pairing import Paired
+from pushfit.data.pushes.detection import Extent
+
+# Pushes that a note names one by one.
+_MAX_NAMED = 12
+
+
+def extraction_notes(
+    paired: Paired, frame: pd.DataFrame
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Tell what was taken for granted, and what the user should not overlook.
+
+    Args:
+        paired: Humps and their pairing.
+        frame: Rows as measured.
+
+    Returns:
+        Notes, and cautions: what was left out, assumed to be missing, or mixed.
+    """
+    definition, mixed = _definitions(frame["definition"].tolist())
+    notes = [definition] if definition else []
+    notes += paired.notes()
+    notes += _flag_notes(frame)
+    return tuple(notes), tuple([*mixed, *_left_out(paired), *paired.cautions()])
+
+
+def _definitions(definitions: list[str]) -> tuple[str, list[str]]:
+    """What the heights are; a caution where they are not all the same."""
+    stated = [word for word in definitions if word]
+    n_held = stated.count("plateau")
+    if not stated:
+        return "", []
+    if n_held in (0, len(stated)):
+        return f"heights are those of the {stated[0]} of each push", []
+    return "", [
+        f"mixed definitions: {n_held} of {len(stated)} heights are plateaus, the "
+        'others apexes; state peaks.height = "apex" or "plateau" before they are '
+        "compared in a fit"
+    ]
+
+
+def _left_out(paired: Paired) -> list[str]:
+    """Brushes, dips and excluded humps that are no rows."""
+    found, chosen = paired.found, paired.chosen.extents
+    brushes = [e for e in found.extents if e.is_brush and e not in chosen]
+    notes = []
+    if brushes:
+        notes.append(
+            f"humps far smaller than the pushes are left out: {_times(brushes)}; "
+            f"take one in by --include {_window(brushes[0])}"
+        )
+    if found.excluded:
+        notes.append(f"left out as told: {_times(found.excluded)}")
+    if found.dips:
+        notes.append(
+            f"the signal falls below rest: {_times(found.dips)}; state signed = true "
+            "if these are pushes as well"
+        )
+    return notes
+
+
+def _window(extent: Extent) -> str:
+    """Window around a hump as the command line takes it."""
+    return f"{extent.t_start:.2f}:{extent.t_end:.2f}"
+
+
+def _times(extents: Sequence[Extent]) -> str:
+    """When the first of some humps are, and how high."""
+    named = ", ".join(
+        f"{e.t_peak:.2f} s ({e.height:.3g})" for e in extents[:_MAX_NAMED]
+    )
+    more = len(extents) - _MAX_NAMED
+    return f"at {named}" + (f" and {more} more" if more > 0 else "")
+
+
+def _flag_notes(frame: pd.DataFrame) -> list[str]:
+    """One note per flag, with the pushes that have it."""
+    notes = []
+    for flag in sorted({w for cell in frame["flags"] for w in cell.split(";") if w}):
+        pushes = [
+            str(push)
+            for push, cell in zip(frame["push"], frame["flags"], strict=True)
+            if flag in cell.split(";")
+        ]
+        more = len(pushes) - _MAX_NAMED
+        ending = f" and {more} more" if more > 0 else ""
+        notes.append(f"{flag}: push {', '.join(pushes[:_MAX_NAMED])}{ending}")
+    return notes

@@ -1,0 +1,223 @@
+"""What kind of course a push has: held at a level, or passing through a top.
+
+Decided from the push alone. Above half of its height two families are tried, of five
+numbers each: a hyperbola, which has a top, and straight flanks beside a level. Noise
+blurs the choice, but never in favour of one. Excluded: how high the top or the level is
+(`pushfit.data.peaks.heights`).
+"""
+
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from pushfit.data.peaks.rests import RestNoise
+from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.detection import Extent
+
+PROFILE_BINS = 32
+# A plateau stays within this share of its height for so long a part of the time above
+# half height, and scatters less than this. Of the recordings tried, held pushes have
+# 0.49-0.96 and < 0.043, pointed ones 0.2-0.6.
+_BAND = 0.1
+_HELD_SHARE = 0.45
+_MAX_SCATTER = 0.06
+# Noise of a course that is left in a band of 0.1, and the most parts averaged for it.
+_CALM, _MAX_CALMING = 0.035, 7
+# Families on the window [-1, 1] above half height: tops and roundings of hyperbolas,
+# first and last moments of a level.
+_TOPS = np.linspace(-0.8, 0.8, 17)
+_ROUNDINGS = np.array([0.01, 0.1, 0.3, 1.0, 4.0])
+_MOMENTS = np.linspace(-0.95, 0.95, 20)
+_SHORTEST = 0.4
+# Gain in chi-square that a level needs: a round top may look flat in noise, and is then
+# read too low, by more than a level is too high that is read as a top.
+_NEVER = 1e300
+_EVIDENCE = 2.0
+_FINE = 8
+
+
+def bin_means(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    windows: Float[np.ndarray, "p 2"],
+    n_bins: int,
+) -> tuple[Float[np.ndarray, "p bins"], Int[np.ndarray, "p bins"]]:
+    """Means and counts of the samples in equal parts of windows.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+        windows: First and last time of each window [s].
+        n_bins: Parts of a window.
+
+    Returns:
+        Means and counts.
+    """
+    # Next to nothing of a push still has a level.
+    least = np.median(np.diff(time[: 1 << 16]))
+    windows = np.stack(
+        [windows[:, 0], np.maximum(windows[:, 1], windows[:, 0] + least)], 1
+    )
+    edges = windows[:, :1] + np.diff(windows, axis=1) * np.linspace(0, 1, n_bins + 1)
+    counts = np.diff(np.searchsorted(time, edges), axis=1)
+    means = [Course.of(time, signal, own[0], own[-1]).parts(own) for own in edges]
+    return np.array(means), counts
+
+
+def profiles(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    extents: Sequence[Extent],
+) -> Float[np.ndarray, "p bins"]:
+    """Course of every push, from foot to foot, in `PROFILE_BINS` parts.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+        extents: Where the pushes are.
+    """
+    windows = np.array([[e.t_start, e.t_end] for e in extents])
+    return bin_means(time, signal, windows, PROFILE_BINS)[0]
+
+
+def calmed(
+    profile: Float[np.ndarray, "p m"],
+    base: Float[np.ndarray, " p"],
+    extents: Sequence[Extent],
+    noise: RestNoise,
+) -> Float[np.ndarray, "p m"]:
+    """Profiles averaged over so many parts that their noise is small in the band.
+
+    Args:
+        profile: Courses of pushes.
+        base: Their baselines.
+        extents: Where they are.
+        noise: Noise beside them.
+    """
+    n = np.array([extent.end - extent.start for extent in extents])
+    rise = np.maximum(profile.max(axis=1) - base, 1e-300)
+    share = np.minimum(noise.of_part(n / PROFILE_BINS) / rise, 1.0)
+    widths = np.clip(np.ceil((share / _CALM) ** 2), 1, _MAX_CALMING).astype(int)
+    calm = profile.copy()
+    for width in np.unique(widths[widths > 1]):
+        rows = np.flatnonzero(widths == width)
+        half = width // 2
+        padded = np.pad(profile[rows], ((0, 0), (half, half)), mode="edge")
+        parts = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
+        calm[rows] = parts.mean(axis=2)
+    return calm
+
+
+def _longest_run(inside: Bool[np.ndarray, " m"]) -> tuple[int, int]:
+    """First and one past the last position of the longest stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
+    if edges.size == 0:
+        return 0, 0
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    return int(edges[2 * longest]), int(edges[2 * longest + 1])
+
+
+def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
+    """First and one past the last part of a course that stay near its upper level.
+
+    Args:
+        course: Course of a push, scaled to 0..1.
+    """
+    high = course[course >= 0.8]
+    if high.size == 0:
+        return 0, 0
+    return _longest_run(np.abs(course - np.median(high)) <= _BAND)
+
+
+def are_held(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    extents: Sequence[Extent],
+    *,
+    calm: Float[np.ndarray, "p m"],
+    base: Float[np.ndarray, " p"],
+    noise: RestNoise,
+) -> Bool[np.ndarray, " p"]:
+    """Whether each push stays at a level instead of passing through a top.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples, pushes going up.
+        extents: Where the pushes are.
+        calm: Their courses, calmed.
+        base: Their baselines.
+        noise: Noise beside them.
+    """
+    held = np.zeros(len(extents), dtype=bool)
+    windows = np.array([[e.feet.half_up, e.feet.half_down] for e in extents])
+    bins, counts = bin_means(time, signal, windows, PROFILE_BINS)
+    variance = noise.of_part(counts.mean(axis=1)) ** 2
+    gain = _misfit(bins, *_hyperbolas()) - _misfit(bins, *_levels())
+    is_level = gain > _EVIDENCE * variance
+    for k, extent in enumerate(extents):
+        # Too few samples show no level.
+        if is_level[k] and extent.end - extent.start >= 2 * PROFILE_BINS:
+            held[k] = _is_steady((calm[k] - base[k]) / (calm[k].max() - base[k]))
+    return held
+
+
+def _is_steady(course: Float[np.ndarray, " m"]) -> bool:
+    """Whether a course, scaled to 0..1, keeps to a level for long enough."""
+    first, last = held_part(course)
+    margin = round(0.15 * (last - first))
+    inner = course[first + margin : last - margin]
+    share = (last - first) / max(1, int(np.count_nonzero(course > 0.5)))
+    is_calm = bool(inner.size and inner.std() <= _MAX_SCATTER)
+    return len(inner) >= 4 and share >= _HELD_SHARE and is_calm
+
+
+def _misfit(
+    bins: Float[np.ndarray, "p bins"],
+    q: Float[np.ndarray, "g bins 3"],
+    inverse: Float[np.ndarray, "g 3 3"],
+    is_hyperbola: bool,
+) -> Float[np.ndarray, " p"]:
+    """Squares that the best of a family leaves, beyond all if none has its form."""
+    y = bins - bins.mean(axis=1, keepdims=True)
+    along = np.tensordot(y, q, axes=([1], [1]))
+    left = (y**2).sum(axis=1)[:, None] - (along**2).sum(axis=2)
+    _, b, c = np.moveaxis(np.einsum("gij,pgj->pgi", inverse, along), 2, 0)
+    has_form = (b > 0) & (np.abs(c) < b) if is_hyperbola else (b > 0) & (c > 0)
+    return np.where(has_form, left, _NEVER).min(axis=1)
+
+
+@functools.cache
+def _hyperbolas() -> tuple[np.ndarray, np.ndarray, bool]:
+    """Orthonormal bases of hyperbolas of every top and rounding."""
+    top, rounding = (a.ravel() for a in np.meshgrid(_TOPS, _ROUNDINGS))
+    off = _fine() - top[:, None]
+    arc = np.sqrt(off**2 + rounding[:, None] ** 2) - rounding[:, None]
+    return *_bases(-arc, off), True
+
+
+@functools.cache
+def _levels() -> tuple[np.ndarray, np.ndarray, bool]:
+    """Orthonormal bases of levels with a flank on either side."""
+    first, last = (a.ravel() for a in np.meshgrid(_MOMENTS, _MOMENTS))
+    is_long = last - first >= _SHORTEST
+    rise = -np.maximum(0.0, first[is_long, None] - _fine())
+    fall = -np.maximum(0.0, _fine() - last[is_long, None])
+    return *_bases(rise, fall), False
+
+
+def _fine() -> Float[np.ndarray, " f"]:
+    """Moments of the window, several for each part."""
+    n = _FINE * PROFILE_BINS
+    return (2 * np.arange(n) + 1) / n - 1
+
+
+def _bases(
+    *columns: Float[np.ndarray, "g f"],
+) -> tuple[Float[np.ndarray, "g bins 3"], Float[np.ndarray, "g 3 3"]]:
+    """Least squares with a constant and two columns, prepared once."""
+    fine = np.stack([np.ones_like(columns[0]), *columns], axis=-1)
+    design = fine.reshape(len(fine), PROFILE_BINS, _FINE, 3).mean(axis=2)
+    q, triangle = np.linalg.qr(design)
+    return q, np.linalg.inv(triangle)

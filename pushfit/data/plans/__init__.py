@@ -1,0 +1,1 @@
+"""The plan of an exploration, and which push is which."""

@@ -1,0 +1,138 @@
+"""How to say that a recording does not hold the pushes that were planned."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pushfit.data.plans.alignment import Alignment
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.detection import Extent
+from pushfit.errors import DataError, Problem
+
+# Pushes in which two assignments differ that are shown.
+_MAX_SHOWN = 4
+# Faults that are shown: after a wrong schedule it is all of them.
+_N_SHOWN = 3
+
+
+def mismatch_error(
+    schedule: PushSchedule, pairs: Alignment, extents: Sequence[Extent]
+) -> DataError:
+    """Name the pushes that are missing or too many.
+
+    Args:
+        schedule: Planned pushes.
+        pairs: What was found of them.
+        extents: All humps that were paired.
+
+    Returns:
+        An error with found and planned pushes of the directions in which they differ,
+        and one problem per doubtful push.
+    """
+    plan = schedule.repeated(pairs.n_cycles)
+    path = schedule.source.path if schedule.source else None
+    problems = [
+        Problem(
+            code="push_missing",
+            message=f"{named(plan, i)} has no hump{_between(pairs, extents, i)}",
+            path=path,
+            value=str(plan.push[i]),
+        )
+        for i in pairs.missing
+    ]
+    problems += [
+        Problem(
+            code="push_extra",
+            message=(
+                f"the hump at {extents[j].t_peak:.2f} s is no planned push and left "
+                f"out; say so by --exclude {extents[j].t_start:.2f}:"
+                f"{extents[j].t_end:.2f}"
+            ),
+            path=path,
+            value=f"{extents[j].t_peak:.2f} s",
+        )
+        for j in pairs.extra
+    ]
+    n_found = plan.n_pushes - len(pairs.missing) + len(pairs.extra)
+    return DataError(
+        f"{plan.n_pushes} pushes are planned, {n_found} found: "
+        f"{_first([p.message for p in problems], '; ') or 'not in their rhythm'}"
+        f"{_doubt(plan, pairs, extents)}",
+        code="push_mismatch",
+        problems=tuple(problems),
+    )
+
+
+def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> str:
+    """The assignments between which the times do not decide, and what would."""
+    if pairs.other is None:
+        return ""
+    differ = np.flatnonzero(pairs.hump != pairs.other)[:_MAX_SHOWN]
+    shown = [
+        "; ".join(f"push {plan.push[i]} {_at(extents, int(hump[i]))}" for i in differ)
+        for hump in (pairs.hump, pairs.other)
+    ]
+    window = "T1:T2"
+    if pairs.extra:
+        extra = extents[pairs.extra[0]]
+        window = f"{extra.t_start:.2f}:{extra.t_end:.2f}"
+    return (
+        f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
+        "the schedule a column time_s, leave out what is no push by --exclude "
+        f"{window}, state --min-height, or take (a) by allow_missing = true in "
+        f"[peaks]. Found of planned by (theta, alpha) in (a): {_counts(plan, pairs)}"
+    )
+
+
+def _at(extents: Sequence[Extent], hump: int) -> str:
+    """Where a push is, in words."""
+    return "missing" if hump < 0 else f"at {extents[hump].t_peak:.2f} s"
+
+
+def named(plan: PushSchedule, i: int) -> str:
+    """A planned push in words.
+
+    Args:
+        plan: Planned pushes.
+        i: Its position.
+    """
+    return (
+        f"push {plan.push[i]} (theta {np.degrees(plan.theta[i]):g}, "
+        f"alpha {np.degrees(plan.alpha[i]):g}, repeat {plan.repeat[i]})"
+    )
+
+
+def _between(pairs: Alignment, extents: Sequence[Extent], i: int) -> str:
+    """Where a missing push should have been."""
+    before = pairs.hump[:i][pairs.hump[:i] >= 0]
+    after = pairs.hump[i + 1 :][pairs.hump[i + 1 :] >= 0]
+    if before.size and after.size:
+        start, end = extents[before[-1]].t_end, extents[after[0]].t_start
+        return f" between {start:.2f} s and {end:.2f} s"
+    if before.size:
+        return f" after {extents[before[-1]].t_end:.2f} s"
+    return f" before {extents[after[0]].t_start:.2f} s" if after.size else ""
+
+
+def _counts(plan: PushSchedule, pairs: Alignment) -> str:
+    """Found and planned pushes of the directions in which they differ."""
+    degrees = np.degrees(np.stack([plan.theta, plan.alpha], axis=1)).round(6)
+    counts = []
+    directions = list(dict.fromkeys(map(tuple, degrees)))
+    for theta, alpha in directions:
+        same = (degrees[:, 0] == theta) & (degrees[:, 1] == alpha)
+        planned, found = int(same.sum()), int((pairs.hump[same] >= 0).sum())
+        if found != planned:
+            counts.append(f"({theta:g}, {alpha:g}) {found} of {planned}")
+    if pairs.extra:
+        counts.append(f"none {len(pairs.extra)} of 0")
+    n_whole = len(directions) - len(counts) + bool(pairs.extra)
+    return f"{_first(counts, ', ')}, the other {n_whole} whole"
+
+
+def _first(texts: Sequence[str], between: str) -> str:
+    """The first few, and how many more there are."""
+    shown = list(texts[:_N_SHOWN])
+    if len(texts) > _N_SHOWN:
+        shown.append(f"and {len(texts) - _N_SHOWN} more")
+    return between.join(shown)

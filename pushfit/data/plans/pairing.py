@@ -1,0 +1,163 @@
+"""Humps of a recording as the pushes of a plan, also those that are missing.
+
+A push that the plan has and the recording does not show is measured where it was to be:
+that it felt next to nothing is a result. Excluded: which hump is which push
+(`pushfit.data.plans.alignment`) and how a mismatch is put into words
+(`pushfit.data.plans.mismatch`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pushfit.data.plans.alignment import Alignment, align
+from pushfit.data.plans.mismatch import mismatch_error, named
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.feet import Feet
+from pushfit.data.pushes.found import Found
+from pushfit.data.pushes.settings import PeakSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paired:
+    """Pushes in the order of the rows of a table.
+
+    Args:
+        found: All humps.
+        chosen: Extents of the rows, those of missing pushes where they were to be.
+        is_missing: Whether each row has no hump.
+        plan: Directions of the rows; None where no schedule was given.
+        schedule: What was given.
+        alignment: Pairs of humps and planned pushes.
+    """
+
+    found: Found
+    chosen: Found
+    is_missing: tuple[bool, ...]
+    plan: PushSchedule | None
+    schedule: PushSchedule | None
+    alignment: Alignment | None
+
+    @property
+    def n_odd(self) -> float:
+        """Pushes missing or too many; infinite where nothing was paired."""
+        return np.inf if self.alignment is None else float(self.alignment.n_odd)
+
+    def refuse_doubt(self, settings: PeakSettings) -> None:
+        """Refuse an assignment that is not the only one.
+
+        Args:
+            settings: Whether the user wants the likeliest one all the same.
+
+        Raises:
+            DataError: Another assignment is nearly as good (`push_mismatch`).
+        """
+        if self.schedule is None or self.alignment is None or settings.allow_missing:
+            return
+        if self.alignment.is_ambiguous:
+            raise mismatch_error(self.schedule, self.alignment, self.found.extents)
+
+    def notes(self) -> list[str]:
+        """What the pairing took for granted."""
+        notes = []
+        if self.alignment is not None and self.alignment.n_cycles > 1:
+            n = self.alignment.n_cycles
+            notes.append(f"the recording runs {n} times through the schedule")
+        if -1 in self.found.signs:
+            notes.append("pushes go both ways from rest; heights of dips are negative")
+        return notes
+
+    def cautions(self) -> list[str]:
+        """What is missing, too many, or so small that it may be no push."""
+        if self.schedule is None or self.alignment is None:
+            return []
+        error = mismatch_error(self.schedule, self.alignment, self.found.extents)
+        lines = [problem.message for problem in error.problems]
+        plan = self.schedule.repeated(self.alignment.n_cycles)
+        for i, j in enumerate(self.alignment.hump):
+            if j >= 0 and self.found.extents[j].is_brush:
+                extent = self.found.extents[j]
+                lines.append(
+                    f"{named(plan, i)} is taken to be the hump of only "
+                    f"{extent.height:.3g} at {extent.t_peak:.2f} s, far smaller than "
+                    f"the others; leave it out by --exclude {extent.t_start:.2f}:"
+                    f"{extent.t_end:.2f}"
+                )
+        return lines
+
+
+def pair(
+    found: Found,
+    schedule: PushSchedule | None,
+    settings: PeakSettings,
+    *,
+    span: tuple[float, float],
+) -> Paired:
+    """Give the humps their planned pushes.
+
+    Args:
+        found: Humps.
+        schedule: Planned pushes; None where directions are recorded or not known.
+        settings: How humps were looked for.
+        span: Begin and end of the recording [s].
+    """
+    pushes = [k for k, e in enumerate(found.extents) if not e.is_brush]
+    if schedule is None or not pushes:
+        return Paired(
+            found=found,
+            chosen=found.only(pushes),
+            is_missing=(False,) * len(pushes),
+            plan=None,
+            schedule=schedule,
+            alignment=None,
+        )
+    alignment = align(
+        np.array([extent.t_peak for extent in found.extents]),
+        [extent.is_brush for extent in found.extents],
+        n_planned=schedule.n_pushes,
+        planned_times=schedule.time,
+        span=span,
+    )
+    plan = schedule.repeated(alignment.n_cycles)
+    rows, extents, signs = [], [], []
+    for i, hump in enumerate(alignment.hump.tolist()):
+        when = float(alignment.expected[i])
+        if hump >= 0:
+            extents.append(found.extents[hump])
+            signs.append(found.signs[hump])
+        elif span[0] < when < span[1]:
+            extents.append(_where_it_was_to_be(when, found, pushes))
+            signs.append(1)
+        else:
+            continue
+        rows.append(i)
+    index = np.array(rows, dtype=int)
+    return Paired(
+        found=found,
+        chosen=Found(tuple(extents), tuple(signs)),
+        is_missing=tuple(bool(alignment.hump[i] < 0) for i in rows),
+        plan=plan.rows(index),
+        schedule=schedule,
+        alignment=alignment,
+    )
+
+
+def _where_it_was_to_be(when: float, found: Found, pushes: list[int]) -> Extent:
+    """Extent of a push that is missing, as long as the others."""
+    others = [found.extents[k] for k in pushes]
+    before = float(np.median([e.t_peak - e.t_start for e in others]))
+    after = float(np.median([e.t_end - e.t_peak for e in others]))
+    half = float(np.median([e.width for e in others])) / 2
+    feet = Feet(
+        start=when - before,
+        half_up=max(when - half, when - before),
+        peak=when,
+        half_down=min(when + half, when + after),
+        end=when + after,
+        height=float(np.median([e.height for e in others])),
+        step=others[0].feet.step,
+        cut_start=False,
+        cut_end=False,
+    )
+    return Extent(start=0, end=1, feet=feet, is_brush=False)

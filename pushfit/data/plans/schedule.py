@@ -1,0 +1,204 @@
+"""The plan of an exploration: which pushes were asked for, in which order.
+
+Excluded: finding the pushes in a recording (`pushfit.data.peaks.extract`) and pairing
+them with the plan (`pushfit.data.plans.alignment`).
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+
+from pushfit.atomic import atomic_path
+from pushfit.data.recordings.records import Source
+from pushfit.data.tables.column_rules import check_columns
+from pushfit.data.tables.columns import Layout, Origin, read_columns
+from pushfit.data.tables.rows import read_rows
+
+LAYOUT = Layout(times=("time",))
+
+# Angles of a plan are round numbers of degrees; so many digits survive the way to
+# radians and back.
+DECIMALS = 9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PushSchedule:
+    """Planned pushes in the order of their execution.
+
+    Args:
+        theta: Elevation of every push [rad].
+        alpha: Azimuth of every push [rad].
+        repeat: Repeat number of every push in its direction, from 1.
+        push: Number of every push.
+        time: When every push was planned, from any origin; None where unknown [s].
+        source: File behind the plan.
+    """
+
+    theta: Float[np.ndarray, " n"]
+    alpha: Float[np.ndarray, " n"]
+    repeat: Int[np.ndarray, " n"]
+    push: Int[np.ndarray, " n"]
+    time: Float[np.ndarray, " n"] | None = None
+    source: Source | None = None
+
+    @property
+    def n_pushes(self) -> int:
+        """Number of planned pushes."""
+        return len(self.push)
+
+    @classmethod
+    def planned(
+        cls,
+        theta: Float[np.ndarray, "*n"] | float,
+        alpha: Float[np.ndarray, "*n"] | float,
+        *,
+        repeats: int,
+    ) -> "PushSchedule":
+        """Plan pushes direction by direction, each repeated in a row.
+
+        Args:
+            theta: Elevations [rad]; broadcast against `alpha`.
+            alpha: Azimuths [rad].
+            repeats: Pushes per direction.
+
+        Returns:
+            The schedule.
+        """
+        theta, alpha = (np.ravel(a) for a in np.broadcast_arrays(theta, alpha))
+        return cls(
+            theta=np.repeat(theta, repeats).astype(float),
+            alpha=np.repeat(alpha, repeats).astype(float),
+            repeat=np.tile(np.arange(1, repeats + 1), len(theta)),
+            push=np.arange(1, repeats * len(theta) + 1),
+        )
+
+    @classmethod
+    def in_order(
+        cls, theta: Float[np.ndarray, " n"], alpha: Float[np.ndarray, " n"]
+    ) -> "PushSchedule":
+        """Number pushes as they come, each the first of its direction.
+
+        Args:
+            theta: Elevation of every push [rad].
+            alpha: Azimuth of every push [rad].
+
+        Returns:
+            The schedule.
+        """
+        n = len(theta)
+        return cls(
+            theta=theta,
+            alpha=alpha,
+            repeat=np.ones(n, dtype=int),
+            push=np.arange(1, n + 1),
+        )
+
+    def rows(self, index: Int[np.ndarray, " m"]) -> "PushSchedule":
+        """Some of the pushes.
+
+        Args:
+            index: Their positions.
+
+        Returns:
+            A schedule of these pushes.
+        """
+        return replace(
+            self,
+            theta=self.theta[index],
+            alpha=self.alpha[index],
+            repeat=self.repeat[index],
+            push=self.push[index],
+            time=None if self.time is None else self.time[index],
+        )
+
+    def repeated(self, n_cycles: int) -> "PushSchedule":
+        """The schedule run through several times, pushes and repeats counted on.
+
+        Args:
+            n_cycles: How often.
+
+        Returns:
+            The longer schedule; without planned times if it is longer.
+        """
+        if n_cycles == 1:
+            return self
+        cycle = np.repeat(np.arange(n_cycles), self.n_pushes)
+        return replace(
+            self.rows(np.tile(np.arange(self.n_pushes), n_cycles)),
+            push=np.tile(self.push, n_cycles) + cycle * self.push.max(),
+            repeat=np.tile(self.repeat, n_cycles) + cycle * self.repeat.max(),
+            time=None,
+        )
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: pd.DataFrame,
+        *,
+        origin: Origin | None = None,
+        source: Source | None = None,
+    ) -> "PushSchedule":
+        """Check and convert a frame whose columns state their units.
+
+        Args:
+            frame: `theta_deg`, `alpha_deg`, and where known `push`, `repeat`, `time_s`.
+            origin: Where the rows come from, for messages.
+            source: File behind the rows.
+
+        Returns:
+            The schedule, its rows in the order given.
+
+        Raises:
+            DataError: A column or a cell breaks a rule.
+        """
+        origin = origin or Origin()
+        columns = read_columns(frame, LAYOUT, origin)
+        check_columns(columns, {}, origin)
+        rows = columns.frame
+        return cls(
+            theta=np.radians(rows["theta_deg"].to_numpy(dtype=float)),
+            alpha=np.radians(rows["alpha_deg"].to_numpy(dtype=float)),
+            repeat=rows["repeat"].to_numpy(dtype=int),
+            push=rows["push"].to_numpy(dtype=int),
+            time=rows["time_s"].to_numpy(dtype=float) if "time_s" in rows else None,
+            source=source,
+        )
+
+
+def read_schedule(path: str | Path) -> PushSchedule:
+    """Read a schedule from CSV.
+
+    Args:
+        path: File with columns `theta_deg`, `alpha_deg` and, where they are not simply
+            counted, `push` and `repeat`; `time_s` if the pushes were timed.
+
+    Returns:
+        The schedule.
+
+    Raises:
+        DataError: The file cannot be read or breaks a rule.
+    """
+    rows = read_rows(path)
+    return PushSchedule.from_frame(rows.frame, origin=rows.origin, source=rows.source)
+
+
+def write_schedule(schedule: PushSchedule, path: str | Path) -> None:
+    """Write a schedule as CSV; the file is complete or absent.
+
+    Args:
+        schedule: Plan to write.
+        path: File to write or replace.
+    """
+    columns = {
+        "push": schedule.push,
+        "theta_deg": np.degrees(schedule.theta).round(DECIMALS),
+        "alpha_deg": np.degrees(schedule.alpha).round(DECIMALS),
+        "repeat": schedule.repeat,
+    }
+    if schedule.time is not None:
+        columns["time_s"] = schedule.time
+    with atomic_path(path) as temporary:
+        pd.DataFrame(columns).to_csv(temporary, index=False, lineterminator="\n")

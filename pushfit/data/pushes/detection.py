@@ -1,0 +1,319 @@
+"""Where in a signal the pushes are: their extent and their order, not their height.
+
+The signal is averaged in short bins, so that cost and noise fall together and uneven
+steps become even. Humps between valleys are then joined into pushes. Excluded:
+baselines and heights (`pushfit.data.peaks.heights`) and which push is which
+(`pushfit.data.plans.alignment`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from pushfit.data.pushes.feet import FOOT, WIDTH_PER_SMOOTHING, Feet, trace_feet
+from pushfit.data.pushes.humps import Humps
+from pushfit.data.pushes.noise import Noise
+
+# A push narrower than this is not one of a robot's; it is where smoothing starts [s].
+_FIRST_SMOOTHING = 0.1
+# Of 10^5 independent samples the largest is 4.3 sigma; a maximum needs more.
+_SIGNIFICANT = 6.0
+# The smallest is as far below; a push, from foot to top, needs more than both.
+_BEYOND_NOISE = 9.0
+# A hump below the first share of the largest is a brush; below the second it is one if
+# the next larger hump is so many times higher.
+_BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 4.0
+# Humps of this share of the largest are pushes beyond doubt.
+_LARGE = 0.25
+# Width of the densest third of a normal distribution [σ].
+_NORMAL_THIRD = 0.861
+# A hump that an end of the signal cuts off, and that is longer than this share of the
+# signal, or than so many whole pushes, is a trend.
+_MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
+# Steps that the usual one is judged by; more would only cost time.
+_SAMPLES = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extent:
+    """Where one push lies.
+
+    Args:
+        start: First sample above the foot.
+        end: One past the last sample above the foot.
+        feet: Its course in time.
+        is_brush: Whether it is so small among the others that it may be no push.
+    """
+
+    start: int
+    end: int
+    feet: Feet
+    is_brush: bool
+
+    @property
+    def t_start(self) -> float:
+        """Start [s]."""
+        return self.feet.start
+
+    @property
+    def t_end(self) -> float:
+        """End [s]."""
+        return self.feet.end
+
+    @property
+    def t_peak(self) -> float:
+        """Time of the highest smoothed reading [s]."""
+        return self.feet.peak
+
+    @property
+    def width(self) -> float:
+        """Time above half of the height [s]."""
+        return self.feet.width
+
+    @property
+    def height(self) -> float:
+        """Top over the higher of the two feet, smoothed [unit]."""
+        return self.feet.height
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the signal begins or ends inside the push."""
+        return self.feet.cut_start or self.feet.cut_end
+
+
+def find_extents(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    *,
+    split: float,
+    min_height: float | None,
+    smoothing: float | None,
+) -> tuple[Extent, ...]:
+    """Find all humps that rise from rest and return to it.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples without gaps in value; pushes go up.
+        split: Two humps are two pushes if the valley between them is lower than this
+            share of the lower hump.
+        min_height: Smallest height of a push; None judges by the noise, and by the
+            other pushes what is a brush [unit].
+        smoothing: Averaging time; None takes it from the pushes [s].
+
+    Returns:
+        Extents in order of time.
+    """
+    noise = Noise.of(signal)
+    if noise.sigma == 0.0 or len(signal) < 5:
+        return ()
+    tau = smoothing or _FIRST_SMOOTHING
+    found = _detect(time, signal, noise, tau, split, min_height)
+    if smoothing is None and found:
+        wider = float(np.median([feet.width for feet in found])) / WIDTH_PER_SMOOTHING
+        if wider > 1.5 * tau:
+            found = _detect(time, signal, noise, wider, split, min_height)
+    ends = [None, *(feet.end for feet in found)]
+    starts = [*(feet.start for feet in found[1:]), None]
+    traced = [
+        trace_feet(
+            time,
+            signal,
+            feet,
+            room=(ends[k], starts[k]),
+            sigma=noise.sigma,
+            smoothing=smoothing,
+        )
+        for k, feet in enumerate(found)
+    ]
+    kept = _without_trends(traced, time)
+    heights = np.array([feet.height for feet in kept])
+    smallest = 0.0 if min_height is not None else _smallest_push(heights)
+    return tuple(_extent(feet, time, smallest) for feet in kept)
+
+
+def usual_step(time: Float[np.ndarray, " n"]) -> float:
+    """Median sampling step [s].
+
+    Args:
+        time: Sample times [s].
+    """
+    return float(np.median(np.diff(time[: 1 + _SAMPLES])))
+
+
+def _without_trends(found: Sequence[Feet], time: Float[np.ndarray, " n"]) -> list[Feet]:
+    """Leave out what begins or never ends, unless it is as short as a push."""
+    whole = [f.end - f.start for f in found if not (f.cut_start or f.cut_end)]
+    duration = float(time[-1] - time[0])
+    longest = _CUT_LENGTHS * max(whole) if whole else _MAX_CUT * duration
+    slack = 2 * float(np.median([f.step for f in found])) if found else 0.0
+
+    def is_trend(feet: Feet) -> bool:
+        if feet.width < slack and not (feet.cut_start or feet.cut_end):
+            return True  # what is left of it in its own smoothing is one reading
+        rises = feet.half_up > time[0] + slack
+        falls = feet.half_down < time[-1] - slack
+        if rises and falls:
+            return False  # more than half of it is there on either side
+        is_cut = feet.cut_start or feet.cut_end
+        return not (rises or falls) or (is_cut and feet.end - feet.start > longest)
+
+    return [feet for feet in found if not is_trend(feet)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Trace:
+    """A signal averaged on an even grid."""
+
+    t0: float
+    step: float
+    y: Float[np.ndarray, " m"]
+    noise: float
+
+    def at(self, index: float | int) -> float:
+        """Time of a grid position."""
+        return self.t0 + self.step * index
+
+
+def _detect(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    noise: Noise,
+    tau: float,
+    split: float,
+    min_height: float | None,
+) -> tuple[Feet, ...]:
+    """One pass at one smoothing time: where the humps are, roughly."""
+    trace = _reduce(time, signal, noise, tau)
+    significant = _SIGNIFICANT * trace.noise
+    humps = Humps.between(trace.y, _maxima(trace.y, significant))
+    humps.join(split)
+    if min_height is None:
+        large = _LARGE * float(humps.heights.max(initial=0.0))
+        noise_alone = _BEYOND_NOISE * trace.noise
+        wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
+        humps.drop_below(max(noise_alone, wander))
+    else:
+        humps.drop_below(min_height)
+    heights = humps.heights
+    return tuple(
+        _coarse(humps, k, trace, float(height)) for k, height in enumerate(heights)
+    )
+
+
+def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:
+    """Height below which humps are brushes: far below the largest, beyond a gap."""
+    ordered = np.sort(heights)[::-1]
+    if len(ordered) == 0:
+        return 0.0
+    largest = float(ordered[0])
+    small = ordered < _SMALL * largest
+    after_gap = np.append(False, ordered[1:] * _GAP_RATIO < ordered[:-1])
+    beyond = np.flatnonzero((small & after_gap) | (ordered < _BRUSH * largest))
+    return float(ordered[beyond[0] - 1]) if beyond.size else 0.0
+
+
+def _reduce(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    noise: Noise,
+    tau: float,
+) -> _Trace:
+    """Average in bins of a third of the smoothing time, then over three bins."""
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
+
+    step = max(tau / 3, float(np.median(np.diff(time[: 1 + _SAMPLES]))))
+    n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
+    edges = time[0] + step * (np.arange(n_bins) - 0.5)
+    first = np.searchsorted(time, edges)
+    counts = np.diff(np.append(first, len(time)))
+    filled = counts > 0
+    sums = np.add.reduceat(signal, first[filled])
+    centres = np.arange(n_bins, dtype=float)
+    y = np.interp(centres, centres[filled], sums / counts[filled])
+    return _Trace(
+        float(time[0]),
+        step,
+        uniform_filter1d(y, 3, mode="nearest"),
+        noise.of_mean(3 * float(np.median(counts[filled]))),
+    )
+
+
+def _maxima(y: Float[np.ndarray, " m"], significant: float) -> Int[np.ndarray, " k"]:
+    """Significant local maxima, those at the ends included."""
+    from scipy.signal import find_peaks  # noqa: PLC0415 - slow to load
+
+    # Walls below everything make a maximum at the end of the signal a peak.
+    wall = y.min() - 2 * significant
+    padded = np.concatenate([[wall], y, [wall]])
+    return find_peaks(padded, prominence=significant)[0] - 1
+
+
+def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
+    """Slow noise at rest: typical scatter of the smoothed signal between large humps.
+
+    Small humps count as rest here, because they may be nothing else. If they are pushes
+    after all, they do not widen the densest third of a rest.
+    """
+    scatters = []
+    start = 0
+    for k in [*np.flatnonzero(humps.heights >= large), None]:
+        first, last = (
+            (len(trace.y), 0) if k is None else _feet(humps, int(k), trace, own=True)
+        )
+        ordered = np.sort(trace.y[start:first])
+        n_third = len(ordered) // 3
+        if n_third > 1:
+            densest = np.min(ordered[n_third:] - ordered[: len(ordered) - n_third])
+            scatters.append(float(densest) / _NORMAL_THIRD)
+        start = last + 1
+    return float(np.median(scatters)) if scatters else 0.0
+
+
+def _feet(humps: Humps, k: int, trace: _Trace, *, own: bool = False) -> tuple[int, int]:
+    """First and last grid position of a push above its feet.
+
+    Both feet are those over the higher valley, because the other one may lie beyond a
+    step of the rest level; or with `own` each that over its own.
+    """
+    y, peak = trace.y, int(humps.peaks[k])
+    left, right = int(humps.valleys[k]), int(humps.valleys[k + 1])
+    rest = y[peak] - max(float(humps.heights[k]), 0.0)
+    rests = (y[left], y[right]) if own else (rest, rest)
+    feet = [low + max(FOOT * (y[peak] - low), 3 * trace.noise) for low in rests]
+    below = np.flatnonzero(y[left:peak] < feet[0])
+    start = left + below[-1] + 1 if below.size else left
+    below = np.flatnonzero(y[peak + 1 : right + 1] < feet[1])
+    end = peak + below[0] if below.size else right
+    return int(start), int(end)
+
+
+def _coarse(humps: Humps, k: int, trace: _Trace, height: float) -> Feet:
+    """Feet of a hump on the grid, over the higher of its valleys."""
+    y, peak = trace.y, int(humps.peaks[k])
+    start, end = _feet(humps, k, trace)
+    above = start + np.flatnonzero(y[start : end + 1] >= y[peak] - height / 2)
+    return Feet(
+        start=trace.at(start),
+        half_up=trace.at(int(above[0]) - 0.5),
+        peak=trace.at(peak),
+        half_down=trace.at(int(above[-1]) + 0.5),
+        end=trace.at(end),
+        height=height,
+        step=trace.step,
+        cut_start=start <= 1,
+        cut_end=end >= len(y) - 2,
+    )
+
+
+def _extent(feet: Feet, time: Float[np.ndarray, " n"], smallest: float) -> Extent:
+    """Extent of a push in samples."""
+    first, last = np.searchsorted(time, [feet.start, feet.end])
+    first = min(int(first), len(time) - 1)
+    return Extent(
+        start=first,
+        end=max(int(last), first + 1),
+        feet=feet,
+        is_brush=feet.height < smallest,
+    )

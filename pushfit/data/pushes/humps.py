@@ -1,0 +1,201 @@
+"""Humps of a smoothed signal, the valleys between them, and which belong together.
+
+Several humps without a rest between them are one push. A valley is a rest if it is
+deep, or if the signal stays at its level for long, on both sides of a hump: so the
+pushes that follow a step of the rest level are as many as those before it.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from pushfit.data.pushes.feet import ON_STEP
+
+# A dip is briefer than the smoothing, which is so many bins; a rest is not.
+_DIP_BINS = 3
+# A first or last reading that is higher than this share of its hump shows no foot.
+_FOOTLESS = 0.2
+# A level is held if the signal stays within the first share of the smaller hump of it
+# for the second share of that hump's width. A sine does so for 0.41 of it only.
+_LEVEL, _HELD = 0.15, 0.6
+# Humps lower than this share of the whole are wiggles of a plateau.
+_ON_TOP = 0.2
+
+
+@dataclass(slots=True)
+class Humps:
+    """Peaks with the valleys before, between and after them.
+
+    Args:
+        y: Smoothed signal.
+        peaks: Grid positions of the tops.
+        valleys: Grid positions of the lowest points beside them.
+        rests: Rest level at each valley, which a brief dip does not lower.
+    """
+
+    y: Float[np.ndarray, " m"]
+    peaks: Int[np.ndarray, " k"]
+    valleys: Int[np.ndarray, " k1"]
+    rests: Float[np.ndarray, " k1"]
+
+    @classmethod
+    def between(
+        cls, y: Float[np.ndarray, " m"], peaks: Int[np.ndarray, " k"]
+    ) -> "Humps":
+        """Find the valleys that belong to peaks."""
+        bounds = [0, *peaks, len(y) - 1]
+        spans = list(pairwise(bounds))
+        valleys = np.array([a + int(np.argmin(y[a : b + 1])) for a, b in spans])
+        rests = np.array([_low(y[a : b + 1]) for a, b in spans])
+        return cls(y, peaks, valleys, rests)
+
+    @property
+    def heights(self) -> Float[np.ndarray, " k"]:
+        """Tops over the higher foot; where the signal begins or ends, over the inner.
+
+        A signal that begins half way up a push shows no foot there.
+        """
+        lows = self.y[self.valleys]
+        left, right = lows[:-1].copy(), lows[1:].copy()
+        if len(left) == 0:
+            return left
+        if self.valleys[0] == self.peaks[0] or self._is_cut_off(0, right[0]):
+            left[0] = -np.inf
+        if self.valleys[-1] == self.peaks[-1] or self._is_cut_off(-1, left[-1]):
+            right[-1] = -np.inf
+        return self.y[self.peaks] - np.maximum(left, right)
+
+    def _is_cut_off(self, end: int, inner: float) -> bool:
+        """Whether the signal begins or ends in a push, not at a new rest level.
+
+        What sags a little from its top is a plateau; a hump that is high over a long
+        level stands on a step.
+        """
+        if not np.isfinite(inner):
+            return False
+        peak, edge = int(self.peaks[end]), 0 if end == 0 else len(self.y) - 1
+        outer, top = self.y[self.valleys[end]], self.y[peak]
+        if outer - inner <= _FOOTLESS * (top - inner):
+            return False
+        part = self.y[min(peak, edge) : max(peak, edge) + 1]
+        dwell = longest_run(np.abs(part - outer) <= _LEVEL * (top - outer))
+        is_step = top - outer >= ON_STEP * (outer - inner)
+        return not (is_step and dwell >= self._width(end))
+
+    def _width(self, k: int) -> int:
+        """Bins of a hump above half of its height over the higher valley."""
+        k %= len(self.peaks)
+        left, right = int(self.valleys[k]), int(self.valleys[k + 1])
+        top = self.y[self.peaks[k]]
+        low = max(self.y[left], self.y[right])
+        if low == top:
+            low = min(self.y[left], self.y[right])
+        return max(1, longest_run(self.y[left : right + 1] >= (low + top) / 2))
+
+    def drop(self, peak: int) -> None:
+        """Remove a peak; the valleys beside it become one."""
+        pair = self.valleys[peak : peak + 2]
+        lower = int(pair[np.argmin(self.y[pair])])
+        self.peaks = np.delete(self.peaks, peak)
+        self.valleys = np.delete(self.valleys, peak)
+        self.rests = np.delete(self.rests, peak)
+        self.valleys[peak] = lower
+        first = self.peaks[peak - 1] if peak > 0 else 0
+        last = self.peaks[peak] if peak < len(self.peaks) else len(self.y) - 1
+        self.rests[peak] = _low(self.y[first : last + 1])
+
+    def join(self, split: float) -> None:
+        """Join neighbours whose valley is too high for a rest between two pushes.
+
+        The highest valley goes first. It is compared with the lower of the rests beside
+        the pair, which is the true one once the inner humps are joined: no rest level
+        over the whole recording is needed, whatever its drift.
+
+        Args:
+            split: Two humps are two pushes if the valley between them is lower than
+                this share of the lower hump.
+        """
+        kept: set[int] = set()
+        while len(self.peaks) > 1:
+            tops, lows = self.y[self.peaks], self.y[self.valleys]
+            rest = np.minimum(self.rests[:-2], self.rests[2:])
+            smaller = np.minimum(tops[:-1], tops[1:])
+            ratio = (lows[1:-1] - rest) / np.maximum(smaller - rest, 1e-300)
+            ratio[[int(v) in kept for v in self.valleys[1:-1]]] = -np.inf
+            worst = int(np.argmax(ratio))
+            if ratio[worst] <= split:
+                return
+            if ratio[worst] < 1 - _ON_TOP and self._is_level(worst):
+                kept.add(int(self.valleys[worst + 1]))
+                self.rests[worst + 1] = lows[worst + 1]
+                continue
+            self._merge(worst, worst + int(tops[worst] >= tops[worst + 1]))
+
+    def _is_level(self, pair: int) -> bool:
+        """Whether the signal rests between two humps, and beside one of them as well.
+
+        One flat valley may be that of a push with two tops; a level that is come back
+        to is a rest.
+        """
+        a, b = (int(k) for k in self.peaks[pair : pair + 2])
+        low = float(self.y[self.valleys[pair + 1]])
+        height = min(self.y[a], self.y[b]) - low
+        least = _HELD * min(
+            self._width_over(pair, low), self._width_over(pair + 1, low)
+        )
+
+        def held(first: int, last: int) -> bool:
+            inside = np.abs(self.y[first : last + 1] - low) <= _LEVEL * height
+            return longest_run(inside) >= max(least, 2)
+
+        outer_left = int(self.peaks[pair - 1]) if pair > 0 else 0
+        is_last = pair + 2 >= len(self.peaks)
+        outer_right = len(self.y) - 1 if is_last else int(self.peaks[pair + 2])
+        return held(a, b) and (held(outer_left, a) or held(b, outer_right))
+
+    def _width_over(self, k: int, low: float) -> int:
+        """Bins around a top that stay above half of its height over a level."""
+        y, peak = self.y, int(self.peaks[k])
+        below = y < (low + y[peak]) / 2
+        left = np.flatnonzero(below[:peak])
+        right = np.flatnonzero(below[peak:])
+        first = int(left[-1]) + 1 if left.size else 0
+        last = peak + int(right[0]) if right.size else len(y)
+        return last - first
+
+    def _merge(self, pair: int, lower: int) -> None:
+        """Make one hump of two: the valley between goes, with the lower top."""
+        self.peaks = np.delete(self.peaks, lower)
+        self.valleys = np.delete(self.valleys, pair + 1)
+        self.rests = np.delete(self.rests, pair + 1)
+
+    def drop_below(self, least: float) -> None:
+        """Remove humps that are too low, the lowest first.
+
+        Args:
+            least: Smallest height that stays.
+        """
+        while len(self.peaks):
+            heights = self.heights
+            smallest = int(np.argmin(heights))
+            if heights[smallest] >= least:
+                return
+            self.drop(smallest)
+
+
+def _low(y: Float[np.ndarray, " m"]) -> float:
+    """Lowest level that is kept for longer than a dip."""
+    n = min(_DIP_BINS, len(y) - 1)
+    return float(np.partition(y, n)[n])
+
+
+def longest_run(inside: Bool[np.ndarray, " m"]) -> int:
+    """Length of the longest stretch of True.
+
+    Args:
+        inside: Where.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0))

@@ -1,0 +1,135 @@
+"""Find everything that is wrong with a set of input files, without stopping.
+
+Each file goes through the very reader that would read it, so that what passes here
+also reads, and what does not says the same here and there.
+"""
+
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from pushfit.data.plans.schedule import read_schedule
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.units import split_unit
+from pushfit.data.tables.peak_table import read_table
+from pushfit.data.text.dialects import find_layout
+from pushfit.data.text.faults import refuse
+from pushfit.data.text.files import existing_file, is_bag
+from pushfit.data.text.foreign import foreign_table
+from pushfit.data.text.textfile import open_text
+from pushfit.errors import Problem, PushfitError
+
+FileKind = Literal["recording", "schedule", "table"]
+INSTEAD: dict[tuple[FileKind, FileKind], str] = {
+    ("recording", "table"): (
+        "is a table of peak heights, no recording; use `pushfit fit` for it"
+    ),
+    ("recording", "schedule"): (
+        "is a schedule, no recording; name the recording, and this as its schedule"
+    ),
+    ("table", "recording"): (
+        "is a recording, no table of peak heights; `pushfit peaks` makes one of it, "
+        "and `pushfit identify` does everything"
+    ),
+    ("table", "schedule"): (
+        "is a schedule, no table of peak heights; `pushfit peaks` makes one of a "
+        "recording and this"
+    ),
+}
+
+_HEIGHTS = ("height", "height_normal", "height_tangential")
+_PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
+
+
+def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
+    """Recognise by its columns whether a file is a recording, schedule or peak table.
+
+    Args:
+        path: File as the user named it.
+        **recording_options: As for `pushfit.data.recordings.recording.read_recording`.
+
+    Returns:
+        `table` if there are heights, `schedule` if there are angles but neither signals
+        nor samples in time, else `recording`.
+
+    Raises:
+        ConfigError: If the path cannot be read.
+        DataError: If the file is no table of text.
+    """
+    given = existing_file(path)
+    if given.endswith(".parquet"):
+        return "table"
+    if is_bag(given) or recording_options.get("format", "auto") != "auto":
+        return "recording"
+    if foreign_table(given, columns=recording_options.get("columns", ())):
+        return "recording"
+    text = open_text(given, encoding=recording_options.get("encoding"))
+    names = find_layout(text, columns=recording_options.get("columns", ())).names
+    parts = [split_unit(name) for name in names]
+    stems = {stem.lower() for stem, _ in parts}
+    if not stems.isdisjoint(_HEIGHTS):
+        return "table"
+    is_signal = any(unit and unit.quantity == "signal" for _, unit in parts)
+    stated = {*recording_options.get("mapping", {}).values()}
+    stated |= {*recording_options.get("units", {})}
+    # Samples of a log have a time and readings whose unit is not said; a plan has none.
+    is_log = any(unit and unit.quantity == "time" for _, unit in parts)
+    is_log = is_log and not stems <= _PLAN
+    has_plan = {"theta", "alpha"} <= stems and not is_signal and not is_log
+    if has_plan and any(stem.startswith("height") for stem in stems):
+        # Of a unit that is not known; the reader of tables says so.
+        return "table"
+    return "schedule" if has_plan and stated.isdisjoint(names) else "recording"
+
+
+def expect_kind(
+    path: str | Path, kind: Literal["recording", "table"], **recording_options: Any
+) -> None:
+    """Refuse a file of another kind before its reader misunderstands it.
+
+    Args:
+        path: File as the user named it.
+        kind: What is to be read.
+        **recording_options: As for `pushfit.data.recordings.recording.read_recording`.
+
+    Raises:
+        DataError: The file is something else (`wrong_kind`).
+    """
+    found = file_kind(path, **recording_options)
+    if found != kind:
+        raise refuse("wrong_kind", INSTEAD[kind, found], path=str(path))
+
+
+def check_files(
+    paths: Iterable[str | Path], **recording_options: Any
+) -> tuple[Problem, ...]:
+    """Find all problems of all files.
+
+    Args:
+        paths: Recordings, schedules and peak tables, in any mixture.
+        **recording_options: As for `pushfit.data.recordings.recording.read_recording`;
+            they apply to the recordings.
+
+    Returns:
+        The problems, file by file; empty if every file can be read.
+    """
+    return tuple(
+        found for path in paths for found in _check_file(path, recording_options)
+    )
+
+
+def _check_file(
+    path: str | Path, recording_options: dict[str, Any]
+) -> tuple[Problem, ...]:
+    readers = {
+        "recording": partial(read_recording, **recording_options),
+        "schedule": read_schedule,
+        "table": read_table,
+    }
+    try:
+        readers[file_kind(path, **recording_options)](path)
+    except PushfitError as error:
+        whole = Problem(code=error.code, message=str(error), path=str(path))
+        return error.problems or (whole,)
+    return ()

@@ -1,0 +1,68 @@
+"""From files and settings to recordings and tables, as every command reads them."""
+
+from pathlib import Path
+from typing import Any
+
+from pushfit.config import GraspConfig
+from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.plans.schedule import read_schedule
+from pushfit.data.recordings.recording import Recording, read_recording
+from pushfit.data.recordings.units import stated_calibration
+from pushfit.data.tables.peak_table import PeakTable
+
+# Where `[recording]` and `read_recording` have different words.
+READER_NAMES = {"map": "mapping", "unit": "units"}
+
+
+def reader_options(config: GraspConfig) -> dict[str, Any]:
+    """Keywords of `read_recording` that a configuration asks for.
+
+    Args:
+        config: Settings in force.
+
+    Returns:
+        Keywords.
+    """
+    layout = config.recording.model_dump()
+    calibration = config.recording.calibration
+    layout["calibration"] = {
+        channel: stated_calibration(section) for channel, section in calibration.items()
+    }
+    return {READER_NAMES.get(key, key): value for key, value in layout.items()}
+
+
+def configured_recording(path: str | Path, config: GraspConfig) -> Recording:
+    """Read a recording as the settings say.
+
+    Args:
+        path: Recording.
+        config: Settings in force.
+
+    Returns:
+        The recording.
+
+    Raises:
+        DataError: It cannot be read or breaks a rule.
+    """
+    return read_recording(path, **reader_options(config))
+
+
+def configured_peaks(
+    recording: Recording, schedule: str | Path | None, config: GraspConfig
+) -> PeakTable:
+    """Extract the peaks of a recording as the settings say.
+
+    Args:
+        recording: Recording.
+        schedule: File with the directions of its pushes; None if the recording has
+            angles.
+        config: Settings in force.
+
+    Returns:
+        Its peak heights.
+
+    Raises:
+        DataError: The schedule breaks a rule, or pushes and plan do not agree.
+    """
+    plan = None if schedule is None else read_schedule(schedule)
+    return extract_peaks(recording, plan, settings=config.peaks)

@@ -1,0 +1,239 @@
+"""Read a recording in any known dialect.
+
+Bytes become clean text (`textfile`), whose layout is recognised (`dialects`) and held
+against every line (`scan`, `explain`); the columns get their roles (`roles`), only the
+needed ones are parsed (`prescan`), and the samples must make sense as a recording
+(`samples`). Bags enter at the last step (`bags`).
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from pushfit.data.bags.bag import read_bag
+from pushfit.data.recordings.records import Recording, Source
+from pushfit.data.recordings.roles import Role, Roles, assign_roles
+from pushfit.data.recordings.samples import Gaps, Samples, ThetaFrom, build_recording
+from pushfit.data.recordings.units import UNITS, Calibration, Unit
+from pushfit.data.text.dialects import Format, Layout, find_layout, layout_of
+from pushfit.data.text.explain import Kind
+from pushfit.data.text.faults import data_error
+from pushfit.data.text.files import existing_file, is_bag, sha256_of
+from pushfit.data.text.foreign import foreign_table
+from pushfit.data.text.prescan import MAX_BYTES, Cells, read_cells, row_problems
+from pushfit.data.text.scan import Tail
+from pushfit.data.text.textfile import TextFile, open_text
+from pushfit.errors import DataError
+
+__all__ = ["Recording", "Source", "read_recording"]
+
+_NOTHING: Mapping[str, str] = MappingProxyType({})
+_UNCHANGED: Mapping[str, Calibration] = MappingProxyType({})
+
+
+def read_recording(
+    path: str | Path,
+    *,
+    format: Format = "auto",
+    mapping: Mapping[str, str] = _NOTHING,
+    units: Mapping[str, str] = _NOTHING,
+    columns: Sequence[str] = (),
+    rate: float | None = None,
+    calibration: Mapping[str, Calibration] = _UNCHANGED,
+    definitions: str | None = None,
+    theta_from: ThetaFrom = "tangential",
+    gaps: Gaps = "error",
+    tail: Tail = "drop",
+    missing: Sequence[str] = (),
+    encoding: str | None = None,
+    trust_units: bool = False,
+    max_bytes: int = MAX_BYTES,
+) -> Recording:
+    """Read a recording, or say everything that is wrong with it.
+
+    Every column that states a signal unit (`force_n`, `pressure_kpa`), is mapped, or
+    has a unit stated in `units` becomes a channel; `theta` and `alpha` become the push
+    angles. Other columns are ignored with a note.
+
+    Args:
+        path: CSV file, plain or compressed by gzip, a ROS bag, the output of
+            `rostopic echo`, a rospy log, or a NumPy file.
+        format: Dialect; `auto` recognises it.
+        mapping: Column name by channel name, and by `time`, `theta` and `alpha`; for
+            bags `/topic.field.path`.
+        units: Unit by channel or column name, where the name states none.
+        columns: Column names in order, for a file without a header; a last name `...`
+            stands for all that follow.
+        rate: Samples per second, for a recording without a time; None where a column
+            or the file itself tells it [Hz].
+        calibration: Conversion by channel name.
+        definitions: Folder of `.msg` files, for ROS 2 bags that carry no definitions.
+        theta_from: What a recorded theta is measured from.
+        gaps: What to do about missing samples: an `error`, or leave them NaN for peaks
+            to be `split` there, or `interpolate` those within five usual steps.
+        tail: What to do about a last line without a line end: `drop` it, `keep` it, or
+            call it an `error`; `salvage` also drops zero bytes at the end, and reads
+            what there is of a `.mcap` file that was cut short.
+        missing: Further texts that stand for a missing sample, such as a sentinel.
+        encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
+        trust_units: Accept units that the samples make implausible.
+        max_bytes: Most memory that the samples may take.
+
+    Returns:
+        The recording, in canonical units.
+
+    Raises:
+        ConfigError: If the path cannot be read or the options do not fit it.
+        DataError: If the file breaks a rule; `.problems` lists all that were found.
+    """
+    given = existing_file(path)
+    if format == "bag" or (format == "auto" and is_bag(given)):
+        samples = read_bag(
+            given,
+            mapping=mapping,
+            units=units,
+            definitions=definitions,
+            is_salvage=tail == "salvage",
+            max_bytes=max_bytes,
+        )
+    elif foreign := foreign_table(given, columns=columns):
+        samples = _foreign_samples(
+            given, *foreign, mapping=mapping, units=units, rate=rate
+        )
+    else:
+        text = open_text(given, encoding=encoding)
+        layout = find_layout(text, format=format, columns=columns)
+        rate = rate or layout.rate
+        roles = _roles(
+            text,
+            layout,
+            mapping=mapping,
+            units=units,
+            tail=tail,
+            has_rate=rate is not None,
+        )
+        cells = read_cells(
+            text,
+            layout,
+            _kinds(layout, roles),
+            tail=tail,
+            missing=missing,
+            max_bytes=max_bytes,
+        )
+        samples = _samples(text, layout, roles, cells, rate=rate)
+    recording = build_recording(
+        samples, theta_from=theta_from, gaps=gaps, trust_units=trust_units
+    )
+    for channel, conversion in calibration.items():
+        recording = recording.calibrated(channel, conversion)
+    return recording
+
+
+def _foreign_samples(
+    path: str,
+    table: Mapping[str, np.ndarray],
+    dialect: str,
+    *,
+    mapping: Mapping[str, str],
+    units: Mapping[str, str],
+    rate: float | None,
+) -> Samples:
+    """Sort the columns of a log that is no table by their roles."""
+    layout = layout_of(tuple(table), dialect)
+    roles = assign_roles(
+        layout, mapping=mapping, units=units, path=path, has_rate=rate is not None
+    )
+    series = list(table.values())
+    n = len(series[0])
+    clock = roles.clocks[0] if roles.clocks else None
+    time = np.arange(n) / (rate or 1.0) if clock is None else series[clock.columns[0]]
+    return Samples(
+        path=path,
+        time=time,
+        time_unit=UNITS["s"] if clock is None else clock.unit,
+        channels={r.name: (series[r.columns[0]], r.unit) for r in roles.channels},
+        angles={r.name: (series[r.columns[0]], r.unit) for r in roles.angles},
+        sources=(Source(path=path, sha256=sha256_of(path), dialect=dialect),),
+        notes=(f"recognised {dialect}", *roles.notes),
+    )
+
+
+def _roles(
+    text: TextFile,
+    layout: Layout,
+    *,
+    mapping: Mapping[str, str],
+    units: Mapping[str, str],
+    tail: Tail,
+    has_rate: bool,
+) -> Roles:
+    """Give the columns their roles, or list what is wrong with names and rows."""
+    try:
+        return assign_roles(
+            layout, mapping=mapping, units=units, path=text.path, has_rate=has_rate
+        )
+    except DataError as error:
+        # The rows may be wrong as well: the user is to mend all in one go.
+        rows = row_problems(text, layout, tail=tail)
+        raise data_error([*error.problems, *rows]) from error
+
+
+def _kinds(layout: Layout, roles: Roles) -> dict[int, Kind]:
+    """Give what the cells of each needed column must be."""
+    kinds: dict[int, Kind] = {}
+    for clock in roles.clocks:
+        kind: Kind = "stamp" if clock.is_stamp else "float"
+        # Nanoseconds since 1970 have 19 digits, three more than a float64 holds.
+        if clock.unit.name == "ns" and not clock.is_stamp:
+            kind = "int"
+        kinds |= dict.fromkeys(clock.columns, kind)
+    for role in (*roles.channels, *roles.angles):
+        kinds[role.columns[0]] = "float"
+    return kinds
+
+
+def _samples(
+    text: TextFile, layout: Layout, roles: Roles, cells: Cells, *, rate: float | None
+) -> Samples:
+    """Sort parsed columns by their roles."""
+
+    def series(role: Role) -> tuple[np.ndarray, Unit]:
+        return cells.values[role.columns[0]], role.unit
+
+    if roles.clocks:
+        clock, time = _first_filled_clock(roles, cells)
+        unit = clock.unit
+        origin = " and ".join(layout.names[i] for i in clock.columns)
+    else:
+        time, unit = np.arange(cells.scan.n_rows) / (rate or 1.0), UNITS["s"]
+        origin = f"the rate of {rate:g} samples a second"
+    source = Source(path=text.path, sha256=text.sha256, dialect=layout.description)
+    return Samples(
+        path=text.path,
+        time=time,
+        time_unit=unit,
+        channels={role.name: series(role) for role in roles.channels},
+        angles={role.name: series(role) for role in roles.angles},
+        is_union=layout.writer == "plotjuggler",
+        lines=cells.scan.lines,
+        sources=(source,),
+        notes=(
+            f"recognised {layout.description}; time from {origin}",
+            *layout.notes,
+            *roles.notes,
+            *cells.notes,
+        ),
+    )
+
+
+def _first_filled_clock(roles: Roles, cells: Cells) -> tuple[Role, np.ndarray]:
+    """Choose the first clock whose stamps were filled in."""
+    for clock in roles.clocks:
+        time = cells.values[clock.columns[0]]
+        if len(clock.columns) == 2:
+            time = time * 1_000_000_000 + cells.values[clock.columns[1]]
+        if time.any():
+            return clock, time
+    return clock, time

@@ -1,0 +1,125 @@
+"""What a recording holds: time, channels, push angles, and where they came from."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.data.recordings.units import Calibration
+from pushfit.errors import ConfigError, DataError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """Where data came from.
+
+    Args:
+        path: File as the user named it.
+        sha256: Digest of the file's bytes, hexadecimal.
+        dialect: What the reader recognised.
+    """
+
+    path: str
+    sha256: str
+    dialect: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Samples of one session on one clock.
+
+    Args:
+        time: Sample times, strictly increasing [s].
+        channels: Samples by channel name without unit suffix, each in its canonical
+            unit. NaN only where the declared gap policy left a missing sample.
+        units: Canonical unit of each channel: `n`, `kpa`, `counts` or `au`.
+        theta: Elevation of the push out of the tangential plane, if recorded [rad].
+        alpha: Azimuth of the push in the tangential plane, if recorded [rad].
+        sources: Files behind the samples.
+        notes: What the reader recognised, dropped or filled in, for the user.
+    """
+
+    time: Float[np.ndarray, " n"]
+    channels: dict[str, Float[np.ndarray, " n"]]
+    units: dict[str, str]
+    theta: Float[np.ndarray, " n"] | None = None
+    alpha: Float[np.ndarray, " n"] | None = None
+    sources: tuple[Source, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def between(self, begin: float | None, end: float | None) -> "Recording":
+        """The part between two times.
+
+        Args:
+            begin: First time; None from the beginning [s].
+            end: Last time; None to the end [s].
+
+        Returns:
+            The part, itself where neither is stated.
+
+        Raises:
+            DataError: If there is nothing between them (`no_rows`).
+        """
+        if begin is None and end is None:
+            return self
+        first = 0 if begin is None else int(np.searchsorted(self.time, begin))
+        last = len(self.time)
+        if end is not None:
+            last = int(np.searchsorted(self.time, end, side="right"))
+        if last <= first:
+            raise DataError(
+                f"no samples from {begin} to {end} s: the recording runs from "
+                f"{self.time[0]:g} to {self.time[-1]:g} s; state times within it",
+                code="no_rows",
+            )
+        part = slice(first, last)
+        return replace(
+            self,
+            time=self.time[part],
+            channels={name: y[part] for name, y in self.channels.items()},
+            theta=None if self.theta is None else self.theta[part],
+            alpha=None if self.alpha is None else self.alpha[part],
+            notes=(*self.notes, f"took {last - first} of {len(self.time)} samples"),
+        )
+
+    def calibrated(self, channel: str, calibration: Calibration) -> "Recording":
+        """Convert one channel by a calibration that the user chose, and note it.
+
+            converted = factor × samples
+
+        An offset is not asked for: heights are differences from a baseline.
+
+        Args:
+            channel: Channel to convert.
+            calibration: Factor with its units and provenance.
+
+        Returns:
+            The recording with the channel in the calibration's target unit.
+
+        Raises:
+            ConfigError: If the channel is not there (`no_such_channel`) or is in
+                another unit than the calibration takes (`unit_conflict`).
+        """
+        if channel not in self.channels:
+            raise ConfigError(
+                f"no channel {channel!r} to calibrate; there are: "
+                f"{', '.join(self.channels)}",
+                code="no_such_channel",
+            )
+        if self.units[channel] != calibration.source_unit:
+            raise ConfigError(
+                f"{channel} is in {self.units[channel]}, but the calibration takes "
+                f"{calibration.source_unit}; choose another calibration",
+                code="unit_conflict",
+            )
+        converted = self.channels[channel] * calibration.factor
+        note = (
+            f"{channel}: {calibration.factor:g} {calibration.target_unit} per "
+            f"{calibration.source_unit} ({calibration.provenance})"
+        )
+        return replace(
+            self,
+            channels={**self.channels, channel: converted},
+            units={**self.units, channel: calibration.target_unit},
+            notes=(*self.notes, note),
+        )

@@ -1,0 +1,368 @@
+"""Which column is the clock, a channel or an angle, and in what unit.
+
+Units come from the column's suffix, from a row of units, from the mapping, or from the
+user; they must agree. A column without a unit is left alone unless it is needed.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pushfit.data.recordings.units import (
+    UNITS,
+    Quantity,
+    Unit,
+    find_unit,
+    parse_unit,
+    split_unit,
+)
+from pushfit.data.text.dialects import Layout
+from pushfit.data.text.faults import data_error, did_you_mean, problem
+from pushfit.data.text.guess import STAMP
+from pushfit.errors import ConfigError, Problem
+
+ANGLES = ("theta", "alpha")
+# Names that no example should take for a signal.
+NO_SIGNAL = re.compile(r"(seq|time|stamp|n?secs?|frame_id|index)$")
+
+_NANOSECONDS = UNITS["ns"]
+_CLOCK_STEMS = ("time", "t", "timestamp", "stamp", "elapsed", "time_stamp")
+# Clocks that a dialect defines, the better one first: the sensor's own stamp tells when
+# a sample was taken, the other when it was received.
+_DIALECT_CLOCKS: dict[str, tuple[tuple[str, str], ...]] = {
+    "rostopic": (("field.header.stamp", "ns"), ("%time", "ns")),
+    "plotjuggler": (("__time", "s"), ("time", "s")),
+    "mcapcsv": (("log_time", "ns"),),
+}
+_SECONDS = re.compile(r"^(?P<stem>.*?)[._]?(?P<part>n?secs?|nanosecs?|seconds)$", re.I)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Role:
+    """What one column is for.
+
+    Args:
+        name: `time`, a channel, `theta` or `alpha`.
+        columns: Position of the column; two of them for seconds with nanoseconds.
+        unit: Unit of its cells.
+        is_stamp: Whether the cells are RFC 3339 times instead of numbers.
+    """
+
+    name: str
+    columns: tuple[int, ...]
+    unit: Unit
+    is_stamp: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roles:
+    """What the columns of a recording are for.
+
+    Args:
+        clocks: Clocks in order of preference; a later one stands in where the stamps
+            of the earlier one were never filled in (all zero).
+        channels: Signals.
+        angles: Push angles.
+        notes: Columns that were ignored, for the user.
+    """
+
+    clocks: tuple[Role, ...]
+    channels: tuple[Role, ...]
+    angles: tuple[Role, ...]
+    notes: tuple[str, ...]
+
+
+class _Columns:
+    """The columns of one file with what is stated about them."""
+
+    def __init__(
+        self,
+        layout: Layout,
+        mapping: Mapping[str, str],
+        units: Mapping[str, str],
+        path: str,
+    ) -> None:
+        self.path = path
+        self.line = layout.header_line
+        self.names = layout.names
+        self.first_row = layout.first_row
+        self.unit_row = layout.unit_row
+        self.writer = layout.writer
+        self.units = units
+        self.mapped = {split_unit(key)[0]: (key, name) for key, name in mapping.items()}
+        self.problems: list[Problem] = []
+        self.position = {name: i for i, name in enumerate(layout.names) if name}
+
+    def add(self, code: str, text: str, column: str | None = None) -> None:
+        self.problems.append(
+            problem(code, text, path=self.path, line=self.line, column=column)
+        )
+
+    def unit(self, i: int, *keys: str) -> Unit | None:
+        """Give the unit of a column, if all that is stated about it agrees."""
+        name = self.names[i]
+        stem, suffix = split_unit(name)
+        stated = [suffix, *(split_unit(key)[1] for key in keys)]
+        if self.unit_row:
+            stated.append(find_unit(self.unit_row[i]))
+        stated += [
+            parse_unit(self.units[key])
+            for key in dict.fromkeys((name, stem, *keys))
+            if key in self.units
+        ]
+        found = {unit.name: unit for unit in stated if unit is not None}
+        if len(found) > 1:
+            raise ConfigError(
+                f"{self.path}, column {name}: stated in {' and in '.join(found)}; "
+                "the suffix of the name holds, so remove the other statement",
+                code="unit_conflict",
+            )
+        return next(iter(found.values()), None)
+
+
+def assign_roles(
+    layout: Layout,
+    *,
+    mapping: Mapping[str, str],
+    units: Mapping[str, str],
+    path: str,
+    has_rate: bool = False,
+) -> Roles:
+    """Decide what each column of a recording is for.
+
+    Args:
+        layout: Layout with the column names.
+        mapping: Column name by channel, or by `time`, `theta` and `alpha`.
+        units: Unit by channel or column name.
+        path: File as the user named it, for messages.
+        has_rate: Whether times follow from a rate where no column is one.
+
+    Returns:
+        The roles.
+
+    Raises:
+        ConfigError: If units contradict each other or are stated for nothing.
+        DataError: If the clock, all channels, or a mapped column are missing, or a
+            needed unit is; `.problems` lists all.
+    """
+    columns = _Columns(layout, mapping, units, path)
+    _check_stated_names(columns)
+    clocks = _clocks(columns, has_rate=has_rate)
+    taken = {i for clock in clocks for i in clock.columns}
+    angles = _angles(columns)
+    taken |= {i for angle in angles for i in angle.columns}
+    channels = _channels(columns, taken)
+    taken |= {i for channel in channels for i in channel.columns}
+    ignored = [n for i, n in enumerate(columns.names) if n and i not in taken]
+    if not channels and not any(p.code == "missing_column" for p in columns.problems):
+        signals = [name for name in ignored if not NO_SIGNAL.search(name.lower())]
+        first = signals[0] if signals else "pdc"
+        columns.add(
+            "no_channel",
+            f"no column states a signal unit: {_listed(columns.names)}; rename one, "
+            f"such as pressure_kpa, or state --map pressure={first} --unit "
+            "pressure=counts",
+        )
+    if columns.problems:
+        raise data_error(columns.problems)
+    notes = (f"ignored columns without a role: {_listed(ignored)}",) if ignored else ()
+    return Roles(
+        clocks=tuple(clocks),
+        channels=tuple(channels),
+        angles=tuple(angles),
+        notes=notes,
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(filter(None, names[:12]))
+    return shown + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+
+
+def _check_stated_names(columns: _Columns) -> None:
+    """Find mapped columns that are not there, and units stated for nothing."""
+    for key, name in columns.mapped.values():
+        if name not in columns.position and not _pair(columns, name):
+            hint = did_you_mean(name, columns.position)
+            columns.add(
+                "missing_column",
+                f"--map {key}={name} names no column{hint}; "
+                f"there are: {_listed(columns.names)}",
+            )
+    stems = {split_unit(name)[0] for name in columns.names}
+    known = {*columns.position, *stems, *columns.mapped}
+    known |= {key for key, _ in columns.mapped.values()}
+    for key, unit in columns.units.items():
+        parse_unit(unit)
+        if key not in known:
+            hint = did_you_mean(key, known)
+            raise ConfigError(
+                f"{columns.path}: a unit is stated for {key!r}, which is no column or "
+                f"channel{hint}",
+                code="unit_for_nothing",
+            )
+
+
+def _clocks(columns: _Columns, *, has_rate: bool) -> list[Role]:
+    """Find the time column by mapping, by dialect, or by its name and unit."""
+    if "time" in columns.mapped:
+        key, name = columns.mapped["time"]
+        candidates = [(name, None)]
+    else:
+        key = "time"
+        candidates = [
+            (name, unit)
+            for name, unit in _DIALECT_CLOCKS.get(columns.writer, ())
+            if name in columns.position
+        ]
+        if columns.writer == "ros2csv" and (pair := _first_pair(columns)):
+            candidates = [(pair, None)]
+        candidates = candidates or [(name, None) for name in _named_clocks(columns)]
+    found = [
+        role
+        for name, unit in candidates
+        if (role := _clock(columns, name, unit, key)) is not None
+    ]
+    if not found and not columns.problems and not has_rate:
+        columns.add(
+            "no_time",
+            f"no time column among {_listed(columns.names)}; name one time_s, or state "
+            "--map time=COLUMN --unit time=s, or the samples per second by --rate",
+        )
+    return found
+
+
+def _clock(
+    columns: _Columns, name: str, dialect_unit: str | None, key: str
+) -> Role | None:
+    if pair := _pair(columns, name):
+        return Role(name="time", columns=pair, unit=_NANOSECONDS)
+    if name not in columns.position:
+        return None
+    i = columns.position[name]
+    if i < len(columns.first_row) and STAMP.fullmatch(columns.first_row[i]):
+        return Role(name="time", columns=(i,), unit=_NANOSECONDS, is_stamp=True)
+    unit = columns.unit(i, key) or (UNITS[dialect_unit] if dialect_unit else None)
+    return _checked(columns, "time", i, unit, "time", "s")
+
+
+def _named_clocks(columns: _Columns) -> list[str]:
+    """Give the column that is a clock by name; by unit alone if there is just one."""
+    timed = [
+        name
+        for i, name in enumerate(columns.names)
+        if (unit := columns.unit(i)) is not None and unit.quantity == "time"
+    ]
+    named = [
+        name for name in columns.position if split_unit(name)[0].lower() in _CLOCK_STEMS
+    ]
+    both = [name for name in named if name in timed]
+    choice = both or named or timed
+    if len(choice) > 1:
+        columns.add(
+            "ambiguous_time",
+            f"the columns {_listed(choice)} may all be the time; state which by "
+            f"--map time={choice[0]}",
+        )
+        return []
+    return choice
+
+
+def _pair(columns: _Columns, stem: str) -> tuple[int, int] | None:
+    """Find the columns of seconds and nanoseconds below a common name."""
+    parts: dict[bool, int] = {}
+    for name, i in columns.position.items():
+        match = _SECONDS.match(name)
+        if match and match["stem"] == stem:
+            parts[match["part"].lower().startswith("n")] = i
+    return (parts[False], parts[True]) if len(parts) == 2 else None
+
+
+def _first_pair(columns: _Columns) -> str | None:
+    stems = [m["stem"] for name in columns.names if (m := _SECONDS.match(name))]
+    return next((stem for stem in stems if _pair(columns, stem)), None)
+
+
+def _angles(columns: _Columns) -> list[Role]:
+    """Find the push angles by mapping or by name."""
+    roles = []
+    for angle in ANGLES:
+        if angle in columns.mapped:
+            key, name = columns.mapped[angle]
+            places = [columns.position[name]] if name in columns.position else []
+        else:
+            key = angle
+            places = [
+                i
+                for name, i in columns.position.items()
+                if split_unit(name)[0].lower() == angle
+            ]
+        if len(places) > 1:
+            names = _listed([columns.names[i] for i in places])
+            columns.add(
+                "ambiguous_angle",
+                f"{names} are all {angle}; state which by --map {angle}=COLUMN",
+            )
+        elif places:
+            unit = columns.unit(places[0], key)
+            role = _checked(columns, angle, places[0], unit, "angle", "deg")
+            roles += [role] if role else []
+    return roles
+
+
+def _channels(columns: _Columns, taken: set[int]) -> list[Role]:
+    """Find the signals: all that are mapped, and all that state a signal unit."""
+    roles: dict[str, Role] = {}
+    mapped = {
+        columns.position[name]: (stem, key)
+        for stem, (key, name) in columns.mapped.items()
+        if name in columns.position and stem not in ("time", *ANGLES)
+    }
+    for i, name in enumerate(columns.names):
+        if not name or (i in taken and i not in mapped):
+            continue
+        if i in mapped:
+            stem, key = mapped[i]
+            unit = columns.unit(i, stem, key)
+            role = _checked(columns, stem, i, unit, "signal", "counts")
+        else:
+            unit = columns.unit(i)
+            if unit is None or unit.quantity != "signal":
+                continue
+            role = Role(name=split_unit(name)[0], columns=(i,), unit=unit)
+        if role is None:
+            continue
+        if role.name in roles:
+            other = columns.names[roles[role.name].columns[0]]
+            columns.add(
+                "duplicate_channel",
+                f"{other} and {name} would both be the channel {role.name!r}; rename "
+                "one, or map both to names of their own",
+            )
+        roles[role.name] = role
+    return list(roles.values())
+
+
+def _checked(
+    columns: _Columns,
+    role: str,
+    i: int,
+    unit: Unit | None,
+    quantity: Quantity,
+    example: str,
+) -> Role | None:
+    """Make a role if its unit is known and measures the right thing."""
+    name = columns.names[i]
+    if unit is not None and unit.quantity == quantity:
+        return Role(name=role, columns=(i,), unit=unit)
+    allowed = ", ".join(u.name for u in UNITS.values() if u.quantity == quantity)
+    found = (
+        "states no unit" if unit is None else f"is in {unit.name}, no {quantity} unit"
+    )
+    columns.add(
+        "missing_unit" if unit is None else "wrong_unit",
+        f"{found}; rename it to {split_unit(name)[0]}_{example}, or state "
+        f"--unit {role}={example} ({allowed})",
+        column=name,
+    )
+    return None

@@ -1,0 +1,333 @@
+"""From columns of samples to a recording: clock, gaps, plausibility.
+
+The rules that any recording keeps, whether it came as text or as a bag. All problems
+of one recording are found before any is raised.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int, Shaped
+
+from pushfit.data.recordings.gaps import MAX_FILLED_STEPS, fill_short_gaps
+from pushfit.data.recordings.records import Recording, Source
+from pushfit.data.recordings.units import Unit, implausible_angles, implausible_signal
+from pushfit.data.text.faults import data_error, problem
+from pushfit.errors import Problem
+
+Gaps = Literal["error", "split", "interpolate"]
+ThetaFrom = Literal["tangential", "normal"]
+
+_MAX_LISTED = 10
+# Tactile sensors sample at 10 Hz to 10 kHz.
+_MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
+# A step is irregular when it is off the median by more than half of it.
+_IRREGULAR_SHARE = 0.05
+_LONG_STEP = 10.0
+_MEDIAN_STEPS = 1 << 18
+_SENTINEL = 1e20
+# Angles are recorded with few decimals, so a right angle may be passed by rounding.
+_ANGLE_SLACK = np.deg2rad(0.01)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """Columns of one recording as read, in the units of the file.
+
+    Args:
+        path: File as the user named it.
+        time: Sample times, in `time_unit`; whole numbers if that is nanoseconds.
+        time_unit: Unit of the times.
+        channels: Samples and unit by channel; NaN where missing.
+        angles: Samples and unit of `theta` and `alpha`, as far as recorded.
+        is_union: Whether the rows are those of several topics, so that a channel has
+            no sample in the rows of another.
+        lines: Gives the line in the file of each row, counted from 0.
+        sources: Files behind the samples.
+        notes: What the reader said so far.
+    """
+
+    path: str
+    time: Shaped[np.ndarray, " n"]
+    time_unit: Unit
+    channels: dict[str, tuple[Float[np.ndarray, " n"], Unit]]
+    angles: dict[str, tuple[Float[np.ndarray, " n"], Unit]]
+    is_union: bool = False
+    lines: Callable[[Int[np.ndarray, " m"]], Int[np.ndarray, " m"]] | None = None
+    sources: tuple[Source, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(slots=True, kw_only=True)
+class _Findings:
+    """Problems and notes about one recording."""
+
+    samples: Samples
+    problems: list[Problem] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(
+        self,
+        code: str,
+        text: str,
+        *,
+        at: int | None = None,
+        column: str | None = None,
+        value: str | None = None,
+    ) -> None:
+        """Note a problem, perhaps at one sample."""
+        line = None
+        if at is not None and self.samples.lines:
+            line = int(self.samples.lines(np.array([at]))[0])
+        path = self.samples.path
+        self.problems.append(
+            problem(code, text, path=path, line=line, column=column, value=value)
+        )
+
+    def places(self, at: Int[np.ndarray, " m"]) -> str:
+        """Name the first of several samples."""
+        first, word = at[:_MAX_LISTED], "samples"
+        numbers = first + 1
+        if self.samples.lines:
+            numbers, word = self.samples.lines(first), "lines"
+        more = ", …" if at.size > _MAX_LISTED else ""
+        return f"{word} {', '.join(map(str, numbers))}{more}"
+
+
+def build_recording(
+    samples: Samples,
+    *,
+    theta_from: ThetaFrom,
+    gaps: Gaps,
+    trust_units: bool,
+) -> Recording:
+    """Check samples, apply the gap policy, and convert to canonical units.
+
+    Args:
+        samples: Columns as read.
+        theta_from: What the recorded theta is measured from: the tangential plane, or
+            the contact normal (elevation = 90° minus it).
+        gaps: What to do about missing samples: call them an `error`, leave them NaN
+            for peaks to be `split` there, or `interpolate` short ones.
+        trust_units: Accept units that the samples make implausible.
+
+    Returns:
+        The recording.
+
+    Raises:
+        DataError: If any rule is broken; `.problems` lists all.
+    """
+    if samples.is_union:
+        samples = _without_empty_rows(samples)
+    findings = _Findings(samples=samples, notes=list(samples.notes))
+    time = _seconds(samples.time, samples.time_unit)
+    _check_clock(time, findings)
+    _check_values(findings, trust_units)
+    if findings.problems:
+        raise data_error(findings.problems)
+    series = {
+        name: unit.to_canonical(values)
+        for name, (values, unit) in (samples.channels | samples.angles).items()
+    }
+    if "theta" in series and theta_from == "normal":
+        series["theta"] = np.pi / 2 - series["theta"]
+        findings.notes.append(
+            "theta was recorded from the contact normal: took 90° - it"
+        )
+    _check_elevation(series.get("theta"), theta_from, findings)
+    for name in series:
+        series[name] = _fill_gaps(name, time, series[name], gaps, findings)
+    if findings.problems:
+        raise data_error(findings.problems)
+    return Recording(
+        time=time,
+        channels={name: series[name] for name in samples.channels},
+        units={name: unit.canonical for name, (_, unit) in samples.channels.items()},
+        theta=series.get("theta"),
+        alpha=series.get("alpha"),
+        sources=samples.sources,
+        notes=tuple(findings.notes),
+    )
+
+
+def _seconds(time: Shaped[np.ndarray, " n"], unit: Unit) -> Float[np.ndarray, " n"]:
+    """Convert times to seconds; whole nanoseconds without losing digits first."""
+    if time.dtype.kind == "i":
+        whole, rest = np.divmod(time, 1_000_000_000)
+        return whole + rest / 1e9
+    return unit.to_canonical(time)
+
+
+def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
+    """Find missing times, and times that do not increase or have another unit."""
+    missing = np.flatnonzero(np.isnan(time))
+    if missing.size:
+        findings.add(
+            "missing_time",
+            f"{missing.size} of {time.size} times are missing "
+            f"({findings.places(missing)}); remove these rows",
+            at=int(missing[0]),
+        )
+        return
+    step = np.diff(time)
+    if not step.size:
+        return
+    unit = findings.samples.time_unit.name
+    # Every k-th step tells the usual one as well, without a copy of them all.
+    usual = float(np.median(step[:: 1 + step.size // _MEDIAN_STEPS]))
+    if usual > _MAX_STEP_S or 0 < usual < _MIN_STEP_S:
+        other = "ns" if usual > _MAX_STEP_S else "s"
+        findings.add(
+            "implausible_time",
+            f"the usual step of {usual:g} s does not fit a tactile sensor if times are "
+            f"in {unit}; state their true unit, perhaps {other}",
+        )
+    wrong = np.flatnonzero(step <= 0)
+    back = wrong[step[wrong] < 0]
+    for k, row in enumerate(wrong[:_MAX_LISTED]):
+        now, before = float(time[row + 1]), float(time[row])
+        if now == before:
+            text = f"the time {now!r} s comes twice; remove one of the two rows"
+        else:
+            text = (
+                f"the time goes back from {before!r} to {now!r} s; split the file here"
+            )
+        n_more = wrong.size - _MAX_LISTED
+        if k == _MAX_LISTED - 1 and n_more > 0:
+            text += f" ({n_more} more such rows, {back.size} of all go back)"
+        findings.add("time_not_increasing", text, at=int(row) + 1, value=repr(now))
+    if not findings.problems:
+        _note_irregular_steps(time, step, usual, findings)
+
+
+def _check_values(findings: _Findings, trust_units: bool) -> None:
+    """Find sentinels, and samples that cannot be in their unit."""
+    for name, (values, unit) in findings.samples.channels.items():
+        # Extremes first: a copy of every channel would cost more than reading it.
+        if max(np.fmax.reduce(values), -np.fmin.reduce(values)) > _SENTINEL:
+            rows = np.flatnonzero(np.abs(values) > _SENTINEL)
+            found = f"{values[rows[0]]:g}"
+            findings.add(
+                "sentinel",
+                f"{rows.size} samples such as {found} ({findings.places(rows)}) stand "
+                f"for missing ones; state missing=[...] with their text",
+                at=int(rows[0]),
+                column=name,
+                value=found,
+            )
+            continue
+        clause = implausible_signal(values, unit)
+        if clause and trust_units:
+            findings.notes.append(f"{name}: {clause}; taken as {unit.name} as told")
+        elif clause:
+            findings.add("implausible_unit", clause, column=name)
+        if values.size > 1 and np.all(values == values[0]):
+            findings.notes.append(f"{name} does not vary: always {values[0]:g}")
+    clause = implausible_angles(findings.samples.angles)
+    if clause and trust_units:
+        findings.notes.append(f"{clause}; taken as told")
+    elif clause:
+        findings.add("implausible_unit", clause)
+
+
+def _check_elevation(
+    theta: Float[np.ndarray, " n"] | None, theta_from: ThetaFrom, findings: _Findings
+) -> None:
+    """Find elevations beyond a right angle."""
+    if theta is None:
+        return
+    rows = np.flatnonzero(np.abs(theta) > np.pi / 2 + _ANGLE_SLACK)
+    if not rows.size:
+        return
+    found = f"{np.rad2deg(theta[rows[0]]):.6g}"
+    hint = ', or state theta_from="normal"' if theta_from == "tangential" else ""
+    findings.add(
+        "angle_out_of_range",
+        f"the elevation {found}° is outside [-90°, 90°] in {rows.size} samples "
+        f"({findings.places(rows)}); mend the cells{hint}",
+        at=int(rows[0]),
+        column="theta",
+        value=found,
+    )
+
+
+def _without_empty_rows(samples: Samples) -> Samples:
+    """Drop the rows of other topics, in which nothing that was asked for is sampled."""
+    is_sampled = np.zeros(samples.time.size, dtype=bool)
+    for values, _ in (*samples.channels.values(), *samples.angles.values()):
+        is_sampled |= ~np.isnan(values)
+    rows = np.flatnonzero(is_sampled)
+    if rows.size in (0, is_sampled.size):
+        return samples
+    lines = samples.lines
+    n_empty = is_sampled.size - rows.size
+    note = f"dropped {n_empty} of {is_sampled.size} rows: only other topics are in them"
+    return replace(
+        samples,
+        time=samples.time[rows],
+        channels={k: (v[rows], unit) for k, (v, unit) in samples.channels.items()},
+        angles={k: (v[rows], unit) for k, (v, unit) in samples.angles.items()},
+        lines=None if lines is None else lambda at: lines(rows[at]),
+        notes=(*samples.notes, note),
+    )
+
+
+def _fill_gaps(
+    name: str,
+    time: Float[np.ndarray, " n"],
+    values: Float[np.ndarray, " n"],
+    gaps: Gaps,
+    findings: _Findings,
+) -> Float[np.ndarray, " n"]:
+    """Apply the gap policy to one series."""
+    rows = np.flatnonzero(np.isnan(values))
+    if not rows.size:
+        return values
+    found = (
+        f"{rows.size} of {values.size} samples are missing ({findings.places(rows)})"
+    )
+    if rows.size == values.size:
+        text = "all samples are missing; drop the column"
+        findings.add("no_samples", text, column=name)
+    elif gaps == "error":
+        findings.add(
+            "missing_samples",
+            f'{found}; state gaps="split" to keep the gaps, or gaps="interpolate" to '
+            "fill short ones",
+            at=int(rows[0]),
+            column=name,
+        )
+    elif gaps == "split":
+        findings.notes.append(f"{name}: {found}; left as gaps")
+    else:
+        values = fill_short_gaps(time, values, is_azimuth=name == "alpha")
+        n_left = int(np.count_nonzero(np.isnan(values)))
+        findings.notes.append(
+            f"{name}: {found}; filled {rows.size - n_left} by interpolation, left "
+            f"{n_left} in gaps over {MAX_FILLED_STEPS:g} usual steps or at an end"
+        )
+    return values
+
+
+def _note_irregular_steps(
+    time: Float[np.ndarray, " n"],
+    step: Float[np.ndarray, " m"],
+    usual: float,
+    findings: _Findings,
+) -> None:
+    """Describe the steps if many are off the median, or some are very long."""
+    if step.size < 2:
+        return
+    n_irregular = np.count_nonzero((step < 0.5 * usual) | (step > 1.5 * usual))
+    n_long = int(np.count_nonzero(step > _LONG_STEP * usual))
+    if n_irregular <= _IRREGULAR_SHARE * step.size and not n_long:
+        return
+    low, high = np.quantile(step, [0.05, 0.95])
+    longest = int(np.argmax(step))
+    findings.notes.append(
+        f"irregular sampling: usual step {usual * 1e3:.3g} ms, 5 to 95 % within "
+        f"{low * 1e3:.3g} to {high * 1e3:.3g} ms; {n_long} gaps over {_LONG_STEP:g} "
+        f"steps, the longest {step[longest]:.3g} s at {time[longest]:.6g} s"
+    )

@@ -1,0 +1,313 @@
+"""Columns of tables with one row per push: recognise and convert them.
+
+Peak tables and schedules share what is here: names with unit suffixes, the numbering of
+pushes and repeats, and how a breach is reported (file, line, column, value, rule,
+remedy). Excluded: which columns a kind of table has, and the rules for their cells
+(`pushfit.data.tables.column_rules`).
+"""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+
+from pushfit.data.recordings.units import UNITS, Unit, split_unit
+from pushfit.errors import DataError, Problem
+
+ANGLES = ("theta", "alpha")
+COUNTS = ("push", "repeat")
+
+# Names at least this alike are one name misspelt: `heigth` and `height` are 0.83
+# alike, `height_left` and `height` 0.71.
+_ALIKE = 0.8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Where the rows of a frame come from, for messages.
+
+    Args:
+        path: File as the user named it; None for tables made in memory.
+        lines: Line of the file of every row.
+    """
+
+    path: str | None = None
+    lines: Int[np.ndarray, " n"] | None = None
+
+    def problem(
+        self, code: str, text: str, *, row: int | None = None, column: str, value: str
+    ) -> Problem:
+        """Make a problem whose message starts with the place."""
+        line = None
+        place = self.path or "table"
+        if row is not None and self.lines is not None:
+            line = int(self.lines[row])
+            place += f", line {line}"
+        elif row is not None:
+            place += f", row {row}"
+        return Problem(
+            code=code,
+            message=f"{place}, column {column}: {text}",
+            path=self.path,
+            line=line,
+            column=column,
+            value=value,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Columns that a kind of table may have, besides angles, push and repeat.
+
+    Args:
+        signals: Stems of columns in sensor units, all in one of them.
+        times: Stems of columns in units of time.
+        texts: Names of columns of text.
+        any_of: Stems of which at least one must be there.
+    """
+
+    signals: tuple[str, ...] = ()
+    times: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
+    any_of: tuple[str, ...] = ()
+
+    @property
+    def bare(self) -> tuple[str, ...]:
+        """Names of columns without a unit."""
+        return (*COUNTS, *self.texts)
+
+    @property
+    def stems(self) -> tuple[str, ...]:
+        """All names, without units."""
+        return (*ANGLES, *self.signals, *self.times, *self.bare)
+
+    def of(self, quantity: str) -> tuple[str, ...]:
+        """Stems of the columns that measure a quantity."""
+        by_quantity = {"signal": self.signals, "time": self.times, "angle": ANGLES}
+        return by_quantity.get(quantity, ())
+
+    def full_names(self, stem: str) -> str:
+        """A stem with the suffixes it may have."""
+        if stem in self.bare:
+            return stem
+        if stem in ANGLES:
+            return f"{stem}_deg or {stem}_rad"
+        if stem in self.times:
+            return f"{stem}_s"
+        signals = [u.name for u in UNITS.values() if u.quantity == "signal"]
+        return ", ".join(f"{stem}_{unit}" for unit in signals)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """Converted columns of a table of pushes.
+
+    Args:
+        frame: Canonical names and units; push and repeat are always there.
+        unit: Unit of the signals, None where the table has none.
+        notes: What was left out or filled in.
+        in_degrees: Column of each angle that states degrees.
+    """
+
+    frame: pd.DataFrame
+    unit: str | None
+    notes: tuple[str, ...]
+    in_degrees: Mapping[str, str]
+
+
+def failure(problems: list[Problem]) -> DataError:
+    """Error that shows the first problem and carries them all."""
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return DataError(
+        problems[0].message + more, code=problems[0].code, problems=tuple(problems)
+    )
+
+
+def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
+    """Recognise and convert the columns of a table of pushes.
+
+    Args:
+        raw: Columns as named by the user; cells are numbers or text.
+        layout: Columns to look for.
+        origin: Where the rows come from.
+
+    Returns:
+        The columns, in canonical units.
+
+    Raises:
+        DataError: There are no rows; a column is missing, doubtful, twice there or in
+            a wrong unit; or a cell is not the number it should be.
+    """
+    if raw.empty:
+        raise DataError(
+            f"{origin.path or 'table'}: 0 data rows; give one row per push",
+            code="no_rows",
+        )
+    found, left_out = _recognise(raw, layout, origin)
+    unit = _common_unit(found, layout, origin)
+    frame = _convert(raw, found, unit, origin)
+    notes = _number(frame, origin)
+    if left_out:
+        notes.append(f"columns not used: {', '.join(left_out)}")
+    in_degrees = {
+        stem: found[stem].given for stem in ANGLES if found[stem].unit == UNITS["deg"]
+    }
+    return Columns(frame=frame, unit=unit, notes=tuple(notes), in_degrees=in_degrees)
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A column of the user's, what it is, and its unit."""
+
+    given: str
+    stem: str
+    unit: Unit | None
+
+
+def _recognise(
+    raw: pd.DataFrame, layout: Layout, origin: Origin
+) -> tuple[dict[str, _Column], list[str]]:
+    """Which column is what, and the columns left out."""
+    found: dict[str, _Column] = {}
+    left_out, problems = [], []
+    for given in map(str, raw.columns):
+        column = _identify(given, layout)
+        if column is None:
+            left_out.append(given)
+        elif column.stem in found:
+            first = found[column.stem].given
+            text = f"{first!r} and {given!r} are both {column.stem}; remove one of them"
+            problems.append(
+                origin.problem("duplicate_column", text, column=given, value=given)
+            )
+        else:
+            found[column.stem] = column
+    problems += _doubtful(found, left_out, layout, origin)
+    if problems:
+        raise failure(problems)
+    return found, left_out
+
+
+def _identify(given: str, layout: Layout) -> _Column | None:
+    """What a column is by its name, None where it is nothing of ours."""
+    stem, unit = split_unit(given)
+    stem = stem.strip().lower()
+    if unit is None:
+        return _Column(given, stem, None) if stem in layout.bare else None
+    return _Column(given, stem, unit) if stem in layout.of(unit.quantity) else None
+
+
+def _doubtful(
+    found: dict[str, _Column], left_out: list[str], layout: Layout, origin: Origin
+) -> Iterator[Problem]:
+    """Names that look like a slip, and columns that a table cannot do without."""
+    have = ", ".join([*(c.given for c in found.values()), *left_out])
+    meant = set(found)
+    for given in left_out:
+        name = split_unit(given)[0].strip().lower()
+        near = difflib.get_close_matches(name, layout.stems, n=1, cutoff=_ALIKE)
+        if near and near[0] not in meant:
+            meant.add(near[0])
+            text = f"is not known here; did you mean {layout.full_names(near[0])}?"
+            yield origin.problem("near_miss_column", text, column=given, value=given)
+    needed: list[tuple[str, ...]] = [(stem,) for stem in ANGLES]
+    if layout.any_of:
+        needed.append(layout.any_of)
+    for stems in needed:
+        if not meant.intersection(stems):
+            text = f"is missing; the columns are {have}; add it or rename one"
+            wanted = layout.full_names(stems[0])
+            yield origin.problem("missing_column", text, column=wanted, value=have)
+
+
+def _common_unit(
+    found: dict[str, _Column], layout: Layout, origin: Origin
+) -> str | None:
+    """Unit that all signals share."""
+    units = {
+        column.given: column.unit.canonical
+        for column in found.values()
+        if column.unit and column.stem in layout.signals
+    }
+    if len(set(units.values())) > 1:
+        text = "one table has one unit, found " + ", ".join(
+            f"{name} in {unit}" for name, unit in units.items()
+        )
+        first = next(iter(units))
+        raise failure([origin.problem("mixed_units", text, column=first, value="")])
+    return next(iter(units.values()), None)
+
+
+def _convert(
+    raw: pd.DataFrame, columns: dict[str, _Column], unit: str | None, origin: Origin
+) -> pd.DataFrame:
+    """Canonical names and units; text that should be a number is a problem."""
+    converted: dict[str, object] = {}
+    problems: list[Problem] = []
+    for stem, column in columns.items():
+        cells = ["" if c is None else str(c).strip() for c in raw[column.given]]
+        if column.unit is None and stem not in COUNTS:
+            converted[stem] = ["" if cell == "nan" else cell for cell in cells]
+            continue
+        values = _numbers(cells, column.given, origin, problems)
+        if column.unit is None:
+            converted[stem] = values
+        elif column.unit == UNITS["deg"]:
+            # Not by way of radians: 15 must stay 15.
+            converted[f"{stem}_deg"] = values
+        elif column.unit.quantity == "angle":
+            converted[f"{stem}_deg"] = np.degrees(values)
+        else:
+            suffix = unit if column.unit.quantity == "signal" else "s"
+            converted[f"{stem}_{suffix}"] = column.unit.to_canonical(values)
+    if problems:
+        raise failure(problems)
+    return pd.DataFrame(converted)
+
+
+def _numbers(
+    cells: list[str], column: str, origin: Origin, problems: list[Problem]
+) -> Float[np.ndarray, " n"]:
+    """Values of cells, NaN where empty; anything else is added to the problems."""
+    values = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
+        try:
+            values[row] = float(cell) if cell else np.nan
+        except ValueError:
+            text = f"{cell!r} is not a number; fix the cell or remove the row"
+            problems.append(
+                origin.problem("not_a_number", text, row=row, column=column, value=cell)
+            )
+    return values
+
+
+def _number(frame: pd.DataFrame, origin: Origin) -> list[str]:
+    """Fill in push and repeat where the table does not give them."""
+    notes = []
+    if "push" not in frame:
+        frame["push"] = np.arange(1, len(frame) + 1)
+    if "repeat" not in frame:
+        same = frame[["theta_deg", "alpha_deg"]].round(9)
+        frame["repeat"] = (
+            frame.groupby([same.theta_deg, same.alpha_deg], dropna=False).cumcount() + 1
+        )
+        notes.append("repeats numbered within equal directions")
+    problems = []
+    for name in COUNTS:
+        column = frame[name].to_numpy(dtype=float)
+        for row in np.flatnonzero(~(np.isfinite(column) & (column == np.rint(column)))):
+            value = f"{column[row]:g}"
+            text = f"{value} is not a whole number; number them 1, 2, ..."
+            problems.append(
+                origin.problem(
+                    "not_whole", text, row=int(row), column=name, value=value
+                )
+            )
+    if problems:
+        raise failure(problems)
+    for name in COUNTS:
+        frame[name] = frame[name].astype(int)
+    return notes

@@ -1,0 +1,159 @@
+"""Long tables: the pushes of many grasps in one file, told apart by a column."""
+
+import gzip
+import hashlib
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pandas.util import hash_pandas_object
+
+from pushfit.data.recordings.records import Source
+from pushfit.data.tables.columns import Origin
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.tables.rows import Rows, read_rows
+from pushfit.data.tables.rules import LAYOUT
+from pushfit.data.text.files import sha256_of
+from pushfit.errors import DataError
+
+COLUMN = "grasp"
+# The header of a table is in its first bytes.
+_HEAD = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraspRows:
+    """Rows of one grasp in a long table, not yet judged.
+
+    Args:
+        grasp: Text of the cell that names it.
+        sha256: Digest of the cells, not of the file: other grasps may change.
+        frame: The rows, without the column of names.
+        origin: Their place in the file, for messages.
+        source: The file.
+    """
+
+    grasp: str
+    sha256: str
+    frame: pd.DataFrame
+    origin: Origin
+    source: Source
+
+    def table(self) -> PeakTable:
+        """The peak table of the grasp.
+
+        Returns:
+            The table, in canonical units.
+
+        Raises:
+            DataError: A column or a cell breaks a rule.
+        """
+        return PeakTable.from_frame(
+            self.frame, origin=self.origin, sources=(self.source,)
+        )
+
+
+def is_long_table(path: str | Path) -> bool:
+    """Tell cheaply whether a file may hold many grasps; never raises for its content.
+
+    Args:
+        path: File that exists.
+
+    Returns:
+        Whether `grasp` is a word of its header. Folders are no tables.
+    """
+    if Path(path).is_dir():
+        return False
+    if _is_parquet(path):
+        return _parquet_has_grasps(path)
+    with open(path, "rb") as file:
+        start = file.read(_HEAD)
+    if start.startswith(b"\x1f\x8b"):
+        try:
+            with gzip.open(path) as file:
+                start = file.read(_HEAD)
+        except (OSError, EOFError, zlib.error):
+            return False
+    lines = start.replace(b"\x00", b"").lower().splitlines()
+    header = next((line for line in lines if not line.startswith(b"#")), b"")
+    for delimiter in (b";", b"\t", b" ", b'"', b"\xef\xbb\xbf"):
+        header = header.replace(delimiter, b",")
+    return COLUMN.encode() in header.split(b",")
+
+
+def read_grasps(path: str | Path) -> Iterator[GraspRows]:
+    """Split a long table into its grasps.
+
+    Args:
+        path: Table of peak heights, CSV or Parquet, with a column `grasp`.
+
+    Yields:
+        The rows of each grasp, in the order of first appearance.
+
+    Raises:
+        DataError: The file is no regular table, or a row names no grasp.
+    """
+    rows = _read_rows(path)
+    column = next(c for c in rows.frame.columns if str(c).strip().lower() == COLUMN)
+    names = rows.frame[column].fillna("").astype(str).str.strip()
+    if (names == "").any():
+        place = _place(rows, int(np.argmax(names == "")))
+        raise DataError(
+            f"{path}, {place}, column {column}: is empty; name the grasp of every push",
+            code="no_grasp",
+        )
+    cells = rows.frame.drop(columns=column).reset_index(drop=True)
+    hashes = _row_hashes(cells)
+    header = "\n".join(map(str, cells.columns)).encode()
+    positions = cells.groupby(names.to_numpy(), sort=False).indices
+    for grasp, where in positions.items():
+        lines = None if rows.origin.lines is None else rows.origin.lines[where]
+        yield GraspRows(
+            grasp=str(grasp),
+            sha256=hashlib.sha256(header + hashes[where].tobytes()).hexdigest(),
+            frame=cells.iloc[where].reset_index(drop=True),
+            origin=Origin(path=rows.origin.path, lines=lines),
+            source=rows.source,
+        )
+
+
+def _row_hashes(cells: pd.DataFrame) -> np.ndarray:
+    """A number for each row that depends on its cells alone."""
+    # As floats: one fraction in a column must not change the other grasps' digests.
+    numbers = {c: float for c in cells if pd.api.types.is_numeric_dtype(cells[c])}
+    cells = cells.astype(numbers)
+    return hash_pandas_object(cells, index=False).to_numpy()  # pyright: ignore
+
+
+def _place(rows: Rows, row: int) -> str:
+    """Where a row is, for a message."""
+    lines = rows.origin.lines
+    return f"row {row + 1}" if lines is None else f"line {int(lines[row])}"
+
+
+def _read_rows(path: str | Path) -> Rows:
+    """Cells of a long table."""
+    if not _is_parquet(path):
+        return read_rows(path, texts=(*LAYOUT.texts, COLUMN))
+    frame = pd.read_parquet(path, engine="pyarrow")
+    frame.attrs.clear()
+    source = Source(
+        path=str(path), sha256=sha256_of(path), dialect="peak table, parquet"
+    )
+    return Rows(frame=frame, origin=Origin(path=str(path)), source=source, notes=())
+
+
+def _is_parquet(path: str | Path) -> bool:
+    return Path(path).suffix.lower() in {".parquet", ".pq"}
+
+
+def _parquet_has_grasps(path: str | Path) -> bool:
+    """Whether a Parquet file has the column."""
+    try:
+        pd.read_parquet(path, engine="pyarrow", columns=[COLUMN])
+    except (ImportError, OSError, ValueError, KeyError):
+        return False
+    return True

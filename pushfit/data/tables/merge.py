@@ -1,0 +1,69 @@
+"""One table of peak heights from the tables of several recordings of one grasp."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import DataError
+
+
+def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
+    """Put tables below each other and number the pushes through.
+
+    Args:
+        tables: At least one table; all heights in one unit.
+
+    Returns:
+        The pushes in the order given, with the sources and notes of all tables.
+
+    Raises:
+        DataError: The units differ (`mixed_units`), or two tables come from one
+            recording (`duplicate_recording`).
+    """
+    if len(tables) == 1:
+        return tables[0]
+    _refuse_duplicates(tables)
+    units = sorted({table.unit for table in tables})
+    if len(units) > 1:
+        raise DataError(
+            f"the recordings have heights in {' and '.join(units)}; analyse one sensor "
+            "at a time, or record all of them in one unit",
+            code="mixed_units",
+        )
+    frame = pd.concat([table.frame for table in tables], ignore_index=True)
+    frame["push"] = np.arange(1, len(frame) + 1)
+    ends = np.cumsum([table.n_pushes for table in tables])
+    origins = [
+        f"pushes {end - table.n_pushes + 1} to {end} are from {table.sources[0].path}"
+        for table, end in zip(tables, ends, strict=True)
+        if table.sources
+    ]
+    merged = PeakTable.from_frame(
+        frame,
+        sources=tuple(source for table in tables for source in table.sources),
+        notes=(*origins, *(note for table in tables for note in table.notes)),
+    )
+    traces = tuple(
+        replace(trace, first_row=trace.first_row + int(end) - table.n_pushes)
+        for table, end in zip(tables, ends, strict=True)
+        for trace in table.traces
+    )
+    return replace(merged, traces=traces)
+
+
+def _refuse_duplicates(tables: Sequence[PeakTable]) -> None:
+    """Find recordings of the same bytes: counted twice, their pushes claim too much."""
+    first: dict[str, str] = {}
+    for table in tables:
+        # The first source is the recording, the second its schedule.
+        for source in table.sources[:1]:
+            if source.sha256 in first:
+                raise DataError(
+                    f"{source.path}: has the same bytes as {first[source.sha256]}; its "
+                    "pushes would count twice, so name each recording once",
+                    code="duplicate_recording",
+                )
+            first[source.sha256] = source.path

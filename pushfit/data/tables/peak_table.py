@@ -1,0 +1,349 @@
+"""The table of peak heights: one row per push, what every estimator starts from.
+
+It is made by peak extraction, by simulation, or read from a file; in all three cases
+the same rules have been checked (`pushfit.data.tables.rules`). Excluded: how heights
+are measured (`pushfit.data.peaks.extract`) and what they mean (`pushfit.fit`).
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float, Int
+
+from pushfit.atomic import atomic_path
+from pushfit.data.recordings.records import Source
+from pushfit.data.tables.columns import Origin
+from pushfit.data.tables.rows import read_rows
+from pushfit.data.tables.rules import (
+    CHANNELS,
+    EXCLUDING_FLAGS,
+    LAYOUT,
+    canonical_frame,
+)
+from pushfit.data.tables.traces import Trace
+from pushfit.errors import ConfigError, DataError
+
+_PARQUET = frozenset({".parquet", ".pq"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PeakTable:
+    """Heights of the pushes of one exploration, with their directions.
+
+    Make one by `from_frame`, `from_arrays` or `read_table`, which check the rows.
+
+    Args:
+        frame: One row per push: `push`, `theta_deg`, `alpha_deg`, `repeat`, heights as
+            `height_<unit>` with `height_sd_<unit>` (also `height_normal`,
+            `height_tangential`), and where known `baseline_<unit>`, `t_start_s`,
+            `t_peak_s`, `t_end_s`, and `flags`, words joined by ";".
+        unit: Unit of all heights: `n`, `kpa`, `counts` or `au`.
+        sources: Files behind the rows.
+        notes: What was recognised, left out or filled in, for the user.
+        traces: Signals that the heights were measured in, where there were any.
+        cautions: Notes that the user should not overlook.
+    """
+
+    frame: pd.DataFrame
+    unit: str
+    sources: tuple[Source, ...] = ()
+    notes: tuple[str, ...] = ()
+    traces: tuple[Trace, ...] = ()
+    cautions: tuple[str, ...] = ()
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: pd.DataFrame,
+        *,
+        origin: Origin | None = None,
+        sources: tuple[Source, ...] = (),
+        notes: tuple[str, ...] = (),
+    ) -> "PeakTable":
+        """Check and complete a frame whose columns state their units.
+
+        Args:
+            frame: Rows; see `PeakTable.frame` for the columns. `push` and `repeat` are
+                numbered where they are absent, other columns are left out with a note.
+            origin: Where the rows come from, for messages.
+            sources: Files behind the rows.
+            notes: What is already known to be worth telling.
+
+        Returns:
+            The table, in canonical units.
+
+        Raises:
+            DataError: A column or a cell breaks a rule.
+        """
+        checked, unit, more = canonical_frame(frame, origin or Origin())
+        return cls(frame=checked, unit=unit, sources=sources, notes=(*notes, *more))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        theta: Float[np.ndarray, " n"],
+        alpha: Float[np.ndarray, " n"],
+        heights: Mapping[str, Float[np.ndarray, " n"]],
+        unit: str,
+        sd: Mapping[str, Float[np.ndarray, " n"]] | None = None,
+        repeat: Int[np.ndarray, " n"] | None = None,
+        flags: tuple[str, ...] | None = None,
+    ) -> "PeakTable":
+        """Make a table from arrays.
+
+        Args:
+            theta: Elevation of every push [rad].
+            alpha: Azimuth of every push [rad].
+            heights: Heights by channel name [unit].
+            unit: Unit of all heights and their sd.
+            sd: Standard deviations by channel name [unit].
+            repeat: Repeat number of every push; None numbers equal directions.
+            flags: Flag words of every push, joined by ";".
+
+        Returns:
+            The table.
+
+        Raises:
+            DataError: A value breaks a rule.
+        """
+        columns: dict[str, object] = {
+            "theta_deg": np.degrees(theta),
+            "alpha_deg": np.degrees(alpha),
+        }
+        if repeat is not None:
+            columns["repeat"] = repeat
+        columns |= {f"{name}_{unit}": values for name, values in heights.items()}
+        columns |= {f"{name}_sd_{unit}": values for name, values in (sd or {}).items()}
+        if flags is not None:
+            columns["flags"] = list(flags)
+        return cls.from_frame(pd.DataFrame(columns))
+
+    @property
+    def n_pushes(self) -> int:
+        """Number of rows, used or not."""
+        return len(self.frame)
+
+    @property
+    def theta(self) -> Float[np.ndarray, " n"]:
+        """Elevation of every push [rad]."""
+        return np.radians(self.frame["theta_deg"].to_numpy(dtype=float))
+
+    @property
+    def alpha(self) -> Float[np.ndarray, " n"]:
+        """Azimuth of every push [rad]."""
+        return np.radians(self.frame["alpha_deg"].to_numpy(dtype=float))
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the height channels that the table has."""
+        return tuple(c for c in CHANNELS if f"{c}_{self.unit}" in self.frame)
+
+    def heights(self, channel: str) -> Float[np.ndarray, " n"]:
+        """Heights of a channel [unit].
+
+        Args:
+            channel: One of `channels`.
+
+        Returns:
+            Height of every push.
+
+        Raises:
+            DataError: The table lacks the channel.
+        """
+        if channel not in self.channels:
+            raise DataError(
+                f"the table has no channel {channel!r}; it has "
+                f"{', '.join(self.channels)}",
+                code="unknown_channel",
+            )
+        return self.frame[f"{channel}_{self.unit}"].to_numpy(dtype=float)
+
+    def sd(self, channel: str) -> Float[np.ndarray, " n"] | None:
+        """Standard deviations of a channel's heights; None where not given [unit]."""
+        name = f"{channel}_sd_{self.unit}"
+        return self.frame[name].to_numpy(dtype=float) if name in self.frame else None
+
+    @property
+    def flags(self) -> tuple[frozenset[str], ...]:
+        """Flag words of every push."""
+        texts = self.frame["flags"].tolist()
+        words = {t: frozenset(filter(None, str(t).split(";"))) for t in set(texts)}
+        return tuple(words[text] for text in texts)
+
+    @property
+    def is_used(self) -> Bool[np.ndarray, " n"]:
+        """Whether a push goes into a fit: no flag of it excludes it."""
+        return np.array([not (words & EXCLUDING_FLAGS) for words in self.flags])
+
+    @property
+    def groups(self) -> Int[np.ndarray, " n"]:
+        """Number of each push's direction, counted from 0 by first appearance."""
+        # Whole nanodegrees: directions equal on paper stay equal after a unit change.
+        theta, alpha = (
+            np.rint(self.frame[name].to_numpy(float) * 1e9)
+            for name in ("theta_deg", "alpha_deg")
+        )
+        # A complex number is a pair that pandas can count.
+        return pd.factorize(theta + 1j * (alpha % 360e9))[0]
+
+    def with_flag(self, rows: Sequence[int], flag: str) -> "PeakTable":
+        """The table with one more flag on some rows.
+
+        Args:
+            rows: Positions of the rows.
+            flag: One word.
+
+        Returns:
+            A new table; this one stays as it is.
+        """
+        words = [
+            ";".join(sorted(w | {flag})) if i in rows else ";".join(sorted(w))
+            for i, w in enumerate(self.flags)
+        ]
+        return replace(self, frame=self.frame.assign(flags=words))
+
+    def pooled_sd(self, channel: str) -> tuple[float, int]:
+        """Scatter of repeated pushes about the mean of their direction.
+
+            s² = Σ_g Σ_i (h_gi - mean_g)² / Σ_g (n_g - 1)
+
+        Args:
+            channel: One of `channels`.
+
+        Returns:
+            s, NaN without repeats [unit], and its degrees of freedom. Only pushes that
+            are used count.
+
+        Raises:
+            DataError: The table lacks the channel.
+        """
+        used = self.is_used
+        heights = pd.Series(self.heights(channel)[used])
+        if heights.empty:
+            return np.nan, 0
+        groups = heights.groupby(self.groups[used])
+        dof = len(heights) - groups.ngroups
+        if dof == 0:
+            return np.nan, 0
+        residuals = (heights - groups.transform("mean")).to_numpy()
+        return float(np.sqrt(residuals @ residuals / dof)), dof
+
+
+def concatenate(tables: Sequence[PeakTable]) -> PeakTable:
+    """Put tables of one grasp under each other.
+
+    Args:
+        tables: At least one; all in one unit and with the same height channels.
+
+    Returns:
+        One table; pushes are numbered anew, and repeats of a direction that several
+        tables have counted on.
+
+    Raises:
+        DataError: Units or channels differ (`mixed_tables`).
+    """
+    if len(tables) == 1:
+        return tables[0]
+    kinds = {f"{', '.join(table.channels)} in {table.unit}" for table in tables}
+    if len(kinds) > 1:
+        raise DataError(
+            f"the tables have {' and '.join(sorted(kinds))}; tables of one grasp need "
+            "the same height channels in one unit",
+            code="mixed_tables",
+        )
+    together = pd.concat([table.frame for table in tables], ignore_index=True)
+    # A column that one table lacks, such as the sd, is known for no fit of them all.
+    together = together.dropna(axis="columns", how="any")
+    together["push"] = np.arange(1, len(together) + 1)
+    return PeakTable.from_frame(
+        together.drop(columns="repeat"),
+        sources=tuple(source for table in tables for source in table.sources),
+        notes=tuple(dict.fromkeys(note for table in tables for note in table.notes)),
+    )
+
+
+def read_table(path: str | Path) -> PeakTable:
+    """Read a table of peak heights, CSV or Parquet by its suffix.
+
+    Args:
+        path: File with columns `theta_deg`, `alpha_deg` and `height_<unit>`; see
+            `PeakTable.frame` for the others.
+
+    Returns:
+        The table, in canonical units.
+
+    Raises:
+        DataError: The file cannot be read or breaks a rule.
+        ConfigError: Parquet is asked for and its library is not installed.
+    """
+    file = Path(path)
+    if file.suffix.lower() in _PARQUET:
+        return _read_parquet(file)
+    rows = read_rows(path, texts=LAYOUT.texts)
+    return PeakTable.from_frame(
+        rows.frame, origin=rows.origin, sources=(rows.source,), notes=rows.notes
+    )
+
+
+def write_table(table: PeakTable, path: str | Path) -> None:
+    """Write a table of peak heights, CSV or Parquet by its suffix.
+
+    The file is complete or absent. Parquet keeps sources and notes, CSV the rows only.
+
+    Args:
+        table: Table to write.
+        path: File to write or replace.
+
+    Raises:
+        ConfigError: Parquet is asked for and its library is not installed.
+    """
+    with atomic_path(path) as temporary:
+        if Path(path).suffix.lower() not in _PARQUET:
+            table.frame.to_csv(temporary, index=False, lineterminator="\n")
+            return
+        frame = table.frame.copy()
+        # pandas keeps attrs in the file's own metadata.
+        frame.attrs["pushfit"] = json.dumps(
+            {"sources": [asdict(s) for s in table.sources], "notes": list(table.notes)}
+        )
+        try:
+            frame.to_parquet(temporary, index=False, engine="pyarrow")
+        except ImportError as error:
+            raise _no_parquet(path) from error
+
+
+def _read_parquet(path: Path) -> PeakTable:
+    """Read a table with the sources and notes it was written with."""
+    try:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        frame = pd.read_parquet(path, engine="pyarrow")
+    except ImportError as error:
+        raise _no_parquet(path) from error
+    except (OSError, ValueError) as error:
+        raise DataError(
+            f"{path}: cannot be read as Parquet: {error}; give the CSV",
+            code="not_parquet",
+        ) from error
+    kept = json.loads(frame.attrs.pop("pushfit", "{}"))
+    own = Source(path=str(path), sha256=digest, dialect="peak table, parquet")
+    return PeakTable.from_frame(
+        frame,
+        origin=Origin(path=str(path)),
+        sources=(*(Source(**s) for s in kept.get("sources", ())), own),
+        notes=tuple(kept.get("notes", ())),
+    )
+
+
+def _no_parquet(path: str | Path) -> ConfigError:
+    """Say how to get on without the optional library."""
+    return ConfigError(
+        f"{path}: Parquet needs the package pyarrow, which is not installed; "
+        "install it or use a name that ends in .csv",
+        code="parquet_unavailable",
+    )

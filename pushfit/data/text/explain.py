@@ -1,0 +1,213 @@
+"""Go through an irregular table line by line and name everything that is wrong.
+
+This is the slow pass: it runs for files with quoted fields, and for files that the fast
+pass or the parser did not accept.
+"""
+
+import csv
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+import numpy as np
+
+from pushfit.data.text.dialects import Layout
+from pushfit.data.text.faults import problem
+from pushfit.data.text.guess import NUMBER, STAMP, split_line
+from pushfit.data.text.scan import Extent, Scan, whole_lines
+from pushfit.data.text.textfile import TextFile
+from pushfit.errors import Problem
+
+Kind = Literal["float", "int", "stamp", "text"]
+
+# Problems listed per kind; the rest are counted.
+_MAX_LISTED = 10
+_MISSING = ("", "nan", "NaN", "NAN")
+_WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
+_INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+_EXPECTED = {
+    "float": "a decimal number",
+    "int": "a whole number",
+    "stamp": "an RFC 3339 time such as 2024-05-01T12:00:00.25Z",
+}
+
+
+def missing_tokens(extra: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Give the texts that stand for a missing number."""
+    return (*_MISSING, *extra)
+
+
+def slow_scan(
+    text: TextFile,
+    layout: Layout,
+    extent: Extent,
+    *,
+    kinds: Mapping[int, Kind],
+    missing: tuple[str, ...] = (),
+) -> tuple[Scan, list[Problem]]:
+    """Check every row and every needed cell.
+
+    Args:
+        text: The file.
+        layout: Its layout.
+        extent: Where its rows are.
+        kinds: What the cells of each needed column must be, by the column's position.
+        missing: Further texts that stand for a missing number.
+
+    Returns:
+        The scan and the problems: the first ones of each kind, and how many more.
+    """
+    check = _RowCheck(text.path, layout, kinds, missing_tokens(missing))
+    n_rows = 0
+    skips: list[int] = []
+    for line, row in _rows(text, layout, extent, check):
+        if not any(cell.strip(" \t") for cell in row) and len(row) <= 1:
+            continue
+        skips += [n_rows] * (line - layout.data_line - n_rows - len(skips))
+        check.row(line, row)
+        n_rows += 1
+    skip_array = np.array(skips, dtype=np.int64)
+    result = Scan(n_rows=n_rows, data_line=layout.data_line, skips=skip_array)
+    return result, check.finish()
+
+
+def _rows(
+    text: TextFile, layout: Layout, extent: Extent, check: "_RowCheck"
+) -> Iterator[tuple[int, list[str]]]:
+    """Give each row with the line where it begins."""
+    lines = (
+        line + "\n"
+        for block in whole_lines(text, extent)
+        for line in block.decode().split("\n")[:-1]
+    )
+    if layout.delimiter == " ":
+        for number, line in enumerate(lines, layout.data_line):
+            yield number, split_line(line, " ")
+        return
+    reader = csv.reader(
+        lines, delimiter=layout.delimiter, skipinitialspace=True, strict=True
+    )
+    begin = layout.data_line
+    try:
+        for row in reader:
+            yield begin, row
+            begin = layout.data_line + reader.line_num
+    except csv.Error as error:
+        check.add(
+            "bad_quotes",
+            begin,
+            f"the quotes cannot be read ({error}); export the table again",
+        )
+
+
+class _RowCheck:
+    """Collects the problems of rows, listing the first ones of each kind."""
+
+    def __init__(
+        self,
+        path: str,
+        layout: Layout,
+        kinds: Mapping[int, Kind],
+        missing: tuple[str, ...],
+    ) -> None:
+        self._path = path
+        self._layout = layout
+        self._kinds = kinds
+        self._missing = frozenset(missing)
+        self._problems: list[Problem] = []
+        self._counts: Counter[str] = Counter()
+
+    def add(
+        self,
+        code: str,
+        line: int,
+        text: str,
+        *,
+        column: str | None = None,
+        value: str | None = None,
+    ) -> None:
+        """Note a problem, unless enough of its kind are listed."""
+        self._counts[code] += 1
+        if self._counts[code] <= _MAX_LISTED:
+            self._problems.append(
+                problem(
+                    code, text, path=self._path, line=line, column=column, value=value
+                )
+            )
+
+    def row(self, line: int, row: list[str]) -> None:
+        """Check the number of fields and the needed cells."""
+        names = self._layout.names
+        n = len(names)
+        if self._layout.header_line is not None and _same(row[:n], names):
+            self.add(
+                "repeated_header",
+                line,
+                f"the header of line {self._layout.header_line} comes again, as in "
+                "appended logs; split the file here",
+            )
+        elif len(row) != self._layout.n_fields or any(c.strip(" \t") for c in row[n:]):
+            self.add("field_count", line, self._miscount(row))
+        else:
+            for position, kind in self._kinds.items():
+                self._cell(line, names[position], row[position].strip(" \t"), kind)
+
+    def _miscount(self, row: list[str]) -> str:
+        n = len(self._layout.names)
+        where = (
+            "columns were named"
+            if self._layout.header_line is None
+            else f"columns are named on line {self._layout.header_line}"
+        )
+        if len(row) == n + 1 and not row[-1].strip(" \t"):
+            hint = "this row alone ends in a delimiter"
+        elif self._layout.delimiter == "," and len(row) > n:
+            hint = (
+                "a decimal comma, or a comma inside unquoted text, splits a field: "
+                "export with another delimiter"
+            )
+        else:
+            hint = "mend or remove the row"
+        return f"{len(row)} fields, but {n} {where}; {hint}"
+
+    def _cell(self, line: int, column: str, cell: str, kind: Kind) -> None:
+        if kind == "text" or (kind == "float" and cell in self._missing):
+            return
+        if kind == "stamp":
+            is_good = STAMP.fullmatch(cell)
+        elif kind == "int":
+            is_good = _WHOLE.fullmatch(cell) and abs(int(cell)) < 2**63
+        else:
+            is_good = NUMBER[self._layout.decimal].fullmatch(cell)
+        shown = _shown(cell)
+        if _INFINITE.fullmatch(cell) or (
+            kind == "float" and is_good and math.isinf(float(cell.replace(",", ".")))
+        ):
+            text = f"{shown} is not finite; mend the cell, or leave it blank if missing"
+            self.add("not_finite", line, text, column=column, value=cell)
+        elif not is_good:
+            what = "number" if kind != "stamp" else "time"
+            text = (
+                f"{shown} is not a {what}; {_EXPECTED[kind]} is expected; "
+                "mend the cell or remove the row"
+            )
+            self.add("not_a_number", line, text, column=column, value=cell)
+
+    def finish(self) -> list[Problem]:
+        """Give the problems in file order, then how many more there are."""
+        found = sorted(self._problems, key=lambda p: p.line or 0)
+        for code, count in self._counts.items():
+            if count > _MAX_LISTED:
+                more = f"{count - _MAX_LISTED} more of {count} problems {code!r}"
+                found.append(problem(code, f"{more} are not listed", path=self._path))
+        return found
+
+
+def _same(row: list[str], names: tuple[str, ...]) -> bool:
+    return [cell.strip(" \t") for cell in row] == list(names)
+
+
+def _shown(cell: str) -> str:
+    return repr(cell if len(cell) <= 40 else cell[:37] + "...")

@@ -1,0 +1,236 @@
+"""Guess delimiter, decimal mark and header of a table from its first lines.
+
+A guess is only where to begin: every line is held against it later.
+"""
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pushfit.data.text.faults import refuse
+from pushfit.errors import ConfigError, DataError
+
+# Blanks come last: they also separate the fields of tabbed files.
+DELIMITERS = {";": "semicolon", "\t": "tab", ",": "comma", " ": "blanks"}
+NUMBER = {
+    mark: re.compile(
+        rf"[+-]?(?:\d+{re.escape(mark)}?\d*|{re.escape(mark)}\d+)(?:[eE][+-]?\d+)?",
+        re.ASCII,
+    )
+    for mark in ".,"
+}
+STAMP = re.compile(
+    r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?(?:Z|[+-]\d\d:\d\d)", re.ASCII
+)
+_NAN = ("nan", "inf", "-inf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guess:
+    """One delimiter and decimal mark tried on the first lines.
+
+    Args:
+        delimiter: Character between fields.
+        decimal: Decimal mark.
+        header: Index of the line of names, if there is one.
+        data: Index of the first line of data.
+        has_trailing: Whether data rows have one field more than there are names.
+        score: Share of rows that fit times share of their cells that are numbers.
+    """
+
+    delimiter: str
+    decimal: str
+    header: int | None
+    data: int
+    has_trailing: bool
+    score: float
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Split one line into its stripped fields."""
+    if delimiter == " ":
+        return re.findall(r"[^ \t\n]+", line)
+    try:
+        row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        row = line.split(delimiter)
+    return [cell.strip() for cell in row]
+
+
+def uncommented(line: str) -> str:
+    """Cut off the `#` that numpy.savetxt puts before names, and nothing else.
+
+    A tab before the first name is a field of its own.
+    """
+    return re.sub(r"^ *#+", "", line)
+
+
+def _is_value(cell: str, decimal: str) -> bool:
+    return bool(
+        NUMBER[decimal].fullmatch(cell) or STAMP.fullmatch(cell) or cell.lower() in _NAN
+    )
+
+
+def best_guess(lines: list[str], columns: Sequence[str], path: str) -> Guess:
+    """Choose delimiter and decimal mark by what makes most fields numbers.
+
+    Args:
+        lines: First lines of the file.
+        columns: Column names, if the user named them.
+        path: File as the user named it.
+
+    Returns:
+        The guess.
+
+    Raises:
+        ConfigError: If `columns` do not fit.
+        DataError: If the lines hold no table, or decimal points and commas.
+    """
+    guesses = [
+        guess
+        for delimiter in DELIMITERS
+        for decimal in (".," if delimiter != "," else ".")
+        if (guess := _guess(lines, delimiter, decimal, columns))
+    ]
+    if not guesses:
+        raise _no_table(lines, columns, path)
+    best = max(guesses, key=lambda guess: guess.score)
+    rows = [split_line(line, best.delimiter) for line in lines[best.data :]]
+    has_mark = {
+        mark: any(mark in c and number.fullmatch(c) for row in rows for c in row)
+        for mark, number in NUMBER.items()
+    }
+    if all(has_mark.values()):
+        raise refuse(
+            "ambiguous_decimal",
+            "decimal points and decimal commas are mixed; write all numbers with "
+            "decimal points",
+            path=path,
+            line=best.data + 1,
+        )
+    return best
+
+
+def _guess(
+    lines: list[str], delimiter: str, decimal: str, columns: Sequence[str]
+) -> Guess | None:
+    """Try one delimiter and decimal mark; None if they give no table."""
+    split = [split_line(uncommented(line), delimiter) for line in lines]
+    n_values = [sum(_is_value(cell, decimal) for cell in row) for row in split]
+    filled = [i for i, line in enumerate(lines) if line.strip()]
+    if columns:
+        data = next((i for i in filled if n_values[i]), None)
+        header, n_names = None, len(columns)
+    else:
+        header, data = _find_header(split, n_values, filled)
+        n_names = len(split[header]) if header is not None else 0
+    if data is None or n_names < 2:
+        return None
+    if delimiter == " " and header is not None and lines[header].startswith("\t"):
+        # Tabs that delimit: the first name is empty, which runs of blanks would hide.
+        return None
+    rows = [i for i in filled if i >= data]
+    has_trailing = all(len(split[i]) == n_names + 1 for i in rows)
+    n_fields = n_names + has_trailing
+    fitting = [i for i in rows if len(split[i]) == n_fields]
+    n_cells = sum(sum(map(bool, split[i])) for i in fitting)
+    n_numbers = sum(n_values[i] for i in fitting)
+    return Guess(
+        delimiter=delimiter,
+        decimal=decimal,
+        header=header,
+        data=data,
+        has_trailing=has_trailing,
+        score=len(fitting) / len(rows) * n_numbers / max(n_cells, 1),
+    )
+
+
+def _find_header(
+    split: list[list[str]], n_values: list[int], filled: list[int]
+) -> tuple[int | None, int | None]:
+    """Find the line of names and the first line of data below it.
+
+    Of several that could be it, the one that most lines below agree with: a preamble
+    may hold tables of its own.
+    """
+    best, most = (None, None), 0.0
+    for k, i in enumerate(filled[:-1]):
+        n = len(split[i])
+        if n < 2 or n_values[i] or not any(split[i]):
+            continue
+        below = filled[k + 1 :]
+        is_unit_row = (
+            len(below) > 1
+            and len(split[below[0]]) == n
+            and _is_unit_row(split[below[0]])
+        )
+        rows = below[is_unit_row : is_unit_row + 3]
+        if not n_values[rows[0]]:
+            continue
+        if any(len(split[j]) in (n, n + 1) and n_values[j] for j in rows):
+            fits = [len(split[j]) in (n, n + 1) for j in below[is_unit_row:]]
+            share = sum(fits) / len(fits)
+            # What is wrong in a few rows is to be told, not passed over.
+            if share > most + 0.5 or (share > most and most == 0.0):
+                best, most = (i, rows[0]), share
+    return best
+
+
+_UNIT_WORD = re.compile(
+    r"[\[(]?(?:n|mn|kpa|pa|counts|au|s|ms|us|ns|min|rad|deg|m|mm|-|)[\])]?", re.I
+)
+
+
+def _is_unit_row(cells: list[str]) -> bool:
+    return any(cells) and all(_UNIT_WORD.fullmatch(cell) for cell in cells)
+
+
+def _no_table(
+    lines: list[str], columns: Sequence[str], path: str
+) -> DataError | ConfigError:
+    """Say why the first lines are no table."""
+    filled = [i for i, line in enumerate(lines) if line.strip()]
+    if not filled:
+        return refuse("empty_file", "the file holds blank lines only", path=path)
+    first = filled[0]
+    by_delimiter = {d: split_line(uncommented(lines[first]), d) for d in DELIMITERS}
+    delimiter, cells = max(by_delimiter.items(), key=lambda item: len(item[1]))
+    has_values = any(_is_value(cell, ".") for cell in cells)
+    if columns:
+        return ConfigError(
+            f"{path}: {len(columns)} columns were named, line {first + 1} has "
+            f"{len(cells)} fields; name every field in order",
+            code="columns_mismatch",
+        )
+    if len(cells) >= 2 and has_values:
+        return refuse(
+            "no_header",
+            f"holds {len(cells)} fields but no column names; state them in order, for "
+            "example --columns time_s,pressure_kpa",
+            path=path,
+            line=first + 1,
+        )
+    if len(cells) < 2:
+        return refuse(
+            "no_table",
+            "no comma, semicolon, tab or blank separates fields; a recording needs a "
+            "header and at least a time and a signal column",
+            path=path,
+            line=first + 1,
+        )
+    if len(filled) == 1:
+        return refuse("no_rows", "has a header but 0 data rows", path=path)
+    row = split_line(lines[filled[1]], delimiter)
+    hint = ""
+    if delimiter == "," and len(row) > len(cells):
+        hint = (
+            "; if the comma is the decimal mark, export with semicolons between fields"
+        )
+    return refuse(
+        "field_count",
+        f"the row has {len(row)} fields but the header on line {first + 1} names "
+        f"{len(cells)} columns; export the table again{hint}",
+        path=path,
+        line=filled[1] + 1,
+    )

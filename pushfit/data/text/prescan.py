@@ -1,0 +1,271 @@
+"""Strict reading of tables: scan all lines first, then parse what is needed.
+
+pandas' C parser is fast and exact on a regular table, and silently shifts, renames or
+coerces an irregular one. So it only ever sees rows that the scan found regular, without
+their header, and cells that it cannot parse are looked up and reported by line.
+
+Memory: one block of 4 MiB with its masks (about 20 MiB) for the scan; then 8 bytes per
+row and needed column, twice over for one chunk of rows.
+"""
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, cast
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Int
+
+from pushfit.data.recordings.records import Source
+from pushfit.data.text.dialects import Layout, find_layout
+from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
+from pushfit.data.text.faults import data_error, refuse
+from pushfit.data.text.guess import STAMP
+from pushfit.data.text.scan import Extent, Scan, Tail, fast_scan, find_extent
+from pushfit.data.text.textfile import BlockReader, TextFile, open_text
+from pushfit.errors import DataError, Problem
+
+MAX_BYTES = 1 << 30
+# The parser holds all fields of a chunk, also those that are not needed.
+_CHUNK_CELLS = 1 << 19
+# Types that pandas parses to, and that the result keeps.
+_PARSED = {"float": np.float64, "int": np.int64, "stamp": str, "text": str}
+_STORED = {"float": np.float64, "int": np.int64, "stamp": np.int64, "text": object}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cells:
+    """The needed columns of a table.
+
+    Args:
+        values: By the column's position: numbers (float64, NaN where a cell is
+            missing), whole numbers or times since 1970 [ns] (int64), or text.
+        scan: The rows' place in the file.
+        notes: What was left out, for the user.
+    """
+
+    values: dict[int, np.ndarray]
+    scan: Scan
+    notes: tuple[str, ...]
+
+
+def read_cells(
+    text: TextFile,
+    layout: Layout,
+    kinds: Mapping[int, Kind],
+    *,
+    tail: Tail = "drop",
+    missing: Sequence[str] = (),
+    max_bytes: int = MAX_BYTES,
+) -> Cells:
+    """Scan a table and parse the needed columns.
+
+    Args:
+        text: The file.
+        layout: Its layout.
+        kinds: What the cells of each needed column must be, by the column's position.
+        tail: What to do about a damaged end, see `pushfit.data.text.scan.find_extent`.
+        missing: Further texts that stand for a missing number.
+        max_bytes: Most memory that the result may take.
+
+    Returns:
+        The columns.
+
+    Raises:
+        DataError: If any line or needed cell breaks a rule; `.problems` lists all.
+    """
+    tokens = tuple(missing)
+    extent = find_extent(text, layout, tail)
+    scan = fast_scan(text, layout, extent)
+    if scan is None:
+        scan = _slow(text, layout, extent, kinds, tokens)
+    if scan.n_rows == 0:
+        raise refuse("no_rows", "has a header but 0 data rows", path=text.path)
+    _refuse_too_large(text, scan.n_rows, kinds, max_bytes)
+    values = _parse(text, layout, extent, kinds, tokens, scan.n_rows)
+    if values is None:
+        _slow(text, layout, extent, kinds, tokens)
+        raise refuse(
+            "unreadable",
+            f"the rows from line {layout.data_line} on cannot be read as numbers; "
+            "export the table again",
+            path=text.path,
+        )
+    text.stamp.check()
+    return Cells(values=values, scan=scan, notes=extent.notes)
+
+
+def row_problems(text: TextFile, layout: Layout, *, tail: Tail) -> list[Problem]:
+    """Find the rows that do not fit a layout, whatever their cells hold.
+
+    Args:
+        text: The file.
+        layout: Its layout.
+        tail: As for `read_cells`.
+
+    Returns:
+        The problems.
+    """
+    try:
+        extent = find_extent(text, layout, tail)
+    except DataError as error:
+        return list(error.problems)
+    if fast_scan(text, layout, extent) is not None:
+        return []
+    return slow_scan(text, layout, extent, kinds={})[1]
+
+
+def _slow(
+    text: TextFile,
+    layout: Layout,
+    extent: Extent,
+    kinds: Mapping[int, Kind],
+    missing: tuple[str, ...],
+) -> Scan:
+    scan, problems = slow_scan(text, layout, extent, kinds=kinds, missing=missing)
+    text.stamp.check()
+    if problems:
+        raise data_error(problems)
+    return scan
+
+
+def _refuse_too_large(
+    text: TextFile, n_rows: int, kinds: Mapping[int, Kind], max_bytes: int
+) -> None:
+    # Text costs its characters and a reference; 64 bytes is a long label.
+    needed = n_rows * sum(64 if kind == "text" else 8 for kind in kinds.values())
+    if needed > max_bytes:
+        raise refuse(
+            "too_large",
+            f"{n_rows} rows of {len(kinds)} columns need {needed / 1e9:.3g} GB, over "
+            f"the limit of {max_bytes / 1e9:.3g} GB; split the file, drop columns, or "
+            "raise max_bytes",
+            path=text.path,
+        )
+
+
+def _parse(
+    text: TextFile,
+    layout: Layout,
+    extent: Extent,
+    kinds: Mapping[int, Kind],
+    missing: tuple[str, ...],
+    n_rows: int,
+) -> dict[int, np.ndarray] | None:
+    """Parse the rows by pandas; None if a cell is not what it must be."""
+    columns = {i: np.empty(n_rows, _STORED[kind]) for i, kind in kinds.items()}
+    words: set[int] = set()
+    done = 0
+    try:
+        for frame in _chunks(text, layout, extent, kinds, missing):
+            stop = done + len(frame)
+            if stop > n_rows:
+                return None
+            for i, kind in kinds.items():
+                values = np.asarray(frame[i])
+                if kind == "stamp":
+                    values = _nanoseconds(values.tolist())
+                if kind == "float" and np.isinf(values).any():
+                    return None
+                if kind == "float" and _may_be_words(values):
+                    words.add(i)
+                columns[i][done:stop] = values
+            done = stop
+    except (ValueError, OverflowError, pd.errors.ParserError):
+        return None
+    if words:
+        # pandas reads a chunk of nothing but True and False as 1 and 0.
+        _slow(text, layout, extent, {i: kinds[i] for i in words}, missing)
+    return columns if done == n_rows else None
+
+
+def _may_be_words(values: np.ndarray) -> bool:
+    """Tell whether parsed cells might have been True and False."""
+    # The first cell alone tells nearly always, and saves looking at all of them.
+    return bool(values.size and values[0] in (0, 1) and np.isin(values, (0, 1)).all())
+
+
+def _chunks(
+    text: TextFile,
+    layout: Layout,
+    extent: Extent,
+    kinds: Mapping[int, Kind],
+    missing: tuple[str, ...],
+) -> Iterator[pd.DataFrame]:
+    """Parse the rows, without their header, some at a time."""
+    tokens = list(missing_tokens(missing))
+    with pd.read_csv(
+        cast(IO[bytes], BlockReader(text.blocks(extent.start, extent.end))),
+        sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+        decimal=layout.decimal,
+        header=None,
+        names=list(range(layout.n_fields)),
+        index_col=False,
+        usecols=sorted(kinds),
+        dtype={i: _PARSED[kind] for i, kind in kinds.items()},
+        na_values={i: tokens for i, kind in kinds.items() if kind == "float"},
+        keep_default_na=False,
+        skipinitialspace=extent.has_padding,
+        quoting=csv.QUOTE_MINIMAL if extent.has_quotes else csv.QUOTE_NONE,
+        on_bad_lines="error",
+        encoding="utf-8",
+        chunksize=max(1, _CHUNK_CELLS // layout.n_fields),
+        low_memory=False,
+    ) as frames:
+        yield from frames
+
+
+def _nanoseconds(texts: list[str]) -> Int[np.ndarray, " n"]:
+    """Read RFC 3339 times as nanoseconds since 1970, exactly."""
+    # pandas alone would also take a date without time or zone.
+    if not all(map(STAMP.fullmatch, texts)):
+        raise ValueError("not an RFC 3339 time")
+    times = pd.DatetimeIndex(pd.to_datetime(texts, utc=True, format="ISO8601"))
+    return times.as_unit("ns").asi8
+
+
+def read_csv_strict(
+    path: str | Path,
+    *,
+    is_text: Callable[[str], bool] = lambda name: False,
+    missing: Sequence[str] = (),
+    encoding: str | None = None,
+) -> tuple[pd.DataFrame, Source, tuple[str, ...]]:
+    """Read a table whose every row counts, such as a schedule or peak heights.
+
+    Accepts the encodings, delimiters, decimal marks and preambles that recordings may
+    have. A last line without a line end is kept, with a note.
+
+    Args:
+        path: File as the user named it.
+        is_text: Tells by its name whether a column holds text; the cells of all other
+            columns must be numbers, or blank.
+        missing: Further texts that stand for a missing number.
+        encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
+
+    Returns:
+        The table: columns of float64 (NaN where blank) or text, named as in the file;
+        its index, named `line`, is each row's line in the file, for messages. Then
+        where it came from, and notes for the user.
+
+    Raises:
+        ConfigError: If the path cannot be read.
+        DataError: If the file breaks a rule; `.problems` lists file, line, column,
+            value, rule and next step of each.
+    """
+    text = open_text(path, encoding=encoding)
+    layout = find_layout(text)
+    kinds: dict[int, Kind] = {
+        i: "text" if is_text(name) else "float"
+        for i, name in enumerate(layout.names)
+        if name
+    }
+    cells = read_cells(text, layout, kinds, tail="keep", missing=missing)
+    index = pd.Index(cells.scan.lines(np.arange(cells.scan.n_rows)), name="line")
+    frame = pd.DataFrame(
+        {layout.names[i]: values for i, values in cells.values.items()}, index=index
+    )
+    source = Source(path=text.path, sha256=text.sha256, dialect=layout.description)
+    return frame, source, (*layout.notes, *cells.notes)

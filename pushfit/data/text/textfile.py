@@ -1,0 +1,252 @@
+r"""From the bytes of a file to clean text: what it is, how it is encoded, its lines.
+
+Clean text is UTF-8 without a byte-order mark, with `\n` as the only line end. It is
+produced in blocks, so memory does not grow with the file. What a column means is the
+business of `pushfit.data.text.dialects`.
+"""
+
+import codecs
+import gzip
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from pushfit.data.text.faults import refuse
+from pushfit.data.text.files import (
+    FileStamp,
+    existing_file,
+    refuse_other_names,
+    refuse_other_types,
+    sha256_of,
+)
+from pushfit.errors import ConfigError
+
+BLOCK = 1 << 22
+# A constant signal deflates some 100 times; a bomb of zeros 1030 times.
+_MAX_EXPANSION = 300
+_ALWAYS_EXPANDED = 1 << 26
+
+_BOMS = (
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextFile:
+    """A file that holds text, as far as its first bytes can tell.
+
+    Args:
+        stamp: Path, size and time of change when it was opened.
+        sha256: Digest of the bytes as stored, hexadecimal.
+        encoding: How the text is encoded.
+        is_gzip: Whether the text is compressed.
+    """
+
+    stamp: FileStamp
+    sha256: str
+    encoding: str
+    is_gzip: bool
+
+    @property
+    def path(self) -> str:
+        """The file as the user named it."""
+        return self.stamp.path
+
+    def blocks(self, start: int = 0, end: int | None = None) -> Iterator[bytes]:
+        """Give the clean text between two of its byte offsets, block by block.
+
+        Args:
+            start: First byte of clean text wanted.
+            end: Byte of clean text to stop before; the end of the file if None.
+
+        Yields:
+            Non-empty blocks of clean text.
+
+        Raises:
+            DataError: If the text cannot be decoded (`bad_encoding`), or compressed
+                data are damaged (`bad_gzip`) or expand suspiciously (`zip_bomb`).
+        """
+        position = 0
+        for block in _unified_line_ends(self._decoded()):
+            begin = max(start - position, 0)
+            stop = len(block) if end is None else min(end - position, len(block))
+            if begin < stop:
+                yield block[begin:stop]
+            position += len(block)
+            if end is not None and position >= end:
+                return
+
+    def head(self, size: int) -> bytes:
+        """Give the first bytes of the clean text."""
+        return b"".join(self.blocks(end=size))
+
+    def _decoded(self) -> Iterator[bytes]:
+        """Give the text as UTF-8 without a byte-order mark."""
+        decoder = codecs.getincrementaldecoder(self.encoding)()
+        passes_through = self.encoding == "utf-8"
+        position = pending = 0
+        try:
+            with open(self.path, "rb") as file:
+                for raw in self._expanded(file):
+                    pending = len(decoder.getstate()[0])
+                    plain = passes_through and not pending and raw.isascii()
+                    text = raw if plain else decoder.decode(raw).encode()
+                    if text:
+                        yield text
+                    position += len(raw)
+            pending = len(decoder.getstate()[0])
+            decoder.decode(b"", final=True)
+        except UnicodeDecodeError as error:
+            raise refuse(
+                "bad_encoding",
+                f"byte {position - pending + error.start} is not {self.encoding}; "
+                'name the encoding, such as encoding="latin-1", or save it as UTF-8',
+                path=self.path,
+            ) from error
+
+    def _expanded(self, file: BinaryIO) -> Iterator[bytes]:
+        """Give the stored bytes, decompressed."""
+        if not self.is_gzip:
+            while raw := file.read(BLOCK):
+                yield raw
+            return
+        n_out = 0
+        limit = max(_ALWAYS_EXPANDED, _MAX_EXPANSION * self.stamp.size)
+        try:
+            with gzip.GzipFile(fileobj=file) as unzipped:
+                while raw := unzipped.read(BLOCK):
+                    n_out += len(raw)
+                    if n_out > limit:
+                        raise refuse(
+                            "zip_bomb",
+                            f"expands to more than {_MAX_EXPANSION} times its size; "
+                            "decompress it yourself if you trust it",
+                            path=self.path,
+                        )
+                    yield raw
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise refuse(
+                "bad_gzip",
+                f"the compressed data are damaged or cut short ({error}); "
+                "copy the file again",
+                path=self.path,
+            ) from error
+
+
+class BlockReader:
+    """Blocks of clean text as a file of bytes.
+
+    Not an `io` class on purpose: pandas decodes and encodes again what those give it.
+    """
+
+    def __init__(self, blocks: Iterator[bytes]) -> None:
+        """Read from the blocks in turn."""
+        self._blocks = blocks
+        self._rest = memoryview(b"")
+
+    def __iter__(self) -> Iterator[bytes]:
+        """Give what is left, block by block."""
+        return iter(lambda: self.read(BLOCK), b"")
+
+    def read(self, size: int) -> bytes:
+        """Give the next bytes, at most `size` of them; none at the end."""
+        if not self._rest:
+            self._rest = memoryview(next(self._blocks, b""))
+        taken, self._rest = self._rest[:size], self._rest[size:]
+        return taken.tobytes()
+
+
+def _unified_line_ends(blocks: Iterator[bytes]) -> Iterator[bytes]:
+    r"""Turn `\r\n` and `\r` into `\n`, also across block borders."""
+    held = b""
+    for block in blocks:
+        text = held + block if held else block
+        held = b""
+        if b"\r" in text:
+            if text.endswith(b"\r"):
+                text, held = text[:-1], b"\r"
+            text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        if text:
+            yield text
+    if held:
+        yield b"\n"
+
+
+def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
+    """Recognise a text file and refuse everything else.
+
+    Args:
+        path: File as the user named it.
+        encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
+
+    Returns:
+        The file, not yet read beyond its first bytes except for the digest.
+
+    Raises:
+        ConfigError: If the path cannot be read or the encoding is unknown.
+        DataError: If the file is empty or is no text.
+    """
+    given = existing_file(path)
+    if Path(given).is_dir():
+        raise ConfigError(
+            f"{given}: is a folder; name the files in it", code="is_a_folder"
+        )
+    stamp = FileStamp.of(given)
+    refuse_other_names(given)
+    with open(given, "rb") as file:
+        start = file.read(4096)
+        file.seek(0)
+        is_gzip = start.startswith(b"\x1f\x8b")
+        if is_gzip:
+            start = _gzip_start(file, given)
+    if not start:
+        raise refuse("empty_file", "the file is empty: 0 data rows", path=given)
+    found = _checked_encoding(encoding) if encoding else _encoding_of(start, given)
+    refuse_other_types(start, given)
+    return TextFile(
+        stamp=stamp, sha256=sha256_of(given), encoding=found, is_gzip=is_gzip
+    )
+
+
+def _gzip_start(file: BinaryIO, path: str) -> bytes:
+    try:
+        return gzip.GzipFile(fileobj=file).read(4096)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise refuse(
+            "bad_gzip",
+            f"the compressed data are damaged ({error}); copy the file again",
+            path=path,
+        ) from error
+
+
+def _checked_encoding(encoding: str) -> str:
+    try:
+        return codecs.lookup(encoding).name
+    except LookupError as error:
+        raise ConfigError(
+            f"encoding {encoding!r} is not known; try utf-8, utf-16 or latin-1",
+            code="unknown_encoding",
+        ) from error
+
+
+def _encoding_of(start: bytes, path: str) -> str:
+    for bom, name in _BOMS:
+        if start.startswith(bom):
+            return name
+    sample = start[:512]
+    if len(sample) > 3 and min(sample[::2].count(0), sample[1::2].count(0)) == 0:
+        n_zero = sample.count(0)
+        if n_zero > len(sample) // 3:
+            name = "utf-16-le" if sample[1::2].count(0) else "utf-16-be"
+            raise refuse(
+                "bad_encoding",
+                f"looks like UTF-16 without a byte-order mark; state encoding={name!r}",
+                path=path,
+            )
+    return "utf-8"

@@ -1,0 +1,104 @@
+"""Force components: heights along and across the contact normal."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.simulate import THETA_SWEEP, Session, simulate_recording
+from pushfit.errors import ConfigError
+from pushfit.model import Grasp, Parameters
+
+PARAMS = Parameters(K_sn=800.0, K_dn=1500.0, K_st=400.0, C_rr=0.3, C_d=0.3, L=0.04)
+PRELOADED = Grasp(push_length=5e-3, preload=1.0)
+# 27 residuals exceed four standard deviations by chance once in 600 seeds.
+MAX_PULL = 4.5
+
+
+@pytest.fixture(scope="module")
+def made():
+    return simulate_recording(
+        PARAMS,
+        PRELOADED,
+        THETA_SWEEP,
+        session=Session(forces=True, noise=0.01),
+        rng=np.random.default_rng(0),
+    )
+
+
+@pytest.mark.parametrize("channel", ["height_normal", "height_tangential"])
+def test_components_are_the_true_ones(made, channel):
+    table = extract_peaks(
+        made.recording, THETA_SWEEP, settings=PeakSettings(normal="fz")
+    )
+    assert table.channels == ("height_normal", "height_tangential")
+    error = table.heights(channel) - np.asarray(getattr(made.truth, channel))
+    assert np.abs(error / table.sd(channel)).max() < MAX_PULL
+
+
+def test_noise_does_not_make_a_tangential_force():
+    """Straight pushes have none; the length of noise alone has a median of 1.18 sd."""
+    plan = PushSchedule.planned(np.pi / 2, 0.0, repeats=60)
+    session = Session(forces=True, noise=0.05, angle_resolution=1e-9)
+    made = simulate_recording(
+        PARAMS,
+        Grasp(push_length=5e-3),
+        plan,
+        session=session,
+        rng=np.random.default_rng(1),
+    )
+    table = extract_peaks(made.recording, plan, settings=PeakSettings(normal="fz"))
+    across = table.heights("height_tangential") / table.sd("height_tangential")
+    # sqrt(1.18² - 1) = 0.62; the median of 60 scatters by 0.15.
+    assert 0.2 < np.median(across) < 1.0
+
+
+def test_a_normal_that_falls_on_pushing_is_turned(made):
+    channels = {**made.recording.channels, "fz": -made.recording.channels["fz"]}
+    turned = dataclasses.replace(made.recording, channels=channels)
+    plain = extract_peaks(
+        made.recording, THETA_SWEEP, settings=PeakSettings(normal="fz")
+    )
+    again = extract_peaks(turned, THETA_SWEEP, settings=PeakSettings(normal="-fz"))
+    np.testing.assert_allclose(
+        again.heights("height_normal"), plain.heights("height_normal"), rtol=1e-12
+    )
+
+
+def test_a_normal_that_is_not_there_is_refused(made):
+    with pytest.raises(ConfigError, match="fx, fy, fz"):
+        extract_peaks(made.recording, THETA_SWEEP, settings=PeakSettings(normal="f_n"))
+
+
+def test_a_gap_in_one_component_does_not_shift_the_others(made):
+    channels = dict(made.recording.channels)
+    rest = made.recording.time < made.t_start[0] - 0.2
+    channels["fx"] = (
+        np.where(rest & (np.arange(rest.size) % 3 == 0), np.nan, 0.0) + (channels["fx"])
+    )
+    holed = dataclasses.replace(made.recording, channels=channels)
+    settings = PeakSettings(normal="fz")
+    whole = extract_peaks(made.recording, THETA_SWEEP, settings=settings)
+    table = extract_peaks(holed, THETA_SWEEP, settings=settings)
+    np.testing.assert_allclose(
+        table.heights("height_normal"),
+        whole.heights("height_normal"),
+        atol=4 * float(whole.sd("height_normal").max()),
+    )
+
+
+def test_a_push_beyond_the_range_of_one_component_is_flagged(made):
+    """The length of the force hides that one of its axes has ended."""
+    fz = made.recording.channels["fz"]
+    end = 0.6 * np.asarray(made.truth.height_normal).max() + np.median(fz[:100])
+    channels = {**made.recording.channels, "fz": np.minimum(fz, end)}
+    cut = dataclasses.replace(made.recording, channels=channels)
+    table = extract_peaks(cut, THETA_SWEEP, settings=PeakSettings(normal="fz"))
+    is_cut = np.asarray(made.truth.height_normal) > end - np.median(fz[:100])
+    assert is_cut.any()
+    flagged = np.array(["saturated" in words for words in table.flags])
+    assert flagged[is_cut].all()
+    assert not flagged[np.asarray(made.truth.height_normal) < 0.9 * end].any()

@@ -1,0 +1,205 @@
+"""A push's height does not depend on what else the recording holds.
+
+Each recording is changed where the pushes that are looked at are not: it is cut, given
+more or fewer pushes, another rest level, sign, time or unit. Heights must be the same
+to a tenth of their standard deviation.
+"""
+
+import numpy as np
+import pytest
+
+from pushfit.data.peaks.extract import find_pushes, measure_pushes
+from pushfit.data.peaks.heights import Height, measure_heights
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.records import Recording
+
+# What rounding and the judgement of the noise may change.
+SAME = 0.1
+RNG = 7
+
+
+def simulated(heights=(100.0, 160.0, 130.0, 90.0, 150.0, 120.0), *, shape="triangle"):
+    """Pushes of two seconds and rests of two, with noise of one."""
+    time = np.arange(0.0, 4.0 * len(heights) + 2.0, 0.01)
+    y = np.zeros(time.size)
+    for k, height in enumerate(heights):
+        since = np.abs(time - 4.0 * k - 3.0)
+        course = np.clip(1 - since, 0, None)
+        if shape == "trapezoid":
+            course = np.clip(2.5 * course, 0, 1)
+        y += height * course
+    return time, y + np.random.default_rng(RNG).standard_normal(time.size)
+
+
+def measured(time, y, **settings) -> list[tuple[float, Height]]:
+    """Tops and heights of all pushes."""
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    extents = find_pushes(recording, settings=PeakSettings(**settings))
+    upright = -y if settings.get("invert") else y
+    if not extents:
+        return []
+    found = measure_heights(time, upright, extents, definition="auto", limit=None)
+    return [(e.t_peak, h) for e, h in zip(extents, found, strict=True)]
+
+
+def assert_same(found, expected, *, gain=1.0):
+    """The pushes are the same ones, with the same heights and definitions."""
+    assert len(found) == len(expected)
+    for (_, own), (_, other) in zip(found, expected, strict=True):
+        assert own.definition == other.definition
+        assert abs(own.height / gain - other.height) < SAME * other.sd
+        assert "clipped" not in own.flags
+
+
+SHAPES = pytest.mark.parametrize("shape", ["triangle", "trapezoid"])
+
+
+@SHAPES
+@pytest.mark.parametrize("n_before", [1, 2, 3, 4, 5])
+def test_cut_at_a_rest_both_parts_keep_their_heights(shape, n_before):
+    time, y = simulated(shape=shape)
+    whole = measured(time, y)
+    cut = np.searchsorted(time, 4.0 * n_before + 1.0)
+    assert_same(measured(time[:cut], y[:cut]), whole[:n_before])
+    assert_same(measured(time[cut:], y[cut:]), whole[n_before:])
+
+
+@SHAPES
+@pytest.mark.parametrize("share", [0.2, 0.4, 0.5, 0.6, 0.8])
+@pytest.mark.parametrize("n_before", [1, 3])
+def test_cut_inside_a_push_that_one_is_clipped_and_the_rest_the_same(
+    shape, share, n_before
+):
+    time, y = simulated(shape=shape)
+    whole = measured(time, y)
+    cut = np.searchsorted(time, 4.0 * n_before + 2.0 + 2.0 * share)
+    left = measured(time[:cut], y[:cut])
+    right = measured(time[cut:], y[cut:])
+    assert "clipped" in left[-1][1].flags
+    assert "clipped" in right[0][1].flags
+    assert_same(left[:-1], whole[:n_before])
+    assert_same(right[1:], whole[n_before + 1 :])
+
+
+@SHAPES
+def test_other_pushes_change_nothing(shape):
+    """One repeated, one removed, and another recording appended."""
+    time, y = simulated(shape=shape)
+    whole = measured(time, y)
+    first, second = np.searchsorted(time, [5.0, 9.0])
+    repeated = np.concatenate([y[:second], y[first:second], y[second:]])
+    longer = np.arange(repeated.size) * 0.01
+    assert_same(measured(longer, repeated), [*whole[:2], whole[1], *whole[2:]])
+    removed = np.concatenate([y[:first], y[second:]])
+    shorter = np.arange(removed.size) * 0.01
+    assert_same(measured(shorter, removed), [whole[0], *whole[2:]])
+    other = simulated((400.0, 380.0, 420.0), shape="trapezoid")[1]
+    appended = np.concatenate([y, other])
+    both = measured(np.arange(appended.size) * 0.01, appended)
+    assert_same(both[: len(whole)], whole)
+
+
+@SHAPES
+@pytest.mark.parametrize("step", [-300.0, -100.0, 100.0, 300.0])
+def test_a_step_of_the_rest_level_is_no_push_and_hides_none(shape, step):
+    time, y = simulated(shape=shape)
+    stepped = y + step * np.clip((time - 9.0) / 0.2, 0, 1)
+    assert_same(measured(time, stepped), measured(time, y))
+
+
+@SHAPES
+def test_sign_time_and_unit_change_nothing(shape):
+    time, y = simulated(shape=shape)
+    whole = measured(time, y)
+    assert_same(measured(time, -y, invert=True), whole)
+    assert_same(measured(time + 1.6e9, y), whole)
+    assert_same(measured(time, 1e-3 * y), whole, gain=1e-3)
+
+
+@SHAPES
+@pytest.mark.parametrize("rate", [80.0, 120.0])
+def test_resampled_pushes_are_the_same_within_their_noise(shape, rate):
+    """Other samples have other noise: heights agree to two of their sd."""
+    time, y = simulated(shape=shape)
+    whole = measured(time, y)
+    again = np.arange(0.0, time[-1], 1 / rate)
+    found = measured(again, np.interp(again, time, y))
+    assert len(found) == len(whole)
+    for (_, own), (_, other) in zip(found, whole, strict=True):
+        assert own.definition == other.definition
+        assert abs(own.height - other.height) < 2 * other.sd
+
+
+REAL = [
+    ("biotac_hand_pushes/trial2", "pdc"),
+    ("fingertip_force/pressure_index_1_100Hz", "force_N"),
+    ("soft_skin/grid_r1.00_3.0N_11-02-2025_15-23-30", "fz_N"),
+    ("soft_skin/test_18-02-2025_13-00-43", "fz_N"),
+]
+
+
+def real(folder, name, column):
+    unit = "counts" if column == "pdc" else "n"
+    recording = read_recording(
+        folder / f"{name}.csv", mapping={"p": column}, units={"p": unit}
+    )
+    return recording.time, recording.channels["p"]
+
+
+@pytest.mark.parametrize(("name", "column"), REAL)
+def test_real_recordings_cut_at_rests_keep_their_pushes(real_data, name, column):
+    """None is lost or clipped, and nearly all heights stay to a tenth of the sd.
+
+    A rest as short as those of a hand is itself cut, which moves its level by its own
+    uncertainty.
+    """
+    time, y = real(real_data, name, column)
+    recording = Recording(time=time, channels={"p": y}, units={"p": "au"})
+    extents = find_pushes(recording)
+    whole = measured(time, y)
+    moved = []
+    for k in range(1, len(extents)):
+        middle = (extents[k - 1].t_end + extents[k].t_start) / 2
+        cut = np.searchsorted(time, middle)
+        parts = [*measured(time[:cut], y[:cut]), *measured(time[cut:], y[cut:])]
+        assert len(parts) == len(whole)
+        assert not any("clipped" in h.flags for _, h in parts[1:-1])
+        moved += [
+            abs(own.height - other.height) / other.sd
+            for (_, own), (_, other) in zip(parts, whole, strict=True)
+        ]
+    assert np.mean(np.array(moved) > SAME) < 0.1
+    assert np.median(moved) < 0.01
+
+
+def test_presses_of_a_robot_after_a_grip_are_found_with_their_holds(real_data):
+    path = real_data / "ur5_honeycomb/rigid_kpx_0.0017_2_trial4.bag"
+    recording = read_recording(
+        path, mapping={"hall": "/trial4.real_hall"}, units={"hall": "au"}
+    )
+    frame = measure_pushes(recording, settings=PeakSettings(invert=True)).frame
+    # The first press is not held; its known height is not that of its apex.
+    holds = [1.48, 1.43, 1.40, 1.39, 1.37, 1.36, 1.35, 1.35]
+    assert len(frame) == 9
+    np.testing.assert_allclose(frame["height_au"][1:], holds, rtol=0, atol=0.03)
+
+
+def test_an_indenter_log_is_read_as_it_is(real_data):
+    recording = read_recording(real_data / "indenter_ddf/1000 mN data file.ddf")
+    frame = measure_pushes(recording, settings=PeakSettings(channel="AI1")).frame
+    assert len(frame) == 1
+    np.testing.assert_allclose(frame["height_n"], 0.9958, rtol=0, atol=0.003)
+
+
+def test_a_poke_in_a_bare_log_is_found_once(real_data):
+    recording = read_recording(
+        real_data / "peg_poke/forcetorque-20+0.txt",
+        columns=("fx_n", "fy_n", "fz_n", "..."),
+        rate=125.0,
+    )
+    settings = PeakSettings(channel="fz", invert=True)
+    frame = measure_pushes(recording, settings=settings).frame
+    assert len(frame) == 1
+    assert 6.2 < frame["t_peak_s"][0] < 8.1
+    assert 3.0 < frame["height_n"][0] < 5.6

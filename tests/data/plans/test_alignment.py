@@ -1,0 +1,84 @@
+"""Alignment: which push is missing or extra is told by the rhythm."""
+
+import numpy as np
+import pytest
+
+from pushfit.data.plans.alignment import align
+
+PERIOD = 3.5
+N = 27
+
+
+def humps(n=N, jitter=0.1, seed=0):
+    rng = np.random.default_rng(seed)
+    return PERIOD * np.arange(n) + jitter * rng.standard_normal(n)
+
+
+def aligned(times, brush=None, n_planned=N):
+    brush = [False] * len(times) if brush is None else brush
+    return align(times, brush, n_planned=n_planned, planned_times=None)
+
+
+def test_as_many_humps_as_pushes_are_paired_in_order():
+    result = aligned(humps())
+    assert result.is_complete
+    assert result.hump.tolist() == list(range(N))
+
+
+@pytest.mark.parametrize("lost", [1, 7, 13, 25])
+def test_a_missing_push_inside_is_located(lost):
+    result = aligned(np.delete(humps(), lost))
+    assert result.missing == (lost,)
+    assert result.extra == ()
+    assert not result.is_ambiguous
+
+
+@pytest.mark.parametrize("lost", [(3, 4), (5, 20), (10, 11, 12)])
+def test_several_missing_pushes_are_located(lost):
+    assert aligned(np.delete(humps(), lost)).missing == lost
+
+
+@pytest.mark.parametrize("after", [0, 9, 25])
+def test_an_extra_hump_between_two_pushes_is_located(after):
+    times = humps()
+    times = np.insert(times, after + 1, times[after] + 0.45 * PERIOD)
+    result = aligned(times)
+    assert result.extra == (after + 1,)
+    assert result.missing == ()
+
+
+def test_a_push_missing_at_an_end_is_ambiguous():
+    """No rhythm tells the first from the last: either end may lack one."""
+    result = aligned(humps()[1:])
+    assert len(result.missing) == 1
+    assert result.is_ambiguous
+
+
+def test_a_brush_in_the_rhythm_is_the_push_that_was_missing():
+    brush = [False] * N
+    brush[13] = True
+    result = aligned(humps(), brush)
+    assert result.is_complete
+    assert result.hump[13] == 13
+
+
+def test_a_brush_out_of_the_rhythm_stays_a_brush():
+    times = humps()
+    times = np.insert(times, 5, times[4] + 0.4 * PERIOD)
+    brush = [False] * (N + 1)
+    brush[5] = True
+    result = aligned(times, brush)
+    assert result.is_complete
+    assert 5 not in result.hump
+
+
+def test_a_schedule_of_one_cycle_repeats():
+    result = aligned(humps(), n_planned=9)
+    assert (result.n_cycles, result.is_complete) == (3, True)
+
+
+def test_planned_times_locate_a_push_in_an_uneven_schedule():
+    planned = np.cumsum([0, 2, 2, 6, 2, 9, 2, 2, 4, 2.0])
+    recorded = np.delete(planned + 100.0, 5)
+    result = align(recorded, [False] * 9, n_planned=10, planned_times=planned)
+    assert result.missing == (5,)

@@ -1,0 +1,38 @@
+"""Schedules: reading plans of pushes."""
+
+import numpy as np
+import pytest
+
+from pushfit.data.plans.schedule import read_schedule
+from pushfit.errors import DataError
+
+
+def written(tmp_path, text):
+    path = tmp_path / "plan.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_schedule_keeps_its_order_and_numbers(tmp_path):
+    text = "push,theta_deg,alpha_deg,repeat\n3,60,90,1\n1,-60,90,2\n"
+    schedule = read_schedule(written(tmp_path, text))
+    assert schedule.push.tolist() == [3, 1]
+    assert schedule.repeat.tolist() == [1, 2]
+    np.testing.assert_allclose(schedule.theta, [np.pi / 3, -np.pi / 3], rtol=1e-15)
+    assert schedule.time is None
+
+
+def test_planned_times_are_seconds(tmp_path):
+    text = "theta_deg,alpha_deg,time_ms\n60,90,500\n30,90,2500\n"
+    assert read_schedule(written(tmp_path, text)).time.tolist() == [0.5, 2.5]
+
+
+def test_an_impossible_elevation_is_named(tmp_path):
+    with pytest.raises(DataError, match=r"plan\.csv, line 3, column theta_deg: 97 is"):
+        read_schedule(written(tmp_path, "theta_deg,alpha_deg\n60,90\n97,90\n"))
+
+
+def test_a_schedule_without_directions_is_refused(tmp_path):
+    with pytest.raises(DataError) as caught:
+        read_schedule(written(tmp_path, "push,repeat\n1,1\n"))
+    assert caught.value.code == "missing_column"

@@ -1,0 +1,54 @@
+"""Tables of several recordings as one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pushfit.data.recordings.recording import Source
+from pushfit.data.tables.merge import merge_tables
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import DataError
+
+
+def table(name: str, n: int, unit: str = "kpa") -> PeakTable:
+    made = PeakTable.from_arrays(
+        theta=np.linspace(0.1, 1.0, n),
+        alpha=np.zeros(n),
+        heights={"height": np.arange(n) + 1.0},
+        unit=unit,
+    )
+    return replace(made, sources=(Source(path=name, sha256=f"{name}{n}", dialect="x"),))
+
+
+def test_pushes_keep_their_order_and_are_numbered_through():
+    merged = merge_tables([table("a", 3), table("b", 2)])
+    assert merged.frame["push"].tolist() == [1, 2, 3, 4, 5]
+    np.testing.assert_array_equal(merged.heights("height"), [1, 2, 3, 1, 2])
+
+
+def test_the_origin_of_every_push_is_kept():
+    merged = merge_tables([table("a", 3), table("b", 2)])
+    assert [source.path for source in merged.sources] == ["a", "b"]
+    assert "pushes 4 to 5 are from b" in merged.notes
+
+
+def test_one_table_stays_as_it_is():
+    alone = table("a", 3)
+    assert merge_tables([alone]) is alone
+
+
+def test_units_are_not_mixed():
+    with pytest.raises(DataError, match="heights in counts and kpa"):
+        merge_tables([table("a", 3), table("b", 2, unit="counts")])
+
+
+def test_a_recording_named_twice_is_refused():
+    """Pushes that count twice make intervals narrower by a root of two."""
+    with pytest.raises(DataError, match="b: has the same bytes as a") as caught:
+        merge_tables([table("a", 3), replaced_path(table("a", 3), "b")])
+    assert caught.value.code == "duplicate_recording"
+
+
+def replaced_path(table: PeakTable, path: str) -> PeakTable:
+    return replace(table, sources=(replace(table.sources[0], path=path),))

@@ -1,0 +1,237 @@
+"""Tables of peak heights: what is read, what is refused and with which words."""
+
+import os
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pushfit.atomic import atomic_path
+from pushfit.data.recordings.recording import Source
+from pushfit.data.tables.peak_table import (
+    PeakTable,
+    concatenate,
+    read_table,
+    write_table,
+)
+from pushfit.errors import DataError
+
+GOOD = "theta_deg,alpha_deg,height_n\n15,90,1.0\n30,90,2.0\n15,90,1.2\n"
+
+
+def written(tmp_path, text, name="peaks.csv"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def rejected(tmp_path, text):
+    with pytest.raises(DataError) as caught:
+        read_table(written(tmp_path, text))
+    return caught.value
+
+
+def test_pushes_are_numbered_in_order_and_repeats_within_a_direction(tmp_path):
+    table = read_table(written(tmp_path, GOOD))
+    assert table.frame["push"].tolist() == [1, 2, 3]
+    assert table.frame["repeat"].tolist() == [1, 1, 2]
+    assert table.groups.tolist() == [0, 1, 0]
+
+
+def test_angles_are_radians_inside(tmp_path):
+    table = read_table(written(tmp_path, GOOD))
+    assert table.theta.tolist() == pytest.approx([np.pi / 12, np.pi / 6, np.pi / 12])
+
+
+def test_millinewtons_and_pascals_come_in_canonical_units(tmp_path):
+    newton = read_table(written(tmp_path, GOOD.replace("height_n", "height_mN")))
+    assert newton.unit == "n"
+    assert newton.heights("height").tolist() == pytest.approx([1e-3, 2e-3, 1.2e-3])
+
+
+def test_pooled_sd_is_the_scatter_about_each_direction(tmp_path):
+    """1.0 and 1.2 about 1.1, one degree of freedom: s² = 2 * 0.1²."""
+    sd, dof = read_table(written(tmp_path, GOOD)).pooled_sd("height")
+    assert dof == 1
+    assert sd == pytest.approx(0.1 * np.sqrt(2))
+
+
+def test_pooled_sd_is_unknown_without_repeats():
+    table = PeakTable.from_arrays(
+        theta=np.array([0.1, 0.2]),
+        alpha=np.zeros(2),
+        heights={"height": np.array([1.0, 2.0])},
+        unit="n",
+    )
+    sd, dof = table.pooled_sd("height")
+    assert np.isnan(sd)
+    assert dof == 0
+
+
+@pytest.mark.parametrize("flag", ["saturated", "clipped", "gap", "lost_contact"])
+def test_flagged_heights_are_not_used(tmp_path, flag):
+    text = f"theta_deg,alpha_deg,height_n,flags\n15,90,1,\n30,90,2,outlier;{flag}\n"
+    assert read_table(written(tmp_path, text)).is_used.tolist() == [True, False]
+
+
+def test_an_outlier_is_an_opinion_and_stays_in_use(tmp_path):
+    text = "theta_deg,alpha_deg,height_n,flags\n15,90,1,outlier\n"
+    assert read_table(written(tmp_path, text)).is_used.tolist() == [True]
+
+
+def test_unknown_columns_are_left_out_with_a_note(tmp_path):
+    text = GOOD.replace("height_n\n", "height_n,site\n").replace(".0\n", ".0,7\n")
+    table = read_table(written(tmp_path, text.replace("1.2\n", "1.2,7\n")))
+    assert "site" not in table.frame
+    assert any("site" in note for note in table.notes)
+
+
+@pytest.mark.parametrize(
+    ("header", "found", "meant"),
+    [
+        ("theta,alpha_deg,height_n", "theta", "theta_deg or theta_rad"),
+        ("theta_deg,alpha_deg,height", "height", "height_n, height_mn"),
+        ("theta_deg,alpha_deg,heigth_n", "heigth_n", "height_n, height_mn"),
+        ("thetta_deg,alpha_deg,height_n", "thetta_deg", "theta_deg or theta_rad"),
+    ],
+)
+def test_near_misses_are_asked_about(tmp_path, header, found, meant):
+    error = rejected(tmp_path, GOOD.replace("theta_deg,alpha_deg,height_n", header))
+    assert error.code == "near_miss_column"
+    assert f"column {found}" in str(error)
+    assert f"did you mean {meant}" in str(error)
+
+
+BAD_CELLS = [
+    ("30,90,2.0", "97,90,2.0", "theta_range", "theta_deg", "97"),
+    ("30,90,2.0", "30,400,2.0", "alpha_range", "alpha_deg", "400"),
+    ("30,90,2.0", "3x,90,2.0", "not_a_number", "theta_deg", "3x"),
+    ("30,90,2.0", "30,90,inf", "not_finite", "height_n", "inf"),
+    ("30,90,2.0", "30,90,", "missing_value", "height_n", "nan"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "code", "column", "value"), BAD_CELLS)
+def test_a_bad_cell_is_named_by_line_column_and_value(
+    tmp_path, old, new, code, column, value
+):
+    error = rejected(tmp_path, GOOD.replace(old, new))
+    assert error.code == code
+    assert f"line 3, column {column}: " in str(error)
+    assert value in str(error)
+    assert error.problems[0].line == 3
+
+
+def test_all_bad_cells_are_reported_at_once(tmp_path):
+    text = GOOD.replace("30,90", "97,90").replace("15,90,1.2", "-98,90,1.2")
+    error = rejected(tmp_path, text)
+    assert [problem.line for problem in error.problems] == [3, 4]
+    assert "(and 1 more)" in str(error)
+
+
+@pytest.mark.parametrize("value", ["0", "-0.1"])
+def test_a_standard_deviation_must_be_positive(tmp_path, value):
+    text = f"theta_deg,alpha_deg,height_n,height_sd_n\n15,90,1,{value}\n"
+    assert rejected(tmp_path, text).code == "sd_range"
+
+
+def test_radians_under_a_degree_suffix_are_refused(tmp_path):
+    text = "theta_deg,alpha_deg,height_n\n0.26,1.57,1\n1.05,1.57,2\n"
+    assert rejected(tmp_path, text).code == "implausible_angles"
+
+
+def test_a_header_alone_is_an_empty_table(tmp_path):
+    error = rejected(tmp_path, "theta_deg,alpha_deg,height_n\n")
+    assert error.code == "no_rows"
+    assert "0 data rows" in str(error)
+
+
+def test_one_table_has_one_unit(tmp_path):
+    text = "theta_deg,alpha_deg,height_n,height_normal_kpa\n15,90,1,1\n"
+    assert rejected(tmp_path, text).code == "mixed_units"
+
+
+def test_the_same_column_twice_is_refused(tmp_path):
+    text = "theta_deg,alpha_deg,height_n,height_N\n15,90,1,1\n"
+    assert rejected(tmp_path, text).code == "duplicate_column"
+
+
+def test_two_pushes_cannot_have_one_number(tmp_path):
+    text = "push,theta_deg,alpha_deg,height_n\n1,15,90,1\n1,30,90,1\n"
+    assert rejected(tmp_path, text).code == "duplicate_push"
+
+
+def test_an_unknown_flag_is_refused(tmp_path):
+    text = "theta_deg,alpha_deg,height_n,flags\n15,90,1,saturatd\n"
+    assert rejected(tmp_path, text).code == "unknown_flag"
+
+
+@pytest.fixture
+def full_table():
+    rng = np.random.default_rng(1)
+    n = 12
+    return PeakTable.from_frame(
+        pd.DataFrame(
+            {
+                "theta_deg": rng.uniform(-90, 90, n),
+                "alpha_deg": rng.uniform(-180, 180, n),
+                "height_kpa": rng.normal(size=n),
+                "height_sd_kpa": rng.uniform(0.1, 1, n),
+                "baseline_kpa": rng.normal(size=n),
+                "t_peak_s": np.where(np.arange(n) == 3, np.nan, np.arange(n) / 3),
+                "flags": ["saturated;gap", *[""] * (n - 1)],
+            }
+        ),
+        sources=(Source(path="a.csv", sha256="0" * 64, dialect="native csv"),),
+        notes=("a note",),
+    )
+
+
+@pytest.mark.parametrize("name", ["peaks.csv", "peaks.parquet"])
+def test_rows_survive_a_round_trip_bit_by_bit(tmp_path, full_table, name):
+    write_table(full_table, tmp_path / name)
+    again = read_table(tmp_path / name)
+    pd.testing.assert_frame_equal(again.frame, full_table.frame, check_exact=True)
+    assert again.unit == "kpa"
+
+
+def test_parquet_keeps_sources_and_notes(tmp_path, full_table):
+    write_table(full_table, tmp_path / "peaks.parquet")
+    again = read_table(tmp_path / "peaks.parquet")
+    assert again.sources[:-1] == full_table.sources
+    assert again.sources[-1].path.endswith("peaks.parquet")
+    assert again.notes[: len(full_table.notes)] == full_table.notes
+
+
+def test_tables_of_one_grasp_go_under_each_other(tmp_path):
+    table = read_table(written(tmp_path, GOOD))
+    both = concatenate([table, table])
+    assert both.frame["push"].tolist() == [1, 2, 3, 4, 5, 6]
+    assert both.frame["repeat"].tolist() == [1, 1, 2, 3, 2, 4]
+    assert len(both.sources) == 2
+
+
+def test_tables_in_different_units_stay_apart(tmp_path, full_table):
+    table = read_table(written(tmp_path, GOOD))
+    with pytest.raises(DataError, match=r"height in kpa and height in n"):
+        concatenate([table, full_table])
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path):
+    path = written(tmp_path, GOOD)
+
+    def write_half():
+        with atomic_path(path) as temporary:
+            temporary.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_half()
+    assert path.read_text() == GOOD
+    assert os.listdir(tmp_path) == ["peaks.csv"]
+
+
+def test_the_probing_table_reads_with_its_other_columns_left_out(real_data):
+    table = read_table(real_data / "probing/probingRAL2018_T1_height_table.csv")
+    assert (table.n_pushes, table.unit) == (727, "n")
+    assert any("depth_mm" in note for note in table.notes)

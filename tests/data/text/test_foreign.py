@@ -1,0 +1,89 @@
+"""Logs that are no tables are read by the rules of tables."""
+
+import numpy as np
+import pytest
+
+from pushfit.data.recordings.recording import read_recording
+from pushfit.errors import DataError
+
+ECHO = """header:
+  seq: {k}
+  stamp:
+    secs: 1600000000
+    nsecs: {ns}
+  frame_id: ''
+wrench:
+  force:
+    x: {x}
+    y: 0.5
+---
+"""
+
+
+def test_what_rostopic_echo_prints_is_read(tmp_path):
+    path = tmp_path / "echo.txt"
+    path.write_text(
+        "".join(ECHO.format(k=k, ns=10_000_000 * k, x=k / 4) for k in range(8))
+    )
+    recording = read_recording(
+        path, mapping={"fx": "wrench.force.x"}, units={"fx": "n"}
+    )
+    np.testing.assert_array_equal(recording.channels["fx"], np.arange(8) / 4)
+    np.testing.assert_allclose(np.diff(recording.time), 0.01, rtol=1e-4)
+
+
+def test_a_rospy_log_with_values_below_their_names_is_read(tmp_path):
+    path = tmp_path / "node.log"
+    path.write_text(
+        "".join(
+            f"[INFO] [{1600000000 + k / 100:.2f}]: pdc:\n{2000 + k}\n" for k in range(6)
+        )
+    )
+    recording = read_recording(path, mapping={"p": "pdc"}, units={"p": "counts"})
+    assert recording.channels["p"].tolist() == [2000.0 + k for k in range(6)]
+
+
+def test_numpy_columns_are_read_by_name(tmp_path):
+    time, force = np.arange(5) / 100, np.arange(5.0)
+    np.savez(tmp_path / "log.npz", time_s=time, force_n=force)
+    np.save(tmp_path / "log.npy", np.stack([time, force], axis=1))
+    by_name = read_recording(tmp_path / "log.npz")
+    by_order = read_recording(tmp_path / "log.npy", columns=("time_s", "force_n"))
+    for recording in (by_name, by_order):
+        np.testing.assert_array_equal(recording.channels["force"], force)
+        np.testing.assert_array_equal(recording.time, time)
+    with pytest.raises(DataError, match="2 columns without names"):
+        read_recording(tmp_path / "log.npy")
+
+
+def test_a_biotac_log_is_named_with_the_way_to_convert_it(tmp_path):
+    path = tmp_path / "run.btd"
+    path.write_bytes(b"\x01\x02" * 100)
+    with pytest.raises(DataError, match=r"SynTouch BioTac log.*save it as text"):
+        read_recording(path)
+
+
+def test_a_table_without_names_and_time_has_columns_and_a_rate(tmp_path):
+    path = tmp_path / "bare.txt"
+    path.write_text("".join(f"{k},0.1,7,8,\n" for k in range(20)))
+    recording = read_recording(path, columns=("fx_n", "fy_un", "..."), rate=50.0)
+    assert list(recording.channels) == ["fx", "fy"]
+    np.testing.assert_allclose(recording.channels["fy"], 1e-7)
+    np.testing.assert_allclose(recording.time, np.arange(20) / 50)
+
+
+def test_volts_are_newtons_by_a_stated_gain(tmp_path):
+    path = tmp_path / "volts.csv"
+    path.write_text("time_s,ai1\n" + "".join(f"{k / 10},{k}\n" for k in range(9)))
+    recording = read_recording(path, mapping={"f": "ai1"}, units={"f": "500 mN/V"})
+    np.testing.assert_allclose(recording.channels["f"], 0.5 * np.arange(9))
+
+
+def test_a_table_in_the_preamble_is_not_that_of_the_samples(tmp_path):
+    path = tmp_path / "log.txt"
+    path.write_text(
+        "Protocol\tvalue\ttext\n0.2\tRamp\t6, 0.5\n\ntime_s\tforce_n\n"
+        + "".join(f"{k / 10}\t{k}.5\n" for k in range(40))
+    )
+    recording = read_recording(path)
+    np.testing.assert_array_equal(recording.channels["force"], np.arange(40) + 0.5)
