@@ -27,6 +27,8 @@ from pushfit.explore.memory import (
     check_question,
     first_azimuth,
     header_of,
+    plain_state,
+    state_of,
     suggestion_of,
     told_event,
     told_of,
@@ -103,6 +105,8 @@ class Explorer:
         )
         self.source = source
         self.told: list[Told] = []
+        # Where it stood after each push, for pictures.
+        self.course: list[State] = []
         self.failures: list[Failure] = []
         self.pending: Suggestion | None = None
         self.dangling: Suggestion | None = None
@@ -143,6 +147,7 @@ class Explorer:
         )
         self._attach(rows, azimuth)
         self._settle()
+        self._log()
 
     def ask(self, n: int = 1) -> tuple[Suggestion, ...]:
         """The pushes that would tell most, the best first.
@@ -208,6 +213,7 @@ class Explorer:
         self.journal.write(told_event(row, asked.number if asked else None))
         self._take(row)
         self._settle()
+        self._log()
         return self.state
 
     def fail(self, suggestion: Suggestion, reason: str) -> None:
@@ -365,6 +371,11 @@ class Explorer:
             if moved is not None:
                 self.stop(moved)
 
+    def _log(self) -> None:
+        """Write down where the exploration stands."""
+        self.journal.write({"event": "state", **plain_state(self.state)})
+        self.course.append(self.state)
+
     def _start(self, ask: str, path: Path | None) -> None:
         """Open the journal, and live again through what it tells."""
         self._surveyor = Surveyor(self.question, self.limits)
@@ -386,6 +397,8 @@ class Explorer:
         self.dangling, self.pending = self.pending, None
         if self.told:
             self._settle()
+            if self.course[-1:] == [] or self.course[-1].n_pushes < len(self.told):
+                self._log()
         self._stop_after_failures()
 
     def _replay(self, event: Event) -> None:
@@ -399,6 +412,8 @@ class Explorer:
                 self._n_asked = self.pending.number
             case "told":
                 self._take(told_of(event))
+            case "state":
+                self.course.append(state_of(event))
             case "drawn":
                 self._n_drawn = int(event["n"])  # pyright: ignore
             case "failed" | "abandoned" as kind if self.pending is not None:

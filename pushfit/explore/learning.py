@@ -81,4 +81,20 @@ def reference_due(told: Sequence[Told], limits: Limits) -> Told | None:
             break
         since += 1
     every = limits.reference_every
-    return own[0] if every and since >= every else None
+    return reference_rows(told)[0] if every and since >= every else None
+
+
+def reference_rows(told: Sequence[Told]) -> list[Told]:
+    """The push that others are held against, and its repetitions so far.
+
+    It is the strongest of those before the first repetition: that one shows most of a
+    change.
+
+    Args:
+        told: Pushes in order, at least one of them of full length and its own.
+    """
+    own = [row for row in told if not row.is_short and not row.is_attached]
+    again = [row for row in own if row.purpose == Purpose.REFERENCE.value]
+    before = own[: own.index(again[0])] if again else own
+    strongest = max(before, key=lambda row: max(row.heights.values()))
+    return [strongest, *again]

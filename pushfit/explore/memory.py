@@ -1,6 +1,7 @@
 """What an exploration writes into its journal, and how it reads it back."""
 
 from dataclasses import asdict
+from typing import cast
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from pushfit.explore.belief import Question
 from pushfit.explore.journal import SCHEMA, Event
 from pushfit.explore.limits import Limits
 from pushfit.explore.outcome import Judge
-from pushfit.explore.records import Purpose, Suggestion, Told
+from pushfit.explore.records import Answer, Purpose, State, Suggestion, Told
 
 ANGLES: dict[str, tuple[str, ...]] = {
     "theta_c": ("theta_c",),
@@ -62,6 +63,31 @@ def told_of(event: Event) -> Told:
     """
     values = {k: v for k, v in event.items() if k not in ("event", "number")}
     return Told(**values)  # pyright: ignore
+
+
+def plain_state(state: State) -> Event:
+    """A state as JSON has it.
+
+    Args:
+        state: Where an exploration stands.
+    """
+    return asdict(state) | {"answer": state.answer.value}
+
+
+def state_of(event: Event) -> State:
+    """The state of such a line.
+
+    Args:
+        event: Line of a journal.
+    """
+    values = {key: value for key, value in event.items() if key != "event"}
+    values["answer"] = Answer(values["answer"])
+    intervals = cast(dict[str, list[float] | None], values["intervals"])
+    values["intervals"] = {
+        angle: None if found is None else (found[0], found[1])
+        for angle, found in intervals.items()
+    }
+    return State(**values)  # pyright: ignore
 
 
 def check_question(ask: str, width_deg: float, prob: float, budget: int) -> None:

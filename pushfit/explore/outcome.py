@@ -11,6 +11,7 @@ import numpy as np
 from pushfit.explore.belief import Belief, Question, noise_is_known
 from pushfit.explore.forecast import UNLIMITED, Target, p_decided
 from pushfit.explore.intervals import shortest_interval
+from pushfit.explore.learning import reference_rows
 from pushfit.explore.limits import Limits
 from pushfit.explore.predict import predict
 from pushfit.explore.records import (
@@ -103,26 +104,20 @@ class Judge:
         """
         if not told or told[-1].purpose != Purpose.REFERENCE.value:
             return None
-        own = [r for r in told if not r.is_short and not r.is_attached]
-        last, first = own[-1], own[0]
-        same = [
-            row
-            for row in own[:-1]
-            if row is first or row.purpose == Purpose.REFERENCE.value
-        ]
-        rows = [*same, last]
+        rows = reference_rows(told)
+        n = len(rows) - 1
         theta = np.array([row.theta for row in rows])
         alpha = np.array([row.alpha for row in rows])
         expected = predict(belief, theta, alpha).heights @ belief.weights
         for c, channel in enumerate(belief.channels):
             excess = np.array([r.heights[channel] for r in rows]) - expected[:, c]
             change = float(excess[-1] - np.mean(excess[:-1]))
-            noise = float(belief.sigma[c]) * np.sqrt(1 + 1 / len(same))
+            noise = float(belief.sigma[c]) * np.sqrt(1 + 1 / n)
             if abs(change) > limits.reference_sigmas * noise:
                 return (
-                    f"the object has moved: push {len(own)} repeated push 1 and its "
-                    f"{channel} differs by {change:+.3g}, {abs(change) / noise:.0f} "
-                    "standard deviations"
+                    f"the object has moved: push {len(told)} repeated an earlier one "
+                    f"and its {channel} differs by {change:+.3g}, "
+                    f"{abs(change) / noise:.0f} standard deviations"
                 )
         return None
 

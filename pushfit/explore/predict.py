@@ -68,6 +68,28 @@ def predict(
     )
 
 
+def force_of(params: Parameters, grasp: Grasp, theta: float, alpha: float) -> float:
+    """Magnitude of the contact force of one push, the preload included.
+
+    Args:
+        params: Parameters.
+        grasp: Grasp and sensor.
+        theta: Elevation [rad].
+        alpha: Azimuth [rad].
+
+    Returns:
+        The force [N, or unit of uncalibrated heights].
+    """
+    found = _one(params, grasp, Pushes(np.array([theta]), np.array([alpha])))
+    height = (float(found.height[0]) - float(grasp.offset)) / float(grasp.gain)
+    return height + float(grasp.preload)
+
+
+@eqx.filter_jit
+def _one(params: Parameters, grasp: Grasp, pushes: Pushes) -> Channels:
+    return forward(params, pushes, grasp)
+
+
 @eqx.filter_jit
 def _at_draws(
     draws: Mapping[str, Float[Array, " n"]],

@@ -10,8 +10,10 @@ import json
 import os
 import secrets
 import shutil
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 
 from pushfit.data.table import write_table
 from pushfit.errors import ConfigError
@@ -22,6 +24,7 @@ from pushfit.report.html import render_html
 from pushfit.report.summary import summary_dict
 from pushfit.report.text import render_text
 
+NOTHING: Mapping[str, bytes] = MappingProxyType({})
 CONTENT = frozenset(
     {
         "peaks.csv",
@@ -30,12 +33,19 @@ CONTENT = frozenset(
         "report.txt",
         "report.html",
         "figures",
+        # Of an explored grasp.
+        "journal.jsonl",
+        "exploration.png",
     }
 )
 
 
 def write_result_folder(
-    identification: Identification, out: Path, *, force: bool
+    identification: Identification,
+    out: Path,
+    *,
+    force: bool,
+    extra: Mapping[str, bytes] = NOTHING,
 ) -> Path:
     """Write tables, posterior, summary, reports and figures of a result.
 
@@ -43,6 +53,7 @@ def write_result_folder(
         identification: The result.
         out: Folder to create; its parent exists.
         force: Replace a result folder that stands there.
+        extra: Content of further files, by names of `CONTENT`.
 
     Returns:
         The folder: `peaks.csv`, `result.nc`, `summary.json`, `report.txt`, `figures/`
@@ -58,6 +69,8 @@ def write_result_folder(
     fresh.mkdir()
     try:
         _write_content(identification, fresh)
+        for name, content in extra.items():
+            (fresh / name).write_bytes(content)
         _sync_tree(fresh)
         _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
     except BaseException:

@@ -137,7 +137,8 @@ def test_the_first_push_is_repeated_and_says_when_the_object_has_moved():
     own = explorer(width_deg=1.0, budget=60, limits=Limits(reference_every=4))
     asked = run(own, n=5)
     assert asked[4].purpose is Purpose.REFERENCE
-    assert (asked[4].theta, asked[4].alpha) == (asked[0].theta, asked[0].alpha)
+    # The strongest push so far shows most of a change.
+    assert asked[4].theta == max(s.theta for s in asked[:4])
     assert own.state.answer is Answer.DECIDING
     run(own, n=4)
     softer = Parameters(K_sn=500, K_dn=1200, K_st=400, C_rr=0.3, C_d=0.5, L=0.04)
