@@ -12,6 +12,7 @@ from pushfit.cli import (
     calibrate,
     compare,
     doctor,
+    explore,
     files,
     init,
     report,
@@ -68,6 +69,8 @@ for function in (
     calibrate.calibrate,
     compare.compare,
     batch.batch,
+    explore.next,
+    explore.explore,
     doctor.doctor,
 ):
     command(app)(function)

@@ -154,9 +154,12 @@ def _widths(
             found = _narrowest(after[is_enough], target)
             if attempt:
                 less = imagined.after(weights, n / FEWER, own)
-                ratio = _narrowest(less, target) / np.maximum(found, 1e-12)
-                rate = np.log(np.where(np.isfinite(ratio), ratio, 1.0)) / np.log(FEWER)
-                found = found * (n / n_each) ** np.clip(rate, 0.0, 0.5)
+                before = _narrowest(less, target)
+                # Where there is no interval yet there is no rate either.
+                both = np.isfinite(before) & (found > 0) & np.isfinite(found)
+                ratio = np.divide(before, found, out=np.ones_like(found), where=both)
+                rate = np.clip(np.log(ratio) / np.log(FEWER), 0.0, 0.5)
+                found = found * (n / n_each) ** rate
             widths[own] = found
         rows, n = rows[~is_enough], n / FEWER
         if not rows.size:

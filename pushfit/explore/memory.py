@@ -71,7 +71,7 @@ def plain_state(state: State) -> Event:
     Args:
         state: Where an exploration stands.
     """
-    return asdict(state) | {"answer": state.answer.value}
+    return {**asdict(state), "answer": state.answer.value}
 
 
 def state_of(event: Event) -> State:

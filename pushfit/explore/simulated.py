@@ -11,9 +11,12 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
+from pushfit.config import GraspConfig
+from pushfit.data.grasp import make_grasp
 from pushfit.data.records import Recording
 from pushfit.data.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording
+from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
 from pushfit.explore.hand import PushOutcome, PushStatus, Reach
 from pushfit.explore.predict import force_of
@@ -21,7 +24,7 @@ from pushfit.model import Grasp, Parameters
 
 SESSION = Session(shape="triangle", rise=0.5, rest=0.6, rate=100.0)
 # Share of a push after which it stalls, and of the stiffness that a slip leaves.
-STALLS_AT, SLIP = 0.4, 0.7
+STALLS_AT, SLIP = 0.4, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,3 +279,44 @@ SPOILS: Mapping[str, Callable[[Recording, float, float], Recording]] = {
     "silent": _silent,
 }
 FAULTS = (*SPOILS, "stall", "slip")
+
+
+def simulated_hand(
+    config: GraspConfig,
+    *,
+    theta_deg: tuple[float, float],
+    unit: str,
+    noise: float,
+    scatter: float,
+    forces: bool,
+    seed: int,
+) -> SimulatedHand:
+    """A hand that holds the grasp of a configuration.
+
+    Args:
+        config: The truth, a value for every parameter.
+        theta_deg: Elevations that it can push in.
+        unit: Unit of its sensor.
+        noise: Standard deviation of a sample [unit].
+        scatter: Standard deviation of the height of a push, relative to it.
+        forces: Whether the sensor gives force components.
+        seed: Seed of all randomness.
+
+    Raises:
+        ConfigError: A parameter is missing, or the preload is no number.
+    """
+    preload = config.preload_in(unit)
+    if isinstance(preload, str):
+        raise ConfigError(
+            "the preload of a simulated grasp needs to be a number", code="no_truth"
+        )
+    session = replace(SESSION, unit=unit, noise=noise, level=preload, forces=forces)
+    world = World(
+        params=stated_parameters(config),
+        grasp=make_grasp(config, unit),
+        session=session,
+        reach=Reach(theta_deg=theta_deg, alpha_deg=config.reach.alpha_deg),
+        scatter=scatter,
+        faults={},
+    )
+    return SimulatedHand(world, seed=seed)
