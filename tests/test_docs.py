@@ -16,6 +16,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SLOW = {
     *("identify", "fit", "sample", "demo", "batch"),
     *("verify", "report", "calibrate", "compare"),
+    *("next", "explore"),
 }
 
 

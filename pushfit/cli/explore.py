@@ -47,6 +47,10 @@ Earlier = Annotated[
     Path | None,
     typer.Argument(metavar="[TABLE]", help="Pushes made so far; none to begin."),
 ]
+Unit = Annotated[
+    Literal["n", "kpa", "counts", "au"],
+    typer.Option(help="Unit of the sensor, where no table says it."),
+]
 Truth = Annotated[
     Path | None,
     typer.Option(
@@ -67,6 +71,7 @@ def next(
     sigma: Sigma = None,
     theta: Theta = REACH,
     max_force: ForceLimit = None,
+    unit: Unit = "n",
     n: Annotated[int, typer.Option("-n", min=1, help="Pushes to rank.")] = 5,
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Picture (png, svg).")
@@ -83,7 +88,6 @@ def next(
 
     settings = read_config(config)
     made = None if table is None else read_table(table)
-    sensor = {} if made is None else {"channels": made.channels, "unit": made.unit}
     explorer = Explorer(
         settings,
         ask=ask,
@@ -91,8 +95,9 @@ def next(
         budget=budget,
         sigma=sigma,
         limits=_limits(theta, max_force),
+        channels=("height",) if made is None else made.channels,
+        unit=unit if made is None else made.unit,
         seed=seed,
-        **sensor,
     )
     if made is not None:
         explorer.attach(made)
@@ -131,9 +136,7 @@ def explore(
     scatter: Annotated[
         float, typer.Option(min=0, help="Scatter of simulated pushes, as a share.")
     ] = 0.01,
-    unit: Annotated[
-        Literal["n", "kpa", "counts"], typer.Option(help="Unit of the sensor.")
-    ] = "n",
+    unit: Unit = "n",
     forces: Annotated[
         bool, typer.Option("--forces", help="The sensor gives force components.")
     ] = False,

@@ -111,7 +111,7 @@ class SimulatedHand:
 
     def wait(self, seconds: float) -> None:
         """Let the sensor rest."""
-        rng = np.random.default_rng([self.seed, self.n_pushes, len(self._parts)])
+        rng = np.random.default_rng([self.seed, self.n_pushes, 1])
         self._parts.append(self._resting(seconds, rng))
 
     def samples(self, since: float) -> Recording:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SYMBOLS = {"theta_c": "θ_c", "alpha_star": "α*"}
-LIMITS = {"theta_c": (0.0, 90.0), "alpha_star": (0.0, 180.0)}
+HALF_TURN = 180.0
 N_BINS = 90
 
 
@@ -117,12 +117,14 @@ def exploration_figure(
 
 def _draw_known(axes: "Axes", known: Known) -> None:
     """Posterior of the angle, with its interval and the width that would decide."""
-    low, high = LIMITS[known.name]
-    is_there = np.isfinite(known.values)
-    edges = np.linspace(low, high, N_BINS + 1)
+    is_there = np.isfinite(known.values) & (known.weights > 0)
     values = known.values[is_there]
+    low, high = 0.0, 90.0
     if known.name == "alpha_star":
-        values = np.mod(values, 180.0)
+        values, high = np.mod(values, HALF_TURN), HALF_TURN
+    elif values.size and np.min(values) < 0:  # a preload may lower it so far
+        low = float(np.floor(np.min(values) / 10) * 10)
+    edges = np.linspace(low, high, N_BINS + 1)
     mass, _ = np.histogram(values, edges, weights=known.weights[is_there])
     axes.stairs(mass / np.diff(edges), edges, fill=True, color=BLUE, alpha=0.85)
     top = float(np.max(mass / np.diff(edges), initial=0.0)) or 1.0
@@ -142,11 +144,12 @@ def _draw_known(axes: "Axes", known: Known) -> None:
         )
     axes.set(
         xlim=(low, high),
-        ylim=(0, 1.3 * top),
+        ylim=(0, 1.4 * top),
         xlabel=f"{SYMBOLS[known.name]} [deg]",
         ylabel="density [1/deg]",
         title="What is known",
     )
+    axes.set_axisbelow(True)
     place_legend(axes, loc="upper right")
 
 
@@ -154,6 +157,7 @@ def _draw_gains(axes: "Axes", gains: GainMap) -> None:
     """Gain over elevation, and over azimuth where that was open."""
     theta, alpha = np.unique(gains.theta_deg), np.unique(gains.alpha_deg)
     axes.set_title("What a push would tell")
+    axes.set_axisbelow(True)
     axes.set_xlabel("θ [deg]")
     if alpha.size == 1:
         allowed = gains.is_allowed
@@ -162,7 +166,7 @@ def _draw_gains(axes: "Axes", gains: GainMap) -> None:
         _mark(axes, gains.theta_deg[~allowed], np.zeros(np.sum(~allowed)), "out")
         made = gains.made_deg[:, 0]
         axes.plot(made, np.full(made.size, -0.06 * top), "|", color=BLACK, ms=7)
-        axes.set(ylabel="expected information [nat]", ylim=(-0.12 * top, 1.15 * top))
+        axes.set(ylabel="expected information [nat]", ylim=(-0.12 * top, 1.45 * top))
         if gains.next_deg.size:
             axes.plot(
                 gains.next_deg[0, 0], 1.07 * top, "v", color=VERMILLION, label="next"
@@ -181,7 +185,7 @@ def _draw_gains(axes: "Axes", gains: GainMap) -> None:
         if gains.next_deg.size:
             axes.plot(*gains.next_deg[0], "v", color=VERMILLION, label="next")
         axes.set_ylabel("α [deg]")
-    place_legend(axes, loc="upper right")
+    place_legend(axes, loc="upper right", ncols=3)
 
 
 def _mark(
@@ -202,7 +206,7 @@ def _draw_course(axes: "Axes", course: Course, known: Known) -> None:
         xlabel="pushes",
         ylabel=f"{SYMBOLS[known.name]} [deg]",
         title="How it went",
-        ylim=_padded(course.lower, course.upper, LIMITS[known.name]),
+        ylim=_padded(course.lower, course.upper),
     )
     right = axes.twinx()
     right.plot(n, course.p_budget, color=VERMILLION, ls="--")
@@ -216,9 +220,10 @@ def _draw_course(axes: "Axes", course: Course, known: Known) -> None:
 def _padded(
     lower: Sequence[float] | Float[np.ndarray, " n"],
     upper: Sequence[float] | Float[np.ndarray, " n"],
-    limits: tuple[float, float],
 ) -> tuple[float, float]:
-    """Range of an axis with some air, within that of the angle."""
+    """Range of an axis with some air; without any interval, that of the angle."""
+    if not np.any(np.isfinite(lower)):
+        return 0.0, 90.0
     low, high = float(np.nanmin(lower)), float(np.nanmax(upper))
     air = 0.08 * max(high - low, 1.0)
-    return max(low - air, limits[0] - 2), high + air
+    return low - air, high + air
