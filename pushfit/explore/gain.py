@@ -13,10 +13,11 @@ from scipy.special import ndtr, xlogy
 
 from pushfit.explore.intervals import HALF_TURN, column_widths
 
-# Bins of equal weight of the angle. Twice as many move no ranking, and cost twice.
-N_LABELS = 16
-# Bins of the reading, along its widest and its second direction. Noise blurs them.
-N_FIRST, N_SECOND = 64, 12
+# Bins of equal weight of the angle, and of the reading along its widest and its second
+# direction: noise blurs them. Twice as many move no ranking. The coarse ones are for
+# screening hundreds of candidates, and for means over readings.
+N_LABELS, N_FEW_LABELS = 16, 8
+FULL, COARSE = (64, 12), (32, 6)
 # Half width of the table: standard deviations of the prediction, and of the noise.
 REACH, MARGIN = 3.0, 3.0
 # Bins of the angle for its interval after a push.
@@ -40,27 +41,30 @@ class Outlook:
 
 
 def labels(
-    values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]
+    values: Float[np.ndarray, " n"],
+    weights: Float[np.ndarray, " n"],
+    n_labels: int = N_LABELS,
 ) -> Int[np.ndarray, " n"]:
     """Bins of equal weight of an angle; where it is undefined, a bin of its own.
 
     Args:
         values: Draws; NaN where undefined.
         weights: Their weights, which sum to 1.
+        n_labels: Number of bins.
 
     Returns:
-        Bin of every draw, from 0 to `N_LABELS`; the last is that of NaN.
+        Bin of every draw, from 0 to `n_labels`; the last is that of NaN.
     """
     known = np.isfinite(values)
     order = np.argsort(values, kind="stable")  # NaN last
     middle = np.cumsum(weights[order]) - weights[order] / 2
     share = max(float(weights[known].sum()), 1e-300)
     found = np.empty(values.size, dtype=np.int64)
-    found[order] = np.clip(N_LABELS * middle / share, 0, N_LABELS - 1)
+    found[order] = np.clip(n_labels * middle / share, 0, n_labels - 1)
     # Equal values share a bin, or the order of draws would be taken for knowledge.
     _, first, same = np.unique(values[known], return_index=True, return_inverse=True)
     found[known] = found[known][first][same]
-    found[~known] = N_LABELS
+    found[~known] = n_labels
     return found
 
 
@@ -69,6 +73,8 @@ def information_gain(
     values: Float[np.ndarray, " n"],
     weights: Float[np.ndarray, " n"],
     sigma: Float[np.ndarray, " c"],
+    *,
+    is_coarse: bool = False,
 ) -> Float[np.ndarray, " k"]:
     """Expected information gain about an angle of each candidate push.
 
@@ -84,6 +90,7 @@ def information_gain(
         values: The angle of every draw; NaN where undefined.
         weights: Weight of every draw; they sum to 1.
         sigma: Noise of a reading by channel [as heights].
+        is_coarse: Whether a gain for screening will do.
 
     Returns:
         Gains, not below 0 [nat].
@@ -95,9 +102,12 @@ def information_gain(
     own = weights > 0
     if not np.all(own):
         heights, values, weights = heights[:, :, own], values[own], weights[own]
-    found = labels(values, weights)
+    found = labels(values, weights, N_FEW_LABELS if is_coarse else N_LABELS)
     counts = np.unique(found, return_inverse=True)[1]
-    joint = _joint(heights, counts, weights, sigma)
+    sizes = COARSE if is_coarse else FULL
+    joint = _joint(
+        heights, counts, weights, sigma, sizes=sizes, n_labels=int(counts.max()) + 1
+    )
     return np.maximum(_plain(joint.table) - _bias(joint), 0.0)
 
 
@@ -139,7 +149,9 @@ def outlook(
         bins = (values[known] - low) / step
     fine = np.full(values.size, N_FINE, dtype=np.int64)
     fine[known] = np.clip(bins, 0, N_FINE - 1)
-    table = _joint(heights[None], fine, weights, sigma, n_labels=N_FINE + 1).table[0]
+    table = _joint(
+        heights[None], fine, weights, sigma, sizes=COARSE, n_labels=N_FINE + 1
+    ).table[0]
     columns = table.reshape(N_FINE + 1, -1)
     mass = columns.sum(axis=0)
     likely = mass > NEGLIGIBLE * mass.max()
@@ -166,12 +178,12 @@ def _joint(
     weights: Float[np.ndarray, " n"],
     sigma: Float[np.ndarray, " c"],
     *,
-    n_labels: int | None = None,
+    sizes: tuple[int, int],
+    n_labels: int,
 ) -> _Joint:
     """Count draws by label and reading, and blur the reading by its noise."""
-    n_labels = int(found.max()) + 1 if n_labels is None else n_labels
     scaled = _principal(heights / sigma[:, None], weights)
-    sizes = (N_FIRST, N_SECOND if scaled.shape[1] > 1 else 1)
+    sizes = sizes if scaled.shape[1] > 1 else (sizes[0], 1)
     k = heights.shape[0]
     cell = found[None] + n_labels * np.arange(k)[:, None]
     kernels = []

@@ -18,7 +18,7 @@ from pushfit.explore.records import Purpose, Suggestion, Told
 from pushfit.fit.identify import reach_of
 
 # More candidates than this are first ranked by few draws, and so many of them again.
-N_FULL, N_COARSE_DRAWS = 24, 1024
+N_FULL, N_COARSE_DRAWS = 20, 1024
 Direction = tuple[float, float]
 
 
@@ -271,7 +271,11 @@ def _gains(
         equal = np.full(few.size, 1 / few.size)
         some = heights[:, :, few]
         gains = sum(
-            (information_gain(some, v[few], equal, sigma) for v in angles), gains
+            (
+                information_gain(some, v[few], equal, sigma, is_coarse=True)
+                for v in angles
+            ),
+            gains,
         )
         rows = np.argsort(-gains, kind="stable")[:N_FULL]
         # Those left behind stay behind.

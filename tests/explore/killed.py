@@ -39,12 +39,12 @@ def main(path, last=None):
     explorer = Explorer(
         CONFIG,
         width_deg=12.0,
-        budget=4,
+        budget=2,
         sigma=SIGMA,
         channels=COMPONENTS,
         source=importance,
         journal=path,
-        limits=Limits(reference_every=2),
+        limits=Limits(reference_every=1),
     )
     finger = Steady(hand().world, seed=1)
     finger.n_pushes = len(explorer.told)
