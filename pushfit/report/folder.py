@@ -68,9 +68,7 @@ def write_result_folder(
     fresh = out.with_name(f".{out.name}.{token}.partial")
     fresh.mkdir()
     try:
-        _write_content(identification, fresh)
-        for name, content in extra.items():
-            (fresh / name).write_bytes(content)
+        _write_content(identification, fresh, extra)
         _sync_tree(fresh)
         _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
     except BaseException:
@@ -128,8 +126,12 @@ def _strange_content(out: Path) -> str:
     return min(entries - CONTENT, default="")
 
 
-def _write_content(identification: Identification, folder: Path) -> None:
-    """Write every file of a result."""
+def _write_content(
+    identification: Identification, folder: Path, extra: Mapping[str, bytes]
+) -> None:
+    """Write every file of a result; further pictures are on the page as well."""
+    for name, content in extra.items():
+        (folder / name).write_bytes(content)
     write_table(identification.table, folder / "peaks.csv")
     posterior_tree(identification).to_netcdf(folder / "result.nc", engine="h5netcdf")
     summary = json.dumps(
@@ -142,7 +144,8 @@ def _write_content(identification: Identification, folder: Path) -> None:
     for name, content in files.items():
         (folder / "figures" / name).write_bytes(content)
     if find_spec("jinja2"):
-        page = render_html(identification, files=files)
+        pictures = {n: c for n, c in extra.items() if n.endswith(".png")}
+        page = render_html(identification, files=files | pictures)
         (folder / "report.html").write_text(page, encoding="utf-8")
 
 

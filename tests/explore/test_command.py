@@ -79,10 +79,11 @@ def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth):
     assert "adaptive_pushes" in [w["code"] for w in summary["warnings"]]
     assert printed.stderr.count("push 1: θ = ") == 1
     assert read_table(out / "peaks.csv").n_pushes == 2
-    assert read_result(out).theta_c.interval is not None
+    assert read_result(out).theta_c.sets
     events = [json.loads(x) for x in (out / "journal.jsonl").read_text().splitlines()]
     assert [e["event"] for e in events].count("told") == 2
     assert (out / "exploration.png").exists()
+    assert "The exploration: what is known" in (out / "report.html").read_text()
     # The journal beside the folder is gone: nothing is left to go on with.
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "grasp.toml",
