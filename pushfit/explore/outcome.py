@@ -28,8 +28,8 @@ from pushfit.explore.tables import table_of
 # Without a word on the noise an interval may be narrow by chance: noise taken 1.5
 # times too small leaves 72 % coverage of 90 %.
 MIN_UNKNOWN_NOISE = 8
-# Pushes before a forecast may end anything: earlier ones rest on the priors, and gave up
-# 3 of 60 truths that their whole budget would have decided.
+# Pushes before a forecast may end anything: earlier ones rest on the priors. From the
+# sixth push on they gave up 3 of 60 truths that the whole budget would have decided.
 MIN_FORECAST = 10
 # Chance to decide below which going on is not worth it.
 HOPELESS = 0.05
