@@ -6,11 +6,19 @@ BIN := $(VENV)/bin
 # The exact versions that this release was tested with.
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := demo_result
+EXPLORED := explore_result
 
-.PHONY: demo test test-slow lint bench bench-honesty docs notebooks clean
+.PHONY: demo explore-demo ros test test-slow lint bench bench-honesty docs notebooks clean
 
 demo: .stamps/run                ## The example grasp, from recordings to theta_c and alpha*
 	$(BIN)/pushfit demo --out $(DEMO) --force
+
+explore-demo: .stamps/run        ## The example grasp explored by a simulated hand to +- 3 degrees
+	$(BIN)/pushfit explore --hand simulated --config examples/foam_box/grasp.toml \
+	  --unit kpa --theta -60 60 --sigma 0.2 --out $(EXPLORED) --force
+
+ros:                             ## What the nodes for a real robot need
+	@$(BIN)/python -c "from pushfit.explore.ros.messages import ros; ros(); print('ROS 1 is here')"
 
 test: lint                       ## Everything that gates a change; ten minutes on two cores
 	$(BIN)/pytest -q -n 2 --dist loadfile -m "not slow"
@@ -36,7 +44,7 @@ notebooks: .stamps/test          ## The notebooks of the examples from their scr
 	$(BIN)/jupytext --quiet --to ipynb examples/notebooks/*.py
 
 clean:
-	rm -rf .stamps $(DEMO) site dist build .pytest_cache .ruff_cache .hypothesis
+	rm -rf .stamps $(DEMO) $(EXPLORED)* site dist build .pytest_cache .ruff_cache .hypothesis
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)

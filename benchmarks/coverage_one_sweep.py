@@ -96,7 +96,7 @@ def run(
         found = dict(zip(lanes, identify_lanes([*lanes.values()]), strict=True))
         for index in items:
             result = found.get(index) or identify_table(
-                simulation.tables[index], CONFIG, seed=seed + index, engine="exact"
+                simulation.tables[index], CONFIG, seed=seed + index, engine="sweep"
             )
             truth = {n: float(simulation.truths[n][index]) for n in QUANTITIES}
             is_usable = result.status is FitStatus.OK

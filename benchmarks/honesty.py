@@ -137,7 +137,7 @@ def by_pushfit(table: PeakTable, seed: int) -> Answer:
     """`pushfit fit` with no knowledge but the push length."""
     text = f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n[report]\nprob = {PROB}\n"
     config = parse_config(text, path="grasp.toml")
-    found = identify_table(table, config, seed=seed, engine="exact")
+    found = identify_table(table, config, seed=seed, engine="sweep")
     shown = quoted(found.theta_c, found)
     pieces = [
         (0.0 if low is None else low, 90.0 if high is None else high)

@@ -234,7 +234,7 @@ def test_posterior_in_lanes_against_lmfit(compare, posteriors, lmfit_runs):
 
 def test_identification_of_many_tables(compare, swept, lmfit_runs):
     def ours() -> float:
-        identify_many(swept, tables.CONFIG, seeds=range(N_LANES), engine="exact")
+        identify_many(swept, tables.CONFIG, seeds=range(N_LANES), engine="sweep")
         return N_LANES
 
     ours = ("whole identification in a batch, per table", ours)

@@ -20,6 +20,8 @@ from .errors import ConvergenceError as ConvergenceError
 from .errors import DataError as DataError
 from .errors import FitError as FitError
 from .errors import PushfitError as PushfitError
+from .explore.explorer import Explorer as Explorer
+from .explore.limits import Limits as Limits
 from .fit.comparison import compare_models as compare_models
 from .fit.results import FitStatus as FitStatus
 from .fit.results import Notice as Notice

@@ -17,6 +17,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SLOW = {
     *("identify", "fit", "sample", "demo", "batch"),
     *("verify", "report", "calibrate", "compare", "diff", "watch"),
+    *("next", "explore"),
 }
 
 

@@ -12,7 +12,10 @@ import pytest
 import pushfit
 
 PACKAGE = Path(pushfit.__file__).parent
-LAYERS = ("errors", "config", "model", "data", "fit", "report", "batch", "cli")
+LAYERS = (
+    *("errors", "config", "model", "data", "fit"),
+    *("explore", "report", "batch", "cli"),
+)
 # The other modules at the top level belong to the model.
 MEMBERS = {
     "atomic": "errors",
@@ -29,6 +32,7 @@ FORBIDDEN = {
     "model": {"pandas", "pathlib", "emcee", "matplotlib"},
     "data": {"emcee", "optimistix", "matplotlib", "typer", "rich"},
     "fit": {"matplotlib", "typer", "rich", "jinja2"},
+    "explore": {"emcee", "optimistix", "matplotlib", "typer", "rich"},
     "report": {"optimistix", "typer"},
     "batch": {"jax", "scipy", "emcee", "optimistix", "matplotlib", "typer", "rich"},
     "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},

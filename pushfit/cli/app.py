@@ -13,6 +13,7 @@ from pushfit.cli import (
     compare,
     diff,
     doctor,
+    explore,
     files,
     init,
     report,
@@ -73,6 +74,8 @@ for function in (
     diff.diff,
     batch.batch,
     watch.watch,
+    explore.next,
+    explore.explore,
     doctor.doctor,
 ):
     command(app)(function)

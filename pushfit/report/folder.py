@@ -10,8 +10,10 @@ import json
 import os
 import secrets
 import shutil
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 
 from pushfit.atomic import unfinished, whole
 from pushfit.data.tables.peak_table import write_table
@@ -23,6 +25,8 @@ from pushfit.report.summary import summary_dict
 from pushfit.report.target import check_target
 from pushfit.report.text import render_text
 
+NOTHING: Mapping[str, bytes] = MappingProxyType({})
+
 
 def write_result_folder(
     identification: Identification,
@@ -30,6 +34,7 @@ def write_result_folder(
     *,
     force: bool,
     pictures: str | None = None,
+    extra: Mapping[str, bytes] = NOTHING,
 ) -> Path:
     """Write tables, posterior, summary, reports and figures of a result.
 
@@ -38,6 +43,7 @@ def write_result_folder(
         out: Folder to create; its parent exists.
         force: Replace a result folder that stands there.
         pictures: "png" or "svg" for every figure also in this format.
+        extra: Content of further files, by names of `CONTENT`.
 
     Returns:
         The folder: `peaks.csv`, `result.nc`, `summary.json`, `report.txt`, `figures/`
@@ -53,7 +59,7 @@ def write_result_folder(
     fresh = out.with_name(f".{out.name}.{token}.partial")
     fresh.mkdir()
     with unfinished(fresh):
-        _write_content(identification, fresh, pictures)
+        _write_content(identification, fresh, pictures, extra)
         _sync_tree(fresh)
         with whole():
             _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
@@ -61,9 +67,14 @@ def write_result_folder(
 
 
 def _write_content(
-    identification: Identification, folder: Path, pictures: str | None
+    identification: Identification,
+    folder: Path,
+    pictures: str | None,
+    extra: Mapping[str, bytes],
 ) -> None:
-    """Write every file of a result."""
+    """Write every file of a result; further pictures are on the page as well."""
+    for name, content in extra.items():
+        (folder / name).write_bytes(content)
     write_table(identification.table, folder / "peaks.csv")
     posterior_tree(identification).to_netcdf(folder / "result.nc", engine="h5netcdf")
     summary = json.dumps(
@@ -80,7 +91,8 @@ def _write_content(
     for name, content in files.items():
         (folder / "figures" / name).write_bytes(content)
     if find_spec("jinja2"):
-        page = render_html(identification, files=files)
+        shown = {n: c for n, c in extra.items() if n.endswith(".png")}
+        page = render_html(identification, files=files | shown)
         (folder / "report.html").write_text(page, encoding="utf-8")
 
 

@@ -28,7 +28,9 @@ from pushfit.report.pages import render_page
 from pushfit.report.strings import printable, symbol
 
 # Dense figures, smaller as pixels than as paths.
-AS_PIXELS = frozenset({"corner_parameters", "corner_combinations", "traces"})
+AS_PIXELS = frozenset(
+    {"corner_parameters", "corner_combinations", "traces", "exploration"}
+)
 THETA = "Heights against elevation for every azimuth"
 MIME = {"svg": "image/svg+xml", "png": "image/png"}
 

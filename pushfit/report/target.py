@@ -12,6 +12,9 @@ CONTENT = frozenset(
         "report.txt",
         "report.html",
         "figures",
+        # Of an explored grasp.
+        "journal.jsonl",
+        "exploration.png",
     }
 )
 

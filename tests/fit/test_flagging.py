@@ -108,7 +108,7 @@ def confident(rng):
         chain=None,
         chain_names=(),
         thin=1,
-        engine="exact",
+        engine="sweep",
         diagnostics=None,
         log_evidence=None,
         log_evidence_error=None,

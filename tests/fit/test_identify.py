@@ -20,7 +20,7 @@ LOW_DEG = np.arange(5.0, 61.0, 5.0)
 @pytest.fixture(scope="module")
 def determined():
     table = case_table(CASES["firm"], noise=0.03, seed=1)
-    return identify_table(table, config(), seed=1, engine="exact")
+    return identify_table(table, config(), seed=1, engine="sweep")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def one_sided():
         theta_deg=LOW_DEG,
         channels=("height_normal", "height_tangential"),
     )
-    return identify_table(table, config(), seed=1, engine="exact")
+    return identify_table(table, config(), seed=1, engine="sweep")
 
 
 def warning_codes(result) -> set[str]:
@@ -130,7 +130,7 @@ def test_components_determine_what_a_magnitude_does_not():
         table = case_table(
             CASES["blind_magnitude"], noise=0.05, seed=2, channels=channels
         )
-        result = identify_table(table, config(text), seed=0, engine="exact")
+        result = identify_table(table, config(text), seed=0, engine="sweep")
         low, high = result.theta_c.likelihood_sets[-1]
         widths.append((90.0 if high is None else high) - (low or 0.0))
     assert widths[1] < widths[0] / 3
@@ -139,7 +139,7 @@ def test_components_determine_what_a_magnitude_does_not():
 def test_an_unknown_push_length_quotes_no_stiffness():
     table = case_table(CASES["firm"], noise=0.03, seed=1)
     settings = parse_config("[push]\nlength_known = false\n", path="grasp.toml")
-    result = identify_table(table, settings, seed=1, engine="exact")
+    result = identify_table(table, settings, seed=1, engine="sweep")
     assert "push_length_unknown" in warning_codes(result)
     quoted = {q.name: q for q in (*result.parameters, *result.combinations)}
     for name in ("K_sn", "K_dn", "K_st", "C_d", "A", "B"):

@@ -162,7 +162,7 @@ def test_walkers_are_chains_where_draws_are_a_shuffled_part_of_them(result):
 
 
 def test_r_hat_is_a_number(determined, make_identification):
-    independent = replace(determined.posterior, chain=None, engine="exact")
+    independent = replace(determined.posterior, chain=None, engine="sweep")
     tree = Result.of(make_identification(posterior=independent)).to_datatree()
     draws = tree["posterior"]["A"].to_numpy()
     rhat = array_stats.rhat(draws, chain_axis=0, draw_axis=1)

@@ -1,0 +1,1 @@
+"""Which push next, and when to stop."""

@@ -1,0 +1,100 @@
+"""From pushes told to a belief, and when the first push is due again."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.explore.belief import Belief, BeliefSource, Question
+from pushfit.explore.limits import Limits
+from pushfit.explore.predict import predict
+from pushfit.explore.records import Purpose, Told
+from pushfit.explore.tables import table_of
+
+# Draws after n pushes have a seed of their own, whatever the seed of the exploration.
+SEEDS = 1_000_003
+
+
+def learnt(
+    told: Sequence[Told],
+    question: Question,
+    *,
+    n_drawn: int,
+    source: BeliefSource,
+    seed: int,
+) -> Belief:
+    """Fresh draws from the first pushes, weighed by the others.
+
+    Short pushes are in no table: they always come by weights.
+
+    Args:
+        told: Pushes in order.
+        question: What is asked.
+        n_drawn: Pushes that the draws rest on.
+        source: Where beliefs come from.
+        seed: Seed of the exploration.
+    """
+    first, rest = told[:n_drawn], told[n_drawn:]
+    belief = source(table_of(first, question), question, SEEDS * seed + n_drawn)
+    for row in [*(row for row in first if row.is_short), *rest]:
+        belief = weighed(belief, row, question)
+    return belief
+
+
+def weighed(belief: Belief, row: Told, question: Question) -> Belief:
+    """The belief after one more push; flagged heights are no evidence.
+
+    Args:
+        belief: What was believed before.
+        row: The push.
+        question: What is asked.
+    """
+    one = table_of([replace(row, length_share=1.0)], question)
+    if one is None or not bool(one.is_used[0]):
+        return belief
+    found = predict(
+        belief,
+        np.array([row.theta]),
+        np.array([row.alpha]),
+        length_share=row.length_share,
+    )
+    heights = np.array([row.heights[channel] for channel in question.channels])
+    stated = [sd for sd in map(one.sd, question.channels) if sd is not None]
+    sd: Float[np.ndarray, " c"] | None = None
+    if len(stated) == heights.size:
+        sd = np.array([float(values[0]) for values in stated])
+    return belief.updated(heights, found.heights[0], sd)
+
+
+def reference_due(told: Sequence[Told], limits: Limits) -> Told | None:
+    """The push to repeat, if it is time to see whether the object has moved.
+
+    Args:
+        told: Pushes in order.
+        limits: How often.
+    """
+    own = [row for row in told if not row.is_short and not row.is_attached]
+    since = 0
+    for row in reversed(own):
+        if row.purpose == Purpose.REFERENCE.value:
+            break
+        since += 1
+    every = limits.reference_every
+    return reference_rows(told)[0] if every and since >= every else None
+
+
+def reference_rows(told: Sequence[Told]) -> list[Told]:
+    """The push that others are held against, and its repetitions so far.
+
+    It is the strongest of those before the first repetition: that one shows most of a
+    change.
+
+    Args:
+        told: Pushes in order, at least one of them of full length and its own.
+    """
+    own = [row for row in told if not row.is_short and not row.is_attached]
+    again = [row for row in own if row.purpose == Purpose.REFERENCE.value]
+    before = own[: own.index(again[0])] if again else own
+    strongest = max(before, key=lambda row: max(row.heights.values()))
+    return [strongest, *again]

@@ -1,0 +1,164 @@
+"""What pushes must never do, and where they may go at all.
+
+The position node aborts on force; here a push that might need that is not asked for.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.errors import ConfigError
+
+# Chance, by the present belief, that a push exceeds the force limit or lifts off.
+TOLERATED = 0.01
+# Lengths tried, as shares of the push length, while longer ones are not known safe.
+SHARES = (1.0, 0.5, 0.25, 0.1, 0.05)
+
+Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Limits of an exploration.
+
+    Args:
+        theta_deg: Lowest and highest elevation of the finger.
+        theta_step_deg: Step between candidates.
+        alpha_deg: Lowest and highest azimuth; None takes `[reach]` of the settings.
+        alpha_step_deg: Step between candidates.
+        force: Largest contact force, the preload included; None for no limit [N, or
+            the unit of uncalibrated heights].
+        workspace_mm: Box that the fingertip stays in, (low, high) along x, y and z
+            from the contact; None for no box [mm].
+        rest_s: Least time between retracting and the next push [s].
+        baseline_sigmas: How far the reading at rest may be from that before the push,
+            in standard deviations of a height.
+        reference_every: Pushes after which the first direction is pushed again, to see
+            whether the object has moved; 0 for never.
+        reference_sigmas: Change of that height that says so, in standard deviations.
+        stall_share: Share of a push that may be missing where it ends.
+        stale_s: Longest silence of the sensor [s].
+        max_failures: Failed pushes in a row that end the exploration.
+        max_pushes: Cap on all motions, failed ones included.
+    """
+
+    theta_deg: tuple[float, float] = (5.0, 85.0)
+    theta_step_deg: float = 5.0
+    alpha_deg: tuple[float, float] | None = None
+    alpha_step_deg: float = 15.0
+    force: float | None = None
+    workspace_mm: Box | None = None
+    rest_s: float = 0.5
+    baseline_sigmas: float = 6.0
+    reference_every: int = 10
+    reference_sigmas: float = 5.0
+    stall_share: float = 0.1
+    stale_s: float = 0.5
+    max_failures: int = 3
+    max_pushes: int = 300
+
+    def __post_init__(self) -> None:
+        """Refuse limits that leave nothing or mean nothing."""
+        low, high = self.theta_deg
+        if not -90.0 <= low <= high <= 90.0:
+            raise ConfigError(
+                f"limits: theta {low:g}° to {high:g}° is no range within -90° to 90°",
+                code="limits",
+            )
+        if self.force is not None and not self.force > 0:
+            raise ConfigError(
+                f"limits: force = {self.force:g} must be above 0; leave it out for no "
+                "limit",
+                code="limits",
+            )
+        if not (self.theta_step_deg > 0 and self.alpha_step_deg > 0):
+            raise ConfigError("limits: steps must be above 0", code="limits")
+
+    def candidates(
+        self, *, azimuths: tuple[float, float] | None, reference_alpha: float
+    ) -> Float[np.ndarray, "k 2"]:
+        """Directions that a finger could push in.
+
+        Args:
+            azimuths: Reach in azimuth, to be explored; None keeps to one [rad].
+            reference_alpha: That one [rad].
+
+        Returns:
+            Rows of elevation and azimuth [rad].
+        """
+        low, high = self.theta_deg
+        n = int((high - low) / self.theta_step_deg + 1e-9) + 1
+        theta = np.radians(low + self.theta_step_deg * np.arange(n))
+        alpha = np.array([reference_alpha])
+        if azimuths is not None:
+            first, last = azimuths
+            # 0° and 180° are one axis, and it is pushed along once.
+            is_whole = last - first >= np.pi - 1e-9
+            last = first + np.pi if is_whole else last
+            steps = max(int(np.degrees(last - first) / self.alpha_step_deg + 1e-9), 1)
+            alpha = np.linspace(first, last, steps + 1)
+            alpha = alpha[:-1] if is_whole else alpha
+        pairs = np.stack(np.meshgrid(theta, alpha, indexing="ij"), axis=-1)
+        return pairs.reshape(-1, 2)
+
+    def refusal(
+        self,
+        theta: float,
+        alpha: float,
+        *,
+        length: float,
+        azimuths: tuple[float, float],
+    ) -> str | None:
+        """Why the finger may not push in a direction, whatever the forces.
+
+        Args:
+            theta: Elevation [rad].
+            alpha: Azimuth [rad].
+            length: Length of the push [m].
+            azimuths: Reach in azimuth [rad].
+
+        Returns:
+            The reason; None where it may.
+        """
+        tolerance = 1e-9
+        low, high = np.radians(self.theta_deg)
+        if not low - tolerance <= theta <= high + tolerance:
+            return (
+                f"θ = {np.degrees(theta):.1f}° is out of reach, "
+                f"{self.theta_deg[0]:g}° to {self.theta_deg[1]:g}°"
+            )
+        first, last = azimuths
+        if np.mod(alpha - first + tolerance, 2 * np.pi) > last - first + 2 * tolerance:
+            return (
+                f"α = {np.degrees(alpha):.1f}° is out of reach, "
+                f"{np.degrees(first):g}° to {np.degrees(last):g}°"
+            )
+        if self.workspace_mm is not None:
+            tip = 1e3 * displacement(theta, alpha, length)
+            for axis, value, (least, most) in zip(
+                "xyz", tip, self.workspace_mm, strict=True
+            ):
+                if not least - tolerance <= value <= most + tolerance:
+                    return (
+                        f"the fingertip would be at {axis} = {value:.1f} mm, out of "
+                        f"its box, {least:g} to {most:g} mm"
+                    )
+        return None
+
+
+def displacement(theta: float, alpha: float, length: float) -> Float[np.ndarray, "3"]:
+    """Where a push takes the fingertip, from the contact.
+
+        OP = S_p (cos θ cos α, cos θ sin α, sin θ)
+
+    Args:
+        theta: Elevation [rad].
+        alpha: Azimuth [rad].
+        length: S_p [m].
+
+    Returns:
+        x along the supports, y across them, z into the object [m].
+    """
+    direction = [np.cos(theta) * np.cos(alpha), np.cos(theta) * np.sin(alpha)]
+    return length * np.array([*direction, np.sin(theta)])

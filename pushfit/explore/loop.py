@@ -1,0 +1,150 @@
+"""A hand explores a grasp: ask, push, feel, tell, until there is an answer.
+
+Whatever goes wrong, the finger is taken back before anything else is thought of.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.explore.explorer import INTERRUPTED, Explorer
+from pushfit.explore.hand import Hand, PushOutcome
+from pushfit.explore.limits import displacement
+from pushfit.explore.records import Answer, State, Suggestion
+from pushfit.explore.touch import FATAL, HOPELESS, Felt, feel
+
+# Rest recorded before a push, as a multiple of the least rest between two.
+RESTS = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One push of an exploration, for whoever watches.
+
+    Args:
+        suggestion: What was asked.
+        fault: Stable word; None where a height was told.
+        state: Where the exploration stands after it.
+    """
+
+    suggestion: Suggestion
+    fault: str | None
+    state: State
+
+
+def nothing(step: Step) -> None:
+    """Watch without a word.
+
+    Args:
+        step: One push.
+    """
+
+
+def explore(
+    explorer: Explorer,
+    hand: Hand,
+    *,
+    settings: PeakSettings,
+    watch: Callable[[Step], None] = nothing,
+) -> State:
+    """Push until there is an answer.
+
+    Args:
+        explorer: What chooses the pushes, with its journal.
+        hand: What makes them.
+        settings: How heights are taken from the samples.
+        watch: Called after each push.
+
+    Returns:
+        The answer.
+    """
+    try:
+        hand.retract()
+        if explorer.dangling is not None:
+            # Before anything is asked: a push was under way when the process died.
+            explorer.fail(explorer.dangling, INTERRUPTED)
+        while suggestions := explorer.ask():
+            suggestion = suggestions[0]
+            felt = _push(explorer, hand, suggestion, settings)
+            _note(explorer, suggestion, felt)
+            watch(Step(suggestion=suggestion, fault=felt.fault, state=explorer.state))
+    except BaseException:
+        hand.stop()
+        raise
+    finally:
+        hand.retract()
+    return explorer.state
+
+
+def _push(
+    explorer: Explorer, hand: Hand, suggestion: Suggestion, settings: PeakSettings
+) -> Felt:
+    """Make one push and measure it; the finger is back when this returns."""
+    limits, belief = explorer.limits, explorer.belief
+    length = suggestion.length_share * float(belief.grasp.push_length)
+    asked = displacement(suggestion.theta, suggestion.alpha, length)
+    reason = limits.refusal(
+        suggestion.theta, suggestion.alpha, length=length, azimuths=_azimuths(hand)
+    )
+    if reason is not None or not _is_within(hand, suggestion):
+        return Felt(table=None, fault="out_of_reach")
+    hand.wait(limits.rest_s)
+    outcome = _moved(hand, asked, limits.force)
+    hand.wait(limits.rest_s)
+    recording = hand.samples(outcome.t_start - RESTS * limits.rest_s)
+    return feel(
+        recording,
+        outcome,
+        asked=asked,
+        limits=limits,
+        settings=settings,
+        sigma=None if belief.is_guess else float(np.min(belief.sigma)),
+    )
+
+
+def _moved(
+    hand: Hand, asked: Float[np.ndarray, "3"], max_force: float | None
+) -> PushOutcome:
+    """Push and take the finger back, whatever comes between."""
+    try:
+        return hand.push(asked, max_force=max_force)
+    finally:
+        hand.retract()
+
+
+def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
+    """Tell the explorer what came of a push."""
+    if felt.table is not None:
+        row = felt.table
+        heights = {c: float(row.heights(c)[0]) for c in row.channels}
+        sds = {c: row.sd(c) for c in row.channels}
+        stated = {c: float(sd[0]) for c, sd in sds.items() if sd is not None}
+        explorer.tell(
+            float(row.theta[0]),
+            float(row.alpha[0]),
+            heights,
+            stated if len(stated) == len(heights) else None,
+            flags=";".join(sorted(row.flags[0])),
+        )
+        return
+    fault = felt.fault or ""
+    if fault in HOPELESS:
+        explorer.abandon(suggestion, fault)
+    else:
+        explorer.fail(suggestion, fault)
+    if fault in FATAL and explorer.state.answer is not Answer.STOPPED:
+        explorer.stop(f"{fault}: look at the hand before it goes on")
+
+
+def _azimuths(hand: Hand) -> tuple[float, float]:
+    low, high = np.radians(hand.reach().alpha_deg)
+    return float(low), float(high)
+
+
+def _is_within(hand: Hand, suggestion: Suggestion) -> bool:
+    """Whether the hand itself says that it can push there."""
+    low, high = hand.reach().theta_deg
+    return low - 1e-6 <= suggestion.theta_deg <= high + 1e-6

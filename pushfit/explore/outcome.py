@@ -1,0 +1,284 @@
+"""When an exploration is over, and what it then says.
+
+Decisions rest on shortest posterior intervals and on nothing else.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pushfit.explore.belief import Belief, Question, noise_is_known
+from pushfit.explore.forecast import UNLIMITED, Target, p_decided
+from pushfit.explore.intervals import shortest_interval
+from pushfit.explore.learning import reference_rows
+from pushfit.explore.limits import Limits
+from pushfit.explore.predict import predict
+from pushfit.explore.records import (
+    SYMBOLS,
+    Answer,
+    Interval,
+    Purpose,
+    State,
+    Told,
+)
+from pushfit.explore.survey import Survey
+from pushfit.explore.tables import table_of
+
+# Without a word on the noise an interval may be narrow by chance: noise taken 1.5
+# times too small leaves 72 % coverage of 90 %.
+MIN_UNKNOWN_NOISE = 8
+# Pushes before a forecast may end anything: earlier ones rest on the priors. From the
+# sixth push on they gave up 3 of 60 truths that the whole budget would have decided.
+MIN_FORECAST = 10
+# Chance to decide below which going on is not worth it.
+HOPELESS = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judge:
+    """What counts as an answer.
+
+    Args:
+        width: Width of an interval that decides [deg].
+        prob: Its probability.
+        budget: Pushes that may be made.
+        seed: Seed of the forecasts.
+    """
+
+    width: float
+    prob: float
+    budget: int
+    seed: int
+
+    def intervals(
+        self, belief: Belief, question: Question
+    ) -> dict[str, Interval | None]:
+        """Shortest posterior interval of every asked angle [deg].
+
+        Args:
+            belief: What is believed now.
+            question: What is asked.
+        """
+        weights = belief.weights
+        return {
+            angle: shortest_interval(
+                belief.samples[angle],
+                weights,
+                self.prob,
+                is_axis=angle == "alpha_star",
+            )
+            for angle in question.ask
+        }
+
+    def undecided(self, belief: Belief, question: Question) -> tuple[str, ...]:
+        """Asked angles whose interval is still too wide.
+
+        Args:
+            belief: What is believed now.
+            question: What is asked.
+        """
+        found = self.intervals(belief, question)
+        return tuple(
+            angle
+            for angle, interval in found.items()
+            if not self._is_settled(belief, angle, interval)
+        )
+
+    def _is_settled(
+        self, belief: Belief, angle: str, interval: Interval | None
+    ) -> bool:
+        if interval is None:
+            return _p_undefined(belief, angle) >= self.prob
+        return interval[1] - interval[0] <= self.width
+
+    def moved(self, told: Sequence[Told], belief: Belief, limits: Limits) -> str | None:
+        """Whether the last push, if it repeated the first, says the object has moved.
+
+        Args:
+            told: Pushes in order.
+            belief: What is believed; corrects for joints that miss by a little.
+            limits: How much is too much.
+
+        Returns:
+            The sentence; None where nothing has moved.
+        """
+        if not told or told[-1].purpose != Purpose.REFERENCE.value:
+            return None
+        rows = reference_rows(told)
+        n = len(rows) - 1
+        theta = np.array([row.theta for row in rows])
+        alpha = np.array([row.alpha for row in rows])
+        expected = predict(belief, theta, alpha).heights @ belief.weights
+        for c, channel in enumerate(belief.channels):
+            excess = np.array([r.heights[channel] for r in rows]) - expected[:, c]
+            change = float(excess[-1] - np.mean(excess[:-1]))
+            noise = float(belief.sigma[c]) * np.sqrt(1 + 1 / n)
+            if abs(change) > limits.reference_sigmas * noise:
+                return (
+                    f"the object has moved: push {len(told)} repeated an earlier one "
+                    f"and its {channel} differs by {change:+.3g}, "
+                    f"{abs(change) / noise:.0f} standard deviations"
+                )
+        return None
+
+    def state(
+        self,
+        belief: Belief,
+        question: Question,
+        told: Sequence[Told],
+        *,
+        n_failed: int,
+        limits: Limits,
+        stopped: str | None,
+        survey: Callable[[], Survey],
+    ) -> State:
+        """Where an exploration stands.
+
+        Args:
+            belief: What is believed now.
+            question: What is asked.
+            told: Pushes in order.
+            n_failed: Pushes that gave nothing.
+            limits: Cap on motions.
+            stopped: Why it was ended from outside, if it was.
+            survey: What every candidate would tell.
+        """
+        intervals = self.intervals(belief, question)
+        n_own = sum(not row.is_attached for row in told)
+        n_left = min(self.budget - n_own, limits.max_pushes - n_own - n_failed)
+        undecided = self.undecided(belief, question)
+        answer, unlimited, within = Answer.DECIDING, None, None
+        if stopped is not None:
+            answer = Answer.STOPPED
+        elif not undecided and self._may_decide(question, told):
+            answer = Answer.DECIDED
+        elif undecided:
+            unlimited, within = self._forecast(
+                belief, question, survey(), n_told=len(told), n_left=n_left
+            )
+            answer = _answer(len(told), unlimited, within)
+        if answer in (Answer.DECIDING, Answer.UNLIKELY) and n_left < 1:
+            answer = Answer.OUT_OF_BUDGET
+        state = State(
+            answer=answer,
+            sentence=stopped or "",
+            intervals=intervals,
+            p_unlimited=unlimited,
+            p_budget=within,
+            n_pushes=len(told),
+            n_left=max(n_left, 0),
+        )
+        return state if stopped else self._worded(state, belief)
+
+    def _may_decide(self, question: Question, told: Sequence[Told]) -> bool:
+        """Whether the scatter of heights is known well enough to believe a width."""
+        return len(told) > 0 and (
+            noise_is_known(question, table_of(told, question))
+            or len(told) >= MIN_UNKNOWN_NOISE
+        )
+
+    def _forecast(
+        self,
+        belief: Belief,
+        question: Question,
+        survey: Survey,
+        *,
+        n_told: int,
+        n_left: int,
+    ) -> tuple[float | None, float | None]:
+        """Probability to decide with unlimited pushes, and with those left."""
+        rows = np.flatnonzero(survey.is_allowed)
+        if not rows.size:
+            return None, None
+        targets = tuple(
+            Target(
+                values=belief.samples[angle],
+                is_axis=angle == "alpha_star",
+                width=self.width,
+                prob=self.prob,
+            )
+            for angle in question.ask
+        )
+        found = [
+            p_decided(
+                survey.predicted.heights[rows],
+                belief.weights,
+                belief.sigma,
+                targets,
+                n_pushes=n,
+                gains=survey.gains[rows],
+                rng=np.random.default_rng([self.seed, n_told]),
+            )
+            for n in (UNLIMITED, n_left)
+        ]
+        return found[0], found[1]
+
+    def _worded(self, state: State, belief: Belief) -> State:
+        """The state with its sentence."""
+        known = "; ".join(
+            self._known(belief, angle, interval)
+            for angle, interval in state.intervals.items()
+        )
+        half, n = f"± {self.width / 2:g}°", state.n_pushes
+        names = " and ".join(SYMBOLS[angle] for angle in state.intervals)
+        match state.answer:
+            case Answer.DECIDED:
+                text = f"{names} decided to {half} after {n} pushes: {known}."
+            case Answer.CANNOT:
+                text = (
+                    f"{names} cannot be decided to {half} on this grasp: however many "
+                    "pushes are made within reach and limits, the chance stays at "
+                    f"{_percent(state.p_unlimited)}. Known after {n} pushes: {known}. "
+                    "Force components, a wider reach or less noise would help."
+                )
+            case Answer.UNLIKELY:
+                text = (
+                    f"{names} will hardly be decided to {half}: with the "
+                    f"{state.n_left} pushes that are left the chance is "
+                    f"{_percent(state.p_budget)}, with unlimited pushes "
+                    f"{_percent(state.p_unlimited)}. Known after {n} pushes: {known}."
+                )
+            case Answer.OUT_OF_BUDGET:
+                text = f"no pushes are left, and {names} is not decided: {known}."
+            case _:
+                chance = (
+                    ""
+                    if state.p_budget is None
+                    else (
+                        "; the chance to decide with the pushes that are left is "
+                        f"{_percent(state.p_budget)}"
+                    )
+                )
+                text = f"after {n} pushes {known}{chance}."
+        return replace(state, sentence=text)
+
+    def _known(self, belief: Belief, angle: str, interval: Interval | None) -> str:
+        """What is known of one angle, in words."""
+        symbol = SYMBOLS[angle]
+        if interval is not None:
+            low, high = interval
+            return f"{symbol} in {low:.1f}° to {high:.1f}° ({self.prob:.0%})"
+        share = _p_undefined(belief, angle)
+        return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"
+
+
+def _answer(n_told: int, unlimited: float | None, within: float | None) -> Answer:
+    """What a forecast says."""
+    if n_told < MIN_FORECAST or unlimited is None or within is None:
+        return Answer.DECIDING
+    if max(unlimited, within) < HOPELESS:
+        return Answer.CANNOT
+    return Answer.UNLIKELY if within < HOPELESS else Answer.DECIDING
+
+
+def _p_undefined(belief: Belief, angle: str) -> float:
+    """Probability that the contact never rolls."""
+    return float(belief.weights @ ~np.isfinite(belief.samples[angle]))
+
+
+def _percent(share: float | None) -> str:
+    """A chance from 48 truths is no better than this."""
+    if share is None:
+        return "unknown"
+    return "below 5 %" if share < HOPELESS else f"about {share:.0%}"

@@ -1,0 +1,113 @@
+"""Heights and forces that draws of a belief predict for pushes not yet made.
+
+One compiled program serves every belief of a grasp: numbers of candidates are padded.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from pushfit.explore.belief import Belief
+from pushfit.model import Channels, Grasp, Parameters, Pushes, as_float, forward
+
+# Candidates are padded to multiples of this, so that few programs are compiled.
+PADDING = 32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Predicted:
+    """What draws say of some pushes.
+
+    Args:
+        heights: Noise-free heights, by push, channel and draw [unit].
+        force: Magnitude of the contact force, the preload included [N, or unit].
+        in_contact: Whether the finger stays on the object.
+    """
+
+    heights: Float[np.ndarray, "k c n"]
+    force: Float[np.ndarray, "k n"]
+    in_contact: Bool[np.ndarray, "k n"]
+
+
+def predict(
+    belief: Belief,
+    theta: Float[np.ndarray, " k"],
+    alpha: Float[np.ndarray, " k"],
+    *,
+    length_share: float = 1.0,
+) -> Predicted:
+    """Heights and forces of pushes, by every draw.
+
+    Args:
+        belief: Draws.
+        theta: Elevations [rad].
+        alpha: Azimuths [rad].
+        length_share: Length of the pushes, as a share of that of the grasp.
+
+    Returns:
+        Predictions in the order of the pushes.
+    """
+    k = theta.size
+    size = 1 if k == 1 else -(-k // PADDING) * PADDING
+    rows = np.minimum(np.arange(size), k - 1)
+    pushes = Pushes(theta[rows], alpha[rows])
+    draws = {name: jnp.asarray(v) for name, v in belief.parameters.items()}
+    found, force = _at_draws(draws, belief.grasp, pushes, as_float(length_share))
+    heights = np.stack(
+        [np.asarray(getattr(found, name))[:k] for name in belief.channels], axis=1
+    )
+    return Predicted(
+        heights=heights,
+        force=np.asarray(force)[:k],
+        in_contact=np.asarray(found.in_contact)[:k],
+    )
+
+
+def force_of(params: Parameters, grasp: Grasp, theta: float, alpha: float) -> float:
+    """Magnitude of the contact force of one push, the preload included.
+
+    Args:
+        params: Parameters.
+        grasp: Grasp and sensor.
+        theta: Elevation [rad].
+        alpha: Azimuth [rad].
+
+    Returns:
+        The force [N, or unit of uncalibrated heights].
+    """
+    found = _one(params, grasp, Pushes(np.array([theta]), np.array([alpha])))
+    height = (float(found.height[0]) - float(grasp.offset)) / float(grasp.gain)
+    return height + float(grasp.preload)
+
+
+@eqx.filter_jit
+def _one(params: Parameters, grasp: Grasp, pushes: Pushes) -> Channels:
+    return forward(params, pushes, grasp)
+
+
+@eqx.filter_jit
+def _at_draws(
+    draws: Mapping[str, Float[Array, " n"]],
+    grasp: Grasp,
+    pushes: Pushes,
+    length_share: Float[Array, ""],
+) -> tuple[Channels, Float[Array, "k n"]]:
+    """Every channel of every push and draw, and the force."""
+
+    def one(draw: Mapping[str, Float[Array, ""]]) -> tuple[Channels, Array]:
+        own = {name: value for name, value in draw.items() if name != "F_0"}
+        preload = draw.get("F_0", grasp.preload)
+        held = eqx.tree_at(
+            lambda g: (g.preload, g.push_length),
+            grasp,
+            (preload, grasp.push_length * length_share),
+        )
+        found = forward(Parameters(**own), pushes, held)
+        return found, (found.height - held.offset) / held.gain + preload
+
+    return jax.vmap(one, out_axes=-1)(draws)

@@ -1,0 +1,1 @@
+"""A robot under ROS 1: algorithm, position and touch node on standard messages."""

@@ -1,0 +1,193 @@
+"""Position node: moves the fingertip forth and back, and looks after what is touched.
+
+    python -m pushfit.explore.ros.position _max_force:=10 _speed:=0.01
+
+Takes a displacement, sends set points to a robot, and ends early at a force, a stall, a
+silent sensor, a cancel, or a lost master; whatever ends a push, the finger goes back.
+The algorithm can tighten the force limit, never widen it.
+"""
+
+import sys
+import threading
+import time
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.explore.ros import messages
+from pushfit.explore.ros.messages import ros
+
+# How far the finger may lag behind its set point, and for how long [m, s].
+LAG, LAG_TIME = 5e-4, 0.3
+# A push may not begin, and must end, where the sensor was silent for so long [s].
+SILENCE = 0.3
+# How often the master is looked for, and how often in a row it may be missing.
+MASTER_EVERY, MISSING = 0.5, 2
+
+
+class PositionNode:
+    """The node; everything that moves is decided in its own thread."""
+
+    def __init__(self) -> None:
+        """Connect to the robot and to the other nodes."""
+        r = ros()
+        geometry, actions = r.geometry_msgs, r.actionlib_msgs
+        rospy = r.rospy
+        self.max_force = float(rospy.get_param("~max_force", 10.0))
+        self.max_length = float(rospy.get_param("~max_length", 0.02))
+        self.speed = float(rospy.get_param("~speed", 0.01))
+        self.rate = float(rospy.get_param("~rate", 100.0))
+        self._asked_force = np.inf
+        self._at = np.zeros(3)
+        self._force, self._heard = 0.0, 0.0
+        self._is_cancelled = threading.Event()
+        self._is_busy = threading.Lock()
+        self._command = rospy.Publisher(
+            messages.COMMAND, geometry.PointStamped, queue_size=10
+        )
+        self._status = rospy.Publisher(
+            messages.STATUS, actions.GoalStatus, queue_size=10
+        )
+        self._reached = rospy.Publisher(
+            messages.REACHED, geometry.Vector3Stamped, queue_size=10
+        )
+        for topic, kind, heard in (
+            (messages.POSITION, geometry.PointStamped, self._on_position),
+            (messages.TOUCH, geometry.WrenchStamped, self._on_touch),
+            (messages.MAX_FORCE, r.std_msgs.Float64, self._on_limit),
+            (messages.CANCEL, actions.GoalID, self._on_cancel),
+            (messages.DISPLACEMENT, geometry.Vector3Stamped, self._on_push),
+        ):
+            rospy.Subscriber(topic, kind, heard, queue_size=10)
+        rospy.Service(messages.RETRACT, r.std_srvs.Trigger, self._on_retract)
+        threading.Thread(target=self._watch_master, daemon=True).start()
+
+    def _on_push(self, message: object) -> None:
+        """One goal; a second one while the first is under way is refused."""
+        v = message.vector  # pyright: ignore
+        stamp = message.header.stamp  # pyright: ignore
+        goal = np.array([v.x, v.y, v.z])
+        actions = ros().actionlib_msgs.GoalStatus
+        length = float(np.linalg.norm(goal))
+        if not 0 < length <= self.max_length:
+            self._answer(stamp, actions.REJECTED, "out_of_reach")
+        elif not self._is_busy.acquire(blocking=False):
+            self._answer(stamp, actions.REJECTED, "cancelled")
+        else:
+            try:
+                self._is_cancelled.clear()
+                self._answer_push(stamp, goal, length)
+            finally:
+                self._is_busy.release()
+
+    def _answer_push(
+        self, stamp: object, goal: Float[np.ndarray, "3"], length: float
+    ) -> None:
+        """Forth and back, and what came of it."""
+        reason = self._forth(goal, length)
+        reached = self._at.copy()
+        self._back()
+        r = ros()
+        answer = r.geometry_msgs.Vector3Stamped()
+        answer.header.stamp = stamp
+        answer.vector.x, answer.vector.y, answer.vector.z = map(float, reached)
+        self._reached.publish(answer)
+        actions = r.actionlib_msgs.GoalStatus
+        code = actions.SUCCEEDED if reason is None else actions.ABORTED
+        self._answer(stamp, code, reason or "done")
+
+    def _forth(self, goal: Float[np.ndarray, "3"], length: float) -> str | None:
+        """Follow the ramp to its end; the reason for which it was left early."""
+        begun = lagging_since = time.monotonic()
+        duration = length / self.speed
+        while True:
+            now = time.monotonic()
+            share = min((now - begun) / duration, 1.0)
+            self._send(share * goal)
+            is_lagging = np.linalg.norm(self._at - share * goal) > LAG
+            lagging_since = lagging_since if is_lagging else now
+            reason = self._trouble(now, lagging_since)
+            if reason is not None:
+                return reason
+            if share == 1.0 and not is_lagging:
+                return None
+            time.sleep(1 / self.rate)
+
+    def _trouble(self, now: float, lagging_since: float) -> str | None:
+        """Why the push must end, if it must."""
+        if self._is_cancelled.is_set():
+            return "cancelled"
+        if now - self._heard > SILENCE:
+            return "stale_stream"
+        if self._force > min(self.max_force, self._asked_force):
+            return "force_abort"
+        return "stalled" if now - lagging_since > LAG_TIME else None
+
+    def _back(self) -> None:
+        """To the contact, at the speed of the push, whatever the state of the rest."""
+        start, begun = self._at.copy(), time.monotonic()
+        duration = max(float(np.linalg.norm(start)) / self.speed, 1 / self.rate)
+        while (share := (time.monotonic() - begun) / duration) < 1:
+            self._send((1 - share) * start)
+            time.sleep(1 / self.rate)
+        for _ in range(5):  # a set point may get lost
+            self._send(np.zeros(3))
+            time.sleep(1 / self.rate)
+
+    def _send(self, point: Float[np.ndarray, "3"]) -> None:
+        r = ros()
+        message = r.geometry_msgs.PointStamped()
+        message.header.stamp = r.rospy.Time.now()
+        message.point.x, message.point.y, message.point.z = map(float, point)
+        self._command.publish(message)
+
+    def _answer(self, stamp: object, code: int, text: str) -> None:
+        message = ros().actionlib_msgs.GoalStatus()
+        message.goal_id.stamp, message.status, message.text = stamp, code, text
+        self._status.publish(message)
+
+    def _on_retract(self, request: object) -> object:
+        """Cancel what is under way, and go back."""
+        self._is_cancelled.set()
+        with self._is_busy:
+            self._back()
+        is_back = bool(np.linalg.norm(self._at) < LAG)
+        return ros().std_srvs.TriggerResponse(success=is_back, message="retracted")
+
+    def _watch_master(self) -> None:
+        """Without a master nobody could tell the finger to stop."""
+        missing = 0
+        while not ros().rospy.is_shutdown():
+            missing = 0 if messages.master_answers() else missing + 1
+            if missing >= MISSING:
+                self._is_cancelled.set()
+                with self._is_busy:
+                    self._back()
+            time.sleep(MASTER_EVERY)
+
+    def _on_position(self, message: object) -> None:
+        p = message.point  # pyright: ignore
+        self._at = np.array([p.x, p.y, p.z])
+
+    def _on_touch(self, message: object) -> None:
+        f = message.wrench.force  # pyright: ignore
+        self._force = float(np.sqrt(f.x**2 + f.y**2 + f.z**2))
+        self._heard = time.monotonic()
+
+    def _on_limit(self, message: object) -> None:
+        self._asked_force = float(message.data)  # pyright: ignore
+
+    def _on_cancel(self, message: object) -> None:
+        self._is_cancelled.set()
+
+
+def main() -> None:
+    """Run the node until ROS ends."""
+    rospy = ros().rospy
+    rospy.init_node("pushfit_position", argv=sys.argv)
+    PositionNode()
+    rospy.spin()
+
+
+if __name__ == "__main__":
+    main()

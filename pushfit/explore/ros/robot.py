@@ -1,0 +1,104 @@
+"""A robot that is not there: follows set points and feels what the push model says.
+
+    python -m pushfit.explore.ros.robot _truth:=truth.toml _noise:=0.01
+
+For rehearsals and tests, in place of the driver of a real finger.
+"""
+
+import sys
+import threading
+import time
+
+import equinox as eqx
+import numpy as np
+
+from pushfit.config import read_config
+from pushfit.data.grasp import make_grasp
+from pushfit.data.truth import stated_parameters
+from pushfit.explore.ros import messages
+from pushfit.explore.ros.messages import ros
+from pushfit.model import Pushes, forward
+
+
+class RobotNode:
+    """The node: position follows the set point, force follows the position."""
+
+    def __init__(self) -> None:
+        """Hold the grasp of a file."""
+        r = ros()
+        rospy = r.rospy
+        config = read_config(rospy.get_param("~truth"))
+        self.params, self.grasp = stated_parameters(config), make_grasp(config, "n")
+        self.noise = float(rospy.get_param("~noise", 0.01))
+        self.rate = float(rospy.get_param("~rate", 200.0))
+        self._rng = np.random.default_rng(int(rospy.get_param("~seed", 0)))
+        self._at = np.zeros(3)
+        self._forces = eqx.filter_jit(forward)
+        geometry = r.geometry_msgs
+        self._position = rospy.Publisher(
+            messages.POSITION, geometry.PointStamped, queue_size=10
+        )
+        self._wrench = rospy.Publisher(
+            messages.WRENCH, geometry.WrenchStamped, queue_size=100
+        )
+        self._joints = rospy.Publisher(
+            messages.JOINTS, r.sensor_msgs.JointState, queue_size=10
+        )
+        self._publish()  # compiles before anybody pushes
+        rospy.Subscriber(
+            messages.COMMAND, geometry.PointStamped, self._on_command, queue_size=10
+        )
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def _on_command(self, message: object) -> None:
+        p = message.point  # pyright: ignore
+        self._at = np.array([p.x, p.y, p.z])
+
+    def _run(self) -> None:
+        while not ros().rospy.is_shutdown():
+            self._publish()
+            time.sleep(1 / self.rate)
+
+    def _publish(self) -> None:
+        """Position, joints and force as they are now."""
+        r = ros()
+        now, (x, y, z) = r.rospy.Time.now(), self._at.tolist()
+        length = float(np.linalg.norm(self._at))
+        alpha, theta = np.arctan2(y, x), np.arcsin(z / max(length, 1e-12))
+        grasp = eqx.tree_at(
+            lambda g: g.push_length, self.grasp, np.asarray(max(length, 1e-12))
+        )
+        pushes = Pushes(np.array([theta]), np.array([alpha]))
+        found = self._forces(self.params, pushes, grasp)
+        normal, tangential = (
+            float(found.height_normal[0]),
+            float(found.height_tangential[0]),
+        )
+        fx, fy, fz = np.array(
+            [tangential * np.cos(alpha), tangential * np.sin(alpha), normal]
+        ) + self.noise * self._rng.standard_normal(3)
+        position = r.geometry_msgs.PointStamped()
+        position.header.stamp = now
+        position.point.x, position.point.y, position.point.z = x, y, z
+        self._position.publish(position)
+        joints = r.sensor_msgs.JointState()
+        joints.header.stamp, joints.name = now, ["x", "y", "z"]
+        joints.position = [x, y, z]
+        self._joints.publish(joints)
+        wrench = r.geometry_msgs.WrenchStamped()
+        wrench.header.stamp = now
+        force = wrench.wrench.force
+        force.x, force.y, force.z = float(fx), float(fy), float(fz)
+        self._wrench.publish(wrench)
+
+
+def main() -> None:
+    """Run the node until ROS ends."""
+    rospy = ros().rospy
+    rospy.init_node("pushfit_robot", argv=sys.argv)
+    RobotNode()
+    rospy.spin()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,322 @@
+"""A hand that is not there: push model, simulated sensor, and what can go wrong.
+
+Time is the hand's own and passes without waiting. Faults are asked for by the number of
+the push that has them.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float, Int
+
+from pushfit.config import GraspConfig
+from pushfit.data.grasp import make_grasp
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.recordings.records import Recording
+from pushfit.data.simulate import Session, simulate_recording
+from pushfit.data.truth import stated_parameters
+from pushfit.errors import ConfigError
+from pushfit.explore.hand import PushOutcome, PushStatus, Reach
+from pushfit.explore.predict import force_of
+from pushfit.model import Grasp, Parameters
+
+SESSION = Session(shape="triangle", rise=0.5, rest=0.6, rate=100.0)
+# Share of a push after which it stalls, and of the stiffness that a slip leaves.
+STALLS_AT, SLIP = 0.4, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class World:
+    """What is true and nobody knows.
+
+    Args:
+        params: Parameters of the grasp.
+        grasp: Grasp and sensor.
+        session: Course of the pushes and the sensor.
+        reach: Where the finger can push.
+        scatter: Standard deviation of the height of a push, relative to it: how it is
+            executed, which no sensor noise shows.
+        faults: What goes wrong, by the number of the push, from 1.
+    """
+
+    params: Parameters
+    grasp: Grasp
+    session: Session
+    reach: Reach
+    scatter: float = 0.0
+    faults: Mapping[int, str]
+
+
+class SimulatedHand:
+    """A hand for tests, demonstrations and rehearsals.
+
+    Args:
+        world: What it touches.
+        seed: Seed of all randomness; push n of a seed is always the same.
+    """
+
+    def __init__(self, world: World, *, seed: int) -> None:
+        """Begin at rest."""
+        self.world, self.seed = world, seed
+        self.clock, self.n_pushes = 0.0, 0
+        self.is_extended, self.has_object = False, True
+        self._slipped = 1.0
+        self._parts: list[Recording] = []
+
+    def push(
+        self, displacement: Float[np.ndarray, "3"], *, max_force: float | None
+    ) -> PushOutcome:
+        """Push and record; see `Hand`."""
+        self.n_pushes += 1
+        fault = self.world.faults.get(self.n_pushes)
+        if fault is not None and fault not in FAULTS:
+            raise ConfigError(
+                f"fault {fault!r} is not known; there are {', '.join(FAULTS)}",
+                code="unknown_fault",
+            )
+        rng = np.random.default_rng([self.seed, self.n_pushes])
+        length = float(np.linalg.norm(displacement))
+        theta = float(np.arcsin(np.clip(displacement[2] / length, -1, 1)))
+        alpha = float(np.arctan2(displacement[1], displacement[0]))
+        share = STALLS_AT if fault == "stall" else 1.0
+        status = PushStatus.DONE
+        force = force_of(self._params(), self._grasp(length), theta, alpha)
+        if max_force is not None and force > max_force:
+            share, status = max_force / force, PushStatus.FORCE_ABORT
+        if fault == "slip":
+            self._slipped *= SLIP
+        part, t_start, t_end = self._record(theta, alpha, share * length, rng)
+        self.is_extended = True
+        if fault == "object_lost":
+            self.has_object = False
+        if fault is not None and fault in SPOILS:
+            part = SPOILS[fault](part, t_start, t_end)
+        self._parts.append(part)
+        return PushOutcome(
+            status=status,
+            reached=share * displacement,
+            t_start=t_start,
+            t_end=t_end,
+            text=fault or "",
+        )
+
+    def retract(self) -> None:
+        """Return to the contact."""
+        self.is_extended = False
+
+    def stop(self) -> None:
+        """Nothing moves while nobody pushes."""
+
+    def wait(self, seconds: float) -> None:
+        """Let the sensor rest."""
+        rng = np.random.default_rng([self.seed, self.n_pushes, 1])
+        self._parts.append(self._resting(seconds, rng))
+
+    def samples(self, since: float) -> Recording:
+        """All samples since a moment, in the order in which they came."""
+        parts = self._parts
+        joined = replace(
+            parts[-1],
+            time=np.concatenate([p.time for p in parts]),
+            channels={
+                name: np.concatenate([p.channels[name] for p in parts])
+                for name in parts[-1].channels
+            },
+            theta=np.concatenate([_angles(p.theta, p.time) for p in parts]),
+            alpha=np.concatenate([_angles(p.alpha, p.time) for p in parts]),
+        )
+        recent = joined.time >= since
+        # A clock that went back leaves samples of the push before the moment.
+        first = int(np.argmax(recent)) if np.any(recent) else recent.size
+        kept = slice(first, None)
+        return replace(
+            joined,
+            time=joined.time[kept],
+            channels={name: v[kept] for name, v in joined.channels.items()},
+            theta=_angles(joined.theta, joined.time)[kept],
+            alpha=_angles(joined.alpha, joined.time)[kept],
+        )
+
+    def reach(self) -> Reach:
+        """Where the finger can push."""
+        return self.world.reach
+
+    def _params(self) -> Parameters:
+        """Parameters now, softer after a slip."""
+        params = self.world.params
+        softer = params.K_dn * self._slipped
+        return eqx.tree_at(lambda p: p.K_dn, params, softer)
+
+    def _grasp(self, length: float) -> Grasp:
+        return eqx.tree_at(lambda g: g.push_length, self.world.grasp, length)
+
+    def _session(self) -> Session:
+        """The session from now on: drift goes on where it was."""
+        session = self.world.session
+        return replace(session, level=session.level + session.drift * self.clock)
+
+    def _record(
+        self, theta: float, alpha: float, length: float, rng: np.random.Generator
+    ) -> tuple[Recording, float, float]:
+        """One push on the clock, and when it began and ended."""
+        grasp = self._grasp(length)
+        scatter = 1 + self.world.scatter * rng.standard_normal()
+        grasp = eqx.tree_at(lambda g: g.gain, grasp, grasp.gain * scatter)
+        plan = PushSchedule.planned(theta, alpha, repeats=1)
+        found = simulate_recording(
+            self._params(), grasp, plan, session=self._session(), rng=rng
+        )
+        part = replace(found.recording, time=found.recording.time + self.clock)
+        t_start = self.clock + float(found.t_start[0])
+        self.clock = float(part.time[-1])
+        return part, t_start, t_start + self.world.session.duration
+
+    def _resting(self, seconds: float, rng: np.random.Generator) -> Recording:
+        """Samples of a sensor that nobody touches."""
+        session = self._session()
+        n = max(int(np.ceil(seconds * session.rate)), 1)
+        time = np.arange(1, n + 1) / session.rate
+        level = session.level if self.has_object else 0.0
+        reading = level + session.drift * time + session.noise * rng.standard_normal(n)
+        if session.quantum is not None:
+            reading = np.rint(reading / session.quantum) * session.quantum
+        names = ("fx", "fy", "fz") if session.forces else (session.channel,)
+        part = Recording(
+            time=time + self.clock,
+            channels={name: reading.copy() for name in names},
+            units=dict.fromkeys(names, session.unit),
+            theta=np.full(n, np.nan),
+            alpha=np.full(n, np.nan),
+        )
+        self.clock = float(part.time[-1])
+        return part
+
+
+def _angles(
+    values: Float[np.ndarray, " n"] | None, time: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Angles, NaN where none were recorded."""
+    return np.full(time.size, np.nan) if values is None else values
+
+
+def _taken(part: Recording, rows: Int[np.ndarray, " m"]) -> Recording:
+    """Some samples, in a given order."""
+    return replace(
+        part,
+        time=part.time[rows],
+        channels={name: values[rows] for name, values in part.channels.items()},
+        theta=_angles(part.theta, part.time)[rows],
+        alpha=_angles(part.alpha, part.time)[rows],
+    )
+
+
+def _dropout(part: Recording, t_start: float, t_end: float) -> Recording:
+    """No samples after the middle of the push until its end."""
+    middle = (t_start + t_end) / 2
+    lost = (part.time > middle - 0.1) & (part.time < t_end + 0.2)
+    return _taken(part, np.flatnonzero(~lost))
+
+
+def _frozen(part: Recording, t_start: float, t_end: float) -> Recording:
+    """The reading of the middle of the push, for ever."""
+    stuck = part.time > (t_start + t_end) / 2 - 0.2
+    first = int(np.argmax(stuck))
+    channels = {
+        name: np.where(stuck, values[first], values)
+        for name, values in part.channels.items()
+    }
+    return replace(part, channels=channels)
+
+
+def _lost(part: Recording, t_start: float, t_end: float) -> Recording:
+    """Nothing to be felt from the middle of the push on."""
+    gone = part.time > (t_start + t_end) / 2
+    channels = {
+        name: np.where(gone, 0.0, values) for name, values in part.channels.items()
+    }
+    return replace(part, channels=channels)
+
+
+def _duplicate(part: Recording, t_start: float, t_end: float) -> Recording:
+    """Every tenth message twice."""
+    return _taken(part, np.sort(np.r_[0 : part.time.size, 0 : part.time.size : 10]))
+
+
+def _late(part: Recording, t_start: float, t_end: float) -> Recording:
+    """Every twentieth message three places too late."""
+    rows = np.arange(part.time.size, dtype=float)
+    rows[::20] += 3.5
+    return _taken(part, np.argsort(rows, kind="stable"))
+
+
+def _ahead(part: Recording, t_start: float, t_end: float) -> Recording:
+    """The clock of the sensor leaps an hour in the middle of the push."""
+    middle = (t_start + t_end) / 2
+    return replace(part, time=np.where(part.time > middle, part.time + 3600, part.time))
+
+
+def _back(part: Recording, t_start: float, t_end: float) -> Recording:
+    """The clock of the sensor goes back by more than a push."""
+    middle = (t_start + t_end) / 2
+    return replace(part, time=np.where(part.time > middle, part.time - 3, part.time))
+
+
+def _silent(part: Recording, t_start: float, t_end: float) -> Recording:
+    """The sensor says nothing from before the push on."""
+    return _taken(part, np.flatnonzero(part.time < t_start - 0.1))
+
+
+SPOILS: Mapping[str, Callable[[Recording, float, float], Recording]] = {
+    "dropout": _dropout,
+    "frozen": _frozen,
+    "object_lost": _lost,
+    "duplicate": _duplicate,
+    "late": _late,
+    "clock_jump": _ahead,
+    "clock_back": _back,
+    "silent": _silent,
+}
+FAULTS = (*SPOILS, "stall", "slip")
+
+
+def simulated_hand(
+    config: GraspConfig,
+    *,
+    theta_deg: tuple[float, float],
+    unit: str,
+    noise: float,
+    scatter: float,
+    forces: bool,
+    seed: int,
+) -> SimulatedHand:
+    """A hand that holds the grasp of a configuration.
+
+    Args:
+        config: The truth, a value for every parameter.
+        theta_deg: Elevations that it can push in.
+        unit: Unit of its sensor.
+        noise: Standard deviation of a sample [unit].
+        scatter: Standard deviation of the height of a push, relative to it.
+        forces: Whether the sensor gives force components.
+        seed: Seed of all randomness.
+
+    Raises:
+        ConfigError: A parameter is missing, or the preload is no number.
+    """
+    preload = config.preload_in(unit)
+    if isinstance(preload, str):
+        raise ConfigError(
+            "the preload of a simulated grasp needs to be a number", code="no_truth"
+        )
+    session = replace(SESSION, unit=unit, noise=noise, level=preload, forces=forces)
+    world = World(
+        params=stated_parameters(config),
+        grasp=make_grasp(config, unit),
+        session=session,
+        reach=Reach(theta_deg=theta_deg, alpha_deg=config.reach.alpha_deg),
+        scatter=scatter,
+        faults={},
+    )
+    return SimulatedHand(world, seed=seed)

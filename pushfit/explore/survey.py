@@ -1,0 +1,317 @@
+"""What a belief says of every push that could be made next.
+
+Screens candidates by the limits and ranks them by expected information gain. Excluded:
+the course of an exploration (`pushfit.explore.explorer`).
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from pushfit.explore.belief import Belief, Question
+from pushfit.explore.gain import Outlook, information_gain, outlook
+from pushfit.explore.limits import SHARES, TOLERATED, Limits
+from pushfit.explore.predict import Predicted, predict
+from pushfit.explore.records import Purpose, Suggestion, Told
+from pushfit.fit.identify import reach_of
+
+# More candidates than this are first ranked by few draws, and so many of them again.
+N_FULL, N_COARSE_DRAWS = 20, 1024
+Direction = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Survey:
+    """Candidates with what they would tell.
+
+    Args:
+        theta: Elevations [rad].
+        alpha: Azimuths [rad].
+        length_share: Length of the pushes, as a share of the push length.
+        predicted: Heights and forces by every draw.
+        is_allowed: Whether limits permit a push.
+        gains: Expected information about the asked angles; 0 where not allowed [nat].
+        refusals: How many candidates each reason rules out.
+    """
+
+    theta: Float[np.ndarray, " k"]
+    alpha: Float[np.ndarray, " k"]
+    length_share: float
+    predicted: Predicted
+    is_allowed: Bool[np.ndarray, " k"]
+    gains: Float[np.ndarray, " k"]
+    refusals: Mapping[str, int]
+
+    @property
+    def ranks(self) -> Int[np.ndarray, " m"]:
+        """Allowed candidates, the most telling first."""
+        order = np.argsort(-self.gains, kind="stable")
+        return order[self.is_allowed[order]]
+
+
+class Surveyor:
+    """Surveys beliefs of one exploration; predictions are kept while draws stay.
+
+    Args:
+        question: What is asked, and through which sensor.
+        limits: Where pushes may go.
+    """
+
+    def __init__(self, question: Question, limits: Limits) -> None:
+        """Lay out the candidates."""
+        self.question, self.limits = question, limits
+        self._samples: object = None
+        self._predicted: dict[float, Predicted] = {}
+
+    def azimuths(self) -> Direction:
+        """Reach in azimuth [rad]."""
+        if self.limits.alpha_deg is not None:
+            low, high = np.radians(self.limits.alpha_deg)
+            return float(low), float(high)
+        return reach_of(self.question.config)
+
+    def length(self, belief: Belief) -> float:
+        """Push length of the grasp [m]."""
+        return float(belief.grasp.push_length)
+
+    def survey(
+        self,
+        belief: Belief,
+        *,
+        undecided: Collection[str],
+        abandoned: Collection[Direction] = (),
+        is_full: bool = False,
+    ) -> Survey:
+        """What every candidate would tell, at the greatest length that is safe.
+
+        Args:
+            belief: What is believed now.
+            undecided: The angles that gains are about.
+            abandoned: Directions never to be asked again [rad].
+            is_full: Whether gains of all candidates are wanted to the last digit, as
+                for a picture.
+
+        Returns:
+            The survey; none is allowed where no length is safe.
+        """
+        directions = self.limits.candidates(
+            azimuths=self.azimuths() if "alpha_star" in belief.samples else None,
+            reference_alpha=self.question.reference_alpha,
+        )
+        theta, alpha = directions.T
+        refusals: dict[str, int] = {}
+        for share in SHARES:
+            predicted = self._predict(belief, theta, alpha, share)
+            is_allowed, refusals = self._screen(
+                belief, directions, predicted, share, abandoned
+            )
+            if np.any(is_allowed):
+                break
+        gains = np.zeros(theta.size)
+        rows = np.flatnonzero(is_allowed)
+        if rows.size:
+            gains[rows] = _gains(
+                belief, predicted.heights[rows], undecided, is_full=is_full
+            )
+        return Survey(
+            theta=theta,
+            alpha=alpha,
+            length_share=share,
+            predicted=predicted,
+            is_allowed=is_allowed,
+            gains=gains,
+            refusals=refusals,
+        )
+
+    def suggestion(
+        self,
+        belief: Belief,
+        survey: Survey,
+        row: int,
+        *,
+        angle: str,
+        prob: float,
+        width: float,
+    ) -> Suggestion:
+        """One candidate with its outlook.
+
+        Args:
+            belief: What is believed now.
+            survey: Survey of it.
+            row: Which candidate.
+            angle: Whose interval the outlook is about.
+            prob: Probability of the interval.
+            width: Width asked for [deg].
+        """
+        is_whole = survey.length_share == 1.0
+        expected = _outlook(
+            belief, survey.predicted.heights[row], angle, prob=prob, width=width
+        )
+        return Suggestion(
+            number=0,
+            theta=float(survey.theta[row]),
+            alpha=float(survey.alpha[row]),
+            length_share=survey.length_share,
+            purpose=Purpose.GAIN if is_whole else Purpose.PROBE,
+            gain=float(survey.gains[row]),
+            expected_width=expected.expected_width,
+            p_decided=expected.p_decided,
+            force_q99=_q99(survey.predicted.force[row], belief.weights),
+        )
+
+    def repetition(
+        self,
+        belief: Belief,
+        survey: Survey,
+        push: Told,
+        *,
+        angle: str,
+        prob: float,
+        width: float,
+    ) -> Suggestion:
+        """A push made once more, to see whether it gives the same.
+
+        Args:
+            belief: What is believed now.
+            survey: Survey of it.
+            push: The push.
+            angle: Whose interval the outlook is about.
+            prob: Probability of the interval.
+            width: Width asked for [deg].
+        """
+        found = predict(belief, np.array([push.theta]), np.array([push.alpha]))
+        gain = _gains(belief, found.heights, (angle,), is_full=True)
+        expected = _outlook(belief, found.heights[0], angle, prob=prob, width=width)
+        return Suggestion(
+            number=0,
+            theta=push.theta,
+            alpha=push.alpha,
+            length_share=survey.length_share,
+            purpose=Purpose.REFERENCE,
+            gain=float(gain[0]),
+            expected_width=expected.expected_width,
+            p_decided=expected.p_decided,
+            force_q99=_q99(found.force[0], belief.weights),
+        )
+
+    def _predict(
+        self,
+        belief: Belief,
+        theta: Float[np.ndarray, " k"],
+        alpha: Float[np.ndarray, " k"],
+        share: float,
+    ) -> Predicted:
+        """Predictions of the candidates, kept for as long as draws are the same."""
+        if belief.samples is not self._samples:
+            self._samples, self._predicted = belief.samples, {}
+        if share not in self._predicted:
+            self._predicted[share] = predict(belief, theta, alpha, length_share=share)
+        return self._predicted[share]
+
+    def _screen(
+        self,
+        belief: Belief,
+        directions: Float[np.ndarray, "k 2"],
+        predicted: Predicted,
+        share: float,
+        abandoned: Collection[Direction],
+    ) -> tuple[Bool[np.ndarray, " k"], dict[str, int]]:
+        """Which candidates may be asked for, and why the others may not."""
+        weights, length = belief.weights, share * self.length(belief)
+        azimuths = self.azimuths()
+        is_out = np.array(
+            [
+                self.limits.refusal(t, a, length=length, azimuths=azimuths) is not None
+                for t, a in directions.tolist()
+            ]
+        )
+        lifts_off = (~predicted.in_contact) @ weights > TOLERATED
+        limit = np.inf if self.limits.force is None else self.limits.force
+        is_strong = (predicted.force > limit) @ weights > TOLERATED
+        gone = np.array([_is_among(t, a, abandoned) for t, a in directions.tolist()])
+        reasons = {
+            "out of the workspace": is_out,
+            "might lift the finger off": lifts_off,
+            f"might exceed the force limit of {limit:g}": is_strong,
+            "abandoned": gone,
+        }
+        is_allowed = ~(is_out | lifts_off | is_strong | gone)
+        counts = {why: int(np.sum(which)) for why, which in reasons.items()}
+        return is_allowed, {why: n for why, n in counts.items() if n}
+
+
+def _is_among(theta: float, alpha: float, directions: Collection[Direction]) -> bool:
+    """Whether a direction is one of some, to a thousandth of a degree."""
+    return any(
+        abs(theta - t) < np.radians(1e-3) and abs(alpha - a) < np.radians(1e-3)
+        for t, a in directions
+    )
+
+
+def _gains(
+    belief: Belief,
+    heights: Float[np.ndarray, "k c n"],
+    undecided: Collection[str],
+    *,
+    is_full: bool,
+) -> Float[np.ndarray, " k"]:
+    """Sum of the gains about every undecided angle.
+
+    With many candidates all get a gain from few draws, and the best ones a better one.
+    """
+    weights, sigma = belief.weights, belief.sigma
+    angles = [belief.samples[name] for name in undecided]
+    rows = np.arange(heights.shape[0])
+    gains = np.zeros(rows.size)
+    if rows.size > N_FULL and not is_full:
+        ticks = (np.arange(N_COARSE_DRAWS) + 0.5) / N_COARSE_DRAWS
+        few = np.searchsorted(np.cumsum(weights), ticks * weights.sum())
+        equal = np.full(few.size, 1 / few.size)
+        some = heights[:, :, few]
+        gains = sum(
+            (
+                information_gain(some, v[few], equal, sigma, is_coarse=True)
+                for v in angles
+            ),
+            gains,
+        )
+        rows = np.argsort(-gains, kind="stable")[:N_FULL]
+        # Those left behind stay behind.
+        gains = np.minimum(gains, np.sort(gains)[-N_FULL])
+    fine = sum(
+        (information_gain(heights[rows], v, weights, sigma) for v in angles),
+        np.zeros(rows.size),
+    )
+    floor = float(np.min(fine))
+    gains = np.minimum(gains, floor)
+    gains[rows] = fine
+    return gains
+
+
+def _outlook(
+    belief: Belief,
+    heights: Float[np.ndarray, "c n"],
+    angle: str,
+    *,
+    prob: float,
+    width: float,
+) -> Outlook:
+    """What one push is expected to leave of the interval of an angle."""
+    return outlook(
+        heights,
+        belief.samples[angle],
+        belief.weights,
+        belief.sigma,
+        prob=prob,
+        width=width,
+        is_axis=angle == "alpha_star",
+    )
+
+
+def _q99(force: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]) -> float:
+    """Force that is exceeded with 1 % probability."""
+    order = np.argsort(force)
+    above = np.searchsorted(np.cumsum(weights[order]), 1 - TOLERATED)
+    return float(force[order[min(int(above), order.size - 1)]])

@@ -1,0 +1,117 @@
+"""Between pushes as they are told and tables of peak heights."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import DataError
+from pushfit.explore.belief import Question
+from pushfit.explore.records import Told
+
+
+def table_of(told: Sequence[Told], question: Question) -> PeakTable | None:
+    """Pushes of full length as a table.
+
+    Args:
+        told: Pushes in order.
+        question: Channels, unit and stated noise.
+
+    Returns:
+        The table, with standard deviations where every push has them; None without a
+        push.
+    """
+    rows = [row for row in told if not row.is_short]
+    if not rows:
+        return None
+    channels = question.channels
+    heights = {c: np.array([row.heights[c] for row in rows]) for c in channels}
+    sds = {c: [_sd(row, c, question.sigma) for row in rows] for c in channels}
+    is_stated = all(s is not None for column in sds.values() for s in column)
+    return PeakTable.from_arrays(
+        theta=np.array([row.theta for row in rows]),
+        alpha=np.array([row.alpha for row in rows]),
+        heights=heights,
+        unit=question.unit,
+        sd={c: np.array(s, dtype=float) for c, s in sds.items()} if is_stated else None,
+        flags=tuple(row.flags for row in rows),
+    )
+
+
+def told_rows(table: PeakTable) -> tuple[Told, ...]:
+    """Pushes of a table that was made before.
+
+    Args:
+        table: Peak heights.
+    """
+    theta, alpha = table.theta, table.alpha
+    heights = {c: table.heights(c) for c in table.channels}
+    sds = {c: table.sd(c) for c in table.channels}
+    stated = {c: sd for c, sd in sds.items() if sd is not None}
+    has_sd = len(stated) == len(sds)
+    return tuple(
+        Told(
+            theta=float(theta[i]),
+            alpha=float(alpha[i]),
+            heights={c: float(h[i]) for c, h in heights.items()},
+            sd={c: float(sd[i]) for c, sd in stated.items()} if has_sd else None,
+            flags=";".join(sorted(table.flags[i])),
+            is_attached=True,
+        )
+        for i in range(table.n_pushes)
+    )
+
+
+def check_sensor(table: PeakTable, question: Question) -> None:
+    """Refuse a table of another sensor.
+
+    Args:
+        table: Peak heights.
+        question: Channels and unit of the exploration.
+
+    Raises:
+        DataError: They are not those of the table.
+    """
+    if table.unit != question.unit or table.channels != question.channels:
+        raise DataError(
+            f"the table has {', '.join(table.channels)} in {table.unit}, the "
+            f"exploration {', '.join(question.channels)} in {question.unit}; explore "
+            "with channels and unit of the table",
+            code="other_sensor",
+        )
+
+
+def by_channel(
+    values: Mapping[str, float] | float, channels: tuple[str, ...]
+) -> dict[str, float]:
+    """One number for every channel, as plain floats.
+
+    Args:
+        values: By channel, or that of the only one.
+        channels: Names wanted.
+
+    Raises:
+        DataError: A channel is missing or too many, or a number is not finite.
+    """
+    given = values if isinstance(values, Mapping) else {channels[0]: values}
+    if set(given) != set(channels):
+        raise DataError(
+            f"numbers for {', '.join(sorted(given))} were told; the exploration has "
+            f"{', '.join(channels)}",
+            code="other_sensor",
+        )
+    found = {name: float(given[name]) for name in channels}
+    if not all(np.isfinite(value) for value in found.values()):
+        raise DataError(
+            f"a number of {found} is not finite; a push without a height is to be told "
+            "by fail()",
+            code="no_height",
+        )
+    return found
+
+
+def _sd(row: Told, channel: str, sigma: float | None) -> float | None:
+    """Noise of one height: what repeats scatter by is the least it can be."""
+    if row.sd is None:
+        return sigma
+    return row.sd[channel] if sigma is None else max(row.sd[channel], sigma)

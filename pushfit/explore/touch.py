@@ -1,0 +1,186 @@
+"""From the samples around one push to its heights, or to the word for what went wrong.
+
+A height that is doubtful is none: every fault has a name, and nothing is filled in.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.records import Recording
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.tables.rules import EXCLUDING_FLAGS
+from pushfit.errors import DataError
+from pushfit.explore.hand import PushOutcome, PushStatus
+from pushfit.explore.limits import Limits
+
+# Faults after which the same push would only fail again.
+HOPELESS = frozenset({"saturated", "out_of_reach", "force_abort"})
+# Faults after which nobody may push before a person has looked.
+FATAL = frozenset({"object_lost"})
+# Time after a push that no rest takes: the clock of the sensor was elsewhere [s].
+AHEAD = 60.0
+# Share of the rest before and after a push that its baselines are taken from.
+REST_SHARE = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Felt:
+    """A push as it was felt: a row of a table, or a fault.
+
+    Args:
+        table: One row; None where there is no height.
+        fault: Stable word; None where there is a height.
+    """
+
+    table: PeakTable | None
+    fault: str | None
+
+
+def feel(
+    recording: Recording,
+    outcome: PushOutcome,
+    *,
+    asked: Float[np.ndarray, "3"],
+    limits: Limits,
+    settings: PeakSettings,
+    sigma: float | None,
+) -> Felt:
+    """Measure one push.
+
+    Args:
+        recording: Samples as they came, from a rest before the push to one after it.
+        outcome: What the position node says of it.
+        asked: Displacement that was asked for [m].
+        limits: What counts as a stall, a silence, a return to rest.
+        settings: How heights are taken.
+        sigma: Standard deviation of a height; None while it is not known [unit].
+
+    Returns:
+        The height, or the fault.
+    """
+    fault = _motion_fault(outcome, asked, limits)
+    if fault is None:
+        recording, fault = _ordered(recording, limits)
+    if fault is None:
+        fault = _stream_fault(recording, outcome, limits)
+    if fault is not None:
+        return Felt(table=None, fault=fault)
+    try:
+        table = extract_peaks(_with_angles(recording, outcome), settings=settings)
+    except DataError as error:
+        return Felt(table=None, fault=error.code)
+    if table.n_pushes != 1:
+        return Felt(table=None, fault="several_pushes")
+    bad = table.flags[0] & EXCLUDING_FLAGS
+    if bad:
+        return Felt(table=None, fault=min(bad))
+    if not _is_back(recording, outcome, table, limits, sigma):
+        return Felt(table=None, fault="not_at_rest")
+    return Felt(table=table, fault=None)
+
+
+def at_rest(recording: Recording, t_start: float) -> dict[str, float]:
+    """Median reading of every channel before a moment.
+
+    Args:
+        recording: Samples.
+        t_start: The moment [s].
+    """
+    before = recording.time < t_start
+    return {
+        name: float(np.median(values[before]))
+        for name, values in recording.channels.items()
+    }
+
+
+def _motion_fault(
+    outcome: PushOutcome, asked: Float[np.ndarray, "3"], limits: Limits
+) -> str | None:
+    """What the position node complains of, or should have."""
+    if outcome.status is not PushStatus.DONE:
+        return outcome.status.value
+    missing = np.linalg.norm(outcome.reached - asked) / np.linalg.norm(asked)
+    return PushStatus.STALLED.value if missing > limits.stall_share else None
+
+
+def _ordered(recording: Recording, limits: Limits) -> tuple[Recording, str | None]:
+    """Samples in the order of their time: late ones sorted in, duplicates left out."""
+    time = recording.time
+    if time.size < 2:
+        return recording, "dropout"
+    steps = np.diff(time)
+    if np.any(steps < -limits.stale_s):
+        return recording, "clock_jump"
+    order = np.argsort(time, kind="stable")
+    order = order[np.concatenate([[True], np.diff(time[order]) > 0])]
+    angles = {
+        name: None if values is None else values[order]
+        for name, values in (("theta", recording.theta), ("alpha", recording.alpha))
+    }
+    channels = {name: values[order] for name, values in recording.channels.items()}
+    return replace(recording, time=time[order], channels=channels, **angles), None
+
+
+def _stream_fault(
+    recording: Recording, outcome: PushOutcome, limits: Limits
+) -> str | None:
+    """Whether the sensor was silent, stuck, or on another clock during the push."""
+    time = recording.time
+    if time[-1] > outcome.t_end + AHEAD:
+        return "clock_jump"
+    near = (time >= outcome.t_start) & (time <= outcome.t_end)
+    inside = np.concatenate([[outcome.t_start], time[near], [outcome.t_end]])
+    if np.max(np.diff(inside)) > limits.stale_s:
+        return "dropout"
+    if np.any(~np.isfinite(np.stack(list(recording.channels.values())))):
+        return "dropout"
+    return "frozen" if _longest_still(recording, near) > limits.stale_s else None
+
+
+def _longest_still(recording: Recording, near: Bool[np.ndarray, " n"]) -> float:
+    """Longest time in which no channel changed at all [s]."""
+    time = recording.time[near]
+    values = np.stack([v[near] for v in recording.channels.values()])
+    moves = np.any(np.diff(values, axis=1) != 0, axis=0)
+    ends = np.concatenate([[0], np.flatnonzero(moves) + 1, [time.size - 1]])
+    return float(np.max(np.diff(time[ends])))
+
+
+def _with_angles(recording: Recording, outcome: PushOutcome) -> Recording:
+    """Angles of the joints, or where there are none those of the displacement."""
+    if recording.theta is not None and recording.alpha is not None:
+        return recording
+    x, y, z = outcome.reached
+    n = recording.time.size
+    return replace(
+        recording,
+        theta=np.full(n, np.arctan2(z, np.hypot(x, y))),
+        alpha=np.full(n, np.arctan2(y, x)),
+    )
+
+
+def _is_back(
+    recording: Recording,
+    outcome: PushOutcome,
+    table: PeakTable,
+    limits: Limits,
+    sigma: float | None,
+) -> bool:
+    """Whether the reading after the push is that before it."""
+    time = recording.time
+    before = time < outcome.t_start
+    rest = max(float(time[-1]) - outcome.t_end, 0.0)
+    after = time > outcome.t_end + (1 - REST_SHARE) * rest
+    if not (np.any(before) and np.any(after)):
+        return False
+    height = max(float(np.abs(table.heights(c)[0])) for c in table.channels)
+    # Until noise is known, a tenth of the push: less than what a lost object leaves.
+    scale = height / 10 if sigma is None else limits.baseline_sigmas * sigma
+    return all(
+        abs(float(np.median(v[after]) - np.median(v[before]))) <= scale
+        for v in recording.channels.values()
+    )

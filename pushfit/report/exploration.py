@@ -1,0 +1,176 @@
+"""An exploration for people and scripts: sentences, a document, and the picture."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pushfit.explore.explorer import Explorer
+from pushfit.explore.records import SYMBOLS, Answer, State, Suggestion
+from pushfit.fit.results import Notice
+from pushfit.report.figures.exploration import (
+    Course,
+    GainMap,
+    Known,
+    exploration_figure,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCHEMA = "pushfit.next/1"
+# Likelihood sets that pushes were chosen by cover 60 to 72 % where they state 90 %.
+ADAPTIVE = Notice(
+    code="adaptive_pushes",
+    text="the pushes were chosen, and stopped, by what earlier ones had said: believe "
+    "the posterior intervals; likelihood_sets cover less than they state",
+)
+
+
+def next_text(explorer: Explorer, suggestions: Sequence[Suggestion]) -> str:
+    """Ranked pushes as lines.
+
+    Args:
+        explorer: The exploration.
+        suggestions: Its suggestions.
+    """
+    lines = [explorer.state.sentence]
+    if suggestions:
+        lines += [
+            "",
+            "  push  theta_deg  alpha_deg   gain  interval after  decides  force (99%)",
+        ]
+    for rank, push in enumerate(suggestions, start=1):
+        width = push.expected_width
+        after = f"{width:6.1f} deg" if np.isfinite(width) else "   unknown"
+        lines.append(
+            f"  {rank:4d}  {push.theta_deg:9.1f}  {push.alpha_deg:9.1f}  "
+            f"{push.gain:5.3f}      {after}     {push.p_decided:4.0%}  "
+            f"{push.force_q99:11.3g}"
+        )
+    if suggestions and suggestions[0].length_share < 1:
+        share = suggestions[0].length_share
+        lines += ["", f"Push only {share:.0%} of the length: the force is not known."]
+    return "\n".join(lines)
+
+
+def next_dict(
+    explorer: Explorer, suggestions: Sequence[Suggestion]
+) -> dict[str, object]:
+    """Ranked pushes as a document.
+
+    Args:
+        explorer: The exploration.
+        suggestions: Its suggestions.
+    """
+    return (
+        {"schema": SCHEMA}
+        | state_dict(explorer.state)
+        | {
+            "suggestions": [
+                {
+                    "theta_deg": push.theta_deg,
+                    "alpha_deg": push.alpha_deg,
+                    "length_share": push.length_share,
+                    "purpose": push.purpose.value,
+                    "gain_nat": push.gain,
+                    "expected_width_deg": _finite(push.expected_width),
+                    "p_decided": push.p_decided,
+                    "force_q99": push.force_q99,
+                }
+                for push in suggestions
+            ]
+        }
+    )
+
+
+def state_dict(state: State) -> dict[str, object]:
+    """Where an exploration stands, as a document.
+
+    Args:
+        state: The state.
+    """
+    return {
+        "status": state.answer.value,
+        "sentence": state.sentence,
+        "intervals_deg": {
+            name: None if found is None else list(found)
+            for name, found in state.intervals.items()
+        },
+        "p_unlimited": state.p_unlimited,
+        "p_budget": state.p_budget,
+        "n_pushes": state.n_pushes,
+        "n_left": state.n_left,
+    }
+
+
+def progress_line(state: State) -> str:
+    """State, interval and forecast in a line.
+
+    Args:
+        state: Where the exploration stands.
+    """
+    known = ", ".join(
+        f"{SYMBOLS[name]} " + ("?" if i is None else f"{i[0]:.1f}° to {i[1]:.1f}°")
+        for name, i in state.intervals.items()
+    )
+    chance = "" if state.p_budget is None else f", chance {state.p_budget:.0%}"
+    word = "" if state.answer is Answer.DECIDING else f" - {state.answer.value}"
+    return f"{known}{chance}{word}"
+
+
+def exploration_picture(
+    explorer: Explorer, suggestions: Sequence[Suggestion] = ()
+) -> "Figure":
+    """What is known, what pushes would tell, and how it went.
+
+    Args:
+        explorer: The exploration.
+        suggestions: Pushes to mark, the best first.
+    """
+    belief, state, judge = explorer.belief, explorer.state, explorer.judge
+    name = next(
+        iter(judge.undecided(belief, explorer.question)), explorer.question.ask[0]
+    )
+    survey = explorer.survey(is_full=True)
+    made = [(row.theta, row.alpha) for row in explorer.told]
+    following = [(push.theta, push.alpha) for push in suggestions]
+    return exploration_figure(
+        Known(
+            name=name,
+            values=belief.samples[name],
+            weights=belief.weights,
+            interval=state.intervals[name],
+            prob=judge.prob,
+            width=judge.width,
+        ),
+        GainMap(
+            theta_deg=np.degrees(survey.theta),
+            alpha_deg=np.degrees(survey.alpha),
+            gain=survey.gains,
+            is_allowed=survey.is_allowed,
+            made_deg=np.degrees(np.array(made, dtype=float).reshape(-1, 2)),
+            next_deg=np.degrees(np.array(following, dtype=float).reshape(-1, 2)),
+        ),
+        _course(explorer, name),
+        title=state.sentence,
+    )
+
+
+def _course(explorer: Explorer, name: str) -> Course | None:
+    """How it went, if pushes were followed."""
+    states = explorer.course
+    if len(states) < 2:
+        return None
+    ends = [state.intervals[name] or (np.nan, np.nan) for state in states]
+    chances = [np.nan if s.p_budget is None else s.p_budget for s in states]
+    return Course(
+        n_pushes=np.array([float(state.n_pushes) for state in states]),
+        lower=np.array([end[0] for end in ends]),
+        upper=np.array([end[1] for end in ends]),
+        p_budget=np.array(chances, dtype=float),
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None

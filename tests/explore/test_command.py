@@ -1,0 +1,93 @@
+"""`pushfit next` and `pushfit explore`, from the command line."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from pushfit.cli.app import main
+from pushfit.data.simulate import simulate_table
+from pushfit.data.tables.peak_table import read_table, write_table
+from pushfit.model import Grasp
+from pushfit.report.stored import read_result
+from tests.explore.test_ros import TRUTH as TRUTH_FILE
+from tests.explore.worlds import COMPONENTS, SIGMA, TRUTH
+
+EXPLORE = ("--forces", "--sigma", "0.05", "--budget", "2", "--noise", "0.01")
+
+
+@pytest.fixture
+def grasp(tmp_path):
+    path = tmp_path / "grasp.toml"
+    path.write_text("[push]\nlength_mm = 5.0\n")
+    return path
+
+
+@pytest.fixture
+def truth(tmp_path):
+    path = tmp_path / "truth.toml"
+    path.write_text(TRUTH_FILE)
+    return path
+
+
+def test_next_ranks_pushes_after_a_table(tmp_path, grasp, capsys):
+    table = simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians([20.0, 65.0]),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=SIGMA,
+        rng=np.random.default_rng(1),
+        channels=COMPONENTS,
+        state_sd=True,
+    )
+    peaks, plot = tmp_path / "peaks.csv", tmp_path / "next.png"
+    write_table(table, peaks)
+    command = ["next", str(peaks), "--config", str(grasp)]
+    assert main([*command, "--json", "--plot", str(plot), "-n", "3"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["schema"] == "pushfit.next/1"
+    assert found["status"] == "deciding"
+    assert found["n_pushes"] == 2
+    gains = [push["gain_nat"] for push in found["suggestions"]]
+    assert len(gains) == 3
+    assert gains == sorted(gains, reverse=True)
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_next_plans_the_first_push_of_all(grasp, capsys):
+    assert main(["next", "--config", str(grasp), "--sigma", "0.05"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("after 0 pushes θ_c in ")
+    assert "theta_deg" in out
+
+
+@pytest.mark.slow
+def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth):
+    out = tmp_path / "run"
+    command = [sys.executable, "-m", "pushfit", "explore", "--hand", "simulated"]
+    command += ["--config", str(grasp), "--truth", str(truth), "--out", str(out)]
+    printed = subprocess.run(
+        [*command, *EXPLORE, "--json"], capture_output=True, text=True
+    )
+    assert printed.returncode == 0, printed.stderr
+    summary = json.loads(printed.stdout)
+    assert summary["exploration"]["status"] == "out_of_budget"
+    assert "adaptive_pushes" in [w["code"] for w in summary["warnings"]]
+    assert printed.stderr.count("push 1: θ = ") == 1
+    assert read_table(out / "peaks.csv").n_pushes == 2
+    assert read_result(out).theta_c.sets
+    events = [json.loads(x) for x in (out / "journal.jsonl").read_text().splitlines()]
+    assert [e["event"] for e in events].count("told") == 2
+    assert (out / "exploration.png").exists()
+    assert "The exploration: what is known" in (out / "report.html").read_text()
+    # The journal beside the folder is gone: nothing is left to go on with.
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "grasp.toml",
+        "run",
+        "truth.toml",
+    ]
+    assert subprocess.run(command, capture_output=True).returncode == 2

@@ -1,0 +1,208 @@
+"""The course of an exploration: what is asked, told, kept, and when it ends."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pushfit.data.simulate import simulate_table
+from pushfit.errors import ConfigError, DataError
+from pushfit.explore.explorer import Explorer
+from pushfit.explore.limits import Limits
+from pushfit.explore.records import Answer, Purpose
+from pushfit.model import Grasp, Parameters
+from tests.explore.worlds import (
+    COMPONENTS,
+    CONFIG,
+    SIGMA,
+    THETA_C,
+    TRUTH,
+    feel,
+    importance,
+)
+
+
+def explorer(**changes):
+    usual = {
+        "width_deg": 9.0,
+        "budget": 30,
+        "sigma": SIGMA,
+        "channels": COMPONENTS,
+        "source": importance,
+    }
+    return Explorer(CONFIG, **(usual | changes))
+
+
+def run(own, *, n=1000, **world):
+    """Push until there is an answer; every suggestion with its order."""
+    asked = []
+    for _ in range(n):
+        suggestions = own.ask(2)
+        if not suggestions:
+            break
+        first = suggestions[0]
+        asked.append(first)
+        own.tell(first.theta, first.alpha, feel(first, len(own.told), **world), sd=None)
+    return asked
+
+
+def test_an_exploration_decides_and_then_asks_nothing():
+    own = explorer()
+    asked = run(own)
+    assert own.state.answer is Answer.DECIDED
+    low, high = own.state.intervals["theta_c"]
+    assert high - low <= 9.0
+    assert low < THETA_C < high
+    assert own.ask() == ()
+    assert len(asked) == own.state.n_pushes < 15
+    assert "decided to ± 4.5°" in own.state.sentence
+
+
+def test_suggestions_are_ranked_by_gain():
+    gains = [s.gain for s in explorer().ask(5)]
+    assert gains == sorted(gains, reverse=True)
+    assert gains[0] > 0
+
+
+def test_earlier_pushes_are_attached_and_cost_no_budget():
+    rng = np.random.default_rng(1)
+    table = simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians([20.0, 50.0, 80.0]),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=SIGMA,
+        rng=rng,
+        channels=COMPONENTS,
+        state_sd=True,
+    )
+    own = explorer()
+    own.attach(table)
+    assert (own.state.n_pushes, own.state.n_left) == (3, 30)
+    with pytest.raises(DataError, match="attach a table first"):
+        own.attach(table)
+
+
+def test_a_push_that_nobody_asked_for_counts_as_well():
+    own = explorer()
+    before = own.judge.intervals(own.belief, own.question)["theta_c"]
+    own.ask()
+    # Not as asked, and where it got to.
+    own.tell(np.radians(33.3), np.pi / 2, dict.fromkeys(COMPONENTS, 1.0))
+    after = own.state.intervals["theta_c"]
+    assert after[1] - after[0] < before[1] - before[0]
+    np.testing.assert_allclose(own.table.theta, np.radians([33.3]))
+
+
+def test_a_failed_push_may_be_asked_again_an_abandoned_one_never():
+    own = explorer()
+    (first,) = own.ask()
+    own.fail(first, "stalled")
+    (again,) = own.ask()
+    assert (again.theta, again.alpha) == (first.theta, first.alpha)
+    own.abandon(again)
+    everything = own.ask(100)
+    assert first.theta not in {s.theta for s in everything}
+
+
+def test_three_failures_in_a_row_end_it():
+    own = explorer(limits=Limits(max_failures=3))
+    for _ in range(3):
+        own.fail(own.ask()[0], "stalled")
+    assert own.state.answer is Answer.STOPPED
+    assert "stalled, stalled, stalled" in own.state.sentence
+
+
+def test_without_a_word_on_the_noise_eight_pushes_are_the_least():
+    own = explorer(width_deg=60.0, sigma=None, limits=Limits(reference_every=0))
+    assert len(run(own)) == 8
+
+
+def test_a_budget_ends_it():
+    own = explorer(width_deg=0.5, budget=3)
+    assert len(run(own)) == 3
+    assert own.state.answer is Answer.OUT_OF_BUDGET
+
+
+def test_what_lies_out_of_reach_cannot_be_decided():
+    """θ_c = 45.6°, pushes to 15° only: a bound from one side, however many."""
+    own = explorer(limits=Limits(theta_deg=(5.0, 15.0)))
+    run(own)
+    assert own.state.answer is Answer.CANNOT
+    assert "cannot be decided to ± 4.5°" in own.state.sentence
+
+
+def test_the_first_push_is_repeated_and_says_when_the_object_has_moved():
+    own = explorer(width_deg=1.0, budget=60, limits=Limits(reference_every=4))
+    asked = run(own, n=5)
+    assert asked[4].purpose is Purpose.REFERENCE
+    # The strongest push so far shows most of a change.
+    assert asked[4].theta == max(s.theta for s in asked[:4])
+    assert own.state.answer is Answer.DECIDING
+    run(own, n=4)
+    softer = Parameters(K_sn=500, K_dn=1200, K_st=400, C_rr=0.3, C_d=0.5, L=0.04)
+    run(own, n=1, params=softer)
+    assert own.state.answer is Answer.STOPPED
+    assert "the object has moved" in own.state.sentence
+
+
+def test_first_pushes_are_short_while_the_stiffness_is_unknown():
+    own = explorer(limits=Limits(force=2.5, theta_deg=(30.0, 85.0)))
+    asked = run(own)
+    assert asked[0].purpose is Purpose.PROBE
+    assert asked[0].length_share < 1
+    assert asked[-1].length_share == 1
+    assert all(s.force_q99 <= 2.5 for s in asked)
+    assert own.state.answer is Answer.DECIDED
+    # Probes weigh the draws but are no rows of the table.
+    assert own.table.n_pushes == sum(s.length_share == 1 for s in asked)
+
+
+def test_a_refusal_is_explained():
+    own = explorer(limits=Limits(force=1e-4))
+    assert own.ask() == ()
+    assert "might exceed the force limit" in own.state.sentence
+
+
+@pytest.mark.parametrize("cut", [0, pytest.param(5, marks=pytest.mark.slow)])
+def test_killed_at_any_line_the_same_pushes_follow(tmp_path, cut):
+    """Every journal that a kill can leave leads to the end of the one not killed."""
+    path = tmp_path / "whole.jsonl"
+    limits = Limits(reference_every=3)
+    own = explorer(journal=path, limits=limits, width_deg=12.0)
+    run(own)
+    lines = path.read_bytes().splitlines(keepends=True)
+    for n in range(1, len(lines)):
+        part = tmp_path / "part.jsonl"
+        part.write_bytes(b"".join(lines[:n]) + lines[n][:cut])
+        again = explorer(journal=part, limits=limits, width_deg=12.0)
+        run(again)
+        told, expected = (
+            [e for e in map(json.loads, p.read_text().splitlines()) if e["event"] == k]
+            for p, k in ((part, "told"), (path, "told"))
+        )
+        strip = [{k: v for k, v in e.items() if k != "number"} for e in told]
+        assert strip == [
+            {k: v for k, v in e.items() if k != "number"} for e in expected
+        ]
+        assert again.state == own.state
+        was_moving = json.loads(lines[n - 1])["event"] == "asked"
+        failed = [f.reason for f in again.failures]
+        assert failed == (["interrupted"] if was_moving else [])
+
+
+def test_a_journal_of_another_question_is_refused(tmp_path):
+    path = tmp_path / "run.jsonl"
+    explorer(journal=path)
+    with pytest.raises(ConfigError, match="width_deg"):
+        explorer(journal=path, width_deg=3.0)
+
+
+def test_a_damaged_journal_is_refused(tmp_path):
+    path = tmp_path / "run.jsonl"
+    explorer(journal=path).ask()
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([lines[0], "{no json", *lines[1:]]) + "\n")
+    with pytest.raises(DataError, match="line 2"):
+        explorer(journal=path)

@@ -1,0 +1,141 @@
+"""Gain against brute force, and what has to be zero."""
+
+import time
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from pushfit.explore.belief import N_DRAWS
+from pushfit.explore.gain import information_gain, labels, outlook
+from pushfit.explore.predict import predict
+from tests.explore.beliefs import belief_of, prior_draws
+
+THETA = np.radians(np.arange(5.0, 90.0, 10.0))
+N_INNER, N_OUTER = 20_000, 500
+SIGMA = 0.05
+# Bins of the reading, of the angle, and the finite draws: gains of 0.1 to 1 nat.
+GAIN_ATOL = 0.02
+
+
+def after_pushes(rng, n, *, channels, ellipse=False, noise=0.15):
+    """A posterior after three pushes, by weights on the prior, resampled."""
+    many = 40 * n
+    draws = prior_draws(many, rng, ellipse=ellipse)
+    belief = belief_of(draws, channels=channels)
+    made = predict(belief, np.radians([20.0, 50.0, 75.0]), np.zeros(3)).heights
+    truth = np.median(made, axis=2)
+    log_weights = -0.5 * np.sum(((made - truth[..., None]) / noise) ** 2, axis=(0, 1))
+    weights = np.exp(log_weights - logsumexp(log_weights))
+    rows = rng.choice(many, size=n, p=weights)
+    return {name: values[rows] for name, values in draws.items()}
+
+
+def nested_monte_carlo(heights, found, rng):
+    """I(label; reading) by its definition: a mean of log ratios of sums over draws."""
+    c, n = heights.shape
+    rows = rng.integers(n, size=N_OUTER)
+    readings = heights[:, rows] + SIGMA * rng.standard_normal((c, N_OUTER))
+    distance = sum(
+        ((readings[i][:, None] - heights[i][None]) / SIGMA) ** 2 for i in range(c)
+    )
+    log_density = -distance / 2
+    # What a draw says of its own reading is no knowledge of the others.
+    log_density[np.arange(N_OUTER), rows] = -np.inf
+    whole = logsumexp(log_density, axis=1) - np.log(n)
+    own = found[None] == found[rows][:, None]
+    given = logsumexp(np.where(own, log_density, -np.inf), axis=1)
+    given -= np.log(own.sum(axis=1))
+    terms = given - whole
+    return terms.mean(), terms.std() / np.sqrt(N_OUTER)
+
+
+@pytest.mark.parametrize(
+    "channels", [("height",), ("height_normal", "height_tangential")], ids=len
+)
+@pytest.mark.parametrize("angle", ["theta_c", "alpha_star"])
+def test_gain_is_that_of_brute_force(channels, angle):
+    rng = np.random.default_rng(3)
+    theta, alpha = np.radians([10.0, 40.0, 60.0, 80.0]), np.radians([90.0] * 4)
+    many = after_pushes(rng, N_INNER, channels=channels, ellipse=True)
+    few = {name: values[:N_DRAWS] for name, values in many.items()}
+    belief = belief_of(few, channels=channels)
+    heights = predict(belief, theta, alpha).heights
+    gain = information_gain(heights, few[angle], belief.weights, belief.sigma)
+    all_heights = predict(belief_of(many, channels=channels), theta, alpha).heights
+    found = labels(many[angle], np.full(N_INNER, 1 / N_INNER))
+    for k in range(theta.size):
+        expected, error = nested_monte_carlo(all_heights[k], found, rng)
+        assert abs(gain[k] - expected) < GAIN_ATOL + 3 * error
+
+
+def test_gain_is_zero_where_nothing_can_be_felt():
+    """While the object rolls the height does not depend on the azimuth's ellipse."""
+    rng = np.random.default_rng(5)
+    draws = prior_draws(N_DRAWS, rng, ellipse=True)
+    belief = belief_of(draws)
+    # Almost along the normal: A alone is felt, and A knows nothing of the ellipse.
+    heights = predict(belief, np.radians([89.99]), np.zeros(1)).heights
+    gain = information_gain(heights, draws["alpha_star"], belief.weights, belief.sigma)
+    # Twelve seeds gave at most 0.0065: cells with a draw or two keep some bias.
+    assert gain[0] < 0.01
+
+
+def test_gain_of_an_equal_reading_is_exactly_zero():
+    rng = np.random.default_rng(6)
+    heights = np.full((1, 1, 4096), 2.0)
+    weights = rng.dirichlet(np.ones(4096))
+    gain = information_gain(heights, rng.uniform(0, 90, 4096), weights, np.array([0.1]))
+    assert gain[0] < 1e-12
+
+
+def test_gain_of_a_perfect_reading_is_the_entropy_of_the_label():
+    values = np.repeat([10.0, 20.0, 30.0, 40.0], 1024)
+    heights = values[None, None]
+    gain = information_gain(heights, values, np.full(4096, 1 / 4096), np.array([1e-2]))
+    # Three quarters of a cell in 2 n is all that the correction takes off.
+    np.testing.assert_allclose(gain, np.log(4), atol=2 / 4096)
+
+
+def test_gain_does_not_depend_on_the_unit():
+    rng = np.random.default_rng(7)
+    heights = rng.standard_normal((2, 2, 512))
+    values = heights[0, 0] + rng.standard_normal(512)
+    weights = np.full(512, 1 / 512)
+    newton = information_gain(heights, values, weights, np.array([0.3, 0.1]))
+    counts = information_gain(1000 * heights, values, weights, np.array([300.0, 100.0]))
+    np.testing.assert_allclose(newton, counts, rtol=1e-9)
+
+
+def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
+    """Prior sd 3, noise 4: the posterior sd is 2.4 and its 90 % interval 3.29 sd."""
+    rng = np.random.default_rng(8)
+    values = 45 + 3 * rng.standard_normal(N_DRAWS)
+    weights = np.full(N_DRAWS, 1 / N_DRAWS)
+    found = outlook(
+        values[None],
+        values,
+        weights,
+        np.array([4.0]),
+        prob=0.9,
+        width=9.0,
+        is_axis=False,
+    )
+    # Shortest intervals of finite draws are a few per cent short.
+    np.testing.assert_allclose(found.expected_width, 2 * 1.645 * 2.4, rtol=0.05)
+    assert found.p_decided > 0.9
+
+
+@pytest.mark.slow
+def test_a_suggestion_takes_a_tenth_of_a_second():
+    rng = np.random.default_rng(9)
+    belief = belief_of(prior_draws(N_DRAWS, rng))
+    heights = predict(belief, np.tile(THETA, 2)[:17], np.zeros(17)).heights
+    times = []
+    for _ in range(20):
+        start = time.perf_counter()
+        information_gain(
+            heights, belief.samples["theta_c"], belief.weights, belief.sigma
+        )
+        times.append(time.perf_counter() - start)
+    assert np.median(times) < 0.1

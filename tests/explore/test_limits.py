@@ -1,0 +1,132 @@
+"""No command ever leaves reach, workspace, rest or force limits."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.errors import ConfigError
+from pushfit.explore.explorer import Explorer
+from pushfit.explore.limits import Limits, displacement
+from pushfit.explore.loop import explore
+from pushfit.explore.predict import predict
+from tests.explore.test_loop import hand
+from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, feel, importance
+
+angles = st.integers(0, 8).map(lambda k: 10.0 * k)
+
+
+@st.composite
+def limits(draw):
+    low, high = sorted((draw(angles), draw(angles)))
+    box = None
+    if draw(st.booleans()):
+        side, depth = draw(st.floats(0.5, 6.0)), draw(st.floats(0.5, 6.0))
+        box = ((-side, side), (-side, side), (0.0, depth))
+    return Limits(
+        theta_deg=(low + 5.0, high + 5.0),
+        force=draw(st.none() | st.floats(0.2, 5.0)),
+        workspace_mm=box,
+        reference_every=draw(st.integers(0, 3)),
+    )
+
+
+@pytest.mark.slow
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(limits=limits())
+def test_no_suggestion_leaves_the_limits(limits):
+    own = Explorer(
+        CONFIG,
+        budget=4,
+        sigma=SIGMA,
+        channels=COMPONENTS,
+        source=importance,
+        limits=limits,
+    )
+    while pushes := own.ask(20):
+        belief = own.belief
+        for push in pushes:
+            assert limits.theta_deg[0] - 1e-6 <= push.theta_deg
+            assert push.theta_deg <= limits.theta_deg[1] + 1e-6
+            tip = 1e3 * displacement(push.theta, push.alpha, 0.005 * push.length_share)
+            for x, (low, high) in zip(tip, limits.workspace_mm or (), strict=False):
+                assert low - 1e-6 <= x <= high + 1e-6
+            if limits.force is not None:
+                found = predict(
+                    belief,
+                    np.array([push.theta]),
+                    np.array([push.alpha]),
+                    length_share=push.length_share,
+                )
+                beyond = (found.force[0] > limits.force) @ belief.weights
+                assert beyond <= 0.011
+        first = pushes[0]
+        own.tell(first.theta, first.alpha, feel(first, len(own.told)))
+
+
+class Watched:
+    """A hand that writes down what it is told to do, and when."""
+
+    def __init__(self, inner):
+        self.inner, self.commands = inner, []
+
+    def push(self, displacement, *, max_force):
+        self.commands.append(("push", self.inner.clock, displacement, max_force))
+        return self.inner.push(displacement, max_force=max_force)
+
+    def retract(self):
+        self.commands.append(("retract", self.inner.clock, None, None))
+        self.inner.retract()
+
+    def stop(self):
+        self.inner.stop()
+
+    def wait(self, seconds):
+        self.inner.wait(seconds)
+
+    def samples(self, since):
+        return self.inner.samples(since)
+
+    def reach(self):
+        return self.inner.reach()
+
+
+def test_every_push_is_preceded_by_a_rest_and_followed_by_a_retraction():
+    own = Explorer(
+        CONFIG,
+        budget=4,
+        sigma=SIGMA,
+        channels=COMPONENTS,
+        source=importance,
+        limits=Limits(rest_s=0.7, force=4.0),
+    )
+    watched = Watched(hand({2: "stall"}))
+    explore(own, watched, settings=PeakSettings(normal="fz"))
+    names = [name for name, *_ in watched.commands]
+    pushes = [i for i, name in enumerate(names) if name == "push"]
+    assert len(pushes) == 5
+    for i in pushes:
+        assert names[i + 1] == "retract"
+        before = watched.commands[i - 1]
+        assert watched.commands[i][1] - before[1] >= 0.7 - 1e-6
+        assert watched.commands[i][3] == 4.0
+        assert np.linalg.norm(watched.commands[i][2]) <= 0.005 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"theta_deg": (50.0, 10.0)}, {"force": 0.0}, {"theta_step_deg": 0.0}]
+)
+def test_limits_that_mean_nothing_are_refused(wrong):
+    with pytest.raises(ConfigError, match="limits"):
+        Limits(**wrong)
+
+
+def test_a_push_out_of_the_box_is_refused_in_words():
+    box = ((-2.0, 2.0), (-2.0, 2.0), (0.0, 4.0))
+    reason = Limits(workspace_mm=box).refusal(
+        np.radians(60.0), 0.0, length=0.005, azimuths=(0.0, np.pi)
+    )
+    assert reason == (
+        "the fingertip would be at x = 2.5 mm, out of its box, -2 to 2 mm"
+    )

@@ -1,0 +1,158 @@
+"""Whole explorations by the simulated hand, with everything that can go wrong."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.simulate import Session
+from pushfit.explore.explorer import Explorer
+from pushfit.explore.hand import Reach
+from pushfit.explore.limits import Limits
+from pushfit.explore.loop import explore
+from pushfit.explore.records import Answer
+from pushfit.explore.simulated import SimulatedHand, World
+from pushfit.model import Grasp
+from tests.explore.worlds import COMPONENTS, CONFIG, THETA_C, TRUTH, importance
+
+FORCES = PeakSettings(normal="fz")
+SESSION = Session(
+    rise=0.5,
+    rest=0.6,
+    drift=0.002,
+    noise=0.01,
+    level=2.0,
+    quantum=0.005,
+    forces=True,
+    unit="n",
+)
+REACH = Reach(theta_deg=(0.0, 90.0), alpha_deg=(0.0, 180.0))
+
+
+def hand(faults=None, *, session=SESSION, seed=1, scatter=0.02):
+    world = World(
+        params=TRUTH,
+        grasp=Grasp(push_length=0.005),
+        session=session,
+        reach=REACH,
+        scatter=scatter,
+        faults=faults or {},
+    )
+    return SimulatedHand(world, seed=seed)
+
+
+def explorer(**changes):
+    usual = {
+        "width_deg": 9.0,
+        "budget": 30,
+        "sigma": 0.05,
+        "channels": COMPONENTS,
+        "source": importance,
+        "limits": Limits(reference_every=0),
+    }
+    return Explorer(CONFIG, **(usual | changes))
+
+
+def reasons(own):
+    return [failure.reason for failure in own.failures]
+
+
+def test_a_hand_explores_to_the_end():
+    """Drift, counts, joints within half a degree, and the real peak extraction."""
+    own, finger = explorer(), hand()
+    state = explore(own, finger, settings=FORCES)
+    assert state.answer is Answer.DECIDED
+    low, high = state.intervals["theta_c"]
+    assert low < THETA_C < high
+    assert reasons(own) == []
+    # Directions are those reached: whole degrees of the joints.
+    np.testing.assert_allclose(np.degrees(own.table.theta) % 1.0, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        ("dropout", "dropout"),
+        ("silent", "dropout"),
+        ("frozen", "frozen"),
+        ("stall", "stalled"),
+        ("clock_jump", "clock_jump"),
+        ("clock_back", "clock_jump"),
+        ("object_lost", "not_at_rest"),
+    ],
+)
+def test_a_fault_is_a_named_row_and_no_height(tmp_path, fault, reason):
+    path = tmp_path / "run.jsonl"
+    own, finger = explorer(journal=path, budget=2), hand({2: fault})
+    explore(own, finger, settings=FORCES)
+    events = [json.loads(line) for line in path.read_text().splitlines()]
+    failed = [e for e in events if e["event"] == "failed"]
+    assert failed[0]["reason"] == reason
+    assert failed[0]["number"] == 2
+    # What was told after the fault is told of other pushes: no height was invented.
+    assert all(e["number"] != 2 for e in events if e["event"] == "told")
+    assert not finger.is_extended
+
+
+@pytest.mark.parametrize("fault", ["duplicate", "late"])
+def test_messages_twice_or_late_change_no_height(fault):
+    """Sorted by their stamps and each taken once, they are the same samples."""
+    plain, odd = explorer(budget=1), explorer(budget=1)
+    explore(plain, hand(), settings=FORCES)
+    explore(odd, hand({1: fault}), settings=FORCES)
+    for channel in COMPONENTS:
+        np.testing.assert_allclose(
+            odd.table.heights(channel), plain.table.heights(channel), rtol=1e-12
+        )
+
+
+def test_a_slip_is_found_by_the_reference_push():
+    own = explorer(width_deg=1.0, limits=Limits(reference_every=3))
+    state = explore(own, hand({3: "slip"}), settings=FORCES)
+    assert state.answer is Answer.STOPPED
+    assert "the object has moved" in state.sentence
+
+
+def test_the_position_node_aborts_at_the_force_limit():
+    """A limit that belief thinks safe and the world does not."""
+    own = explorer(limits=Limits(reference_every=0))
+    finger = hand()
+    outcome = finger.push(np.array([0.0, 0.0, 0.005]), max_force=1.0)
+    assert outcome.status.value == "force_abort"
+    np.testing.assert_allclose(np.linalg.norm(outcome.reached) * 571.4, 1.0, rtol=1e-3)
+    assert own.state.answer is Answer.DECIDING
+
+
+def test_a_saturated_push_is_never_made_again():
+    own, finger = explorer(budget=4), hand(session=SESSION_SHORT)
+    explore(own, finger, settings=FORCES)
+    assert "saturated" in reasons(own)
+    assert all(f.is_final for f in own.failures if f.reason == "saturated")
+
+
+SESSION_SHORT = Session(
+    rise=0.5, rest=0.6, noise=0.01, level=2.0, limit=3.2, forces=True, unit="n"
+)
+
+
+class Broken(SimulatedHand):
+    """A driver that dies in the middle of a push."""
+
+    def push(self, displacement, *, max_force):
+        self.is_extended = True
+        raise ConnectionError("the controller does not answer")
+
+
+def test_the_finger_is_taken_back_when_the_driver_dies(tmp_path):
+    path = tmp_path / "run.jsonl"
+    own = explorer(journal=path)
+    finger = Broken(hand().world, seed=1)
+    with pytest.raises(ConnectionError):
+        explore(own, finger, settings=FORCES)
+    assert not finger.is_extended
+    again = explorer(journal=path)
+    assert again.dangling is not None
+    explore(again, hand(), settings=FORCES)
+    assert reasons(again)[0] == "interrupted"
+    assert again.state.answer is Answer.DECIDED
