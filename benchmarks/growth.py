@@ -2,10 +2,11 @@
 
     python -m benchmarks.growth [--tables 32 128 512] [--workers 1 2] [--items 64]
 
-Tables go from their heights to the draws of their posteriors, in lanes; the host's part
-makes lanes of tables, the compiled part fits, integrates and draws. Times are processor
-times, the smallest of the rounds. Workers are those of `pushfit batch` on a folder of
-tables, by the clock, start and all, its programs compiled by a run before.
+Tables go from their heights to the draws of their posteriors; the host's part makes
+lanes of tables, the compiled part fits them in lanes and sweeps their posteriors.
+Times are processor times, the smallest of the rounds. Workers are those of `pushfit
+batch` on a folder of tables, by the clock, start and all, its programs compiled by a
+run before.
 """
 
 import argparse
@@ -18,14 +19,13 @@ from pathlib import Path
 
 import jax
 import numpy as np
-from pushfit.fit.lane_draws import draw_lanes
-from pushfit.fit.lane_posterior import integrate_lanes
 
 from benchmarks import tables
 from pushfit.cache import enable_compile_cache
 from pushfit.data.tables.peak_table import PeakTable, write_table
 from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_results import N_DRAWS, N_LANES
+from pushfit.fit.lane_results import N_LANES
+from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Elevations and repeats: 17, 51 and 204 rows of the same directions, then 204 of more.
 DESIGNS = ((17, 1), (17, 3), (17, 12), (68, 3))
@@ -38,12 +38,12 @@ def costs(simulated: Sequence[PeakTable]) -> tuple[float, float]:
     start = time.process_time()
     items = tables.in_lanes(simulated)
     host = time.process_time() - start
-    uniform = np.random.default_rng(0).uniform(size=(N_LANES, N_DRAWS, 4))
     start = time.process_time()
     for first in range(0, len(items), N_LANES):
         lanes = tables.stacked(items[first : first + N_LANES])
-        found = integrate_lanes(lanes, fit_lanes(lanes))
-        jax.block_until_ready(draw_lanes(lanes, found, uniform))
+        jax.block_until_ready(fit_lanes(lanes))
+    for item in items:
+        sweep_posterior(item.setup, seed=0, reference_alpha=0.0, reach=(0.0, np.pi))
     return host / len(items), (time.process_time() - start) / len(items)
 
 

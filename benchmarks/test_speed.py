@@ -13,19 +13,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
-from pushfit.fit.lane_draws import draw_lanes
-from pushfit.fit.lane_posterior import integrate_lanes
 
 from benchmarks import peers, recording_scale, tables, tilting_cost
 from pushfit.cache import PROGRAMS
 from pushfit.fit.identify import fit_table, reach_of
 from pushfit.fit.lane_fit import fit_lanes
 from pushfit.fit.lane_profile import profile_lanes
-from pushfit.fit.lane_results import N_DRAWS, N_LANES
+from pushfit.fit.lane_results import N_LANES
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.many import identify_many
 from pushfit.fit.posterior import sample_posterior
 from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.sweep.posterior import N_RETURNED, sweep_posterior
 from tests.oracle.exact import exact_posterior
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, disable_gc=True)
@@ -36,6 +35,8 @@ N_SAMPLED, N_STEPS = 3, 1500
 N_RECORDED = recording_scale.HOUR
 # Tables fitted by tilting mechanics, a second each.
 N_TILTED = 3
+# Effective draws that a posterior of lmfit's is counted in.
+N_EFFECTIVE = 1000
 # Rounds with lmfit's emcee, ten seconds each.
 N_LONG = 2
 
@@ -130,36 +131,34 @@ def test_a_single_fit(compare, fitted, local_fits):
 
 
 @pytest.fixture(scope="module")
-def posteriors(lanes):
-    """Posteriors of all tables, and as many draws of each as a batch makes."""
-    uniform = np.random.default_rng(0).uniform(size=(N_LANES, N_DRAWS, 4))
+def posteriors(fitted, questions):
+    """Posteriors of all tables by the sweep."""
 
-    def ours() -> float:
-        found = integrate_lanes(lanes, fit_lanes(lanes))
-        jax.block_until_ready(draw_lanes(lanes, found, uniform))
-        return N_LANES
+    def ours(item) -> float:
+        sweep_posterior(item.setup, **questions)
+        return 1.0
 
-    return ours
+    return in_turn(ours, fitted)
 
 
-def test_posterior_in_lanes_against_emcee(compare, posteriors, fitted, questions):
+def test_posterior_by_the_sweep_against_emcee(compare, posteriors, fitted, questions):
     def sampled(item) -> float:
         sample_posterior(item.setup, item.fit, **questions)
         return 1.0
 
-    ours = (f"exact posterior in lanes, {N_DRAWS} draws, per table", posteriors)
+    ours = (f"posterior by the sweep, {N_RETURNED} draws, per table", posteriors)
     peer = ("pushfit's emcee until it has converged", in_turn(sampled, fitted))
     compare(ours, peer, rounds=N_SAMPLED, target=500)
 
 
-def test_posterior_in_lanes_against_a_single_one(
+def test_posterior_by_the_sweep_against_quadrature(
     compare, posteriors, fitted, questions
 ):
     def single(item) -> float:
-        exact_posterior(item.setup, item.fit, n_draws=N_DRAWS, **questions)
+        exact_posterior(item.setup, item.fit, n_draws=N_RETURNED, **questions)
         return 1.0
 
-    ours = (f"exact posterior in lanes, {N_DRAWS} draws, per table", posteriors)
+    ours = (f"posterior by the sweep, {N_RETURNED} draws, per table", posteriors)
     peer = ("adaptive quadrature, one table", in_turn(single, fitted))
     compare(ours, peer, rounds=N_SAMPLED)
 
@@ -223,11 +222,11 @@ def test_emcee_against_nuts(compare, fitted, questions, nothing_compiled):
     )
 
 
-def test_posterior_in_lanes_against_lmfit(compare, posteriors, lmfit_runs):
-    ours = (f"exact posterior in lanes, {N_DRAWS} draws, per table", posteriors)
+def test_posterior_by_the_sweep_against_lmfit(compare, posteriors, lmfit_runs):
+    ours = (f"posterior by the sweep, {N_RETURNED} draws, per table", posteriors)
     peer = (
-        f"lmfit `.emcee`, per {N_DRAWS} effective draws",
-        lambda: lmfit_runs() / N_DRAWS,
+        f"lmfit `.emcee`, per {N_EFFECTIVE} effective draws",
+        lambda: lmfit_runs() / N_EFFECTIVE,
     )
     compare(ours, peer, rounds=N_LONG, target=1000, is_peer_warm=True)
 
@@ -239,8 +238,8 @@ def test_identification_of_many_tables(compare, swept, lmfit_runs):
 
     ours = ("whole identification in a batch, per table", ours)
     peer = (
-        f"lmfit `.emcee`, per {N_DRAWS} effective draws",
-        lambda: lmfit_runs() / N_DRAWS,
+        f"lmfit `.emcee`, per {N_EFFECTIVE} effective draws",
+        lambda: lmfit_runs() / N_EFFECTIVE,
     )
     compare(ours, peer, rounds=N_LONG, is_peer_warm=True)
 

@@ -23,7 +23,7 @@ from pushfit.fit.results import (
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
 
-SCHEMA = "pushfit.summary/1"
+SCHEMA = "pushfit.summary/2"
 
 Json = dict[str, "Json"] | list["Json"] | str | int | float | bool | None
 
