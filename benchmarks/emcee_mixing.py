@@ -21,7 +21,8 @@ from pushfit.data.simulate import simulate_table
 from pushfit.fit.chains import Densities, advance, in_chunks
 from pushfit.fit.diagnostics import autocorr_time
 from pushfit.fit.least_squares import fit_least_squares
-from pushfit.fit.moves import DifferenceMove, IndependenceMove, fit_mixture
+from pushfit.fit.mixture import fit_mixture
+from pushfit.fit.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.setup import build_problem
 from pushfit.fit.starts import encode, starting_points
 from pushfit.model import Grasp, Parameters

@@ -55,6 +55,14 @@ EXAMPLES = {
         "pushfit diff before after --plot diff.png",
         "open diff.png; a difference whose interval holds 0 is not clear",
     ),
+    "next": (
+        "pushfit next peaks.csv -c grasp.toml --plot next.png",
+        "make the first push of the list, add its height to the table, ask again",
+    ),
+    "explore": (
+        "pushfit explore --hand simulated -c grasp.toml --out explored",
+        "pushfit report explored shows what was found and how it went",
+    ),
     "doctor": ("pushfit doctor", "give what it prints along with a report of a bug"),
 }
 

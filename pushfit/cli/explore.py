@@ -119,7 +119,13 @@ def explore(
         Literal["simulated", "ros"], typer.Option(help="What makes the pushes.")
     ],
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for result, journal, figures.")
+        Path,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Folder for result, journal, figures.",
+        ),
     ],
     config: options.ConfigFile = None,
     ask: Ask = "theta_c",

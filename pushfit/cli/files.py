@@ -121,6 +121,11 @@ def peaks(
             "end": end,
         },
     )
+    from pushfit.data.recordings.check import expect_kind
+    from pushfit.data.recordings.load import reader_options
+
+    if schedule is None:
+        expect_kind(recording, "recording", **reader_options(settings))
     if schedule is None and not has_angles(recording, settings):
         print_heights(session, recording, settings, output=output)
         if plot is not None:

@@ -75,11 +75,12 @@ def feel(
         return Felt(table=None, fault=error.code)
     if table.n_pushes != 1:
         return Felt(table=None, fault="several_pushes")
+    # First of all: a lost object would else be called a drift.
+    if not _is_back(recording, outcome, table, limits, sigma):
+        return Felt(table=None, fault="not_at_rest")
     bad = table.flags[0] & EXCLUDING_FLAGS
     if bad:
         return Felt(table=None, fault=min(bad))
-    if not _is_back(recording, outcome, table, limits, sigma):
-        return Felt(table=None, fault="not_at_rest")
     return Felt(table=table, fault=None)
 
 

@@ -7,12 +7,8 @@ from scipy import special, stats
 
 from pushfit.fit.chains import advance
 from pushfit.fit.diagnostics import autocorr_time
-from pushfit.fit.moves import (
-    DEGREES_OF_FREEDOM,
-    DifferenceMove,
-    IndependenceMove,
-    fit_mixture,
-)
+from pushfit.fit.mixture import DEGREES_OF_FREEDOM, fit_mixture
+from pushfit.fit.moves import DifferenceMove, IndependenceMove
 
 N_ENSEMBLES, N_WALKERS, N_DIM = 4, 64, 6
 N_TOTAL = N_ENSEMBLES * N_WALKERS

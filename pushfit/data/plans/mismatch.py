@@ -12,7 +12,7 @@ from pushfit.errors import DataError, Problem
 # Pushes in which two assignments differ that are shown.
 _MAX_SHOWN = 4
 # Faults that are shown: after a wrong schedule it is all of them.
-_N_SHOWN = 3
+_N_SHOWN = 2
 
 
 def mismatch_error(

@@ -6,9 +6,9 @@ import gzip
 import numpy as np
 import pytest
 
-from pushfit.data import prescan
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.units import BIOTAC_PDC
+from pushfit.data.text import prescan
 from pushfit.errors import ConfigError, DataError, PushfitError
 
 # Equal on paper: one multiplication and one division in float64.

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from benchmarks import recording_scale
-from pushfit.data import prescan, textfile
 from pushfit.data.recordings.recording import read_recording
+from pushfit.data.text import prescan, textfile
 from pushfit.data.text.prescan import read_csv_strict
 from pushfit.errors import DataError
 
