@@ -46,6 +46,8 @@ def foreign_table(
     suffix = Path(path).suffix.lower()
     if suffix in (".npy", ".npz"):
         return _arrays(path, columns), f"NumPy {suffix}"
+    if Path(path).is_dir():  # a bag of ROS 2, or a mistake that others name
+        return None
     with open(path, "rb") as file:
         head = file.read(_HEAD)
     if b"\x00" in head:
