@@ -136,7 +136,7 @@ class FitResult:
             elevation: on that kink of a hard transition χ² is no parabola.
         jacobian: Weighted residuals against coordinates at the best fit; by tilting
             mechanics with a row each for what is known beforehand of s and L.
-        singular_values: Of the Jacobian, descending.
+        singular_values: Of the Jacobian, descending: as many as data or coordinates.
         modes: Every local optimum found, best first.
         chi_square: Sum of squared weighted residuals at the best fit.
         n_data: Number of data.
@@ -152,7 +152,7 @@ class FitResult:
     estimate: Float[np.ndarray, " p"]
     covariance: Float[np.ndarray, "p p"]
     jacobian: Float[np.ndarray, "m p"]
-    singular_values: Float[np.ndarray, " p"]
+    singular_values: Float[np.ndarray, " k"]
     modes: tuple[Mode, ...]
     chi_square: float
     n_data: int
