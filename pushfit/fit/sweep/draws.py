@@ -23,14 +23,12 @@ from pushfit.fit.sweep.cholesky import (
     squared_length,
 )
 from pushfit.fit.sweep.noise import sigma_density
-from pushfit.fit.sweep.outer import ridge_slope, schur, without_s
 from pushfit.fit.sweep.segments import draw_segment
 from pushfit.fit.sweep.sheet import (
     N_STRATA,
     Sheet,
     T,
     local,
-    log_volumes,
     prior_given,
 )
 from pushfit.fit.sweep.target import Expansion, Target
@@ -41,8 +39,6 @@ from pushfit.numerics import norm2
 WIDTHS, SHARES = (1.0, 1.7, 3.5), (0.55, 0.2, 0.1, 0.15)
 # Normal scores end here: beyond lies 1e-6 of a prior.
 SMALLEST = 1e-6
-# Furthest that the inner coordinate follows the ridge between nodes, in its own sd.
-FOLLOWED = 2.0
 # Steps towards the B of a round contact of the same K_st.
 N_ROUND = 3
 
@@ -94,10 +90,12 @@ def draw(target: Target, sheet: Sheet, uniform: Float[Array, " d"]) -> Draw:
         uniform: As many numbers in (0, 1) as `n_uniforms` says.
     """
     numbers, roles = Uniforms(uniform), target.roles
-    held, node, log_q = _swept(target, sheet, numbers)
+    held, place, log_q = _swept(sheet, numbers)
+    node = jax.tree.map(lambda a: a[place], sheet.nodes)
     score = jnp.zeros(())
     if roles.has_s:
-        ln_s, score, log_s = _shape_number(target, node, numbers)
+        score, log_s = _score_of_s(sheet.strata[place], numbers)
+        ln_s, _ = target.tables["ln_s"].draw(target.seen(node.y)["ln_B"], score)
         held, log_q = jnp.concatenate([held, ln_s[None]]), log_q + log_s
     y = held
     if held.size < target.mean.size:
@@ -118,8 +116,8 @@ def draw(target: Target, sheet: Sheet, uniform: Float[Array, " d"]) -> Draw:
 
 
 def _swept(
-    target: Target, sheet: Sheet, numbers: Uniforms
-) -> tuple[Float[Array, " 2"], Expansion, Scalar]:
+    sheet: Sheet, numbers: Uniforms
+) -> tuple[Float[Array, " 2"], tuple[Int[Array, ""], Int[Array, ""]], Scalar]:
     """Outer and inner coordinate, the node nearest to them, log density."""
     along = draw_segment(sheet.outer, numbers.one())
     u = sheet.u
@@ -132,28 +130,21 @@ def _swept(
     step = t[across.segment + 1] - t[across.segment]
     inner, log_slope = sheet.inner_at(j, t[across.segment] + across.share * step)
     k: Int[Array, ""] = across.segment + (across.share >= 0.5)
-    node = jax.tree.map(lambda a: a[j, k], sheet.nodes)
-    information = without_s(target, node.hessian + target.precision)
-    limit = FOLLOWED / jnp.sqrt(schur(information[1:, 1:]))
-    shift = ridge_slope(information)[0] * (outer - u[j])
-    inner = inner + jnp.clip(shift, -limit, limit)
+    slope, limit = sheet.ridge[j, k]
+    inner = inner + jnp.clip(slope * (outer - u[j]), -limit, limit)
     log_density = along.log_density + across.log_density - log_slope
-    return jnp.stack([outer, inner]), node, log_density
+    return jnp.stack([outer, inner]), (j, k), log_density
 
 
-def _shape_number(
-    target: Target, node: Expansion, numbers: Uniforms
-) -> tuple[Scalar, Scalar, Scalar]:
-    """Ln s at the node's B, its score, and the log of its share over the prior's."""
-    shares = jax.nn.softmax(log_volumes(target, node))
+def _score_of_s(shares: Float[Array, " s"], numbers: Uniforms) -> tuple[Scalar, Scalar]:
+    """Normal score of ln s, and the log of its density over the prior's."""
     ends = jnp.cumsum(shares)
     wanted = numbers.one() * ends[-1]
     i = jnp.minimum(jnp.sum(ends < wanted), N_STRATA - 1)
     own = jnp.maximum(shares[i], 1e-300)
     part = jnp.clip((wanted - (ends[i] - shares[i])) / own, 0.0, 1.0)
     score = ndtri(jnp.clip((i + part) / N_STRATA, SMALLEST, 1 - SMALLEST))
-    ln_s, _ = target.tables["ln_s"].draw(target.seen(node.y)["ln_B"], score)
-    return ln_s, score, jnp.log(own * N_STRATA)
+    return score, jnp.log(own * N_STRATA)
 
 
 def _rest(
@@ -228,7 +219,7 @@ def _noise(target: Target, z: dict[str, Scalar], numbers: Uniforms) -> Scalar:
     log_q = jnp.zeros(())
     if not target.roles.sigmas:
         return log_q
-    difference = target.differences_at(target.vector(z))
+    difference = target.differences_at(z)
     for channel, name in enumerate(target.pooled.problem.channels):
         nodes, density = sigma_density(target.pooled, channel, difference[channel])
         drawn = draw_segment(density, numbers.one())

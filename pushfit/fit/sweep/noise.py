@@ -78,7 +78,11 @@ def log_likelihood_of_sigma(
     ln_sigma: Float[Array, " k"],
 ) -> Float[Array, " k"]:
     """Log likelihood of a channel at several values of its sampled noise."""
-    sd = pooled.problem.sd[channel]
+    sd, count = pooled.problem.sd[channel], pooled.count[channel]
+    if pooled.problem.likelihood == "normal" and not pooled.has_sd:
+        squares = jnp.sum(count * difference**2 + pooled.scatter[channel])
+        constant = jnp.sum(count) * (ln_sigma + LN_2PI / 2)
+        return -constant - squares / 2 * jnp.exp(-2 * ln_sigma)
 
     def one(ln_sigma: Scalar) -> Scalar:
         variance = sd**2 + jnp.exp(2 * ln_sigma)
@@ -173,6 +177,8 @@ def _sampled_weights(
 ) -> Float[Array, "k n"]:
     """The same at each value of the sampled noise."""
     sd = pooled.problem.sd[channel]
+    if pooled.problem.likelihood == "normal" and not pooled.has_sd:
+        return pooled.count[channel][None] * jnp.exp(-2 * ln_sigma)[:, None]
     return jax.vmap(
         lambda ln_sigma: _weights(
             pooled, channel, difference, sd**2 + jnp.exp(2 * ln_sigma)

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.fit.sweep.cholesky import (
-    back_solve,
     cholesky,
     half_solve,
     log_diagonal,
@@ -176,11 +175,10 @@ def schur(matrix: Float[Array, "q q"]) -> Array:
     """Information on the first coordinate with the others free."""
     if matrix.shape[0] == 1:
         return matrix[0, 0]
-    half = jnp.stack(half_solve(cholesky(matrix[1:, 1:]), matrix[1:, 0]))
+    half = half_solve(cholesky(matrix[1:, 1:]), matrix[1:, 0])
     return jnp.maximum(matrix[0, 0] - jnp.sum(half**2), 1e-12 * matrix[0, 0])
 
 
 def ridge_slope(matrix: Float[Array, "q q"]) -> Float[Array, " q-1"]:
     """Change of the other conditional modes per unit of the first coordinate."""
-    factor = cholesky(matrix[1:, 1:])
-    return back_solve(factor, half_solve(factor, -matrix[1:, 0]))
+    return solve(cholesky(matrix[1:, 1:]), -matrix[1:, 0])

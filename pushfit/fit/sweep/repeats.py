@@ -28,11 +28,13 @@ class Pooled(eqx.Module):
         problem: Its `observed` are means; padded rows are masked.
         count: Number of heights behind each mean; 0 for padding.
         scatter: Sum of squares of the heights about their mean [table unit²].
+        has_sd: Whether any height has a known part of its noise.
     """
 
     problem: Problem
     count: Float[Array, "c n"]
     scatter: Float[Array, "c n"]
+    has_sd: bool = eqx.field(static=True)
 
 
 def pool_repeats(problem: Problem) -> Pooled:
@@ -76,4 +78,5 @@ def pool_repeats(problem: Problem) -> Pooled:
         pooled,
         jnp.asarray(np.tile(padded(count, 0.0), (channels, 1))),
         jnp.asarray(padded(scatter, 0.0)),
+        has_sd=bool(np.any(sd > 0)),
     )

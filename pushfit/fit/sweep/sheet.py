@@ -15,7 +15,6 @@ from jaxtyping import Array, Float, Int
 from scipy.stats import norm
 
 from pushfit.fit.sweep.cholesky import (
-    Factor,
     back_solve,
     cholesky,
     half_solve,
@@ -34,6 +33,8 @@ STRETCH = 0.7
 # Equally probable parts of the prior of ln s given B, and the score in their middle.
 N_STRATA = 8
 MIDDLES = norm.ppf((np.arange(N_STRATA) + 0.5) / N_STRATA)
+# Furthest that the inner coordinate follows the ridge between nodes, in its own sd.
+FOLLOWED = 2.0
 # Longest move of the others from one inner node to the next, in logs.
 MAX_MOVE = 1.0
 
@@ -50,6 +51,9 @@ class Sheet(eqx.Module):
         below: Stretch below the mode.
         above: Stretch above it.
         nodes: Conditional modes, by outer and inner node.
+        strata: Share of every stratum of ln s at each of them.
+        ridge: Change of the inner coordinate per unit of u at each, and how far it may
+            be followed.
     """
 
     outer: Segments
@@ -59,6 +63,8 @@ class Sheet(eqx.Module):
     below: Float[Array, " j"]
     above: Float[Array, " j"]
     nodes: Expansion
+    strata: Float[Array, "j k s"]
+    ridge: Float[Array, "j k 2"]
 
     @property
     def u(self) -> Float[Array, " j"]:
@@ -88,7 +94,7 @@ class Local(eqx.Module):
     """
 
     centre: Float[Array, " k"]
-    factor: Factor
+    factor: Float[Array, "k k"]
     log_volume: Scalar
 
 
@@ -120,7 +126,8 @@ def make_sheet(target: Target, outer: Expansion) -> Sheet:
         sides,
         outer,
     )
-    level = jax.vmap(jax.vmap(lambda node: logsumexp(log_volumes(target, node))))(nodes)
+    volumes = jax.vmap(jax.vmap(lambda node: log_volumes(target, node)))(nodes)
+    level = logsumexp(volumes, axis=2)
     stretch = jnp.where(T[None] < 0, below[:, None], above[:, None])
     slope = width[:, None] * stretch * jnp.cosh(stretch * T[None])
     level = level + jnp.log(slope)
@@ -134,7 +141,16 @@ def make_sheet(target: Target, outer: Expansion) -> Sheet:
         below=below,
         above=above,
         nodes=nodes,
+        strata=jax.nn.softmax(volumes, axis=2),
+        ridge=jax.vmap(jax.vmap(lambda h: _ridge(target, h)))(nodes.hessian),
     )
+
+
+def _ridge(target: Target, hessian: Float[Array, "q q"]) -> Float[Array, " 2"]:
+    """Slope of the inner mode against u, and how far it may follow."""
+    information = without_s(target, hessian + target.precision)
+    limit = FOLLOWED / jnp.sqrt(schur(information[1:, 1:]))
+    return jnp.stack([ridge_slope(information)[0], limit])
 
 
 def log_volumes(target: Target, node: Expansion) -> Float[Array, " s"]:
@@ -163,7 +179,7 @@ def local(target: Target, node: Expansion, held: Float[Array, " h"]) -> Local:
     cost = misfit + (y - mean) @ pull / 2
     factor = cholesky((node.hessian + precision)[n:, n:])
     half = half_solve(factor, -(node.gradient + bend + pull)[n:])
-    gain = jnp.sum(jnp.stack(half) ** 2) / 2 if half else jnp.zeros(())
+    gain = jnp.sum(half**2) / 2
     size = (y.size - n) * np.log(2 * np.pi) / 2
     return Local(
         centre=y[n:] + back_solve(factor, half),

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pushfit.containers import contact, tangential_stiffness, unit_vector
+from pushfit.fit.problem import State
 from pushfit.fit.sweep.noise import log_likelihood, noise_terms
 from pushfit.fit.sweep.repeats import Pooled
 from pushfit.fit.sweep.roles import Roles
@@ -95,24 +96,31 @@ class Target(eqx.Module):
 
     def outer(self, z: Mapping[str, Scalar]) -> Scalar:
         """U = ln(B |u(α)| / (A C_rr)) at sampling coordinates."""
-        group = contact(self.pooled.problem.state(self.vector(z)).params)
+        group = contact(self.state(z).params)
         x, y = tangential_stiffness(group, unit_vector(self.reference_alpha))
         return jnp.log(norm2(x, y) / (group.A * group.C_rr))
 
+    def state(self, z: Mapping[str, Scalar]) -> State:
+        """What heights depend on, the shortest way."""
+        problem = self.pooled.problem
+        if set(problem.data_names) <= set(z):
+            return problem.data_state(jnp.stack([z[n] for n in problem.data_names]))
+        return problem.state(self.vector(z))
+
     def differences(self, y: Float[Array, " q"]) -> Float[Array, "c n"]:
         """Predictions less mean heights; 0 for padding [table unit]."""
-        return self.differences_at(self.vector(self.seen(y)))
+        return self.differences_at(self.seen(y))
 
-    def differences_at(self, x: Float[Array, " p"]) -> Float[Array, "c n"]:
-        """The same at sampling coordinates."""
+    def differences_at(self, z: Mapping[str, Scalar]) -> Float[Array, "c n"]:
+        """The same at sampling coordinates by name."""
         problem = self.pooled.problem
-        difference = problem.predict(problem.state(x)) - problem.observed
+        difference = problem.predict(self.state(z)) - problem.observed
         return jnp.where(problem.mask, difference, 0.0)
 
     def log_prob(self, x: Float[Array, " p"]) -> Scalar:
         """Unnormalised log posterior density of sampling coordinates."""
         named = dict(zip(self.pooled.problem.names, x, strict=True))
-        level = log_likelihood(self.pooled, self.differences_at(x), named)
+        level = log_likelihood(self.pooled, self.differences_at(named), named)
         value = level + self.pooled.problem.log_prior(x)
         return jnp.where(jnp.isnan(value), -jnp.inf, value)
 
