@@ -89,8 +89,8 @@ class Grasp(eqx.Module):
         preload: F_0, normal force before the push [N].
         gain: Sensor units per newton.
         offset: Sensor reading added to the magnitude `height` [sensor units].
-        sharpness: p of the soft transition, at least 1; infinity is the paper's
-            hard switch [-].
+        sharpness: p of the soft transition, at least 1; the number infinity is the
+            paper's hard switch [-].
         support_span: |AB|, distance between two supports [m]; None is the paper's
             single limit.
         mechanics: Name of an entry of `MECHANICS`.
@@ -100,7 +100,7 @@ class Grasp(eqx.Module):
     preload: Scalar = eqx.field(converter=as_float, default=0.0)
     gain: Scalar = eqx.field(converter=as_float, default=1.0)
     offset: Scalar = eqx.field(converter=as_float, default=0.0)
-    sharpness: float = eqx.field(static=True, default=math.inf)
+    sharpness: float | Scalar = math.inf
     support_span: float | None = eqx.field(static=True, default=None)
     mechanics: str = eqx.field(static=True, default="linear")
 

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+Sharpness = float | Float[Array, ""]
 # Below this argument four terms of a series in it are exact to 1e-18, while the closed
 # form divides 0 by 0 at the origin.
 SERIES_LIMIT = 1e-3
@@ -36,8 +37,13 @@ def positive_part(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     return jnp.where(x <= 0, 0.0, x)
 
 
+def is_hard(sharpness: Sharpness) -> bool:
+    """Whether a transition is the plain minimum; one that is traced never is."""
+    return isinstance(sharpness, float | int) and sharpness == math.inf
+
+
 def softmin(
-    a: Float[Array, "*s"], b: Float[Array, "*s"], sharpness: float
+    a: Float[Array, "*s"], b: Float[Array, "*s"], sharpness: Sharpness
 ) -> Float[Array, "*s"]:
     """Smooth minimum of two non-negative numbers.
 
@@ -52,7 +58,7 @@ def softmin(
         A value in [2^(-1/p) min, min]; at the tie both arguments share the gradient.
     """
     smaller, larger = jnp.minimum(a, b), jnp.maximum(a, b)
-    if sharpness == jnp.inf:
+    if is_hard(sharpness):
         return smaller
     # The printed form overflows for a -> 0; this one only sees a ratio in [0, 1].
     is_zero = larger == 0
@@ -61,7 +67,7 @@ def softmin(
 
 
 def softclip(
-    value: Float[Array, "*s"], limit: Float[Array, "*s"], sharpness: float
+    value: Float[Array, "*s"], limit: Float[Array, "*s"], sharpness: Sharpness
 ) -> Float[Array, "*s"]:
     """Number held within ±limit: the soft minimum of both magnitudes, sign kept.
 

@@ -33,7 +33,15 @@ from pushfit.containers import (
     support,
     tangential_compliance,
 )
-from pushfit.numerics import norm2, positive_part, sine, softmin, versine
+from pushfit.numerics import (
+    Sharpness,
+    is_hard,
+    norm2,
+    positive_part,
+    sine,
+    softmin,
+    versine,
+)
 from pushfit.roots import falling_root
 
 # Largest tilt, 82° [rad]: an object that leans further has fallen over.
@@ -128,7 +136,7 @@ def one_support_forces(
     )
 
 
-def equilibrium(hold: Hold, sharpness: float) -> tuple[Vector, Vector]:
+def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
     """Tilt and tangential force of every push.
 
         F_t = softmin(F_unrolled, F_rolled)
@@ -141,7 +149,7 @@ def equilibrium(hold: Hold, sharpness: float) -> tuple[Vector, Vector]:
         γ [rad] and F_t along the lean [N]; F_t is negative where the object leans
         beyond the push.
     """
-    if sharpness == jnp.inf:
+    if is_hard(sharpness):
 
         def smaller(hold: Hold, tilt: Vector) -> Vector:
             return jnp.minimum(elastic_force(hold, tilt), rolling_force(hold, tilt))

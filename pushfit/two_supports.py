@@ -37,7 +37,7 @@ from pushfit.containers import (
     contact,
     rolling_limits,
 )
-from pushfit.numerics import lean_factors, norm2, softclip
+from pushfit.numerics import Sharpness, lean_factors, norm2, softclip
 from pushfit.tilting import MAX_TILT, Hold, make_hold
 
 # Relative step at which the search ends; the step after it leaves the square of that.
@@ -168,7 +168,7 @@ def leaned(frame: Frame, lean: Pair) -> Lean:
     )
 
 
-def unbalanced(frame: Frame, lean: Pair, sharpness: float) -> Pair:
+def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
     """Moment about each axis that nothing bears, over L [N].
 
     Args:
@@ -201,7 +201,7 @@ class _Search(eqx.Module):
     n_steps: Int[Array, ""]
 
 
-def equilibrium(frame: Frame, sharpness: float) -> tuple[Pair, Bool[Array, " n"]]:
+def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, " n"]]:
     """Lean at which the supports bear every moment.
 
     Newton steps, each shortened until it lowers what is not borne. The last of them
@@ -266,7 +266,7 @@ def equilibrium(frame: Frame, sharpness: float) -> tuple[Pair, Bool[Array, " n"]
     return (lean[0] + last_step[0], lean[1] + last_step[1]), last.is_found
 
 
-def _newton(frame: Frame, lean: Pair, sharpness: float) -> tuple[Pair, Pair]:
+def _newton(frame: Frame, lean: Pair, sharpness: Sharpness) -> tuple[Pair, Pair]:
     """Newton step and the moments that are not borne."""
 
     def residual(x: Vector, y: Vector) -> Pair:
@@ -285,7 +285,7 @@ def _newton(frame: Frame, lean: Pair, sharpness: float) -> tuple[Pair, Pair]:
     return ((xy * r_y - yy * r_x) / safe, (yx * r_x - xx * r_y) / safe), (r_x, r_y)
 
 
-def _start(frame: Frame, sharpness: float) -> Pair:
+def _start(frame: Frame, sharpness: Sharpness) -> Pair:
     """Lean of a small push, as linear mechanics have it."""
     hold = frame.hold
     xx, xy, yy = frame.hold.compliance

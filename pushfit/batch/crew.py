@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pushfit.batch.cluster import Outcome, Work, on_cluster
 from pushfit.batch.items import Failure, Item
 from pushfit.batch.work import Chunk
-from pushfit.fit.lane_results import N_LANES
 
 # Portions per worker of a large batch, so that no worker goes on alone for long.
 SHARES = 4
@@ -49,10 +48,8 @@ class Crew:
         ]
 
     def _share(self, n_items: int) -> int:
-        """Items of a portion: full calls of compiled programs, for every worker."""
-        lanes = min(N_LANES, math.ceil(max(n_items, 1) / self.workers))
-        size = max(lanes, math.ceil(n_items / (SHARES * self.workers)))
-        return math.ceil(size / lanes) * lanes
+        """Items of a portion."""
+        return max(math.ceil(n_items / (SHARES * self.workers)), 1)
 
     def work_on(
         self, work: Work[Outcome], chunks: Sequence[Chunk]

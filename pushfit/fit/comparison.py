@@ -340,7 +340,7 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
     )
     return ModelScore(
         name=name,
-        sharpness=problem.grasp.sharpness,
+        sharpness=float(problem.grasp.sharpness),
         is_adequate=quality.is_adequate,
         verdict=quality.sentence,
         log_evidence=posterior.log_evidence if is_trusted else None,

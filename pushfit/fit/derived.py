@@ -66,6 +66,14 @@ def in_contact(problem: Problem, y: Float[Array, " q"]) -> Bool[Array, " n"]:
 
 
 @compiled
+@compiled
+def critical_angles(
+    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
+) -> Float[Array, " k"]:
+    """θ_c at many data coordinates [rad]; see `critical_angle_at`."""
+    return jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(points)
+
+
 def critical_angle_at(
     problem: Problem,
     y: Float[Array, " q"],

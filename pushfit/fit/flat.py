@@ -71,7 +71,7 @@ def pooled_draws(
     Args:
         identification: The result.
         priors: Prior densities of ln A, ln B and ln C_rr; see
-            `pushfit.fit.shared_priors.prior_tables`.
+            `pushfit.fit.prior_tables.prior_tables`.
 
     Returns:
         `theta_c_deg` [deg], NaN where the contact never rolls, and `ln_A`, `ln_B` and

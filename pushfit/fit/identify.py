@@ -53,6 +53,8 @@ from pushfit.fit.tilt_check import tilt_notice
 
 Progress = Callable[[str, float], None]
 ENGINES = ("auto", "sweep", "emcee")
+# What one row of a table says of likelihood sets.
+ANGLES = ("theta_c", "alpha_star")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +84,7 @@ def identify_table(
     *,
     seed: int,
     engine: str = "auto",
+    is_brief: bool = False,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
 ) -> Identification:
@@ -93,6 +96,8 @@ def identify_table(
         seed: Seed of every random number.
         engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
             are not to be trusted.
+        is_brief: Whether to leave out what one row of a table has no place for: sets
+            of parameters and combinations, advice, and bands.
         progress: Called with a stage and the share of it that is done.
         checkpoint: File in which a run of emcee is kept, to be resumed.
 
@@ -113,11 +118,14 @@ def identify_table(
         reference_alpha=fitted.reference_alpha,
         prob=prob,
         reach=reach,
+        wanted=ANGLES if is_brief else None,
     )
     posterior = draw_posterior(
         fitted, seed=seed, engine=engine, progress=progress, checkpoint=checkpoint
     )
-    return conclude(fitted, profiles, posterior, config=config, seed=seed)
+    return conclude(
+        fitted, profiles, posterior, config=config, seed=seed, is_brief=is_brief
+    )
 
 
 def conclude(

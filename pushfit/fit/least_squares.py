@@ -1,4 +1,4 @@
-"""Least squares: every basin that the scan sees, polished by Levenberg-Marquardt.
+"""Least squares: every valley of the sweep, polished by Levenberg-Marquardt.
 
 The solver is optimistix; what decides whether its answer may be used is here: finite
 residuals, the rank of the Jacobian, the best of all modes rather than the first.
@@ -16,13 +16,13 @@ from jaxtyping import Array, Bool, Float
 from scipy import optimize
 
 from pushfit.errors import FitError
-from pushfit.fit.derived import critical_angle_at
+from pushfit.fit.derived import critical_angles
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
-from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
 from pushfit.fit.slopes import linearised
+from pushfit.fit.sweep.curve import search
 
 # Points, sums of squares, and whether the solver arrived, best first.
 Optima = tuple[
@@ -32,6 +32,8 @@ Optima = tuple[
 # Far below any standard error that real heights allow, and above rounding.
 RTOL = ATOL = 1e-10
 MAX_STEPS = 200
+# Valleys that are followed to their bottom.
+N_STARTS = 8
 # On a kink of the hard switch steps shrink to nothing short of the optimum; started
 # again from there with a full step, the solver mostly gets across.
 MAX_ROUNDS = 6
@@ -70,11 +72,8 @@ def fit_least_squares(
     Raises:
         FitError: If no start has finite residuals and `throw` is set.
     """
-    problem = setup.problem
-    starts = starting_points(problem)
-    if setup.best_point is not None:
-        starts[-1] = setup.best_point
-    found = polish(problem, starts)
+    setup = searched(setup)
+    found = polish(setup.problem, _starts(setup))
     return fit_result(setup, found, reference_alpha=reference_alpha, throw=throw)
 
 
@@ -128,6 +127,28 @@ def fit_result(
         row=tuple(setup.rows[i] for i in column),
         status=status,
     )
+
+
+def searched(setup: Setup) -> Setup:
+    """The setup with best fits along its leading quantity, unless it has them.
+
+    Args:
+        setup: Problem and its provenance.
+    """
+    if setup.pool is not None:
+        return setup
+    return replace(setup, pool=search(setup.problem))
+
+
+def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
+    """The lowest of the pool's valleys; always as many, the lowest repeated."""
+    pool = np.asarray(setup.pool)
+    costs = np.asarray(costs_at(setup.problem, jnp.asarray(pool)))
+    padded = np.r_[np.inf, np.where(np.isfinite(costs), costs, np.inf), np.inf]
+    is_low = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
+    valleys = np.flatnonzero(is_low)
+    valleys = valleys[np.argsort(padded[1:-1][valleys], kind="stable")]
+    return pool[np.resize(valleys[:N_STARTS], N_STARTS)]
 
 
 def polish(
@@ -195,14 +216,15 @@ def settle_noise(setup: Setup) -> Setup:
     problem = setup.problem
     if setup.noise.kind != "sampled" or not problem.data_names:
         return setup
-    points = starting_points(problem)
+    setup = searched(setup)
+    points = _starts(setup)
     # Sigma and the fit depend on each other only through the relative weights of
     # channels and rows; three rounds settle that far below sigma's own error.
     has_weights = len(problem.channels) > 1 or bool(np.any(problem.sd > 0))
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
         problem = with_noise_of(problem, jnp.asarray(points[0]))
-    return replace(setup, problem=problem, best_point=points[0])
+    return replace(setup, problem=problem)
 
 
 def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
@@ -329,7 +351,7 @@ def _modes(
     """Distinct optima that could matter, best first."""
     modes, kept = [], []
     angles = np.asarray(
-        _critical_angles(problem, jnp.asarray(points), jnp.asarray(reference_alpha))
+        critical_angles(problem, jnp.asarray(points), jnp.asarray(reference_alpha))
     )
     for point, cost, angle in zip(points, costs, angles, strict=True):
         if not cost <= costs[0] + KEPT_DELTA_CHI_SQUARE:
@@ -353,12 +375,11 @@ def _predicted(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
 
 
 @compiled
-def _critical_angles(
-    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
-) -> Float[Array, " k"]:
-    return jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(points)
+def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
+    return problem.data_residuals(y)
 
 
 @compiled
-def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
-    return problem.data_residuals(y)
+def costs_at(problem: Problem, points: Float[Array, "k q"]) -> Float[Array, " k"]:
+    """Sum of squared residuals at points."""
+    return jax.vmap(lambda y: jnp.sum(problem.data_residuals(y) ** 2))(points)

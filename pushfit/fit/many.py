@@ -1,8 +1,7 @@
-"""Many tables through the same question, each for itself.
+"""Many tables through the same question, each for itself, as one row each.
 
 What comes out for a table depends on that table, the configuration and its seed, never
 on the tables beside it; a table that cannot be identified gives its error in its place.
-Tables that fit into a lane go through compiled programs together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,11 +15,8 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.flat import Cell, flat_values, pooled_draws
 from pushfit.fit.identify import identify_table, prepared
-from pushfit.fit.lane_results import identify_lanes, ready
-from pushfit.fit.log_density import Table
-from pushfit.fit.results import Identification
+from pushfit.fit.prior_tables import prior_tables
 from pushfit.fit.setup import build_problem
-from pushfit.fit.shared_priors import shared_prior
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,27 +51,9 @@ def identify_many(
     Returns:
         For each table its row, or the error that stands against it.
     """
-    found: list[ItemResult | PushfitError | None] = [None] * len(tables)
-    items = {}
-    for index, (table, seed) in enumerate(zip(tables, seeds, strict=True)):
-        if engine == "emcee":
-            break
-        try:
-            item = ready(table, config, seed=seed)
-        except PushfitError as error:
-            found[index] = error
-        else:
-            if item is not None:
-                items[index] = item
-    together = identify_lanes(list(items.values()))
-    for (index, item), result in zip(items.items(), together, strict=True):
-        if result is not None:
-            found[index] = _as_item(result, item.prior.tables)
     return [
         _identify_one(table, config, seed=seed, engine=engine)
-        if result is None
-        else result
-        for table, seed, result in zip(tables, seeds, found, strict=True)
+        for table, seed in zip(tables, seeds, strict=True)
     ]
 
 
@@ -84,14 +62,9 @@ def _identify_one(
 ) -> ItemResult | PushfitError:
     """One table, its error as a value."""
     try:
-        found = identify_table(table, config, seed=seed, engine=engine)
-        in_force, _ = prepared(found.table, found.config)
-        prior = shared_prior(build_problem(found.table, in_force).problem)
-        return _as_item(found, prior.tables)
+        found = identify_table(table, config, seed=seed, engine=engine, is_brief=True)
     except PushfitError as error:
         return error
-
-
-def _as_item(found: Identification, priors: Mapping[str, Table]) -> ItemResult:
-    """A result as a row."""
+    in_force, _ = prepared(found.table, found.config)
+    priors = prior_tables(build_problem(found.table, in_force).problem)
     return ItemResult(values=flat_values(found), draws=pooled_draws(found, priors))

@@ -42,7 +42,7 @@ class Setup:
         rows: Row of the table of each unpadded column of the problem.
         is_calibrated: Whether stiffness comes out in N/m rather than sensor units/m.
         has_direction: Whether azimuths differ enough to ask for a direction.
-        best_point: Best data coordinates met while sigma was estimated, if it was.
+        pool: Best data coordinates at values that span θ_c, once they are known.
     """
 
     problem: Problem
@@ -50,7 +50,7 @@ class Setup:
     rows: tuple[int, ...]
     is_calibrated: bool
     has_direction: bool
-    best_point: Float[np.ndarray, " q"] | None = None
+    pool: Float[np.ndarray, "k q"] | None = None
 
 
 def build_problem(table: PeakTable, config: GraspConfig) -> Setup:

@@ -1,9 +1,8 @@
 """Does tilting matter to θ_c: both mechanics fitted to the same heights.
 
-The fit by tilting mechanics is a rough one, made to be cheap: the scan of its
-likelihood, then SciPy's Levenberg-Marquardt by differences from the best starts. L and
-s keep what is known of them beforehand. Excluded: intervals by tilting mechanics, for
-which `mechanics = "tilting"` is there.
+The fit by tilting mechanics is the best point of one search along θ_c. L and s keep
+what is known of them beforehand. Excluded: intervals by tilting mechanics, for which
+`mechanics = "tilting"` is there.
 """
 
 from dataclasses import dataclass, replace
@@ -12,12 +11,12 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy import optimize
 
 from pushfit.config import GraspConfig
 from pushfit.displacements import displacements
 from pushfit.fit.data_point import data_names
 from pushfit.fit.derived import PARAMETERS, critical_angle_at, in_contact
+from pushfit.fit.least_squares import costs_at
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.pulls import with_pulls
@@ -27,14 +26,12 @@ from pushfit.fit.results import (
     PosteriorResult,
     Quantity,
 )
-from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import Setup
+from pushfit.fit.sweep.curve import search
 from pushfit.model import Grasp, Parameters, Pushes
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
 LARGE_TILT_DEG = 2.0
-# Starts of the scan that are followed.
-N_STARTS = 3
 # A bias of this share of its width lowers the coverage of a 90 % interval to 79 %; of
 # half its width to 50 %.
 WORTH_OF_WIDTH = 0.25
@@ -181,16 +178,10 @@ def tilt_notice(
 
 
 def _best(problem: Problem) -> Float[Array, " q"]:
-    """Best of the polished starts."""
-    found = []
-    for start in starting_points(problem)[:N_STARTS]:
-        solution = optimize.least_squares(
-            lambda y: np.asarray(_residuals(problem, jnp.asarray(y))),
-            start,
-            method="lm",
-        )
-        found.append((solution.cost, solution.x))
-    return jnp.asarray(min(found, key=lambda pair: pair[0])[1])
+    """Best point of a search."""
+    pool = jnp.asarray(search(problem))
+    costs = np.asarray(costs_at(problem, pool))
+    return pool[int(np.nanargmin(costs))]
 
 
 @compiled

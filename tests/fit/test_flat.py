@@ -4,15 +4,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.fit.fibre import make_fibre
 from pushfit.fit.flat import prior_of_angle, tabulated_prior
+from pushfit.fit.prior_tables import prior_tables
 from pushfit.fit.priors import default_priors
-from pushfit.fit.shared_priors import prior_tables
+from pushfit.fit.setup import build_problem
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
 
 
 @pytest.fixture(scope="module")
 def tables():
-    return prior_tables(make_fibre(default_priors(None), {}))
+    table = case_table(CASES["firm"], noise=0.02)
+    return prior_tables(build_problem(table, config()).problem)
 
 
 @pytest.mark.parametrize("name", ["A", "C_rr"])

@@ -12,8 +12,8 @@ from pushfit.fit.least_squares import (
     polish,
     restarted,
 )
-from pushfit.fit.scan import starting_points
 from pushfit.fit.setup import build_problem
+from pushfit.fit.sweep.guesses import guesses
 from tests.fit.tables import (
     case_table,
     config,
@@ -80,8 +80,8 @@ def test_scipy_finds_the_same_optimum(name, channels):
     def residuals(y):
         return np.asarray(problem.data_residuals(jnp.asarray(y)))
 
-    # From starts of the scan and from our optimum, where it must find nothing better.
-    starts = [fit.estimate, *starting_points(problem)[:5]]
+    # From guesses and from our optimum, where it must find nothing better.
+    starts = [fit.estimate, *guesses(problem)[:5]]
     runs = [
         least_squares(residuals, start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
         for start in starts

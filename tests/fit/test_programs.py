@@ -17,8 +17,6 @@ from pushfit.config import GraspConfig
 from pushfit.data.simulate import simulate_table
 from pushfit.fit import programs
 from pushfit.fit.identify import fit_table
-from pushfit.fit.lane_fit import LaneFit
-from pushfit.fit.lane_profile import LaneProfile
 from pushfit.fit.programs import compiled
 from pushfit.fit.sweep.draws import Draw
 from pushfit.fit.sweep.sheet import Sheet
@@ -227,7 +225,7 @@ def test_source_that_was_edited_since_keeps_nothing(folder, monkeypatch):
     assert not list(folder.iterdir())
 
 
-@pytest.mark.parametrize("returned", [Inner, LaneFit, LaneProfile, Draw, Sheet])
+@pytest.mark.parametrize("returned", [Inner, Draw, Sheet])
 def test_what_the_engines_return_can_be_kept(folder, returned):
     def filled(x: Float[Array, " n"]):
         result = object.__new__(returned)

@@ -16,15 +16,15 @@ from jaxtyping import Array, Float
 from pushfit.fit.derived import samples_mapping
 from pushfit.fit.fibre import Fibre, make_fibre
 from pushfit.fit.log_density import LogDensity, Table, make_table
-from pushfit.fit.noise_grid import make_noise_grid
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
-from pushfit.fit.quadrature import Cells, cell_nodes, draw_from_nodes
+from pushfit.fit.quadrature import draw_from_nodes
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
-from pushfit.fit.scan import is_linear
 from pushfit.fit.setup import Setup
 from pushfit.fit.starts import encode, prior_x_samples
+from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.integrand import Inner, Integrand, Strip
+from tests.oracle.noise_grid import make_noise_grid
 from tests.oracle.outer import OuterAxis, make_axis
 
 # Relative error of the evidence that stops refinement: far below what 10^6 draws show.
@@ -195,7 +195,7 @@ def exact_grid(setup: Setup, fit: FitResult, *, rtol: float = RTOL) -> ExactGrid
             if name in fibre.names
         ),
         is_linear=(
-            is_linear(problem)
+            _is_linear(problem)
             and problem.likelihood == "normal"
             and tables["prior_B"] is not None
         ),
@@ -415,3 +415,11 @@ def _at_draws(
 @compiled
 def _log_probs(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, " n"]:
     return jax.vmap(problem.log_prob)(x)
+
+
+def _is_linear(problem: Problem) -> bool:
+    """Whether heights are proportional to A at given ratios."""
+    no_preload = (
+        "ln_F_0" not in problem.data_names and float(problem.grasp.preload) == 0
+    )
+    return no_preload and float(problem.grasp.offset) == 0

@@ -18,10 +18,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pushfit.fit.log_density import Table
-from pushfit.fit.noise_grid import NoiseGrid
 from pushfit.fit.problem import Problem
-from pushfit.fit.quadrature import GAUSS, KRONROD, NODES
 from pushfit.model import Contact, Scalar, contact
+from tests.oracle.cells import GAUSS, KRONROD, NODES
+from tests.oracle.noise_grid import NoiseGrid
 
 # Inner nodes: three panels in t, where coordinate = centre + scale sinh(t). The middle
 # one holds ±3.6 standard deviations, the outer ones reach 200 of them or the prior's

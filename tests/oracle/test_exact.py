@@ -9,9 +9,9 @@ import pytest
 from scipy import integrate, stats
 
 from pushfit.fit.least_squares import fit_least_squares
-from pushfit.fit.quadrature import Cells, cell_nodes
 from pushfit.fit.results import FitStatus
 from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
+from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.exact import exact_grid, exact_posterior
 from tests.problems import CASES, PUSH
 

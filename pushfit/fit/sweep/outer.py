@@ -6,11 +6,12 @@ other their conditional modes. Excluded: the inner coordinate.
 """
 
 import itertools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from pushfit.fit.sweep.cholesky import (
     cholesky,
@@ -18,9 +19,10 @@ from pushfit.fit.sweep.cholesky import (
     log_diagonal,
     solve,
 )
-from pushfit.fit.sweep.search import descend
+from pushfit.fit.sweep.search import Objective, descend
 from pushfit.fit.sweep.segments import make_segments
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, Target
+from pushfit.model import Scalar
 
 # Nodes along u, local minima that are followed, rounds, and steps of each round.
 N_NODES, N_MODES, N_ROUNDS, N_STEPS = 64, 4, 6, 5
@@ -29,6 +31,8 @@ REACH = 6.0
 # Powers of the density, and the share of the nodes that each places: the first resolves
 # what is there, the others keep valleys in sight whose bottom was not met yet.
 TEMPERS = ((1.0, 0.5), (0.2, 0.3), (0.02, 0.2))
+# Longest move along a ridge from one node to the next [log units].
+MAX_MOVE = 1.5
 # First guesses: ln C_rr in standard deviations from its prior mean, and ellipses.
 INNER_GUESSES = (-2.0, 0.0, 2.0)
 SHAPES = ((0.0, 0.0), (1.2, 0.0), (-1.2, 0.0), (0.0, 1.2), (0.0, -1.2))
@@ -36,6 +40,8 @@ SHAPES = ((0.0, 0.0), (1.2, 0.0), (-1.2, 0.0), (0.0, 1.2), (0.0, -1.2))
 
 # Starts, which of them may move along u, and the nodes they came from.
 Round = tuple[Array, Array, Expansion]
+# Share of all nodes that should lie below each of them.
+Placing = Callable[[Expansion], Float[Array, " n"]]
 
 
 def outer_nodes(target: Target) -> Expansion:
@@ -47,19 +53,57 @@ def outer_nodes(target: Target) -> Expansion:
     q = target.mean.size
     is_free = jnp.asarray([i > 0 and not _is_s(target, i) for i in range(q)])
 
-    def round_(carry: Round, __: None) -> tuple[Round, None]:
+    def log_density(node: Expansion) -> Scalar:
+        information = without_s(target, node.hessian + target.precision)
+        return -node.cost - log_diagonal(cholesky(information[1:, 1:]))
+
+    def placing(nodes: Expansion) -> Float[Array, " n"]:
+        return tempered(nodes.y[:, 0], jax.vmap(log_density)(nodes), TEMPERS)
+
+    return follow(
+        lambda _: target, jnp.zeros(N_ROUNDS), _first_starts(target), is_free, placing
+    )
+
+
+def follow(
+    target: Callable[[Scalar], Objective],
+    rounds: Float[Array, " r"],
+    starts: Float[Array, "n q"],
+    is_free: Bool[Array, " q"],
+    placing: Placing | None,
+) -> Expansion:
+    """Conditional modes at nodes of the first coordinate, ascending.
+
+    Args:
+        target: What is to be least in a round, given its number.
+        rounds: A number for each round.
+        starts: A point for each node.
+        is_free: Coordinates that follow the first.
+        placing: Where the nodes of the next round are wanted, some of them free to
+            slide to minima; None where all stay.
+    """
+    n, q = starts.shape
+
+    def round_(carry: Round, number: Scalar) -> tuple[Round, None]:
         starts, is_moving, _last = carry
+        objective = target(number)
 
         def one(start: Array, moves: Array) -> Expansion:
             along = moves & (jnp.arange(q) == 0)
-            return descend(target, start, is_free | along, N_STEPS)
+            return descend(objective, start, is_free | along, N_STEPS)
 
         nodes = jax.vmap(one)(starts, is_moving)
         order = jnp.argsort(nodes.y[:, 0])
         nodes = jax.tree.map(lambda a: a[order], nodes)
-        return (*_next_starts(target, nodes), nodes), None
+        u = nodes.y[:, 0]
+        if placing is None:
+            return (_best_near(objective, nodes, is_free, u), is_moving, nodes), None
+        at = jnp.interp(jnp.linspace(0, 1, n - N_MODES), placing(nodes), u)
+        starts = jnp.concatenate(
+            [nodes.y[_minima(nodes)], _best_near(objective, nodes, is_free, at)]
+        )
+        return (starts, jnp.arange(n) < N_MODES, nodes), None
 
-    n = N_NODES
     nothing = Expansion(
         y=jnp.zeros((n, q)),
         misfit=jnp.zeros(n),
@@ -67,9 +111,28 @@ def outer_nodes(target: Target) -> Expansion:
         gradient=jnp.zeros((n, q)),
         hessian=jnp.zeros((n, q, q)),
     )
-    first = (_first_starts(target), jnp.zeros(n, bool), nothing)
-    last, _ = jax.lax.scan(round_, first, None, length=N_ROUNDS)
+    first = (starts, jnp.zeros(n, bool), nothing)
+    last, _ = jax.lax.scan(round_, first, rounds)
     return last[2]
+
+
+def tempered(
+    u: Float[Array, " n"],
+    log_density: Float[Array, " n"],
+    tempers: tuple[tuple[float, float], ...],
+) -> Float[Array, " n"]:
+    """Cumulative shares of nodes that a density places.
+
+    Args:
+        u: Nodes, ascending.
+        log_density: There.
+        tempers: Powers of the density, and the share of the nodes that each places.
+    """
+    total = jnp.zeros(u.size)
+    for power, share in tempers:
+        level = power * (log_density - jnp.max(log_density))
+        total = total + share * make_segments(u, level).cumulative
+    return total
 
 
 def prior_sd(target: Target, index: int, given: int = 0) -> Array:
@@ -133,33 +196,46 @@ def _ln_scale(target: Target, y: Float[Array, " q"]) -> Array:
     return jnp.log(jnp.clip(scale, 1e-3, 1e3))
 
 
-def _next_starts(
-    target: Target, nodes: Expansion
-) -> tuple[Float[Array, "n q"], Bool[Array, " n"]]:
-    """Starts of the next round, and which of them may move along u."""
+def _best_near(
+    target: Objective,
+    nodes: Expansion,
+    is_free: Bool[Array, " q"],
+    at: Float[Array, " m"],
+) -> Float[Array, "m q"]:
+    """Starts at values of the first coordinate: the best that neighbours offer."""
     u = nodes.y[:, 0]
-    log_density = -nodes.cost - jax.vmap(
-        lambda h: log_diagonal(
-            cholesky(without_s(target, h + target.precision)[1:, 1:])
-        )
-    )(nodes.hessian)
-    total = jnp.zeros(u.size)
-    for power, share in TEMPERS:
-        tempered = power * (log_density - jnp.max(log_density))
-        total = total + share * make_segments(u, tempered).cumulative
-    at = jnp.interp(jnp.linspace(0, 1, N_NODES - N_MODES), total, u)
     right = jnp.clip(jnp.searchsorted(u, at), 1, u.size - 1)
     left = right - 1
+    after = jnp.clip(right + 1, 1, u.size - 1)
     gap = u[right] - u[left]
     share = jnp.where(gap > 0, (at - u[left]) / jnp.where(gap > 0, gap, 1.0), 0.0)
     share = jnp.clip(share, 0.0, 1.0)[:, None]
     between = nodes.y[left] * (1 - share) + nodes.y[right] * share
-    tried = jnp.stack([nodes.y[left], nodes.y[right], between]).at[:, :, 0].set(at)
-    best = jnp.argmin(jax.vmap(jax.vmap(target.cost))(tried), axis=0)
-    starts = jnp.concatenate(
-        [nodes.y[_minima(nodes)], tried[best, jnp.arange(at.size)]]
+    ridges = jax.vmap(lambda h: _ridge(target, h, is_free))(nodes.hessian)
+
+    def along(start: Int[Array, " m"]) -> Float[Array, "m q"]:
+        move = ridges[start] * (at - u[start])[:, None]
+        return nodes.y[start] + jnp.clip(move, -MAX_MOVE, MAX_MOVE)
+
+    tried = jnp.stack(
+        [
+            *(nodes.y[left], nodes.y[right], nodes.y[after], between),
+            *(along(left), along(right), along(after)),
+        ]
     )
-    return starts, jnp.arange(N_NODES) < N_MODES
+    tried = tried.at[:, :, 0].set(at)
+    best = jnp.argmin(jax.vmap(jax.vmap(target.cost))(tried), axis=0)
+    return tried[best, jnp.arange(at.size)]
+
+
+def _ridge(
+    target: Objective, hessian: Float[Array, "q q"], is_free: Bool[Array, " q"]
+) -> Float[Array, " q"]:
+    """Change of the conditional mode per unit of the first coordinate."""
+    both = is_free[:, None] & is_free[None]
+    information = hessian + target.precision
+    held = jnp.where(both, information, 0.0) + jnp.diag(jnp.where(is_free, 0.0, 1.0))
+    return solve(cholesky(held), jnp.where(is_free, -information[:, 0], 0.0))
 
 
 def _minima(nodes: Expansion) -> Array:

@@ -1,11 +1,14 @@
 """Conditional modes: damped Gauss-Newton steps with some coordinates held."""
 
+from typing import Protocol, runtime_checkable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from pushfit.fit.sweep.cholesky import cholesky, solve
-from pushfit.fit.sweep.target import Expansion, Target
+from pushfit.fit.sweep.target import Expansion
+from pushfit.model import Scalar
 
 # Longest step of a coordinate, in logs: beyond it the expansion says nothing.
 MAX_STEP = 1.5
@@ -13,8 +16,31 @@ MAX_STEP = 1.5
 DAMPING, EASE, TIGHTEN = 1e-3, 0.2, 5.0
 
 
+@runtime_checkable
+class Objective(Protocol):
+    """A sum of squares and a normal prior beside it, for a vector of coordinates."""
+
+    @property
+    def mean(self) -> Float[Array, " q"]:
+        """Of the normal prior."""
+        ...
+
+    @property
+    def precision(self) -> Float[Array, "q q"]:
+        """Of the normal prior."""
+        ...
+
+    def cost(self, y: Float[Array, " q"], /) -> Scalar:
+        """What is to be least."""
+        ...
+
+    def expand(self, y: Float[Array, " q"], /) -> Expansion:
+        """The same without the prior, with its slope and curvature."""
+        ...
+
+
 def descend(
-    target: Target,
+    target: Objective,
     start: Float[Array, " q"],
     is_free: Bool[Array, " q"],
     n_steps: int,
@@ -22,7 +48,7 @@ def descend(
     """The best point met on the way down.
 
     Args:
-        target: Posterior.
+        target: What is to be least.
         start: Where to begin.
         is_free: Which coordinates may move.
         n_steps: Evaluations.
