@@ -3,6 +3,7 @@
 One program serves every quantity of a problem, however it is imposed.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import jax
@@ -34,10 +35,10 @@ TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
 # Sharpness of the transition in each round, for each point of the pool and afterwards.
 # Across the hard switch the other branch has no slope: a soft one leads there, and
 # sharpens round by round.
-FAMILY_SHARPNESS, SHARPNESS = (8.0, 64.0, 1024.0), (1e6, 1e6, 1e6)
 # Where the object tilts the switch is rounder, and programs are slow to compile: points
 # of the pool are not followed one by one.
-TILTING_ROUNDS = (0.0,) * 6
+FAMILY_SHARPNESS = (8.0, 64.0, 1024.0)
+SHARPNESS = {"linear": (1e6,) * 3, "tilting": (math.inf,) * 6}
 # θ_c held where a point has none [rad].
 SOME_ANGLE = 0.1
 CROSSING, AT_CROSSING = 0.15, 0.35
@@ -180,17 +181,21 @@ def _curve(
 
     def family(y: Float[Array, " q"]) -> tuple[Array, Array]:
         """Best fits along the values with θ_c as it is, where it can be held."""
+        if problem.grasp.mechanics == "tilting":
+            w = jax.vmap(lambda value: target.start(value, y))(values)
+            return w, jax.vmap(target.cost)(w)
         angle = critical_angle_at(problem, y, reference_alpha)
         held = replace(target, angle=jnp.where(jnp.isnan(angle), SOME_ANGLE, angle))
-        w = jax.vmap(lambda value: held.start(value, y))(values)
-        if is_linear:
-            nodes = follow(
-                held.softened, jnp.asarray(FAMILY_SHARPNESS), w, held.is_free, None
-            )
-            w = jax.vmap(lambda w: target.at(w[0], held.point(w)))(nodes.y)
-        return w, jax.vmap(target.cost)(w)
+        nodes = follow(
+            held.softened,
+            jnp.asarray(FAMILY_SHARPNESS),
+            jax.vmap(lambda value: held.start(value, y))(values),
+            held.is_free,
+            None,
+        )
+        w = jax.vmap(lambda w: target.at(w[0], held.point(w)))(nodes.y)
+        return w, nodes.cost
 
-    is_linear = problem.grasp.mechanics == "linear"
     w, costs = jax.vmap(family)(pool)
     best = jnp.argmin(costs, axis=0)
 
@@ -205,10 +210,9 @@ def _curve(
     extra = jnp.arange(N_VALUES) % values.size
     nodes = follow(
         target.softened,
-        jnp.asarray(SHARPNESS if is_linear else TILTING_ROUNDS),
+        jnp.asarray(SHARPNESS[problem.grasp.mechanics]),
         starts[jnp.sort(extra)],
         target.is_free,
         placing,
     )
-    costs = jax.vmap(target.cost)(nodes.y)
-    return nodes.y[:, 0], jax.vmap(target.point)(nodes.y), costs
+    return nodes.y[:, 0], jax.vmap(target.point)(nodes.y), nodes.cost

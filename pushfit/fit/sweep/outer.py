@@ -31,6 +31,8 @@ REACH = 6.0
 # Powers of the density, and the share of the nodes that each places: the first resolves
 # what is there, the others keep valleys in sight whose bottom was not met yet.
 TEMPERS = ((1.0, 0.5), (0.2, 0.3), (0.02, 0.2))
+# Starts of a node from those around it.
+N_NEAR = 4
 # Longest move along a ridge from one node to the next [log units].
 MAX_MOVE = 1.5
 # First guesses: ln C_rr in standard deviations from its prior mean, and ellipses.
@@ -88,20 +90,19 @@ def follow(
         starts, is_moving, _last = carry
         objective = target(number)
 
-        def one(start: Array, moves: Array) -> Expansion:
+        def one(starts: Array, moves: Array) -> Expansion:
             along = moves & (jnp.arange(q) == 0)
-            return descend(objective, start, is_free | along, N_STEPS)
+            return descend(objective, starts, is_free | along, N_STEPS)
 
         nodes = jax.vmap(one)(starts, is_moving)
         order = jnp.argsort(nodes.y[:, 0])
         nodes = jax.tree.map(lambda a: a[order], nodes)
         u = nodes.y[:, 0]
         if placing is None:
-            return (_best_near(objective, nodes, is_free, u), is_moving, nodes), None
+            return (_near(objective, nodes, is_free, u), is_moving, nodes), None
         at = jnp.interp(jnp.linspace(0, 1, n - N_MODES), placing(nodes), u)
-        starts = jnp.concatenate(
-            [nodes.y[_minima(nodes)], _best_near(objective, nodes, is_free, at)]
-        )
+        minima = jnp.repeat(nodes.y[_minima(nodes)][:, None], N_NEAR, axis=1)
+        starts = jnp.concatenate([minima, _near(objective, nodes, is_free, at)])
         return (starts, jnp.arange(n) < N_MODES, nodes), None
 
     nothing = Expansion(
@@ -111,6 +112,7 @@ def follow(
         gradient=jnp.zeros((n, q)),
         hessian=jnp.zeros((n, q, q)),
     )
+    starts = jnp.repeat(starts[:, None], N_NEAR, axis=1)
     first = (starts, jnp.zeros(n, bool), nothing)
     last, _ = jax.lax.scan(round_, first, rounds)
     return last[2]
@@ -196,36 +198,28 @@ def _ln_scale(target: Target, y: Float[Array, " q"]) -> Array:
     return jnp.log(jnp.clip(scale, 1e-3, 1e3))
 
 
-def _best_near(
+def _near(
     target: Objective,
     nodes: Expansion,
     is_free: Bool[Array, " q"],
     at: Float[Array, " m"],
-) -> Float[Array, "m q"]:
-    """Starts at values of the first coordinate: the best that neighbours offer."""
+) -> Float[Array, "m k q"]:
+    """Starts at values of the first coordinate, as the nodes around them offer.
+
+    Those to the left, to the right and beyond follow their ridge; the one to the left
+    is also taken as it is.
+    """
     u = nodes.y[:, 0]
     right = jnp.clip(jnp.searchsorted(u, at), 1, u.size - 1)
-    left = right - 1
-    after = jnp.clip(right + 1, 1, u.size - 1)
-    gap = u[right] - u[left]
-    share = jnp.where(gap > 0, (at - u[left]) / jnp.where(gap > 0, gap, 1.0), 0.0)
-    share = jnp.clip(share, 0.0, 1.0)[:, None]
-    between = nodes.y[left] * (1 - share) + nodes.y[right] * share
     ridges = jax.vmap(lambda h: _ridge(target, h, is_free))(nodes.hessian)
 
     def along(start: Int[Array, " m"]) -> Float[Array, "m q"]:
         move = ridges[start] * (at - u[start])[:, None]
         return nodes.y[start] + jnp.clip(move, -MAX_MOVE, MAX_MOVE)
 
-    tried = jnp.stack(
-        [
-            *(nodes.y[left], nodes.y[right], nodes.y[after], between),
-            *(along(left), along(right), along(after)),
-        ]
-    )
-    tried = tried.at[:, :, 0].set(at)
-    best = jnp.argmin(jax.vmap(jax.vmap(target.cost))(tried), axis=0)
-    return tried[best, jnp.arange(at.size)]
+    beyond = jnp.clip(right + 1, 1, u.size - 1)
+    tried = (nodes.y[right - 1], along(right - 1), along(right), along(beyond))
+    return jnp.stack(tried, axis=1).at[:, :, 0].set(at[:, None])
 
 
 def _ridge(

@@ -41,7 +41,7 @@ class Objective(Protocol):
 
 def descend(
     target: Objective,
-    start: Float[Array, " q"],
+    starts: Float[Array, "k q"],
     is_free: Bool[Array, " q"],
     n_steps: int,
 ) -> Expansion:
@@ -49,20 +49,25 @@ def descend(
 
     Args:
         target: What is to be least.
-        start: Where to begin.
+        starts: Where to begin: from the lowest of them.
         is_free: Which coordinates may move.
-        n_steps: Evaluations.
+        n_steps: Evaluations after those of the starts.
     """
     both = is_free[:, None] & is_free[None]
+    k, q = starts.shape
 
     def step(
-        carry: tuple[Expansion, Array, Array], _: None
+        carry: tuple[Expansion, Array, Array], count: Array
     ) -> tuple[tuple[Expansion, Array, Array], None]:
         best, damping, wanted = carry
+        is_start = count < k
+        # Starts and steps share one evaluation, which is what takes long to compile.
+        wanted = jnp.where(is_start, starts[jnp.minimum(count, k - 1)], wanted)
         trial = target.expand(wanted)
         is_better = trial.cost < best.cost
         best = jax.tree.map(lambda a, b: jnp.where(is_better, a, b), trial, best)
         damping = jnp.where(is_better, damping * EASE, damping * TIGHTEN)
+        damping = jnp.where(is_start, DAMPING, damping)
         hessian = jnp.where(both, best.hessian + target.precision, 0.0)
         extra = jnp.where(is_free, damping * jnp.diag(hessian), 1.0)
         slope = best.gradient + target.precision @ (best.y - target.mean)
@@ -73,12 +78,12 @@ def descend(
         return (best, damping, best.y + move), None
 
     nothing = Expansion(
-        y=start,
+        y=starts[0],
         misfit=jnp.asarray(jnp.inf),
         cost=jnp.asarray(jnp.inf),
-        gradient=jnp.zeros(start.size),
-        hessian=jnp.zeros((start.size, start.size)),
+        gradient=jnp.zeros(q),
+        hessian=jnp.zeros((q, q)),
     )
-    first = (nothing, jnp.asarray(DAMPING), start)
-    (best, _, _), _ = jax.lax.scan(step, first, None, length=n_steps)
+    first = (nothing, jnp.asarray(DAMPING), starts[0])
+    (best, _, _), _ = jax.lax.scan(step, first, jnp.arange(k + n_steps))
     return best

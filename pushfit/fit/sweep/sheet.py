@@ -223,7 +223,7 @@ def _followed(
             slope = ridge_slope(information[order][:, order])
             move = jnp.clip(slope * (value - node.y[1]), -MAX_MOVE, MAX_MOVE)
             y = y.at[n_held:].add(move)
-        return descend(target, y, is_free, N_STEPS)
+        return descend(target, y[None], is_free, N_STEPS - 1)
 
     def step(
         nodes: Expansion, values: Float[Array, " m"]
