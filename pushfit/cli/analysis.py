@@ -77,7 +77,7 @@ def sample(
     json: options.Json = False,
     force: options.Force = False,
 ) -> int:
-    """The same as fit, by a chain that can be kept and gone on with."""
+    """The same as fit; where emcee samples, its chain can be kept and gone on with."""
     from pushfit.config import read_config
 
     def load(settings: "GraspConfig") -> "PeakTable":
@@ -107,7 +107,7 @@ def fit(
     json: options.Json = False,
     force: options.Force = False,
 ) -> int:
-    """From a table of peaks to theta_c and alpha*, by quadrature where it applies."""
+    """From a table of peaks to theta_c and alpha*."""
     return sample(
         session,
         table,

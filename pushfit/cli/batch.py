@@ -24,9 +24,7 @@ def batch(
         list[Path],
         typer.Argument(metavar="INPUT...", help="Files, folders and patterns."),
     ],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")
-    ],
+    out: options.BatchFolder,
     config: options.ConfigFile = None,
     profile: options.Profile = None,
     schedule: options.ScheduleFile = None,

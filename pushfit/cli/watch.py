@@ -21,9 +21,7 @@ def watch(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder in which recordings arrive.")
     ],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")
-    ],
+    out: options.BatchFolder,
     config: options.ConfigFile = None,
     profile: options.Profile = None,
     schedule: options.ScheduleFile = None,

@@ -170,7 +170,7 @@ def _angle_answer(
         is_fixed = verdict is Verdict.FIXED
         sentence = f"{subject} is {short}{', as configured' if is_fixed else ''}."
     else:
-        values, pieces = (estimate,), pieces or (quantity.interval,)
+        values, pieces = (estimate,), (quantity.interval,)  # drawn as it is said
         spread = spread_of(estimate, quantity.interval)
         number = format_angle(estimate, spread=spread)
         interval = format_range(*quantity.interval, "deg", spread=spread)

@@ -29,6 +29,32 @@ def check_target(out: Path, *, force: bool) -> None:
     Raises:
         ConfigError: As in `write_result_folder`.
     """
+    check_place(out)
+    if not out.exists():
+        return
+    if not force:
+        raise ConfigError(
+            f"{out}: exists and is not overwritten; choose another name or use --force",
+            code="output_exists",
+        )
+    strange = _strange_content(out)
+    if strange:
+        raise ConfigError(
+            f"{out}: {strange} is not part of a result, so --force does not remove it; "
+            "choose another name or move it away",
+            code="output_not_a_result",
+        )
+
+
+def check_place(out: Path) -> None:
+    """Refuse a name under which no folder can be made.
+
+    Args:
+        out: Folder to create, or to go on in.
+
+    Raises:
+        ConfigError: It is no name or a link, or its parent is missing.
+    """
     if not out.name:
         raise ConfigError(
             f"{out}: not the name of a folder; name one to create", code="output_name"
@@ -43,20 +69,6 @@ def check_target(out: Path, *, force: bool) -> None:
         raise ConfigError(
             f"{out}: the folder {out.parent} does not exist; create it first",
             code="output_parent",
-        )
-    if not out.exists():
-        return
-    if not force:
-        raise ConfigError(
-            f"{out}: exists and is not overwritten; choose another name or use --force",
-            code="output_exists",
-        )
-    strange = _strange_content(out)
-    if strange:
-        raise ConfigError(
-            f"{out}: {strange} is not part of a result, so --force does not remove it; "
-            "choose another name or move it away",
-            code="output_not_a_result",
         )
 
 
