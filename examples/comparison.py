@@ -168,7 +168,7 @@ def by_pypesto(frame: pd.DataFrame) -> str:
 
 
 def by_pushfit(frame: pd.DataFrame) -> str:
-    """`identify` by quadrature."""
+    """`identify`, told the table and the push length."""
     config = {"push": {"length_mm": 5.0}}
     found = pushfit.identify(frame, config=config)
     verdict = found.params["K_sn"].verdict.value

@@ -67,7 +67,7 @@ def _fan(
 
 
 def _label(axes: "Axes", text: str, angle_deg: float, *, down: bool) -> None:
-    """Symbol beyond the end of a ray, clear of the edge of the object."""
+    """Symbol beyond the end of a ray, clear of the edges of the object."""
     x, y = _ray(angle_deg, 1.3 * REACH, down=down)
     style = {"ha": "center", "va": "center", "fontsize": 9, "color": BLUE}
     axes.text(x, y, text, parse_math=True, **style)
@@ -129,7 +129,7 @@ def draw_top(
 
     style = "round,pad=0,rounding_size=0.1"
     axes.add_patch(
-        FancyBboxPatch((-1.2, -1), 2.4, 2, boxstyle=style, fc=PALE, ec=GREY, zorder=0)
+        FancyBboxPatch((-1.2, -1), 2.4, 2.2, boxstyle=style, fc=PALE, ec=GREY, zorder=0)
     )
     axes.add_patch(Wedge((0, 0), 0.95 * REACH, *reach_deg, color="white", zorder=1))
     for alpha in np.unique(np.round(alpha_deg, 3)):
