@@ -23,7 +23,7 @@ except ImportError:
     pypesto = None
 
 import pushfit
-from pushfit.report.text import sentence_theta_c
+from pushfit.report.text.result import sentence_theta_c
 
 PUSH_LENGTH = 0.005
 TRUTH = {

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import ConfigError
-from pushfit.report.target import check_place
+from pushfit.report.store.target import check_place
 
 STORE = "batch.sqlite"
 RESULTS, FAILURES, PARQUET = "results.csv", "failures.csv", "results.parquet"

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import pushfit
-from pushfit.cli import (
+from pushfit.cli.commands import (
     analysis,
     batch,
     calibrate,
