@@ -19,10 +19,11 @@ from pushfit.report.facts import quantity_cells, verdict_word
 from pushfit.report.figures import plot
 from pushfit.report.frames import result_frame
 from pushfit.report.html.card import card_html, latex_table, markdown_table
+from pushfit.report.plain import Json
 from pushfit.report.store.archive import chains_tree
 from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.read import read_result
-from pushfit.report.store.summary import Json, summary_dict
+from pushfit.report.store.summary import summary_dict
 from pushfit.report.strings import symbol
 from pushfit.report.text.result import render_text
 

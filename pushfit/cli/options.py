@@ -45,7 +45,7 @@ Pictures = Annotated[
     Literal["png", "svg"] | None,
     typer.Option("--pictures", help="Every figure also in this format."),
 ]
-BatchFolder = Annotated[
+ResultFolder = Annotated[
     Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")
 ]
 OutFile = Annotated[
@@ -56,9 +56,7 @@ OutFile = Annotated[
 ]
 PlotFile = Annotated[
     Path | None,
-    typer.Option(
-        "--plot", metavar="FILE", help="Picture of the recording (png, svg, pdf)."
-    ),
+    typer.Option("--plot", metavar="FILE", help="Picture (png, svg, pdf)."),
 ]
 Checkpoint = Annotated[
     Path | None,

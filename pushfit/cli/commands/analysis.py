@@ -1,11 +1,10 @@
-"""`identify`, `sample`, `fit` and `demo`: from recordings or peaks to a report."""
+"""`identify`, `fit` and `demo`: from recordings or peaks to a report."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks, load_table, read_settings
 from pushfit.cli.session import Session
@@ -65,7 +64,7 @@ def identify(
     return analyse(session, load, settings, request)
 
 
-def sample(
+def fit(
     session: Session,
     table: options.TableFile,
     config: options.ConfigFile = None,
@@ -77,7 +76,7 @@ def sample(
     json: options.Json = False,
     force: options.Force = False,
 ) -> int:
-    """The same as fit; where emcee samples, its chain can be kept and gone on with."""
+    """From a table of peaks to theta_c and alpha*."""
     from pushfit.config import read_config
 
     def load(settings: "GraspConfig") -> "PeakTable":
@@ -94,31 +93,6 @@ def sample(
         force=force,
     )
     return analyse(session, load, read_config(config), request)
-
-
-def fit(
-    session: Session,
-    table: options.TableFile,
-    config: options.ConfigFile = None,
-    out: options.OutFolder = None,
-    pictures: options.Pictures = None,
-    engine: options.Engine = "auto",
-    seed: options.Seed = 0,
-    json: options.Json = False,
-    force: options.Force = False,
-) -> int:
-    """From a table of peaks to theta_c and alpha*."""
-    return sample(
-        session,
-        table,
-        config,
-        out=out,
-        pictures=pictures,
-        engine=engine,
-        seed=seed,
-        json=json,
-        force=force,
-    )
 
 
 def demo(
@@ -194,14 +168,12 @@ def analyse(
     # Before anything is loaded, so that a name already taken costs nothing.
     if request.out is not None:
         check_target(request.out, force=request.force)
-    cache = enable_compile_cache()
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus, Recipe
     from pushfit.report.store.folder import write_result_folder
     from pushfit.report.store.summary import summary_dict
     from pushfit.report.text.result import render_text
 
-    session.say_more(f"compiled programs: {cache}")
     table = load(settings)
     if request.checkpoint is not None:
         keep(f"the chain is kept in {request.checkpoint}; the same command goes on")

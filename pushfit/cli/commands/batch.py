@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.session import Session
 from pushfit.cli.stop import keep
@@ -24,7 +23,7 @@ def batch(
         list[Path],
         typer.Argument(metavar="INPUT...", help="Files, folders and patterns."),
     ],
-    out: options.BatchFolder,
+    out: options.ResultFolder,
     config: options.ConfigFile = None,
     profile: options.Profile = None,
     schedule: options.ScheduleFile = None,
@@ -52,8 +51,6 @@ def batch(
     json: options.Json = False,
 ) -> int:
     """Identify many recordings or tables; run again, it does what is missing."""
-    cache = enable_compile_cache()
-    session.say_more(f"compiled programs: {cache}")
     from pushfit.batch.crew import Crew
     from pushfit.batch.run import identify_batch
 

@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.inputs import load_table
 from pushfit.cli.output import refuse_picture
@@ -21,18 +20,13 @@ def calibrate(
     tables: Annotated[
         int, typer.Option("--tables", min=1, help="Number of tables to simulate.")
     ] = 20,
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Picture of the coverage (png, svg, pdf)."),
-    ] = None,
+    plot: options.PlotFile = None,
     seed: options.Seed = 0,
     json: options.Json = False,
     force: options.Force = False,
 ) -> None:
     """Measure how often intervals hold the truth, for these pushes and this noise."""
     refuse_picture(plot, force=force)
-    cache = enable_compile_cache()
-    session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config
     from pushfit.fit.calibration import calibrate as measure
     from pushfit.report.figures import save_figure

@@ -1,6 +1,5 @@
 """`pushfit compare`: rolling and mechanics, by evidence and by prediction."""
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.inputs import load_table
 from pushfit.cli.session import Session
@@ -15,8 +14,6 @@ def compare(
     json: options.Json = False,
 ) -> int:
     """Compare ways of rolling, and where L is stated both mechanics, on one table."""
-    cache = enable_compile_cache()
-    session.say_more(f"compiled programs: {cache}")
     from pushfit.config import read_config
     from pushfit.fit.comparison import compare_models
     from pushfit.fit.results import FitStatus

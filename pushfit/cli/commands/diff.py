@@ -14,10 +14,7 @@ def diff(
     session: Session,
     first: Annotated[Path, typer.Argument(metavar="A", help="Result folder.")],
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one.")],
-    plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Picture of both (png, svg, pdf)."),
-    ] = None,
+    plot: options.PlotFile = None,
     json: options.Json = False,
     force: options.Force = False,
 ) -> None:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
+from pushfit.cli.output import refuse_picture
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError, FitError
 
@@ -72,14 +72,13 @@ def next(
     max_force: ForceLimit = None,
     unit: Unit = "n",
     n: Annotated[int, typer.Option("-n", min=1, help="Pushes to rank.")] = 5,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Picture (png, svg).")
-    ] = None,
+    plot: options.PlotFile = None,
     seed: options.Seed = 0,
     json: options.Json = False,
+    force: options.Force = False,
 ) -> int:
     """Which push would tell most, after those made so far."""
-    enable_compile_cache()
+    refuse_picture(plot, force=force)
     from pushfit.config import read_config
     from pushfit.data.tables.peak_table import read_table
     from pushfit.explore.explorer import Explorer
@@ -109,7 +108,7 @@ def next(
         from pushfit.report.figures import save_figure
 
         save_figure(exploration_picture(explorer, suggestions), plot)
-        session.say(f"wrote {plot}")
+        session.wrote(plot)
     if json:
         session.print_json(next_dict(explorer, suggestions))
     else:
@@ -122,15 +121,7 @@ def explore(
     hand: Annotated[
         Literal["simulated", "ros"], typer.Option(help="What makes the pushes.")
     ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR",
-            help="Folder for result, journal, figures.",
-        ),
-    ],
+    out: options.ResultFolder,
     config: options.ConfigFile = None,
     ask: Ask = "theta_c",
     width: Width = 6.0,
@@ -157,7 +148,6 @@ def explore(
 
     Interrupted or killed, the same command goes on where it stopped.
     """
-    enable_compile_cache()
     from pushfit.config import read_config
     from pushfit.explore.explorer import Explorer
     from pushfit.report.store.folder import check_target
@@ -237,11 +227,7 @@ def _run(
             code="no_push",
         )
     stated = explorer.question.settings
-    found = identify_table(
-        table,
-        stated,
-        seed=explorer.seed,
-    )
+    found = identify_table(table, stated, seed=explorer.seed)
     found = replace(found, warnings=(*found.warnings, ADAPTIVE))
     journal = explorer.journal.path
     assert journal is not None
@@ -253,7 +239,7 @@ def _run(
         extra={"journal.jsonl": journal.read_bytes(), "exploration.png": picture},
     )
     journal.unlink()
-    session.say(f"wrote {out}")
+    session.wrote(out)
     if json:
         session.print_json({**summary_dict(found), "exploration": state_dict(state)})
     else:

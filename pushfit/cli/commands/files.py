@@ -9,7 +9,7 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks, read_settings
-from pushfit.cli.output import refuse_existing, refuse_picture
+from pushfit.cli.output import refuse_existing, refuse_picture, write_text
 from pushfit.cli.session import Session
 from pushfit.errors import DataError
 from pushfit.report.strings import printable
@@ -174,7 +174,6 @@ def print_heights(
         settings: Settings in force.
         output: File to write; None for standard output.
     """
-    from pushfit.atomic import atomic_path
     from pushfit.data.peaks.extract import measure_pushes
     from pushfit.data.recordings.load import configured_recording
 
@@ -187,12 +186,8 @@ def print_heights(
         f"{path}: no angles and no schedule, so the {len(measured.frame)} pushes have "
         "heights and times but no directions; give --schedule for a fit"
     )
-    if output is None:
-        print(measured.frame.to_csv(index=False), end="")
-        return
-    with atomic_path(output) as temporary:
-        measured.frame.to_csv(temporary, index=False, lineterminator="\n")
-    session.say(f"wrote {output}: {len(measured.frame)} pushes")
+    text = measured.frame.to_csv(index=False, lineterminator="\n")
+    write_text(session, text, output, remark=f": {len(measured.frame)} pushes")
 
 
 def draw_found(

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.output import refuse_existing
+from pushfit.cli.output import refuse_existing, write_text
 from pushfit.cli.session import Session
 
 
@@ -18,13 +18,10 @@ def init(
     force: options.Force = False,
 ) -> None:
     """Write a commented grasp.toml with all defaults."""
-    from pushfit.atomic import atomic_path
     from pushfit.config import template
 
-    if str(path) == "-":
-        print(template(), end="")
-        return
-    refuse_existing(path, force=force)
-    with atomic_path(path) as temporary:
-        temporary.write_text(template(), encoding="utf-8")
-    session.wrote(path, "; set push.length_mm, then run `pushfit identify`")
+    target = None if str(path) == "-" else path
+    if target is not None:
+        refuse_existing(target, force=force)
+    remark = "; set push.length_mm, then run `pushfit identify`"
+    write_text(session, template(), target, remark=remark)

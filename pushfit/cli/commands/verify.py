@@ -1,12 +1,10 @@
 """`pushfit verify`: compute a result again from its inputs and compare every number."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks
 from pushfit.cli.session import Session
@@ -35,8 +33,6 @@ def verify(
     json: options.Json = False,
 ) -> int:
     """Compute a result again from its inputs and compare every number."""
-    cache = enable_compile_cache()
-    session.say_more(f"compiled programs: {cache}")
     from pushfit.report.store.read import read_summary
     from pushfit.report.store.reproduction import compare_result
 
@@ -74,7 +70,7 @@ def find_inputs(
     if recipe is None:
         raise ConfigError(
             f"{result}: does not say which files became its table, which was made in "
-            "Python; only results of `identify` and `sample` can be verified",
+            "Python; only results of `identify` and `fit` can be verified",
             code="no_recipe",
         )
     found = {}
@@ -197,14 +193,14 @@ def as_document(
     Returns:
         Document without infinities.
     """
-    from pushfit.report.store.summary import json_safe
+    from pushfit.report.plain import json_safe
 
     return {
         "schema": SCHEMA,
         "status": "reproduced" if comparison.is_reproduced else "differs",
         "is_exact": comparison.is_exact,
         "n_numbers": comparison.n_numbers,
-        "differences": json_safe([asdict(d) for d in comparison.differences]),
+        "differences": json_safe(comparison.differences),
         "environment": json_safe(comparison.environment),
         "inputs": {name: str(path) for name, path in found.items()},
     }

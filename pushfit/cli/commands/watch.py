@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.commands.batch import report
 from pushfit.cli.session import Session
@@ -21,7 +20,7 @@ def watch(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder in which recordings arrive.")
     ],
-    out: options.BatchFolder,
+    out: options.ResultFolder,
     config: options.ConfigFile = None,
     profile: options.Profile = None,
     schedule: options.ScheduleFile = None,
@@ -42,8 +41,6 @@ def watch(
     ] = None,
 ) -> int:
     """Identify what arrives in a folder, and keep one page up to date."""
-    cache = enable_compile_cache()
-    session.say_more(f"compiled programs: {cache}")
     from pushfit.batch.run import identify_batch
 
     keep(f"what is finished is kept in {out}; the same command goes on")

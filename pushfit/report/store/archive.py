@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.fit.results import Identification, PosteriorResult
-from pushfit.report.store.summary import SCHEMA, json_safe
+from pushfit.report.plain import json_safe
+from pushfit.report.store.document import SCHEMA
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree

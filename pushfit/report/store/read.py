@@ -4,12 +4,13 @@ Numbers that were not to be quoted are not in the folder, and so not in the reco
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from pushfit.config import GraspConfig
 from pushfit.data.recordings.records import Source
@@ -30,17 +31,17 @@ from pushfit.fit.results import (
     Notice,
     Piece,
     PosteriorResult,
-    PredictiveCheck,
     Quantity,
     Recipe,
     Verdict,
 )
 from pushfit.report.store.archive import CURVES, one_row
-from pushfit.report.store.summary import SCHEMA
+from pushfit.report.store.document import SCHEMA
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
+T = TypeVar("T")
 Groups = Mapping[str, "Dataset"]
 
 # What a file that was cut, changed or written by another version makes readers raise.
@@ -130,7 +131,7 @@ def _identification(
         )
     table = replace(
         table,
-        sources=tuple(Source(**source) for source in summary["inputs"]),
+        sources=_records(Source, summary["inputs"]),
         notes=tuple(summary["notes"]),
         traces=_traces(groups),
     )
@@ -149,13 +150,13 @@ def _identification(
         combinations=_quantities(summary["combinations"]),
         profiles=_profiles(groups),
         identifiability=_identifiability(summary["identifiability"]),
-        goodness_of_fit=_goodness_of_fit(summary["goodness_of_fit"]),
+        goodness_of_fit=_record(GoodnessOfFit, summary["goodness_of_fit"]),
         bands=_bands(groups),
-        warnings=tuple(Notice(**notice) for notice in summary["warnings"]),
+        warnings=_records(Notice, summary["warnings"]),
         status=_status(summary["status"]),
         seed=summary["seed"],
         versions=dict(summary["versions"]),
-        recipe=None if recipe is None else Recipe(**_tuples(recipe)),
+        recipe=None if recipe is None else _record(Recipe, recipe),
     )
 
 
@@ -168,9 +169,18 @@ def _number(value: float | None) -> float:
     return np.nan if value is None else float(value)
 
 
-def _tuples(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields with tuples where JSON has lists."""
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()}
+def _record(kind: type[T], fields: Mapping[str, Any]) -> T:
+    """A record of plain values, lists of JSON being its tuples."""
+    hints = get_type_hints(kind)
+    filled = {
+        name: _number(value) if hints.get(name) is float else value
+        for name, value in fields.items()
+    }
+    return TypeAdapter(kind).validate_python(filled)
+
+
+def _records(kind: type[T], entries: Sequence[Mapping[str, Any]]) -> tuple[T, ...]:
+    return tuple(_record(kind, entry) for entry in entries)
 
 
 def _pieces(pieces: list[list[float | None]]) -> tuple[Piece, ...]:
@@ -182,24 +192,12 @@ def _quantities(group: Mapping[str, Any]) -> tuple[Quantity, ...]:
 
 
 def _quantity(name: str, fields: Mapping[str, Any]) -> Quantity:
-    parts: dict[str, Any] = _tuples(fields)
-    for sets in ("sets", "likelihood_sets"):
-        parts[sets] = _pieces(fields[sets])
-    parts["verdict"] = Verdict(fields["verdict"])
-    return Quantity(name=name, **parts)
-
-
-def _goodness_of_fit(fields: Mapping[str, Any]) -> GoodnessOfFit:
-    checks = tuple(PredictiveCheck(**check) for check in fields["predictive"])
-    parts: dict[str, Any] = {**_tuples(fields), "predictive": checks}
-    for name in ("chi_square", "r_squared"):
-        parts[name] = _number(fields[name])
-    return GoodnessOfFit(**parts)
+    return _record(Quantity, {**fields, "name": name})
 
 
 def _identifiability(fields: Mapping[str, Any]) -> IdentifiabilityResult:
     return IdentifiabilityResult(
-        combinations=tuple(Combination(**c) for c in fields["directions"]),
+        combinations=_records(Combination, fields["directions"]),
         rank=fields["rank"],
         n_parameters=fields["n_parameters"],
         advice=tuple(fields["advice"]),
@@ -214,10 +212,7 @@ def _fit(fields: Mapping[str, Any], groups: Groups) -> FitResult:
         covariance=_array(stored, "covariance"),
         jacobian=_array(stored, "jacobian"),
         singular_values=np.array([_number(v) for v in fields["singular_values"]]),
-        modes=tuple(
-            Mode(**mode | {"chi_square": _number(mode["chi_square"])})
-            for mode in fields["modes"]
-        ),
+        modes=_records(Mode, fields["modes"]),
         chi_square=_number(fields["chi_square"]),
         n_data=fields["n_data"],
         n_free=fields["n_free"],
@@ -240,7 +235,8 @@ def _posterior(summary: Mapping[str, Any], groups: Groups) -> PosteriorResult:
             for name in ("autocorr_time", "ess", "rhat")
         }
         numbers["acceptance_fraction"] = accepted
-        diagnostics = Diagnostics(**_tuples(diagnostics | numbers))
+        numbers["problems"] = tuple(diagnostics["problems"])
+        diagnostics = Diagnostics(**diagnostics | numbers)
     return PosteriorResult(
         samples=_draws(groups["posterior"]),
         prior_samples=_draws(groups["prior"]),

@@ -16,9 +16,10 @@ import numpy as np
 
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.fit.results import Identification
+from pushfit.report.plain import Json, json_safe
 from pushfit.report.store.archive import posterior_tree
 from pushfit.report.store.read import BROKEN, not_whole
-from pushfit.report.store.summary import Json, json_safe, summary_dict
+from pushfit.report.store.summary import summary_dict
 
 if TYPE_CHECKING:
     from xarray import DataTree

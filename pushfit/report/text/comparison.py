@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from pushfit.fit.comparison import Comparison, ModelScore
 from pushfit.fit.results import FitStatus
-from pushfit.report.store.summary import Json, json_safe
+from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import join_and
 
 SCHEMA = "pushfit.compare/1"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from pushfit.fit.calibration import Calibration, Coverage
 from pushfit.report.figures.coverage import coverage_figure
-from pushfit.report.store.summary import Json, json_safe
+from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import symbol
 
 if TYPE_CHECKING:

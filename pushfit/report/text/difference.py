@@ -13,7 +13,7 @@ from pushfit.errors import DataError
 from pushfit.fit.quoting import is_trusted, quoted
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.report.facts import quantity_cells, verdict_word
-from pushfit.report.store.summary import Json, json_safe
+from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import (
     format_number,
     join_and,
