@@ -12,6 +12,7 @@ from pushfit.cli.app import app, main
 from pushfit.config import template
 
 ROOT = Path(__file__).parents[1]
+CONTRIBUTING = ROOT / "CONTRIBUTING.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 # Commands that fit or sample; the rest take a second at most.
 SLOW = {
@@ -113,7 +114,15 @@ def test_the_python_that_takes_its_time_runs(page, workplace, capsys):
         exec(compile(block, page.name, "exec"), {})
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_place_that_contributors_are_sent_to_exists():
+    places = re.findall(
+        r"`((?:pushfit|tests)/[\w/.]+)`", CONTRIBUTING.read_text("utf-8")
+    )
+    assert len(places) > 20
+    assert [place for place in places if not (ROOT / place).exists()] == []
+
+
+@pytest.mark.parametrize("page", [*PAGES, CONTRIBUTING], ids=lambda p: p.name)
 def test_every_file_that_a_page_links_to_exists(page):
     prose = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.S | re.M)
     targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", prose)
@@ -130,9 +139,8 @@ def test_every_command_is_documented():
     page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
     documented = {name for heading in headings for name in heading.split(" and ")}
-    assert {command.callback.__name__ for command in app.registered_commands} == (
-        documented
-    )
+    commands = app.registered_commands
+    assert {one.name or one.callback.__name__ for one in commands} == documented
 
 
 def test_the_names_of_the_version_agree():

@@ -54,11 +54,7 @@ class Answer:
 
 
 def theta_c_answer(identification: Identification) -> Answer:
-    """What may be said of the critical angle.
-
-    Args:
-        identification: The result.
-    """
+    """What may be said of the critical angle."""
     quantity = quoted(identification.theta_c, identification)
     subject = _theta_c_subject(identification)
     if not is_trusted(identification):
@@ -94,11 +90,7 @@ def theta_c_answer(identification: Identification) -> Answer:
 
 
 def alpha_star_answer(identification: Identification) -> Answer:
-    """What may be said of the best push direction.
-
-    Args:
-        identification: The result.
-    """
+    """What may be said of the best push direction."""
     quantity = quoted(identification.alpha_star, identification)
     subject = "The best push direction α*"
     if not is_trusted(identification):

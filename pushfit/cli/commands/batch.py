@@ -107,9 +107,6 @@ def report(session: Session, found: "Batch", *, is_json: bool) -> None:
 def counts(found: "Batch") -> dict[str, int]:
     """How many items went which way.
 
-    Args:
-        found: The batch.
-
     Returns:
         Numbers by name.
     """

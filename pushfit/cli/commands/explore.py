@@ -227,7 +227,11 @@ def _run(
             code="no_push",
         )
     stated = explorer.question.settings
-    found = identify_table(table, stated, seed=explorer.seed)
+    found = identify_table(
+        table,
+        stated,
+        seed=explorer.seed,
+    )
     found = replace(found, warnings=(*found.warnings, ADAPTIVE))
     journal = explorer.journal.path
     assert journal is not None

@@ -158,9 +158,6 @@ def run_again(
 def recorded_config(summary: dict[str, Any]) -> "GraspConfig":
     """Settings that a result was made with.
 
-    Args:
-        summary: `summary.json`.
-
     Returns:
         Settings.
 
@@ -208,9 +205,6 @@ def as_document(
 
 def sentences(comparison: "Reproduction") -> list[str]:
     """The comparison in words, as `print` is to show them.
-
-    Args:
-        comparison: Every difference.
 
     Returns:
         Lines: the verdict, the worst differences, and versions that differ.

@@ -24,11 +24,7 @@ HEADER = ("", "value", "interval", "unit", "verdict")
 
 
 def quantity_rows(identification: Identification) -> list[tuple[str, ...]]:
-    """Name, value, interval, unit and verdict of all numbers, angles first.
-
-    Args:
-        identification: The result.
-    """
+    """Name, value, interval, unit and verdict of all numbers, angles first."""
     quantities = (
         identification.theta_c,
         identification.alpha_star,
@@ -41,11 +37,7 @@ def quantity_rows(identification: Identification) -> list[tuple[str, ...]]:
 
 
 def markdown_table(identification: Identification) -> str:
-    """All numbers as a table in Markdown.
-
-    Args:
-        identification: The result.
-    """
+    """All numbers as a table in Markdown."""
 
     def line(cells: Sequence[str]) -> str:
         safe = [printable(cell).replace("|", r"\|") for cell in cells]
@@ -57,11 +49,7 @@ def markdown_table(identification: Identification) -> str:
 
 
 def latex_table(identification: Identification) -> str:
-    """All numbers as a LaTeX table in the style of booktabs.
-
-    Args:
-        identification: The result.
-    """
+    """All numbers as a LaTeX table in the style of booktabs."""
     header = ("", "value", _interval_word(identification), "unit", "")
     lines = [r"\begin{tabular}{lrlll}", r"\toprule"]
     lines += [_latex_line(map(_latex, header)), r"\midrule"]
@@ -86,9 +74,6 @@ def _interval_word(identification: Identification) -> str:
 
 def card_html(identification: Identification) -> str:
     """The answers, the warnings, the main figure and all numbers, for a notebook.
-
-    Args:
-        identification: The result.
 
     Returns:
         One element without scripts, style sheets or addresses.

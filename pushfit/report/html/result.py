@@ -135,11 +135,7 @@ def _content(identification: Identification) -> dict[str, object]:
 
 
 def stated_config(identification: Identification) -> dict[str, object]:
-    """Settings that were stated, and those that every number depends on.
-
-    Args:
-        identification: The result.
-    """
+    """Settings that were stated, and those that every number depends on."""
     config = identification.config
     stated = config.model_dump(mode="json", exclude_defaults=True)
     # A default push length is an assumption of the reader's as well.

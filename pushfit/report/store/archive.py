@@ -27,9 +27,6 @@ INDEPENDENT_CHAINS = 4
 def posterior_tree(identification: Identification) -> "DataTree":
     """Posterior with its prior, data, fit and provenance.
 
-    Args:
-        identification: The result.
-
     Returns:
         Groups `posterior`, `prior`, `observed_data`, `sample_stats`, `fit`, `profiles`,
         `bands`, `traces` and, from emcee, `ensembles`. The root says seed, versions,
@@ -85,9 +82,6 @@ def chains_tree(identification: Identification) -> "DataTree":
     Draws of the reported quantities are a shuffled part of these chains, whose R-hat
     would always be 1; they are in the group `draws`.
 
-    Args:
-        identification: The result.
-
     Returns:
         Groups as in `posterior_tree`. Without a chain it is that.
     """
@@ -111,11 +105,7 @@ def chains_tree(identification: Identification) -> "DataTree":
 
 
 def root_attributes(identification: Identification) -> dict[str, str | int | float]:
-    """What a result file says of itself; lists and tables as JSON text.
-
-    Args:
-        identification: The result.
-    """
+    """What a result file says of itself; lists and tables as JSON text."""
     sources = identification.table.sources
     parts: dict[str, object] = {
         "sha256": [source.sha256 for source in sources],

@@ -31,9 +31,6 @@ ANGLES = ("theta_c_deg", "alpha_star_deg", "alpha_star_model_free_deg")
 def summary_dict(identification: Identification) -> dict[str, Json]:
     """All that an identification says, ready for `json.dumps`.
 
-    Args:
-        identification: The result.
-
     Returns:
         Dictionary of the form of `summary_schema`.
     """

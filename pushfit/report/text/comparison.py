@@ -18,9 +18,6 @@ PLAIN_FACTOR = 1e4
 def comparison_text(comparison: Comparison) -> str:
     """Scores, and in plain words what they tell.
 
-    Args:
-        comparison: Scores of the models.
-
     Returns:
         Lines of at most 80 columns.
     """
@@ -42,11 +39,7 @@ def comparison_text(comparison: Comparison) -> str:
 
 
 def comparison_sentences(comparison: Comparison) -> list[str]:
-    """Which models the heights tell apart, by each criterion.
-
-    Args:
-        comparison: Scores of the models.
-    """
+    """Which models the heights tell apart, by each criterion."""
     sentences = []
     if comparison.why_no_evidence is None:
         sentences += _told_apart(
@@ -93,9 +86,6 @@ def comparison_sentences(comparison: Comparison) -> list[str]:
 def comparison_dict(comparison: Comparison) -> dict[str, Json]:
     """The same as one JSON-safe document.
 
-    Args:
-        comparison: Scores of the models.
-
     Returns:
         Dictionary with the schema `pushfit.compare/1`.
     """
@@ -113,11 +103,7 @@ def comparison_dict(comparison: Comparison) -> dict[str, Json]:
 
 
 def model_name(model: ModelScore) -> str:
-    """Name of a model in prose.
-
-    Args:
-        model: The model.
-    """
+    """Name of a model in prose."""
     name = model.name.replace("_", " ")
     return name if math.isinf(model.sharpness) else f"{name} (p = {model.sharpness:g})"
 

@@ -17,9 +17,6 @@ SCHEMA = "pushfit.calibrate/1"
 def calibration_text(calibration: Calibration) -> str:
     """Counts with what they can tell.
 
-    Args:
-        calibration: Measured coverage.
-
     Returns:
         Lines.
     """
@@ -59,9 +56,6 @@ def calibration_text(calibration: Calibration) -> str:
 def calibration_dict(calibration: Calibration) -> dict[str, Json]:
     """The same as one JSON-safe document.
 
-    Args:
-        calibration: Measured coverage.
-
     Returns:
         Dictionary with the schema `pushfit.calibrate/1`.
     """
@@ -91,9 +85,6 @@ def calibration_dict(calibration: Calibration) -> dict[str, Json]:
 
 def calibration_figure(calibration: Calibration) -> "Figure":
     """Measured over claimed coverage of the intervals.
-
-    Args:
-        calibration: Measured coverage.
 
     Returns:
         Figure.

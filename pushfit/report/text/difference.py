@@ -189,11 +189,7 @@ def subtracted(
 
 
 def difference_text(comparison: Comparison) -> str:
-    """What differs, in words and numbers.
-
-    Args:
-        comparison: Two results.
-    """
+    """What differs, in words and numbers."""
     lines = []
     for one in comparison.differences:
         first, second = (_in_short(q) for q in (one.first, one.second))
@@ -231,11 +227,7 @@ def _in_short(quantity: Quantity) -> str:
 
 
 def difference_dict(comparison: Comparison) -> dict[str, Json]:
-    """The same for a program.
-
-    Args:
-        comparison: Two results.
-    """
+    """The same for a program."""
     content = {
         one.name: {
             "unit": one.unit,

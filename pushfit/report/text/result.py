@@ -31,20 +31,12 @@ COLUMN_GAP = 2
 
 
 def sentence_theta_c(identification: Identification) -> str:
-    """One plain sentence on the critical angle.
-
-    Args:
-        identification: The result.
-    """
+    """One plain sentence on the critical angle."""
     return theta_c_answer(identification).sentence
 
 
 def sentence_alpha_star(identification: Identification) -> str:
-    """One plain sentence on the best push direction.
-
-    Args:
-        identification: The result.
-    """
+    """One plain sentence on the best push direction."""
     return alpha_star_answer(identification).sentence
 
 

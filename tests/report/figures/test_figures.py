@@ -9,24 +9,22 @@ import pytest
 from matplotlib import rcParams
 from matplotlib.colors import to_hex, to_rgb
 
-from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import envelope
-from pushfit.errors import ConfigError
 from pushfit.report.figures import (
     Marker,
     all_figures,
     coverage_figure,
     main_figure,
-    peaks_figure,
     quantity_figure,
+    recording_figure,
     theta_figure,
 )
 from pushfit.report.figures.diagnostics import autocorrelation
 from pushfit.report.figures.direction import ellipse_points
 from pushfit.report.figures.main import sweep_makers, sweeps_of
 from pushfit.report.figures.pairs import corner_figure
-from pushfit.report.figures.recording import MAX_POINTS, signal_figure
+from pushfit.report.figures.recording import MAX_POINTS, marks_of, signal_figure
 from pushfit.report.figures.style import (
     DATA,
     PRIOR,
@@ -212,7 +210,7 @@ def test_autocorrelation_of_an_ar1_chain_decays_as_known():
     np.testing.assert_allclose(rho[:6], 0.8 ** np.arange(6), atol=0.055)
 
 
-def make_recording() -> tuple[Recording, PeakTable]:
+def make_recording():
     """Nine pushes, one of them saturated, one without a known time."""
     table = PeakTable.from_arrays(
         theta=np.radians(np.repeat([-30.0, 0.0, 30.0], 3)),
@@ -231,24 +229,18 @@ def make_recording() -> tuple[Recording, PeakTable]:
     frame.loc[8, ["t_peak_s", "t_start_s", "t_end_s"]] = np.nan
     time = np.arange(0.0, 38.0, 0.01)
     signal = 700 + 20 * np.clip(1 - np.abs((time - 2) % 4 - 0), 0, 1)
-    recording = Recording(
-        time=time, channels={"pressure": signal}, units={"pressure": "counts"}
-    )
-    return recording, PeakTable.from_frame(frame)
+    return time, signal, PeakTable.from_frame(frame)
 
 
 def test_a_recording_shows_directions_and_doubts():
-    figure = peaks_figure(*make_recording())
+    time, signal, table = make_recording()
+    marks = marks_of(table, range(table.n_pushes))
+    figure = recording_figure(time, signal, marks, unit="counts", channel="pressure")
     texts = [text.get_text() for text in figure.axes[0].texts]
     assert ["-30°", "0°", "30°"] == texts[:3]
     assert "saturated" in texts
     assert figure.axes[0].get_ylabel() == "pressure [counts]"
     assert figure.get_suptitle() == "9 pushes, 1 doubtful; labels: θ at α = 90°"
-
-
-def test_a_wrong_channel_is_refused_with_the_right_ones():
-    with pytest.raises(ConfigError, match="it has pressure"):
-        peaks_figure(*make_recording(), channel="force")
 
 
 def test_every_quantity_and_claim_of_a_calibration_is_drawn():
