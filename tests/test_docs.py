@@ -130,6 +130,18 @@ def test_every_file_that_a_page_links_to_exists(page):
     assert missing == []
 
 
+def test_whoever_is_told_to_install_something_can():
+    """pushfit itself is in no index; its extras are installed from the checkout."""
+    sources = [*PAGES, *(ROOT / "pushfit").rglob("*.py")]
+    told = {
+        name
+        for path in sources
+        for name in re.findall(r"pip install ['\w.\[\] -]+", path.read_text("utf-8"))
+    }
+    assert len(told) > 3
+    assert [words for words in told if "pushfit" in words] == []
+
+
 def test_the_reference_of_the_config_is_the_template():
     page = ROOT / "docs" / "configuration.md"
     assert blocks(page, "toml")[0] == template()

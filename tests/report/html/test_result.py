@@ -7,6 +7,7 @@ from html.parser import HTMLParser
 
 import pytest
 
+from pushfit.config import GraspConfig
 from pushfit.report.figures import figure_bytes, main_figure
 from pushfit.report.html import result as html_module
 from pushfit.report.html.pages import letters
@@ -54,6 +55,13 @@ def test_a_page_holds_known_tags_only_and_no_handlers(any_identification):
         assert not [name for name in attributes if name.startswith("on")]
         assert "style" not in attributes
         assert "href" not in attributes
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_push_length_that_nobody_stated_is_said(make_identification):
+    """A default is an assumption of the reader's as well."""
+    page = Page(render_html(make_identification(config=GraspConfig())))
+    assert '"length_mm": 5.0' in page.text
 
 
 @pytest.mark.usefixtures("quick")
