@@ -230,5 +230,5 @@ def correlation_rows(identification: Identification) -> list[tuple[str, str]]:
     ]
     left = len(found) - MAX_CORRELATIONS
     if left > 0:
-        rows.append(("…", f"{left} weaker ones in summary.json"))
+        rows.append(("…", f"{left} weaker, in summary.json"))
     return rows
