@@ -70,7 +70,11 @@ def test_the_quick_commands_of_a_page_work(page, workplace, capsys):
 
 
 def test_a_reader_of_all_pages_is_never_told_to_write_a_file_twice():
-    made = [
+    # The README begins with make, whose folders are then there.
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    made = re.findall(r"^(?:DEMO|EXPLORED) := (\w+)$", makefile, re.MULTILINE)
+    assert len(made) == 2
+    made += [
         name
         for page in in_reading_order()
         for arguments in commands(page)
