@@ -23,7 +23,7 @@ except ImportError:
     pypesto = None
 
 import pushfit
-from pushfit.report.text import sentence_theta_c
+from pushfit.report.text.result import sentence_theta_c
 
 PUSH_LENGTH = 0.005
 TRUTH = {
@@ -168,7 +168,7 @@ def by_pypesto(frame: pd.DataFrame) -> str:
 
 
 def by_pushfit(frame: pd.DataFrame) -> str:
-    """`identify` by quadrature."""
+    """`identify`, told the table and the push length."""
     config = {"push": {"length_mm": 5.0}}
     found = pushfit.identify(frame, config=config)
     verdict = found.params["K_sn"].verdict.value

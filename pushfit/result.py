@@ -15,16 +15,17 @@ import pandas as pd
 from pushfit.fit.quoting import quoted
 from pushfit.fit.results import Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
-from pushfit.report.archive import chains_tree
-from pushfit.report.card import card_html, latex_table, markdown_table
 from pushfit.report.facts import quantity_cells, verdict_word
 from pushfit.report.figures import plot
-from pushfit.report.folder import write_result_folder
 from pushfit.report.frames import result_frame
-from pushfit.report.stored import read_result
+from pushfit.report.html.card import card_html, latex_table, markdown_table
+from pushfit.report.plain import Json
+from pushfit.report.store.archive import chains_tree
+from pushfit.report.store.folder import write_result_folder
+from pushfit.report.store.read import read_result
+from pushfit.report.store.summary import summary_dict
 from pushfit.report.strings import symbol
-from pushfit.report.summary import Json, summary_dict
-from pushfit.report.text import render_text
+from pushfit.report.text.result import render_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

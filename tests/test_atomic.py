@@ -7,19 +7,26 @@ one of those without being root.
 import os
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from matplotlib.figure import Figure
+from typer.main import get_command
 
 from pushfit.atomic import atomic_path, is_stream
-from pushfit.cli import main
+from pushfit.cli.app import app, main
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "foam_box"
 RECORDING, SCHEDULE = (
     str(EXAMPLE / name) for name in ("alpha_sweep.csv", "alpha_schedule.csv")
 )
-TRUTH = str(EXAMPLE / "truth.toml")
+TRUTH, CONFIG = (str(EXAMPLE / f"{name}.toml") for name in ("truth", "grasp"))
 # Every command that writes single files, up to the name of the file, which follows.
 WRITERS = {
+    "calibrate": ["calibrate", CONFIG, SCHEDULE, "--plot"],
+    "diff": ["diff", str(EXAMPLE), str(EXAMPLE), "--plot"],
+    "next": ["next", "-c", CONFIG, "--plot"],
+    "report": ["report", str(EXAMPLE), "-o"],
     "init": ["init"],
     "peaks": ["peaks", RECORDING, "-s", SCHEDULE, "-o"],
     "plot": ["peaks", RECORDING, "-s", SCHEDULE, "-q", "--plot"],
@@ -35,9 +42,38 @@ def drained(path: Path, into: list[bytes]) -> threading.Thread:
 
 
 @pytest.fixture(params=WRITERS)
-def writer(request) -> list[str]:
-    """Arguments of a command that writes a file, without the file."""
+def writer(request, monkeypatch) -> list[str]:
+    """Arguments of a command, up to the file; nothing is fitted."""
+
+    def stand_in(value: object, *names: str) -> None:
+        for name in names:
+            monkeypatch.setattr(f"pushfit.{name}", lambda *_, **__: value)
+
+    found, report = SimpleNamespace(differences=(1,)), "report.text"
+    stand_in(
+        found, "report.store.read.read_result", "cli.commands.calibrate.load_table"
+    )
+    stand_in(found, "fit.calibration.calibrate", f"{report}.difference.compare_results")
+    stand_in([], "explore.explorer.Explorer.ask")
+    stand_in(Figure(), f"{report}.coverage.calibration_figure")
+    stand_in(Figure(), f"{report}.exploration.exploration_picture")
+    stand_in(Figure(), "report.figures.forest.forest_figure")
+    stand_in("x" * 200, "report.html.result.render_html")
+    for text in ("coverage.calibration", "difference.difference", "exploration.next"):
+        stand_in("", f"{report}.{text}_text")
     return WRITERS[request.param]
+
+
+def test_these_are_all_commands_that_write_single_files():
+    """Others write folders; a picture of `peaks` is a file of its own."""
+    commands = get_command(app).commands
+    writing = {
+        name
+        for name, command in commands.items()
+        for parameter in command.params
+        if {"--plot", "--output"} & set(parameter.opts)
+    }
+    assert writing | {"init"} == {words[0] for words in WRITERS.values()}
 
 
 @pytest.mark.parametrize("force", [[], ["--force"]], ids=["plain", "force"])

@@ -12,6 +12,7 @@ from pushfit.cli.app import app, main
 from pushfit.config import template
 
 ROOT = Path(__file__).parents[1]
+CONTRIBUTING = ROOT / "CONTRIBUTING.md"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 # Commands that fit or sample; the rest take a second at most.
 SLOW = {
@@ -69,7 +70,11 @@ def test_the_quick_commands_of_a_page_work(page, workplace, capsys):
 
 
 def test_a_reader_of_all_pages_is_never_told_to_write_a_file_twice():
-    made = [
+    # The README begins with make, whose folders are then there.
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    made = re.findall(r"^(?:DEMO|EXPLORED) := (\w+)$", makefile, re.MULTILINE)
+    assert len(made) == 2
+    made += [
         name
         for page in in_reading_order()
         for arguments in commands(page)
@@ -113,12 +118,32 @@ def test_the_python_that_takes_its_time_runs(page, workplace, capsys):
         exec(compile(block, page.name, "exec"), {})
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_place_that_contributors_are_sent_to_exists():
+    places = re.findall(
+        r"`((?:pushfit|tests)/[\w/.]+)`", CONTRIBUTING.read_text("utf-8")
+    )
+    assert len(places) > 20
+    assert [place for place in places if not (ROOT / place).exists()] == []
+
+
+@pytest.mark.parametrize("page", [*PAGES, CONTRIBUTING], ids=lambda p: p.name)
 def test_every_file_that_a_page_links_to_exists(page):
     prose = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.S | re.M)
     targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", prose)
     missing = [target for target in targets if not (page.parent / target).exists()]
     assert missing == []
+
+
+def test_whoever_is_told_to_install_something_can():
+    """pushfit itself is in no index; its extras are installed from the checkout."""
+    sources = [*PAGES, *(ROOT / "pushfit").rglob("*.py")]
+    told = {
+        name
+        for path in sources
+        for name in re.findall(r"pip install ['\w.\[\] -]+", path.read_text("utf-8"))
+    }
+    assert len(told) > 3
+    assert [words for words in told if "pushfit" in words] == []
 
 
 def test_the_reference_of_the_config_is_the_template():
@@ -130,9 +155,8 @@ def test_every_command_is_documented():
     page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
     documented = {name for heading in headings for name in heading.split(" and ")}
-    assert {command.callback.__name__ for command in app.registered_commands} == (
-        documented
-    )
+    commands = app.registered_commands
+    assert {one.name or one.callback.__name__ for one in commands} == documented
 
 
 def test_the_names_of_the_version_agree():

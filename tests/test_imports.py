@@ -16,7 +16,7 @@ LAYERS = (
     *("errors", "config", "model", "data", "fit"),
     *("explore", "report", "batch", "cli"),
 )
-# The other modules at the top level belong to the model.
+# What stands at the top level besides belongs to the model, as its mechanics do.
 MEMBERS = {
     "atomic": "errors",
     "cache": "errors",

@@ -9,8 +9,8 @@ import numpy as np
 
 from pushfit import Explorer, Grasp, Parameters, Pushes, forward
 from pushfit.config import parse_config
-from pushfit.report.exploration import exploration_picture
 from pushfit.report.figures import save_figure
+from pushfit.report.text.exploration import exploration_picture
 
 HERE = Path(__file__).parent
 CHANNELS = ("height_normal", "height_tangential")

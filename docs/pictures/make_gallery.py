@@ -1,9 +1,10 @@
 """Draw the pictures of the gallery and of the page on identifiability.
 
-    python docs/pictures/make_gallery.py [RESULT]
+    python docs/pictures/make_gallery.py [RESULT...]
 
-RESULT is the folder of `pushfit demo --out RESULT`; without it, only the pictures on
-identifiability are drawn. Run from the root of the repository.
+RESULT is the folder of the tutorial, and for the walkers that of the same pushes by
+`--engine emcee`; without them, only the pictures on identifiability are drawn. Run from
+the root of the repository.
 """
 
 import sys
@@ -130,12 +131,12 @@ def main(arguments: list[str]) -> None:
     """Write the pictures.
 
     Args:
-        arguments: Folder of a result, or nothing.
+        arguments: Folders of results; the first that has a figure gives it.
     """
     figures = {"springs": springs(), "two_answers": two_answers()}
-    for folder in arguments[:1]:
+    for folder in reversed(arguments):
         drawn = all_figures(load(folder))
-        figures |= {file: drawn[name] for name, file in GALLERY.items()}
+        figures |= {file: drawn[n] for n, file in GALLERY.items() if n in drawn}
     for name, figure in figures.items():
         save(figure, FOLDER / f"{name}.png")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import ConfigError
+from pushfit.report.store.target import check_place
 
 STORE = "batch.sqlite"
 RESULTS, FAILURES, PARQUET = "results.csv", "failures.csv", "results.parquet"
@@ -57,22 +58,13 @@ def begin_folder(folder: Path) -> None:
     Raises:
         ConfigError: It cannot be made, or holds something else.
     """
-    if folder.is_symlink() or (folder / FOLDER).is_symlink():
-        raise ConfigError(
-            f"{folder}: is, or holds, a symbolic link, which is never followed for "
-            "writing; name the folder itself",
-            code="output_symlink",
-        )
-    if not folder.parent.is_dir():
-        raise ConfigError(
-            f"{folder}: the folder {folder.parent} does not exist; create it first",
-            code="output_parent",
-        )
+    check_place(folder)
     if folder.exists() and not folder.is_dir():
         raise ConfigError(
             f"{folder}: is a file; name a folder for the batch", code="output_exists"
         )
     folder.mkdir(exist_ok=True)
+    check_place(folder / FOLDER)
     entries = {entry.name for entry in folder.iterdir()}
     strange = min((name for name in entries if not _is_ours(name)), default="")
     if strange and STORE not in entries:

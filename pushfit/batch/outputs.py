@@ -25,7 +25,7 @@ from pushfit.batch.folders import (
 from pushfit.batch.population import COLUMNS
 from pushfit.batch.rows import Answers, Row
 from pushfit.fit.flat import Cell
-from pushfit.report.batch_html import render_batch
+from pushfit.report.html.batch import render_batch
 from pushfit.report.strings import printable
 
 # What a spreadsheet takes for a formula (OWASP, CSV injection).

@@ -24,7 +24,7 @@ from pushfit.errors import DataError, PushfitError
 from pushfit.fit.identify import identify_table
 from pushfit.fit.many import ItemResult, identify_many
 from pushfit.fit.results import Recipe
-from pushfit.report.folder import write_result_folder
+from pushfit.report.store.folder import write_result_folder
 
 Chunk = tuple[Item, ...]
 # What identifies tables that share a configuration, as `identify_many` does.

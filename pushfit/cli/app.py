@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 import pushfit
-from pushfit.cli import (
+from pushfit.cli.commands import (
     analysis,
     batch,
     calibrate,
@@ -63,7 +63,6 @@ for function in (
     files.validate,
     files.peaks,
     analysis.fit,
-    analysis.sample,
     files.simulate,
     analysis.demo,
     init.init,
@@ -79,6 +78,7 @@ for function in (
     doctor.doctor,
 ):
     command(app)(function)
+command(app, "sample", help="Another name of fit.")(analysis.fit)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

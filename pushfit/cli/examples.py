@@ -15,7 +15,7 @@ EXAMPLES = {
     ),
     "fit": (
         "pushfit fit peaks.csv -c grasp.toml",
-        "`pushfit sample` checks the same by a chain",
+        "add -o result for figures and a page",
     ),
     "sample": (
         "pushfit sample peaks.csv -c grasp.toml -o result",

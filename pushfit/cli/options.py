@@ -45,6 +45,9 @@ Pictures = Annotated[
     Literal["png", "svg"] | None,
     typer.Option("--pictures", help="Every figure also in this format."),
 ]
+ResultFolder = Annotated[
+    Path, typer.Option("--out", "-o", metavar="DIR", help="Folder of the results.")
+]
 OutFile = Annotated[
     Path | None,
     typer.Option(
@@ -53,15 +56,13 @@ OutFile = Annotated[
 ]
 PlotFile = Annotated[
     Path | None,
-    typer.Option(
-        "--plot", metavar="FILE", help="Picture of the recording (png, svg, pdf)."
-    ),
+    typer.Option("--plot", metavar="FILE", help="Picture (png, svg, pdf)."),
 ]
 Checkpoint = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Keep the chain; the same command then goes on where it stopped.",
+        help="Keep the chain of emcee; the same command goes on where it stopped.",
     ),
 ]
 Engine = Annotated[

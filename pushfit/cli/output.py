@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from pushfit.atomic import is_stream
+from pushfit.atomic import atomic_path, is_stream
+from pushfit.cli.session import Session
 from pushfit.errors import ConfigError
 from pushfit.report.picture_file import picture_format
 
@@ -46,3 +47,22 @@ def refuse_picture(path: Path | None, *, force: bool) -> None:
     if path is not None:
         picture_format(path)
         refuse_existing(path, force=force)
+
+
+def write_text(
+    session: Session, text: str, path: Path | None, *, remark: str = ""
+) -> None:
+    """Put a text into a file, complete or not at all, or on standard output.
+
+    Args:
+        session: Where the name of the file is said.
+        text: Whole content, as it is to be.
+        path: File; None for standard output.
+        remark: What is to be said of the file.
+    """
+    if path is None:
+        print(text, end="")
+        return
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+    session.wrote(path, remark)

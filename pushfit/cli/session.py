@@ -19,6 +19,7 @@ from typing import Annotated
 
 import typer
 
+from pushfit.cache import enable_compile_cache
 from pushfit.cli.examples import epilog
 from pushfit.cli.stop import keep, kept
 from pushfit.data.text.files import existing_files
@@ -177,13 +178,14 @@ class Session:
 
 
 def command(
-    app: typer.Typer, name: str | None = None
+    app: typer.Typer, name: str | None = None, *, help: str | None = None
 ) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
     """Register a function as a command that also takes --quiet, --verbose and --debug.
 
     Args:
         app: Application to extend.
         name: Name of the command, if not that of the function.
+        help: What it does, if not in the words of the function.
 
     Returns:
         Decorator. The function gets a `Session` first and may return an exit code.
@@ -205,6 +207,8 @@ def command(
 
             def work() -> int | None:
                 existing_files(_inputs(arguments))
+                # Before JAX is imported, which reads the settings once.
+                session.say_more(f"compiled programs: {enable_compile_cache()}")
                 return function(session, **arguments)
 
             raise typer.Exit(session.run(work))
@@ -220,7 +224,8 @@ def command(
         parameters = [*keyword, *added]
         start.__signature__ = inspect.Signature(parameters)  # pyright: ignore
         start.__annotations__ = {p.name: p.annotation for p in parameters}
-        app.command(name, epilog=epilog(name or function.__name__))(start)
+        word = name or function.__name__
+        app.command(name, help=help, epilog=epilog(word))(start)
         return function
 
     return register

@@ -54,11 +54,7 @@ class Answer:
 
 
 def theta_c_answer(identification: Identification) -> Answer:
-    """What may be said of the critical angle.
-
-    Args:
-        identification: The result.
-    """
+    """What may be said of the critical angle."""
     quantity = quoted(identification.theta_c, identification)
     subject = _theta_c_subject(identification)
     if not is_trusted(identification):
@@ -94,11 +90,7 @@ def theta_c_answer(identification: Identification) -> Answer:
 
 
 def alpha_star_answer(identification: Identification) -> Answer:
-    """What may be said of the best push direction.
-
-    Args:
-        identification: The result.
-    """
+    """What may be said of the best push direction."""
     quantity = quoted(identification.alpha_star, identification)
     subject = "The best push direction α*"
     if not is_trusted(identification):
@@ -170,7 +162,7 @@ def _angle_answer(
         is_fixed = verdict is Verdict.FIXED
         sentence = f"{subject} is {short}{', as configured' if is_fixed else ''}."
     else:
-        values, pieces = (estimate,), pieces or (quantity.interval,)
+        values, pieces = (estimate,), (quantity.interval,)  # drawn as it is said
         spread = spread_of(estimate, quantity.interval)
         number = format_angle(estimate, spread=spread)
         interval = format_range(*quantity.interval, "deg", spread=spread)

@@ -55,11 +55,7 @@ def verdict_word(verdict: Verdict) -> str:
 
 
 def fit_rows(identification: Identification) -> list[tuple[str, str]]:
-    """Statistics of the fit as pairs of words.
-
-    Args:
-        identification: The result.
-    """
+    """Statistics of the fit as pairs of words."""
     fit, quality = identification.fit, identification.goodness_of_fit
     unit = unit_label(identification.table.unit)
     channels = join_and([c.replace("_", " ") for c in identification.table.channels])
@@ -84,11 +80,7 @@ def fit_rows(identification: Identification) -> list[tuple[str, str]]:
 
 
 def cannot_say(identification: Identification) -> list[str]:
-    """What the data leave open and which measurement would close it, in sentences.
-
-    Args:
-        identification: The result.
-    """
+    """What the data leave open and which measurement would close it, in sentences."""
     result, sentences = identification.identifiability, []
     parameters = identification.parameters if is_trusted(identification) else ()
     by_verdict = {
@@ -214,11 +206,7 @@ def _posterior(identification: Identification) -> str:
 
 
 def angle_rows(identification: Identification) -> list[tuple[str, str]]:
-    """Both angles in short, the likelihood's sets beside them.
-
-    Args:
-        identification: The result.
-    """
+    """Both angles in short, the likelihood's sets beside them."""
     rows = []
     for quantity, answer in (
         (identification.theta_c, theta_c_answer(identification)),
@@ -234,11 +222,7 @@ def angle_rows(identification: Identification) -> list[tuple[str, str]]:
 
 
 def correlation_rows(identification: Identification) -> list[tuple[str, str]]:
-    """The strongest correlations.
-
-    Args:
-        identification: The result.
-    """
+    """The strongest correlations."""
     found = correlations(identification)
     rows = [
         (f"{symbol(c.first)}, {symbol(c.second)}", f"{c.value:+.2f}")
@@ -246,5 +230,5 @@ def correlation_rows(identification: Identification) -> list[tuple[str, str]]:
     ]
     left = len(found) - MAX_CORRELATIONS
     if left > 0:
-        rows.append(("…", f"{left} weaker ones in summary.json"))
+        rows.append(("…", f"{left} weaker, in summary.json"))
     return rows

@@ -31,9 +31,6 @@ class Correlation:
 def result_frame(identification: Identification) -> pd.DataFrame:
     """Angles, parameters and combinations, one row each.
 
-    Args:
-        identification: The result.
-
     Returns:
         Indexed by name: `kind` ("angle", "parameter" or "combination"), `estimate`,
         `lower`, `upper`, `prob`, `unit`, `verdict`, `contraction` and `note`. NaN is
@@ -73,9 +70,6 @@ def correlations(identification: Identification) -> tuple[Correlation, ...]:
 
     A combination is a function of the parameters, so pairs across the two groups say
     nothing and are left out.
-
-    Args:
-        identification: The result.
 
     Returns:
         Strongest first; none from a posterior that is not to be trusted.

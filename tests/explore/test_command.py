@@ -11,7 +11,7 @@ from pushfit.cli.app import main
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import read_table, write_table
 from pushfit.model import Grasp
-from pushfit.report.stored import read_result
+from pushfit.report.store.read import read_result
 from tests.explore.test_ros import TRUTH as TRUTH_FILE
 from tests.explore.worlds import COMPONENTS, SIGMA, TRUTH
 

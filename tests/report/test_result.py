@@ -12,9 +12,9 @@ from arviz_stats.base import array_stats
 import pushfit
 from pushfit.errors import ConfigError
 from pushfit.fit.results import Verdict
-from pushfit.report import folder as folder_module
-from pushfit.report import html as html_module
-from pushfit.report.text import render_text
+from pushfit.report.html import result as html_module
+from pushfit.report.store import folder as folder_module
+from pushfit.report.text.result import render_text
 from pushfit.result import Result, load
 from tests.report.makers import make_quantity
 

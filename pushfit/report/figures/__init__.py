@@ -14,7 +14,6 @@ from pushfit.report.figures.posterior import (
 from pushfit.report.figures.recording import (
     PushMarks,
     found_figure,
-    peaks_figure,
     recording_figure,
     signal_figure,
 )
@@ -37,7 +36,6 @@ __all__ = [
     "grasp_figure",
     "learned_figure",
     "main_figure",
-    "peaks_figure",
     "plot",
     "quantity_figure",
     "recording_figure",

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pushfit.report.difference import Difference, sentence
 from pushfit.report.figures.style import (
     BLUE,
     COLUMN,
@@ -14,6 +13,7 @@ from pushfit.report.figures.style import (
     styled,
 )
 from pushfit.report.strings import unit_label
+from pushfit.report.text.difference import Difference, sentence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

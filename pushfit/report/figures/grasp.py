@@ -67,9 +67,10 @@ def _fan(
 
 
 def _label(axes: "Axes", text: str, angle_deg: float, *, down: bool) -> None:
-    """Symbol at the end of a ray."""
-    x, y = _ray(angle_deg, 1.16 * REACH, down=down)
-    axes.text(x, y, text, ha="center", va="center", fontsize=9, parse_math=True)
+    """Symbol beyond the end of a ray, clear of the edges of the object."""
+    x, y = _ray(angle_deg, 1.3 * REACH, down=down)
+    style = {"ha": "center", "va": "center", "fontsize": 9, "color": BLUE}
+    axes.text(x, y, text, parse_math=True, **style)
 
 
 def draw_side(axes: "Axes", marker: Marker, theta_deg: Sequence[float]) -> None:
@@ -128,7 +129,7 @@ def draw_top(
 
     style = "round,pad=0,rounding_size=0.1"
     axes.add_patch(
-        FancyBboxPatch((-1.2, -1), 2.4, 2, boxstyle=style, fc=PALE, ec=GREY, zorder=0)
+        FancyBboxPatch((-1.2, -1), 2.4, 2.2, boxstyle=style, fc=PALE, ec=GREY, zorder=0)
     )
     axes.add_patch(Wedge((0, 0), 0.95 * REACH, *reach_deg, color="white", zorder=1))
     for alpha in np.unique(np.round(alpha_deg, 3)):
@@ -139,8 +140,8 @@ def draw_top(
     _arrow(axes, _ray(push, REACH, down=False), VERMILLION)
     axes.add_patch(Arc((0, 0), 0.8, 0.8, theta1=0, theta2=push, color=VERMILLION))
     axes.text(0.44, 0.06, "α", color=VERMILLION, fontsize=11)
-    axes.plot([0, 1.1], [0, 0], color=BLACK, lw=0.8)
-    axes.text(1.14, -0.12, "x", fontsize=9)
+    axes.plot([0, 1], [0, 0], color=BLACK, lw=0.8)
+    axes.text(1.03, -0.05, "x", fontsize=9)
     if marker.estimates:
         _label(axes, math_symbol("alpha_star"), marker.estimates[0], down=False)
     words = f"from above: along {math_symbol('alpha_star')} it gives way most easily"

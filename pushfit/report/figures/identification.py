@@ -57,9 +57,6 @@ def figure_makers(
 ) -> dict[str, Callable[..., "Figure"]]:
     """What draws each figure that a result supports, by the name of its file.
 
-    Args:
-        identification: The result.
-
     Returns:
         Functions of `ax`; those of a posterior only where it is to be trusted, corner
         plots only where the library `corner` is installed.
@@ -101,11 +98,7 @@ def _whole(
 
 
 def all_figures(identification: Identification) -> dict[str, "Figure"]:
-    """Every figure that a result supports, by the name of its file.
-
-    Args:
-        identification: The result.
-    """
+    """Every figure that a result supports, by the name of its file."""
     makers = figure_makers(identification)
     return {name: make(ax=None) for name, make in makers.items()}
 

@@ -197,9 +197,6 @@ def sweep_makers(
 ) -> dict[str, Callable[..., "Figure"]]:
     """What draws heights against each angle that was swept, one figure per channel.
 
-    Args:
-        identification: The result.
-
     Returns:
         Functions of `ax`, by the name of the file.
     """

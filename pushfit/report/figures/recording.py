@@ -18,7 +18,6 @@ from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import Trace, envelope
-from pushfit.errors import ConfigError
 from pushfit.report.figures.style import (
     ALARM,
     BLACK,
@@ -266,36 +265,6 @@ def _row_edges(
         cuts.append(float((np.nanmax(before) + np.nanmin(after)) / 2))
     cuts.append(float(time[-1]))
     return list(itertools.pairwise(cuts))
-
-
-def peaks_figure(
-    recording: Recording, table: PeakTable, *, channel: str | None = None
-) -> "Figure":
-    """A recording with the pushes that were taken from it.
-
-    Args:
-        recording: The recording.
-        table: Peaks extracted from it, with their times.
-        channel: Channel to draw; None is the first in the unit of the heights.
-
-    Raises:
-        ConfigError: The recording has no such channel.
-    """
-    named = [c for c in recording.channels if recording.units[c] == table.unit]
-    chosen = channel or (named or list(recording.channels))[0]
-    if chosen not in recording.channels:
-        raise ConfigError(
-            f"channel {chosen!r} is not in the recording; it has "
-            f"{', '.join(recording.channels)}; name one of them",
-            code="unknown_channel",
-        )
-    return recording_figure(
-        recording.time,
-        recording.channels[chosen],
-        marks_of(table, range(table.n_pushes)),
-        unit=recording.units[chosen],
-        channel=chosen,
-    )
 
 
 def signal_figure(trace: Trace, table: PeakTable) -> "Figure":

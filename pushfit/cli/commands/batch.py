@@ -1,0 +1,123 @@
+"""`pushfit batch`: many recordings or tables, each for itself."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pushfit.cli import options
+from pushfit.cli.session import Session
+from pushfit.cli.stop import keep
+
+if TYPE_CHECKING:
+    from pushfit.batch.run import Batch
+
+SCHEMA = "pushfit.batch/1"
+SOME_FAILED = 5
+N_SHOWN = 5
+
+
+def batch(
+    session: Session,
+    inputs: Annotated[
+        list[Path],
+        typer.Argument(metavar="INPUT...", help="Files, folders and patterns."),
+    ],
+    out: options.ResultFolder,
+    config: options.ConfigFile = None,
+    profile: options.Profile = None,
+    schedule: options.ScheduleFile = None,
+    engine: options.Engine = "auto",
+    seed: options.Seed = 0,
+    workers: Annotated[
+        int, typer.Option("--workers", min=1, help="Worker processes; 1 is this one.")
+    ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", help="A running dask scheduler."
+        ),
+    ] = None,
+    chunk: Annotated[
+        int, typer.Option("--chunk", min=1, help="Most items worked on together.")
+    ] = 64,
+    time_limit: Annotated[
+        float | None,
+        typer.Option("--time-limit", metavar="SECONDS", min=1, help="For one item."),
+    ] = None,
+    folders: Annotated[
+        bool, typer.Option("--folders", help="Also a result folder for each item.")
+    ] = False,
+    json: options.Json = False,
+) -> int:
+    """Identify many recordings or tables; run again, it does what is missing."""
+    from pushfit.batch.crew import Crew
+    from pushfit.batch.run import identify_batch
+
+    crew = Crew(
+        workers=workers, scheduler=scheduler, chunk=chunk, time_limit=time_limit
+    )
+    keep(f"what is finished is kept in {out}; the same command goes on")
+    with session.progress() as progress:
+        found = identify_batch(
+            inputs,
+            out,
+            config=config,
+            profile=profile,
+            schedule=schedule,
+            seed=seed,
+            engine=engine,
+            folders=folders,
+            crew=crew,
+            progress=progress,
+        )
+    report(session, found, is_json=json)
+    return SOME_FAILED if found.failures else 0
+
+
+def report(session: Session, found: "Batch", *, is_json: bool) -> None:
+    """Say what came out.
+
+    Args:
+        session: Where messages go.
+        found: The batch.
+        is_json: Whether standard output is a document.
+    """
+    if found.notice:
+        session.warn(found.notice)
+    for failure in found.failures[:N_SHOWN]:
+        session.complain(f"{failure.item}: {failure.message}")
+    if len(found.failures) > N_SHOWN:
+        n_more = len(found.failures) - N_SHOWN
+        session.complain(f"and {n_more} more; failures.csv lists all")
+    facts = counts(found)
+    if is_json:
+        status = "some_failed" if found.failures else "ok"
+        files = [str(path) for path in found.files]
+        session.print_json(
+            {"schema": SCHEMA, "status": status, **facts, "files": files}
+        )
+        return
+    for name, number in facts.items():
+        print(f"{name:<12} {number}")
+    for path in found.files:
+        session.wrote(path)
+
+
+def counts(found: "Batch") -> dict[str, int]:
+    """How many items went which way.
+
+    Returns:
+        Numbers by name.
+    """
+    statuses = [row["status"] for row in found.rows]
+    duplicates = [row for row in found.rows if row["duplicate_of"] is not None]
+    return {
+        "items": len(found.rows),
+        "computed": found.n_computed,
+        "kept": found.n_kept,
+        "duplicates": len(duplicates),
+        "failed": len(found.failures),
+        "not_trusted": sum(s not in ("ok", "failed") for s in statuses),
+        "left_out": found.n_left_out,
+    }

@@ -1,0 +1,49 @@
+"""`pushfit calibrate`: how often intervals would hold the truth for these pushes."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pushfit.cli import options
+from pushfit.cli.inputs import load_table
+from pushfit.cli.output import refuse_picture
+from pushfit.cli.session import Session
+
+
+def calibrate(
+    session: Session,
+    config: Annotated[
+        Path, typer.Argument(metavar="GRASP.toml", help="What is known of the grasp.")
+    ],
+    table: options.TableFile,
+    tables: Annotated[
+        int, typer.Option("--tables", min=1, help="Number of tables to simulate.")
+    ] = 20,
+    plot: options.PlotFile = None,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+    force: options.Force = False,
+) -> None:
+    """Measure how often intervals hold the truth, for these pushes and this noise."""
+    refuse_picture(plot, force=force)
+    from pushfit.config import read_config
+    from pushfit.fit.calibration import calibrate as measure
+    from pushfit.report.figures import save_figure
+    from pushfit.report.text.coverage import (
+        calibration_dict,
+        calibration_figure,
+        calibration_text,
+    )
+
+    settings = read_config(config)
+    peaks = load_table(table, settings)
+    with session.progress() as progress:
+        found = measure(peaks, settings, n_tables=tables, seed=seed, progress=progress)
+    if plot is not None:
+        save_figure(calibration_figure(found), plot)
+        session.wrote(plot)
+    if json:
+        session.print_json(calibration_dict(found))
+    else:
+        print(calibration_text(found))

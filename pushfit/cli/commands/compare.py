@@ -1,0 +1,30 @@
+"""`pushfit compare`: rolling and mechanics, by evidence and by prediction."""
+
+from pushfit.cli import options
+from pushfit.cli.inputs import load_table
+from pushfit.cli.session import Session
+from pushfit.errors import FitError
+
+
+def compare(
+    session: Session,
+    table: options.TableFile,
+    config: options.ConfigFile = None,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+) -> int:
+    """Compare ways of rolling, and where L is stated both mechanics, on one table."""
+    from pushfit.config import read_config
+    from pushfit.fit.comparison import compare_models
+    from pushfit.fit.results import FitStatus
+    from pushfit.report.text.comparison import comparison_dict, comparison_text
+
+    settings = read_config(config)
+    peaks = load_table(table, settings)
+    with session.progress() as progress:
+        found = compare_models(peaks, settings, seed=seed, progress=progress)
+    if json:
+        session.print_json(comparison_dict(found))
+    else:
+        print(comparison_text(found))
+    return 0 if found.status is FitStatus.OK else FitError.exit_code

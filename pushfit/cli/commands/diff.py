@@ -1,0 +1,40 @@
+"""`pushfit diff`: two results of one grasp, or of two."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pushfit.cli import options
+from pushfit.cli.output import refuse_picture
+from pushfit.cli.session import Session
+
+
+def diff(
+    session: Session,
+    first: Annotated[Path, typer.Argument(metavar="A", help="Result folder.")],
+    second: Annotated[Path, typer.Argument(metavar="B", help="Another one.")],
+    plot: options.PlotFile = None,
+    json: options.Json = False,
+    force: options.Force = False,
+) -> None:
+    """What differs between two results, by how much and how surely."""
+    refuse_picture(plot, force=force)
+    from pushfit.report.figures.forest import forest_figure
+    from pushfit.report.figures.style import save_figure
+    from pushfit.report.store.read import read_result
+    from pushfit.report.text.difference import (
+        compare_results,
+        difference_dict,
+        difference_text,
+    )
+
+    found = compare_results(read_result(first), read_result(second))
+    if plot is not None and found.differences:
+        labels = (first.name, second.name)
+        save_figure(forest_figure(found.differences, labels=labels), plot)
+        session.wrote(plot)
+    if json:
+        session.print_json(difference_dict(found))
+    else:
+        print(difference_text(found))

@@ -1,0 +1,329 @@
+"""`next` and `explore`: which push to make, and a hand that makes them."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from pushfit.cli import options
+from pushfit.cli.output import refuse_picture
+from pushfit.cli.session import Session
+from pushfit.errors import ConfigError, FitError
+
+if TYPE_CHECKING:
+    from pushfit.config import GraspConfig
+    from pushfit.explore.explorer import Explorer
+    from pushfit.explore.hand import Hand
+    from pushfit.explore.limits import Limits
+    from pushfit.explore.loop import Step
+
+Ask = Annotated[
+    Literal["theta_c", "alpha_star", "both"],
+    typer.Option(help="The angle that pushes are to tell of."),
+]
+Width = Annotated[
+    float, typer.Option(metavar="DEG", help="Width that decides: 6 is ± 3 degrees.")
+]
+Sigma = Annotated[
+    float | None,
+    typer.Option(help="Scatter of the heights of equal pushes [unit of the heights]."),
+]
+Budget = Annotated[int, typer.Option(min=0, help="Pushes that may be made.")]
+Theta = Annotated[
+    tuple[float, float],
+    typer.Option(metavar="LOW HIGH", help="Elevations that the finger can push in."),
+]
+ForceLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--max-force", help="No push that might exceed it, preload included [N]."
+    ),
+]
+Earlier = Annotated[
+    Path | None,
+    typer.Argument(metavar="[TABLE]", help="Pushes made so far; none to begin."),
+]
+Unit = Annotated[
+    Literal["n", "kpa", "counts", "au"],
+    typer.Option(help="Unit of the sensor, where no table says it."),
+]
+Truth = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="truth.toml", help="Grasp that the simulated hand holds, each fixed."
+    ),
+]
+# The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
+REACH = (5.0, 85.0)
+
+
+def next(
+    session: Session,
+    table: Earlier = None,
+    config: options.ConfigFile = None,
+    ask: Ask = "theta_c",
+    width: Width = 6.0,
+    budget: Budget = 60,
+    sigma: Sigma = None,
+    theta: Theta = REACH,
+    max_force: ForceLimit = None,
+    unit: Unit = "n",
+    n: Annotated[int, typer.Option("-n", min=1, help="Pushes to rank.")] = 5,
+    plot: options.PlotFile = None,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+    force: options.Force = False,
+) -> int:
+    """Which push would tell most, after those made so far."""
+    refuse_picture(plot, force=force)
+    from pushfit.config import read_config
+    from pushfit.data.tables.peak_table import read_table
+    from pushfit.explore.explorer import Explorer
+    from pushfit.report.text.exploration import (
+        exploration_picture,
+        next_dict,
+        next_text,
+    )
+
+    settings = read_config(config)
+    made = None if table is None else read_table(table)
+    explorer = Explorer(
+        settings,
+        ask=ask,
+        width_deg=width,
+        budget=budget,
+        sigma=sigma,
+        limits=_limits(theta, max_force),
+        channels=("height",) if made is None else made.channels,
+        unit=unit if made is None else made.unit,
+        seed=seed,
+    )
+    if made is not None:
+        explorer.attach(made)
+    suggestions = explorer.ask(n)
+    if plot is not None:
+        from pushfit.report.figures import save_figure
+
+        save_figure(exploration_picture(explorer, suggestions), plot)
+        session.wrote(plot)
+    if json:
+        session.print_json(next_dict(explorer, suggestions))
+    else:
+        print(next_text(explorer, suggestions))
+    return 0
+
+
+def explore(
+    session: Session,
+    hand: Annotated[
+        Literal["simulated", "ros"], typer.Option(help="What makes the pushes.")
+    ],
+    out: options.ResultFolder,
+    config: options.ConfigFile = None,
+    ask: Ask = "theta_c",
+    width: Width = 6.0,
+    budget: Budget = 60,
+    sigma: Sigma = None,
+    theta: Theta = REACH,
+    max_force: ForceLimit = None,
+    truth: Truth = None,
+    noise: Annotated[
+        float, typer.Option(min=0, help="Noise of a sample of the simulated sensor.")
+    ] = 0.05,
+    scatter: Annotated[
+        float, typer.Option(min=0, help="Scatter of simulated pushes, as a share.")
+    ] = 0.01,
+    unit: Unit = "n",
+    forces: Annotated[
+        bool, typer.Option("--forces", help="The sensor gives force components.")
+    ] = False,
+    seed: options.Seed = 0,
+    json: options.Json = False,
+    force: options.Force = False,
+) -> int:
+    """Let a hand explore a grasp until the angle is known.
+
+    Interrupted or killed, the same command goes on where it stopped.
+    """
+    from pushfit.config import read_config
+    from pushfit.explore.explorer import Explorer
+    from pushfit.report.store.folder import check_target
+
+    check_target(out, force=force)
+    settings = read_config(config)
+    journal = out.with_name(f"{out.name}.journal.jsonl")
+    explorer = Explorer(
+        settings,
+        ask=ask,
+        width_deg=width,
+        budget=budget,
+        sigma=sigma,
+        limits=_limits(theta, max_force),
+        channels=COMPONENTS if forces else ("height",),
+        unit=unit,
+        journal=journal,
+        seed=seed,
+    )
+    if explorer.told or explorer.failures:
+        session.say(f"going on with {journal}: {len(explorer.told)} pushes are known")
+    if hand == "simulated":
+        finger = _simulated(
+            truth,
+            theta,
+            unit=unit,
+            noise=noise,
+            scatter=scatter,
+            forces=forces,
+            seed=seed,
+        )
+    else:
+        finger = _ros(forces=forces, theta=theta)
+    return _run(session, explorer, finger, settings, out=out, json=json, force=force)
+
+
+COMPONENTS = ("height_normal", "height_tangential")
+
+
+def _run(
+    session: Session,
+    explorer: "Explorer",
+    finger: "Hand",
+    settings: "GraspConfig",
+    *,
+    out: Path,
+    json: bool,
+    force: bool,
+) -> int:
+    """Explore, identify the table of the journal, and write the folder."""
+    from pushfit.data.pushes.settings import PeakSettings
+    from pushfit.explore.loop import explore as run
+    from pushfit.fit.identify import identify_table
+    from pushfit.fit.results import FitStatus
+    from pushfit.report.figures import figure_bytes
+    from pushfit.report.store.folder import write_result_folder
+    from pushfit.report.store.summary import summary_dict
+    from pushfit.report.text.exploration import (
+        ADAPTIVE,
+        exploration_picture,
+        state_dict,
+    )
+
+    peaks = PeakSettings.of(settings.peaks)
+    if len(explorer.question.channels) > 1 and peaks.normal is None:
+        peaks = replace(peaks, normal="fz")
+    if explorer.limits.theta_deg[0] < 0 and peaks.signed is None:
+        # A finger that pulls back from a preload lowers the reading.
+        peaks = replace(peaks, signed=True)
+    with _watched(session) as watch:
+        state = run(explorer, finger, settings=peaks, watch=watch)
+    session.say(state.sentence, style="bold")
+    table = explorer.table
+    if table is None:
+        raise ConfigError(
+            f"{state.sentence}; without a push there is no result to write",
+            code="no_push",
+        )
+    stated = explorer.question.settings
+    found = identify_table(
+        table,
+        stated,
+        seed=explorer.seed,
+    )
+    found = replace(found, warnings=(*found.warnings, ADAPTIVE))
+    journal = explorer.journal.path
+    assert journal is not None
+    picture = figure_bytes(exploration_picture(explorer), "png")
+    write_result_folder(
+        found,
+        out,
+        force=force,
+        extra={"journal.jsonl": journal.read_bytes(), "exploration.png": picture},
+    )
+    journal.unlink()
+    session.wrote(out)
+    if json:
+        session.print_json({**summary_dict(found), "exploration": state_dict(state)})
+    else:
+        print(state.sentence)
+    return 0 if found.status is FitStatus.OK else FitError.exit_code
+
+
+@contextmanager
+def _watched(session: Session) -> Iterator[Callable[["Step"], None]]:
+    """Follow the pushes: a live table on a terminal, else a line for each.
+
+    Yields:
+        Function to call with each push.
+    """
+    import sys
+
+    from pushfit.report.text.exploration import progress_line
+
+    def line(step: "Step") -> str:
+        push, fault = step.suggestion, step.fault
+        what = f"{push.purpose.value} push {push.number}: {push.describe()}"
+        return what if fault is None else f"{what} failed: {fault}"
+
+    if session.is_quiet or not sys.stderr.isatty():
+        yield lambda step: session.say(f"{line(step)}; {progress_line(step.state)}")
+        return
+    from rich.console import Console
+    from rich.live import Live
+    from rich.table import Table
+
+    recent: list[str] = []
+
+    def shown(step: "Step") -> Table:
+        recent.append(line(step))
+        grid = Table.grid(padding=(0, 2))
+        grid.add_row("state", step.state.answer.value)
+        grid.add_row("known", progress_line(step.state))
+        grid.add_row("pushes", f"{step.state.n_pushes}, {step.state.n_left} left")
+        for text in recent[-5:]:
+            grid.add_row("", text)
+        return grid
+
+    with Live(console=Console(stderr=True), refresh_per_second=8) as live:
+        yield lambda step: live.update(shown(step))
+
+
+def _limits(theta: tuple[float, float], max_force: float | None) -> "Limits":
+    from pushfit.explore.limits import Limits
+
+    return Limits(theta_deg=theta, force=max_force)
+
+
+def _simulated(
+    truth: Path | None,
+    theta: tuple[float, float],
+    *,
+    unit: str,
+    noise: float,
+    scatter: float,
+    forces: bool,
+    seed: int,
+) -> "Hand":
+    """A hand that holds the grasp of a file, or that of the example."""
+    from pushfit.cli.commands.analysis import example_folder
+    from pushfit.config import read_config
+    from pushfit.explore.simulated import simulated_hand
+
+    source = example_folder() / "truth.toml" if truth is None else truth
+    return simulated_hand(
+        read_config(source),
+        theta_deg=theta,
+        unit=unit,
+        noise=noise,
+        scatter=scatter,
+        forces=forces,
+        seed=seed,
+    )
+
+
+def _ros(*, forces: bool, theta: tuple[float, float]) -> "Hand":
+    from pushfit.explore.ros.hand import RosHand
+
+    return RosHand(has_forces=forces, theta_deg=theta)

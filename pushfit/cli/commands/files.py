@@ -1,0 +1,318 @@
+"""`validate`, `peaks` and `simulate`: what happens before anything is fitted."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from pushfit.cli import options
+from pushfit.cli.inputs import load_peaks, read_settings
+from pushfit.cli.output import refuse_existing, refuse_picture, write_text
+from pushfit.cli.session import Session
+from pushfit.errors import DataError
+from pushfit.report.strings import printable
+
+if TYPE_CHECKING:
+    from pushfit.config import GraspConfig
+    from pushfit.data.tables.peak_table import PeakTable
+
+SCHEMA = "pushfit.validate/1"
+Unit = Literal["n", "kpa", "counts", "au"]
+
+
+def validate(
+    session: Session,
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Recordings, schedules, peak tables."),
+    ],
+    config: options.ConfigFile = None,
+    profile: options.Profile = None,
+    format: options.Format = None,
+    map: options.Map = None,
+    unit: options.UnitOf = None,
+    columns: options.Columns = None,
+    rate: options.Rate = None,
+    json: options.Json = False,
+) -> int:
+    """Say what files hold, or what is wrong with them."""
+    from pushfit.data.recordings.check import check_files
+    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.text.files import existing_files
+
+    settings = read_settings(
+        config,
+        profile=profile,
+        format=format,
+        map=map,
+        unit=unit,
+        columns=columns,
+        rate=rate,
+    )
+    existing_files(files)
+    problems = check_files(files, **reader_options(settings))
+    found = [] if problems else [describe(path, settings) for path in files]
+    for problem in problems:
+        session.complain(problem.message)
+    if json:
+        session.print_json(
+            {
+                "schema": SCHEMA,
+                "status": "rejected" if problems else "ok",
+                "problems": [asdict(problem) for problem in problems],
+                "files": found,
+            }
+        )
+    elif found:
+        print("\n\n".join(as_text(facts) for facts in found))
+    return DataError.exit_code if problems else 0
+
+
+def peaks(
+    session: Session,
+    recording: options.RecordingFile,
+    schedule: options.ScheduleFile = None,
+    config: options.ConfigFile = None,
+    profile: options.Profile = None,
+    format: options.Format = None,
+    map: options.Map = None,
+    unit: options.UnitOf = None,
+    columns: options.Columns = None,
+    rate: options.Rate = None,
+    channel: options.Channel = None,
+    invert: options.Invert = False,
+    height: options.Height = None,
+    min_height: options.MinHeight = None,
+    split: options.Split = None,
+    exclude: options.Exclude = None,
+    include: options.Include = None,
+    begin: options.From = None,
+    end: options.To = None,
+    output: options.OutFile = None,
+    plot: options.PlotFile = None,
+    force: options.Force = False,
+) -> None:
+    """Heights of the pushes in a recording, as CSV and as a picture."""
+    refuse_picture(plot, force=force)
+    if output is not None:
+        refuse_existing(output, force=force)
+    from pushfit.data.tables.peak_table import write_table
+
+    schedules = [] if schedule is None else [schedule]
+    settings = read_settings(
+        config,
+        profile=profile,
+        format=format,
+        map=map,
+        unit=unit,
+        columns=columns,
+        rate=rate,
+        peaks={
+            "channel": channel,
+            "invert": invert,
+            "height": height,
+            "min_height": min_height,
+            "split": split,
+            "exclude": exclude,
+            "include": include,
+            "begin": begin,
+            "end": end,
+        },
+    )
+    from pushfit.data.recordings.check import expect_kind
+    from pushfit.data.recordings.load import reader_options
+
+    if schedule is None:
+        expect_kind(recording, "recording", **reader_options(settings))
+    if schedule is None and not has_angles(recording, settings):
+        print_heights(session, recording, settings, output=output)
+        if plot is not None:
+            draw_found(session, recording, settings, plot=plot)
+        return
+    try:
+        table = load_peaks(session, [recording], schedules, settings)
+    except DataError as error:
+        if plot is not None and error.code == "push_mismatch":
+            # Where pushes are missing, a picture is needed most.
+            found = settings.peaks.model_copy(update={"allow_missing": True})
+            settings = settings.model_copy(update={"peaks": found})
+            table = load_peaks(session, [recording], schedules, settings)
+            draw_peaks(session, table, plot)
+        raise
+    if plot is not None:
+        draw_peaks(session, table, plot)
+    if output is None:
+        print(table.frame.to_csv(index=False), end="")
+        return
+    write_table(table, output)
+    session.wrote(output, f": {table.n_pushes} pushes")
+
+
+def has_angles(path: Path, settings: "GraspConfig") -> bool:
+    """Whether a recording has the angles of its pushes.
+
+    Args:
+        path: Recording.
+        settings: Settings in force.
+    """
+    from pushfit.data.recordings.load import configured_recording
+
+    recording = configured_recording(path, settings)
+    return recording.theta is not None and recording.alpha is not None
+
+
+def print_heights(
+    session: Session, path: Path, settings: "GraspConfig", *, output: Path | None
+) -> None:
+    """Give the heights of pushes whose directions are not known.
+
+    Args:
+        session: Where notes go.
+        path: Recording without angles.
+        settings: Settings in force.
+        output: File to write; None for standard output.
+    """
+    from pushfit.data.peaks.extract import measure_pushes
+    from pushfit.data.recordings.load import configured_recording
+
+    recording = configured_recording(path, settings)
+    measured = measure_pushes(recording, settings=settings.peaks)
+    for note in (*recording.notes, *measured.notes):
+        tell = session.warn if note in measured.cautions else session.say_more
+        tell(f"{path}: {note}")
+    session.say(
+        f"{path}: no angles and no schedule, so the {len(measured.frame)} pushes have "
+        "heights and times but no directions; give --schedule for a fit"
+    )
+    text = measured.frame.to_csv(index=False, lineterminator="\n")
+    write_text(session, text, output, remark=f": {len(measured.frame)} pushes")
+
+
+def draw_found(
+    session: Session, path: Path, settings: "GraspConfig", *, plot: Path
+) -> None:
+    """Draw a recording whose directions are not known, its pushes numbered.
+
+    Args:
+        session: Where messages go.
+        path: Recording.
+        settings: Settings in force.
+        plot: Picture to write, in the format of its suffix.
+    """
+    from pushfit.data.pushes.settings import PeakSettings
+    from pushfit.data.recordings.load import configured_recording
+    from pushfit.report.figures import found_figure, save_figure
+
+    recording = configured_recording(path, settings)
+    save_figure(found_figure(recording, PeakSettings.of(settings.peaks)), plot)
+    session.wrote(plot)
+
+
+def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:
+    """Draw the signal of a recording with what was taken from it.
+
+    Args:
+        session: Where messages go.
+        table: Its peaks.
+        plot: Picture to write, in the format of its suffix.
+    """
+    from pushfit.report.figures import save_figure, signal_figure
+
+    save_figure(signal_figure(table.traces[0], table), plot)
+    session.wrote(plot)
+
+
+def simulate(
+    session: Session,
+    schedule: Annotated[
+        Path, typer.Argument(metavar="SCHEDULE", help="Directions of the pushes.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            *("--out", "-o", "--output"), metavar="FILE", help="Recording to write."
+        ),
+    ],
+    config: options.ConfigFile = None,
+    unit: Annotated[Unit, typer.Option(help="Unit of the sensor.")] = "n",
+    noise: Annotated[
+        float, typer.Option(min=0.0, help="Standard deviation of a sample.")
+    ] = 0.0,
+    seed: options.Seed = 0,
+    force: options.Force = False,
+) -> None:
+    """Record simulated pushes of a stated grasp."""
+    from pushfit.config import read_config
+    from pushfit.data.plans.schedule import read_schedule
+    from pushfit.data.simulate import write_recording
+    from pushfit.data.truth import simulate_from_config
+
+    refuse_existing(output, force=force)
+    recording = simulate_from_config(
+        read_schedule(schedule), read_config(config), unit=unit, noise=noise, seed=seed
+    )
+    write_recording(recording, output)
+    session.wrote(output, ": simulated")
+
+
+def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
+    """What was recognised in one file.
+
+    Args:
+        path: File.
+        config: Settings in force.
+
+    Returns:
+        Facts by name, as JSON knows them.
+    """
+    from pushfit.data.plans.schedule import read_schedule
+    from pushfit.data.recordings.check import file_kind
+    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.recordings.recording import read_recording
+    from pushfit.data.tables.peak_table import read_table
+
+    layout = reader_options(config)
+    kind = file_kind(path, **layout)
+    facts: dict[str, object] = {"path": str(path), "kind": kind}
+    if kind == "recording":
+        recording = read_recording(path, **layout)
+        angles = (recording.theta, recording.alpha)
+        return facts | {
+            "samples": len(recording.time),
+            "time_s": [float(recording.time[0]), float(recording.time[-1])],
+            "channels": [f"{name}_{unit}" for name, unit in recording.units.items()],
+            "has_angles": all(angle is not None for angle in angles),
+            "notes": list(recording.notes),
+            "sources": [asdict(source) for source in recording.sources],
+        }
+    if kind == "table":
+        table = read_table(path)
+        return facts | {
+            "pushes": table.n_pushes,
+            "used": int(table.is_used.sum()),
+            "channels": [f"{name}_{table.unit}" for name in table.channels],
+            "notes": list(table.notes),
+            "sources": [asdict(source) for source in table.sources],
+        }
+    return facts | {"pushes": read_schedule(path).n_pushes}
+
+
+def as_text(facts: Mapping[str, object]) -> str:
+    """Facts one below the other, as `print` is to show them.
+
+    Args:
+        facts: What `describe` found.
+
+    Returns:
+        Lines.
+    """
+    lines = []
+    for name, value in facts.items():
+        if name == "notes" and isinstance(value, list):
+            lines += [printable(f"{'note':<10} {note}") for note in value]
+        elif name != "sources":
+            shown = ", ".join(map(str, value)) if isinstance(value, list) else value
+            lines.append(printable(f"{name:<10} {shown}"))
+    return "\n".join(lines)

@@ -1,0 +1,232 @@
+"""`pushfit verify`: compute a result again from its inputs and compare every number."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pushfit.cli import options
+from pushfit.cli.inputs import load_peaks
+from pushfit.cli.session import Session
+from pushfit.errors import ConfigError, DataError, FitError
+
+if TYPE_CHECKING:
+    from pushfit.config import GraspConfig
+    from pushfit.fit.results import Identification
+    from pushfit.report.store.reproduction import Reproduction
+
+SCHEMA = "pushfit.verify/1"
+N_SHOWN = 5
+
+
+def verify(
+    session: Session,
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="Folder that --out wrote.")
+    ],
+    inputs: Annotated[
+        Path | None,
+        typer.Option(
+            "--inputs", metavar="DIR", help="Where the inputs are, if they were moved."
+        ),
+    ] = None,
+    json: options.Json = False,
+) -> int:
+    """Compute a result again from its inputs and compare every number."""
+    from pushfit.report.store.read import read_summary
+    from pushfit.report.store.reproduction import compare_result
+
+    summary = read_summary(result)
+    found = find_inputs(summary, result, inputs)
+    again = run_again(session, summary, found)
+    comparison = compare_result(result, summary, again)
+    if json:
+        session.print_json(as_document(comparison, found))
+    else:
+        print("\n".join(sentences(comparison)))
+    return 0 if comparison.is_reproduced else FitError.exit_code
+
+
+def find_inputs(
+    summary: dict[str, Any], result: Path, folder: Path | None
+) -> dict[str, Path]:
+    """Where the inputs of a result are now, each with the content it had then.
+
+    Args:
+        summary: `summary.json`.
+        result: Result folder.
+        folder: Folder to look in first.
+
+    Returns:
+        Path of every input by its recorded name.
+
+    Raises:
+        ConfigError: The result does not say how its table was made.
+        DataError: An input is missing or has changed.
+    """
+    from pushfit.data.text.files import sha256_of
+
+    recipe = summary.get("recipe")
+    if recipe is None:
+        raise ConfigError(
+            f"{result}: does not say which files became its table, which was made in "
+            "Python; only results of `identify` and `fit` can be verified",
+            code="no_recipe",
+        )
+    found = {}
+    for source in summary["inputs"]:
+        path = source["path"]
+        # A table may carry the names of the recordings behind it; they are not read.
+        if recipe["table"] not in (None, path):
+            continue
+        found[path] = locate(path, result, folder)
+        digest = sha256_of(found[path])
+        if digest != source["sha256"]:
+            raise DataError(
+                f"{found[path]}: is not what the result was made from: sha256 "
+                f"{source['sha256']} is expected and {digest} found; restore the file, "
+                "or name the folder of the original by --inputs",
+                code="input_changed",
+            )
+    for path in recipe["recordings"]:
+        # A bag that is a folder: its files are the sources.
+        found.setdefault(path, locate(path, result, folder))
+    return found
+
+
+def locate(path: str, result: Path, folder: Path | None) -> Path:
+    """Where an input is: as named, beside the result, or in a folder of the user's.
+
+    Args:
+        path: As recorded.
+        result: Result folder.
+        folder: Folder to look in instead; there the name alone is enough.
+
+    Returns:
+        Path that exists.
+
+    Raises:
+        DataError: It is in none of these places.
+    """
+    # Not in the result itself: its own peaks.csv is no witness.
+    places = [Path(path), result.parent / path]
+    if folder is not None:
+        places = [folder / path, folder / Path(path).name]
+    for place in places:
+        if place.exists():
+            return place
+    raise DataError(
+        f"{path}: an input of this result is not there (looked for "
+        f"{', '.join(map(str, places))}); name its folder by --inputs",
+        code="input_missing",
+    )
+
+
+def run_again(
+    session: Session, summary: dict[str, Any], found: dict[str, Path]
+) -> "Identification":
+    """The same analysis of the same files.
+
+    Args:
+        session: Where progress is shown.
+        summary: `summary.json`.
+        found: Path of every input by its recorded name.
+
+    Returns:
+        What it finds now.
+    """
+    from pushfit.data.tables.peak_table import read_table
+    from pushfit.fit.identify import identify_table
+
+    config, recipe = recorded_config(summary), summary["recipe"]
+    if recipe["table"] is None:
+        recordings = [found[path] for path in recipe["recordings"]]
+        schedules = [found[path] for path in recipe["schedules"]]
+        table = load_peaks(session, recordings, schedules, config)
+    else:
+        table = read_table(found[recipe["table"]])
+    with session.progress() as progress:
+        return identify_table(
+            table,
+            config,
+            seed=summary["seed"],
+            engine=summary["posterior"]["engine"],
+            progress=progress,
+        )
+
+
+def recorded_config(summary: dict[str, Any]) -> "GraspConfig":
+    """Settings that a result was made with.
+
+    Returns:
+        Settings.
+
+    Raises:
+        ConfigError: This version does not understand them.
+    """
+    from pydantic import ValidationError
+
+    from pushfit.config import GraspConfig
+
+    try:
+        return GraspConfig.model_validate(summary["config"])
+    except ValidationError as error:
+        raise ConfigError(
+            f"the config in summary.json is not understood: {error.errors()[0]['msg']}"
+            "; use the version of pushfit that wrote it",
+            code="recorded_config",
+        ) from error
+
+
+def as_document(
+    comparison: "Reproduction", found: dict[str, Path]
+) -> dict[str, object]:
+    """What `--json` prints.
+
+    Args:
+        comparison: Every difference.
+        found: Path of every input by its recorded name.
+
+    Returns:
+        Document without infinities.
+    """
+    from pushfit.report.plain import json_safe
+
+    return {
+        "schema": SCHEMA,
+        "status": "reproduced" if comparison.is_reproduced else "differs",
+        "is_exact": comparison.is_exact,
+        "n_numbers": comparison.n_numbers,
+        "differences": json_safe(comparison.differences),
+        "environment": json_safe(comparison.environment),
+        "inputs": {name: str(path) for name, path in found.items()},
+    }
+
+
+def sentences(comparison: "Reproduction") -> list[str]:
+    """The comparison in words, as `print` is to show them.
+
+    Returns:
+        Lines: the verdict, the worst differences, and versions that differ.
+    """
+    from pushfit.report.strings import printable
+
+    differences = comparison.differences
+    n, refused = comparison.n_numbers, [d for d in differences if not d.is_tolerated]
+    if comparison.is_exact:
+        lines = [f"all {n} numbers reproduced exactly"]
+    elif comparison.is_reproduced:
+        lines = [f"all {n} numbers reproduced as far as other versions allow"]
+    else:
+        lines = [f"not reproduced: {len(refused)} of {n} numbers and words differ"]
+    for difference in (refused or differences)[:N_SHOWN]:
+        size = f"{difference.relative:.1e}"
+        lines.append(
+            f"  {difference.where}: {difference.recorded!r} recorded, "
+            f"{difference.found!r} now (relative difference {size})"
+        )
+    for name, (old, new) in comparison.environment.items():
+        lines.append(f"  {name}: {old or 'unknown'} then, {new or 'none'} now")
+    if refused and not comparison.environment:
+        lines.append("versions and platform are the same, so all should be identical")
+    return [printable(line) for line in lines]

@@ -1,0 +1,85 @@
+"""`pushfit watch`: a folder in which recordings arrive, and one page that keeps up."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pushfit.cli import options
+from pushfit.cli.commands.batch import report
+from pushfit.cli.session import Session
+from pushfit.cli.stop import keep
+from pushfit.errors import DataError
+
+Stamp = tuple[int, int]
+
+
+def watch(
+    session: Session,
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder in which recordings arrive.")
+    ],
+    out: options.ResultFolder,
+    config: options.ConfigFile = None,
+    profile: options.Profile = None,
+    schedule: options.ScheduleFile = None,
+    engine: options.Engine = "auto",
+    seed: options.Seed = 0,
+    every: Annotated[
+        float,
+        typer.Option("--every", metavar="SECONDS", min=0.05, help="Between two looks."),
+    ] = 2.0,
+    idle: Annotated[
+        float | None,
+        typer.Option(
+            "--idle",
+            metavar="SECONDS",
+            min=0,
+            help="End when nothing has come for so long; else Ctrl-C ends it.",
+        ),
+    ] = None,
+) -> int:
+    """Identify what arrives in a folder, and keep one page up to date."""
+    from pushfit.batch.run import identify_batch
+
+    keep(f"what is finished is kept in {out}; the same command goes on")
+    before, done, last = None, None, time.monotonic()
+    session.say(f"watching {folder}; Ctrl-C ends it")
+    while idle is None or time.monotonic() - last < idle:
+        now = stamps(folder, out)
+        # A file that still grows is read when it has stopped.
+        if now and now == before and now != done:
+            try:
+                found = identify_batch(
+                    [folder],
+                    out,
+                    config=config,
+                    profile=profile,
+                    schedule=schedule,
+                    seed=seed,
+                    engine=engine,
+                )
+                report(session, found, is_json=False)
+            except DataError as error:
+                session.warn(str(error))
+            done, last = now, time.monotonic()
+        before = now
+        time.sleep(every)
+    return 0
+
+
+def stamps(folder: Path, out: Path) -> dict[Path, Stamp]:
+    """Size and time of change of every file, those of the results left out.
+
+    Args:
+        folder: Where to look.
+        out: Folder of the results, perhaps inside.
+    """
+    found = {}
+    for path in folder.rglob("*"):
+        if out in path.parents or not path.is_file():
+            continue
+        status = path.stat()
+        found[path] = (status.st_size, status.st_mtime_ns)
+    return found

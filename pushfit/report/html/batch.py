@@ -1,0 +1,300 @@
+"""Many results as one HTML page: a population, and every item with its intervals.
+
+The table is sorted by a few lines of script that the policy names by their hash, and
+reads without them. Which columns a frame of results has is known here only.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from pushfit.fit.results import Piece, Verdict
+from pushfit.report.facts import verdict_word
+from pushfit.report.html.pages import render_page
+from pushfit.report.strings import (
+    format_number,
+    format_range,
+    join_or,
+    printable,
+    spread_of,
+    symbol,
+    unit_label,
+    with_unit,
+)
+
+ANGLES = ("theta_c", "alpha_star")
+NUMBERS = ("A", "B", "C_rr")
+OK = "ok"
+# Width of an interval's picture, in its own units.
+WIDTH = 100.0
+# Quantities that differ by more than this among items are drawn over their logarithm.
+WIDE = 10.0
+LOG = "ln_"
+
+Record = Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """What a row says of one quantity.
+
+    Args:
+        estimate: None if not quoted.
+        pieces: Interval or set to draw; None for an open end.
+        unit: Of both.
+        verdict: Word for it; empty where unknown.
+    """
+
+    estimate: float | None
+    pieces: tuple[Piece, ...]
+    unit: str
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """Common scale of the pictures of one quantity.
+
+    Args:
+        low: Left end.
+        high: Right end.
+        is_log: Whether equal steps are equal ratios.
+    """
+
+    low: float
+    high: float
+    is_log: bool
+
+    def place(self, value: float | None, *, default: float) -> float:
+        """Position of a value in a picture, inside it.
+
+        Args:
+            value: None for an open end.
+            default: Position of an open end.
+        """
+        if value is None:
+            return default
+        ends = (self.low, value, self.high)
+        low, at, high = map(math.log, ends) if self.is_log and value > 0 else ends
+        share = (at - low) / (high - low) if high > low else 0.5
+        return round(WIDTH * min(max(share, 0.0), 1.0), 1)
+
+
+EMPTY = Axis(low=0.0, high=1.0, is_log=False)
+
+
+def render_batch(
+    frame: pd.DataFrame,
+    population: Sequence[Record] = (),
+    *,
+    title: str = "Batch",
+) -> str:
+    """The whole batch as one page.
+
+    Args:
+        frame: One row per item. Read are `item`, `link` (address of its page beside
+            this one), `status`, `chi_square_p`, `warnings` (codes joined by ";") and
+            `message`; of the angles `theta_c` and
+            `alpha_star` the columns `<name>_deg`, `<name>_low_deg`, `<name>_high_deg`,
+            `<name>_sets` (JSON) and `<name>_verdict`; of `A`, `B` and `C_rr` the same
+            without `_deg`, and `<name>_unit`. Columns and cells may be missing.
+        population: One row per quantity: `quantity`, `unit`, `mean`, `mean_low`,
+            `mean_high`, `spread`, `spread_low`, `spread_high`, `n_items`, and
+            `outliers` and `not_usable`, names of items. With an upper end alone a
+            number is below it.
+        title: Heading.
+
+    Returns:
+        HTML. First the counts, then the population, then every item.
+
+    Raises:
+        ConfigError: Jinja2 is not installed.
+    """
+    records = frame.to_dict("records")
+    names = [n for n in (*ANGLES, *NUMBERS) if any(_has(r, n) for r in records)]
+    entries = {name: [_entry(record, name) for record in records] for name in names}
+    axes = {name: _axis(column) for name, column in entries.items()}
+    n_ok = sum(_word(record, "status") == OK for record in records)
+    content = {
+        "title": printable(title),
+        "n_items": len(records),
+        "n_ok": n_ok,
+        "population": [_population_row(row) for row in population],
+        "columns": [{"symbol": symbol(n), "scale": _scale(axes[n], n)} for n in names],
+        "rows": [
+            {
+                "item": _word(record, "item") or str(index),
+                "status": _word(record, "status"),
+                "is_ok": _word(record, "status") == OK,
+                "cells": [_cell(entries[n][index], axes[n]) for n in names],
+                "p_value": _p_value(_number(record, "chi_square_p")),
+                "warnings": _word(record, "warnings").replace(";", ", "),
+                "message": _word(record, "message"),
+                "link": _word(record, "link"),
+            }
+            for index, record in enumerate(records)
+        ],
+    }
+    return render_page("batch.html.j2", content, script="sort.js")
+
+
+def _has(record: Record, name: str) -> bool:
+    """Whether a row knows of a quantity."""
+    return name in record or f"{name}_deg" in record
+
+
+def _entry(record: Record, name: str) -> Entry:
+    """Columns of one quantity."""
+    suffix = "_deg" if name in ANGLES else ""
+    low = _number(record, f"{name}_low{suffix}")
+    high = _number(record, f"{name}_high{suffix}")
+    sets = _word(record, f"{name}_sets")
+    pieces = tuple((p[0], p[1]) for p in json.loads(sets)) if sets else ()
+    if not pieces and low is not None and high is not None:
+        pieces = ((low, high),)
+    verdict = _word(record, f"{name}_verdict")
+    is_known = verdict in {known.value for known in Verdict}
+    return Entry(
+        estimate=_number(record, f"{name}{suffix}"),
+        pieces=pieces,
+        unit="deg" if suffix else _word(record, f"{name}_unit"),
+        verdict=verdict_word(Verdict(verdict)) if is_known else verdict,
+    )
+
+
+def _number(record: Record, column: str) -> float | None:
+    """Finite number of a cell, None for anything else."""
+    value = record.get(column)
+    if isinstance(value, int | float) and math.isfinite(value):
+        return float(value)
+    return None
+
+
+def _word(record: Record, column: str) -> str:
+    """Text of a cell, empty where there is none."""
+    value = record.get(column)
+    return printable(value) if isinstance(value, str) else ""
+
+
+def _axis(entries: Sequence[Entry]) -> Axis:
+    """Scale that holds all that is drawn of one quantity."""
+    ends = [e for entry in entries for piece in entry.pieces for e in piece]
+    values = [v for v in (*ends, *(e.estimate for e in entries)) if v is not None]
+    if not values:
+        return EMPTY
+    low, high = min(values), max(values)
+    is_log = 0 < low and high / low > WIDE and entries[0].unit != "deg"
+    if not is_log:
+        margin = 0.03 * (high - low) or 0.5
+        low, high = low - margin, high + margin
+    return Axis(low=low, high=high, is_log=is_log)
+
+
+def _scale(axis: Axis, name: str) -> str:
+    """Ends of the pictures in words; none where nothing is drawn."""
+    if axis == EMPTY:
+        return ""
+    unit = "deg" if name in ANGLES else ""
+    words = format_range(axis.low, axis.high, unit)
+    return f"{words}, logarithmic" if axis.is_log else words
+
+
+def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
+    """Texts and picture of one quantity of one item."""
+    spread = None
+    if len(entry.pieces) == 1 and None not in entry.pieces[0]:
+        low, high = entry.pieces[0]
+        ends = (float(low or 0.0), float(high or 0.0))
+        middle = sum(ends) / 2 if entry.estimate is None else entry.estimate
+        spread = spread_of(middle, ends) if ends[0] < ends[1] else None
+    ranges = join_or(
+        [format_range(*p, entry.unit, spread=spread) for p in entry.pieces]
+    )
+    value = ""
+    if entry.estimate is not None:
+        value = with_unit(format_number(entry.estimate, spread=spread), entry.unit)
+    bars = []
+    for low, high in entry.pieces:
+        start = axis.place(low, default=0.0)
+        end = axis.place(high, default=WIDTH)
+        bars.append((start, round(max(end - start, 0.6), 1)))
+    is_drawn = entry.estimate is not None
+    dot = axis.place(entry.estimate, default=0.0) if is_drawn else None
+    return {
+        "sort": "" if entry.estimate is None else repr(entry.estimate),
+        "value": value,
+        "range": ranges,
+        "verdict": entry.verdict,
+        "bars": bars,
+        "dot": dot,
+    }
+
+
+def _p_value(value: float | None) -> str:
+    """Probability as printed."""
+    if value is None:
+        return ""
+    return "< 0.001" if value < 1e-3 else f"{value:.2g}"
+
+
+def _population_row(row: Record) -> dict[str, object]:
+    """One quantity of the population as printed."""
+    name, unit = _word(row, "quantity"), _word(row, "unit")
+    n_items = _number(row, "n_items")
+    if name.startswith(LOG):
+        # Pooled as logarithms, so the mean is geometric and the spread a ratio.
+        name, row = name.removeprefix(LOG), _exponentials(row)
+        spread = _with_range(row, "spread")
+        spread = f"a factor {'' if spread.startswith('below') else 'of '}{spread}"
+    else:
+        spread = _with_range(row, "spread")
+    return {
+        "symbol": symbol(name),
+        "unit": unit_label(unit),
+        "mean": _with_range(row, "mean"),
+        "spread": spread if _is_known(row, "spread") else "",
+        "n_items": "" if n_items is None else f"{n_items:.0f}",
+        "outliers": _names(row, "outliers"),
+        "not_usable": _names(row, "not_usable"),
+    }
+
+
+def _is_known(row: Record, name: str) -> bool:
+    """Whether there is a number or at least its upper end."""
+    return any(_number(row, column) is not None for column in (name, f"{name}_high"))
+
+
+def _exponentials(row: Record) -> Record:
+    """Row of a logarithm as one of the quantity itself."""
+    changed = dict(row)
+    for name in ("mean", "spread"):
+        for column in (name, f"{name}_low", f"{name}_high"):
+            value = _number(row, column)
+            if value is not None:
+                changed[column] = math.exp(value)
+    return changed
+
+
+def _names(row: Record, column: str) -> str:
+    """Names of items, in a list or joined by ";"."""
+    names = row.get(column)
+    if isinstance(names, str):
+        names = [part for part in names.split(";") if part]
+    listed = names if isinstance(names, list | tuple) else ()
+    return ", ".join(printable(str(item)) for item in listed)
+
+
+def _with_range(row: Record, name: str) -> str:
+    """Number with its interval in brackets."""
+    value = _number(row, name)
+    low, high = _number(row, f"{name}_low"), _number(row, f"{name}_high")
+    if value is None:
+        return "" if high is None else f"below {format_number(high)}"
+    if low is None or high is None or not low < high:
+        return format_number(value)
+    spread = spread_of(value, (low, high))
+    number = format_number(value, spread=spread)
+    return f"{number} ({format_range(low, high, '', spread=spread)})"

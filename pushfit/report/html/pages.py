@@ -1,0 +1,126 @@
+"""What all HTML pages share: the style sheet, the policy, and letters with an index.
+
+A page is one file that needs nothing else. Every value passes Jinja2's autoescape, and
+its content security policy names each style sheet and script by its hash.
+"""
+
+import base64
+import hashlib
+import html
+import re
+from collections.abc import Mapping
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from pushfit.errors import ConfigError
+from pushfit.report.strings import MEANINGS, SYMBOLS, symbol
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+# Letters with an index, as they occur in prose: K_sn, θ_c, F_0.
+INDEXED = re.compile(
+    r"(?<!\w)("
+    + "|".join(re.escape(prose) for prose, _ in SYMBOLS.values() if "_" in prose)
+    + r")(?!\w)"
+)
+
+
+def render_page(
+    template: str, content: Mapping[str, object], *, script: str = ""
+) -> str:
+    """A template with its style sheet, and a script if it has one.
+
+    Args:
+        template: File in `templates`.
+        content: Values of the template, as plain text.
+        script: File in `templates`.
+
+    Raises:
+        ConfigError: Jinja2 is not installed.
+    """
+    try:
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+        from markupsafe import Markup
+    except ImportError as error:
+        raise ConfigError(
+            "the HTML report needs Jinja2, which is not installed; "
+            "pip install jinja2, or use the text report",
+            code="html_unavailable",
+        ) from error
+    environment = Environment(
+        loader=PackageLoader("pushfit.report.html"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    environment.filters["letters"] = letters
+    environment.filters["named"] = named
+    style, code = _text("report.css"), _text(script) if script else ""
+    page = environment.get_template(template).render(
+        style=Markup(style),
+        style_hash=_hash(style),
+        script=Markup(code),
+        script_hash=_hash(code),
+        **content,
+    )
+    return page + "\n"
+
+
+def letters(text: str) -> "Markup":
+    """The same for a template.
+
+    Args:
+        text: Anything.
+    """
+    from markupsafe import Markup
+
+    return Markup(indexed_html(text))
+
+
+def named(name: str) -> "Markup":
+    """Symbol of a quantity that says on hover what it stands for.
+
+    Args:
+        name: Stable name.
+    """
+    from markupsafe import Markup
+
+    return Markup(symbol_html(name))
+
+
+def symbol_html(name: str) -> str:
+    """The same for a page that is no template.
+
+    Args:
+        name: Stable name.
+    """
+    shown = indexed_html(symbol(name))
+    if name not in MEANINGS:
+        return shown
+    return f'<abbr title="{html.escape(MEANINGS[name])}">{shown}</abbr>'
+
+
+def indexed_html(text: str) -> str:
+    """Escaped text in which indices are set as such, θ_c as θ with a low c.
+
+    Args:
+        text: Anything; only what is escaped is searched for letters.
+    """
+
+    def lowered(match: re.Match[str]) -> str:
+        letter, _, index = match.group().partition("_")
+        return f"{letter}<sub>{index}</sub>"
+
+    return INDEXED.sub(lowered, html.escape(text))
+
+
+def _text(name: str) -> str:
+    """A file beside the templates."""
+    file = resources.files("pushfit.report.html").joinpath("templates", name)
+    return file.read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    """Digest by which a policy allows an inline text."""
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

@@ -1,0 +1,190 @@
+"""The report as one HTML file that needs nothing else and runs nothing.
+
+Styles and figures are inside; the policy allows no script and no address. Text from
+users loses its control characters before it is escaped.
+"""
+
+import base64
+import json
+from collections.abc import Mapping
+from pathlib import PurePath
+
+import numpy as np
+
+from pushfit.fit.quoting import quoted
+from pushfit.fit.results import FitStatus, Identification, Quantity
+from pushfit.report.answers import alpha_star_answer, theta_c_answer
+from pushfit.report.facts import (
+    angle_rows,
+    cannot_say,
+    correlation_rows,
+    fit_rows,
+    quantity_cells,
+)
+from pushfit.report.figures.identification import figure_files
+from pushfit.report.figures.main import MAX_SWEEPS, main_figure, sweeps_of
+from pushfit.report.figures.style import figure_bytes
+from pushfit.report.html.pages import render_page
+from pushfit.report.strings import printable, symbol
+
+# Dense figures, smaller as pixels than as paths.
+AS_PIXELS = frozenset(
+    {"corner_parameters", "corner_combinations", "traces", "exploration"}
+)
+THETA = "Heights against elevation for every azimuth"
+MIME = {"svg": "image/svg+xml", "png": "image/png"}
+
+
+def render_html(
+    identification: Identification, *, files: Mapping[str, bytes] | None = None
+) -> str:
+    """The whole report as one page.
+
+    Args:
+        identification: The result.
+        files: Figures as `figure_files` makes them; None makes them here.
+
+    Returns:
+        HTML. First the two answers, the main figure and the warnings.
+
+    Raises:
+        ConfigError: Jinja2 is not installed.
+    """
+    files = dict(files or figure_files(identification, is_wanted=is_shown))
+    stacked = main_figure(identification, is_stacked=True)
+    files["main_stacked.svg"] = figure_bytes(stacked, "svg")
+    content = _content(identification) | {"images": _images(files)}
+    return render_page("report.html.j2", content)
+
+
+def is_shown(name: str, suffix: str) -> bool:
+    """Whether a page shows a figure in this format.
+
+    Args:
+        name: Of the figure.
+        suffix: "png" or "svg".
+    """
+    return suffix == ("png" if name in AS_PIXELS else "svg")
+
+
+def _images(files: Mapping[str, bytes]) -> dict[str, str]:
+    """Figures as data addresses, by name."""
+    images = {}
+    for file, content in files.items():
+        name, _, suffix = file.rpartition(".")
+        if is_shown(name, suffix):
+            text = base64.b64encode(content).decode("ascii")
+            images[name] = f"data:{MIME[suffix]};base64,{text}"
+    return images
+
+
+def _content(identification: Identification) -> dict[str, object]:
+    """Everything that the template prints, as plain text."""
+    quality, status = identification.goodness_of_fit, identification.status
+    table = identification.table
+    # A path says more than a reader asks; the whole of it is under Provenance.
+    paths = [trace.path for trace in table.traces] or [s.path for s in table.sources]
+    names = dict.fromkeys(printable(PurePath(path).name) for path in paths)
+    heading = ", ".join(names) or "Push exploration"
+    answers = (theta_c_answer(identification), alpha_star_answer(identification))
+    return {
+        "title": f"pushfit: {heading}",
+        "heading": heading,
+        "n_pushes": table.n_pushes,
+        "n_used": int(np.sum(identification.used)),
+        "status_text": "" if status is FitStatus.OK else status.value,
+        "is_adequate": quality.is_adequate,
+        "quality": printable(quality.sentence),
+        "answers": [
+            {"symbol": symbol(a.name), "short": a.short, "sentence": a.sentence}
+            for a in answers
+        ],
+        "main_caption": _main_caption(identification),
+        "sweeps": _sweep_captions(identification),
+        "recordings": _recording_captions(identification),
+        "warnings": [
+            {"code": printable(n.code), "text": printable(n.text)}
+            for n in identification.warnings
+        ],
+        "cannot_say": cannot_say(identification),
+        "angles": angle_rows(identification),
+        "prob": f"{100 * identification.theta_c.prob:g} %",
+        "parameters": _rows(identification.parameters, identification),
+        "combinations": _rows(identification.combinations, identification),
+        "correlations": correlation_rows(identification),
+        "fit": fit_rows(identification),
+        "inputs": [
+            {
+                "path": printable(source.path),
+                "dialect": printable(source.dialect),
+                "sha256": printable(source.sha256),
+            }
+            for source in table.sources
+        ],
+        "notes": [printable(note) for note in table.notes],
+        "versions": [
+            (printable(name), printable(version))
+            for name, version in identification.versions.items()
+        ],
+        "config": json.dumps(
+            stated_config(identification),
+            indent=2,
+            ensure_ascii=True,
+        ),
+    }
+
+
+def stated_config(identification: Identification) -> dict[str, object]:
+    """Settings that were stated, and those that every number depends on."""
+    config = identification.config
+    stated = config.model_dump(mode="json", exclude_defaults=True)
+    # A default push length is an assumption of the reader's as well.
+    push = config.push.model_dump(mode="json")
+    return {"push": push, **{k: v for k, v in stated.items() if k != "push"}}
+
+
+def _rows(
+    quantities: tuple[Quantity, ...], identification: Identification
+) -> list[tuple[str, ...]]:
+    """Cells of the table of quantities."""
+    return [(q.name, *quantity_cells(quoted(q, identification))) for q in quantities]
+
+
+def _main_caption(identification: Identification) -> str:
+    """What the main figure shows."""
+    parts = ["Peak heights of the pushes, the best fit and the credible band"]
+    parts.append("dashed and shaded: the answer and its set")
+    if identification.posterior.status is not FitStatus.OK:
+        parts = ["Peak heights of the pushes and the best fit"]
+    return "; ".join(parts) + "."
+
+
+def _sweep_captions(identification: Identification) -> list[tuple[str, str]]:
+    """Names and captions of the figures of heights against each angle."""
+    captions = {
+        # Up to so many azimuths are in the main figure.
+        **({"theta": THETA} if _n_azimuths(identification) > MAX_SWEEPS else {}),
+        "alpha": "Heights against azimuth, as a curve and around the push frame",
+    }
+    return [
+        (f"{swept}{kind}", f"{words}{kind.replace('_', ', ')}.")
+        for swept, words in captions.items()
+        for kind in (c.removeprefix("height") for c in identification.table.channels)
+    ]
+
+
+def _n_azimuths(identification: Identification) -> int:
+    """Azimuths at which the elevation was swept."""
+    return len(sweeps_of(identification, "theta", identification.table.channels[0]))
+
+
+def _recording_captions(identification: Identification) -> list[tuple[str, str]]:
+    """Names and captions of the figures of the recordings."""
+    return [
+        (
+            f"recording_{index}",
+            f"{printable(trace.path)}: the signal, and where each push was measured "
+            "from its baseline; doubtful pushes in red.",
+        )
+        for index, trace in enumerate(identification.table.traces, start=1)
+    ]

@@ -1,0 +1,170 @@
+"""What `summary.json` holds, declared once: its schema is made from these records.
+
+The identifier of the schema changes when a reader of the old one would break.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter
+from pydantic.fields import FieldInfo
+
+from pushfit.data.recordings.records import Source
+from pushfit.fit.results import (
+    Combination,
+    FitStatus,
+    GoodnessOfFit,
+    Mode,
+    Notice,
+    Quantity,
+    Recipe,
+)
+from pushfit.report.frames import Correlation
+
+SCHEMA = "pushfit.summary/2"
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def _one_of(*words: str) -> FieldInfo:
+    return Field(json_schema_extra={"enum": list(words)})
+
+
+Status = Annotated[str, _one_of(*(status.name.lower() for status in FitStatus))]
+HeightUnit = Annotated[str, _one_of("n", "kpa", "counts", "au")]
+# By name, which is therefore no part of the entry itself.
+Quantities = Mapping[str, Quantity]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sentences:
+    """The two answers in words."""
+
+    theta_c: str
+    alpha_star: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """The least-squares fit and all its optima.
+
+    Args:
+        sigma: Smallest and largest sd of the heights.
+    """
+
+    status: Status
+    chi_square: float
+    n_data: int
+    n_free: int
+    singular_values: tuple[float, ...]
+    sigma: tuple[float, float]
+    modes: tuple[Mode, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chain:
+    """Convergence of a chain in numbers.
+
+    Args:
+        acceptance_fraction: Mean over the walkers.
+    """
+
+    n_ensembles: int
+    n_walkers: int
+    n_steps: int
+    autocorr_time: Mapping[str, float]
+    ess: Mapping[str, float]
+    rhat: Mapping[str, float]
+    acceptance_fraction: float
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Posterior:
+    """How the posterior was computed and whether it may be believed."""
+
+    engine: str
+    status: Status
+    n_draws: int
+    log_evidence: float | None
+    log_evidence_error: float | None
+    ess: float | None
+    pareto_k: float | None
+    diagnostics: Chain | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identifiability:
+    """What the data can and cannot tell."""
+
+    rank: int
+    n_parameters: int
+    directions: tuple[Combination, ...]
+    advice: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What an identification found. Unknown is null, as is the open end of a set.
+
+    Args:
+        status: "ok", or why no number is to be trusted.
+        status_text: The same in words.
+        n_used: Pushes that entered the fit.
+        theta_c_deg: At `reference_alpha_deg`.
+        recipe: Which inputs are what, for `pushfit verify`; null for a table made in
+            Python.
+    """
+
+    schema: Literal["pushfit.summary/2"] = SCHEMA
+    status: Status
+    status_text: str
+    n_pushes: int
+    n_used: int
+    height_unit: HeightUnit
+    sentences: Sentences
+    theta_c_deg: Quantity
+    reference_alpha_deg: float
+    alpha_star_deg: Quantity
+    alpha_star_model_free_deg: Quantity | None
+    parameters: Quantities
+    combinations: Quantities
+    correlations: tuple[Correlation, ...]
+    goodness_of_fit: GoodnessOfFit
+    fit: Fit
+    posterior: Posterior
+    identifiability: Identifiability
+    warnings: tuple[Notice, ...]
+    notes: tuple[str, ...]
+    inputs: tuple[Source, ...]
+    recipe: Recipe | None
+    config: Mapping[str, Any]
+    seed: int
+    versions: Mapping[str, str]
+
+
+def summary_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of `summary.json`."""
+    schema = TypeAdapter(Summary).json_schema()
+    del schema["$defs"]["Quantity"]["properties"]["name"]
+    return {"$schema": DIALECT, "$id": SCHEMA, **_strict(schema)}
+
+
+def _strict(node: Any) -> Any:
+    """The same with nothing left out or added, and null for a number not known."""
+    if isinstance(node, list):
+        return [_strict(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    strict = {k: _strict(v) for k, v in node.items() if k not in ("default", "title")}
+    if strict.get("type") == "number":
+        strict["type"] = ["number", "null"]
+    if isinstance(strict.get("properties"), dict):
+        required = list(strict["properties"])
+        strict |= {"required": required, "additionalProperties": False}
+    return strict
+
+
+if __name__ == "__main__":
+    print(json.dumps(summary_schema(), indent=2))

@@ -1,0 +1,128 @@
+"""A result folder: complete or absent.
+
+Everything is written beside the target under a hidden name, forced to disk and renamed.
+What stands there already is refused, or with `force` stays whole until its successor is
+complete. Nothing is ever written through a symbolic link, and nothing is removed that
+this module does not write.
+"""
+
+import json
+import os
+import secrets
+import shutil
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from types import MappingProxyType
+
+from pushfit.atomic import unfinished, whole
+from pushfit.data.tables.peak_table import write_table
+from pushfit.fit.results import Identification
+from pushfit.report.figures import figure_files
+from pushfit.report.html.result import is_shown, render_html
+from pushfit.report.store.archive import posterior_tree
+from pushfit.report.store.summary import summary_dict
+from pushfit.report.store.target import check_target
+from pushfit.report.text.result import render_text
+
+NOTHING: Mapping[str, bytes] = MappingProxyType({})
+
+
+def write_result_folder(
+    identification: Identification,
+    out: Path,
+    *,
+    force: bool,
+    pictures: str | None = None,
+    extra: Mapping[str, bytes] = NOTHING,
+) -> Path:
+    """Write tables, posterior, summary, reports and figures of a result.
+
+    Args:
+        identification: The result.
+        out: Folder to create; its parent exists.
+        force: Replace a result folder that stands there.
+        pictures: "png" or "svg" for every figure also in this format.
+        extra: Content of further files, by names of `CONTENT`.
+
+    Returns:
+        The folder: `peaks.csv`, `result.nc`, `summary.json`, `report.txt`, `figures/`
+        as the page shows them, lines as SVG and dense ones as PNG, and `report.html`
+        where Jinja2 is installed.
+
+    Raises:
+        ConfigError: Something stands there and is not to be replaced, or the parent
+            does not exist.
+    """
+    check_target(out, force=force)
+    token = secrets.token_hex(4)
+    fresh = out.with_name(f".{out.name}.{token}.partial")
+    fresh.mkdir()
+    with unfinished(fresh):
+        _write_content(identification, fresh, pictures, extra)
+        _sync_tree(fresh)
+        with whole():
+            _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
+    return out
+
+
+def _write_content(
+    identification: Identification,
+    folder: Path,
+    pictures: str | None,
+    extra: Mapping[str, bytes],
+) -> None:
+    """Write every file of a result; further pictures are on the page as well."""
+    for name, content in extra.items():
+        (folder / name).write_bytes(content)
+    write_table(identification.table, folder / "peaks.csv")
+    posterior_tree(identification).to_netcdf(folder / "result.nc", engine="h5netcdf")
+    summary = json.dumps(
+        summary_dict(identification), indent=2, ensure_ascii=False, allow_nan=False
+    )
+    (folder / "summary.json").write_text(summary + "\n", encoding="utf-8")
+    (folder / "report.txt").write_text(render_text(identification), encoding="utf-8")
+
+    def is_wanted(name: str, suffix: str) -> bool:
+        return suffix == pictures or is_shown(name, suffix)
+
+    files = figure_files(identification, is_wanted=is_wanted)
+    (folder / "figures").mkdir()
+    for name, content in files.items():
+        (folder / "figures" / name).write_bytes(content)
+    if find_spec("jinja2"):
+        shown = {n: c for n, c in extra.items() if n.endswith(".png")}
+        page = render_html(identification, files=files | shown)
+        (folder / "report.html").write_text(page, encoding="utf-8")
+
+
+def _take_place(fresh: Path, out: Path, old: Path) -> None:
+    """Rename the finished folder to its name, the old one aside for that moment."""
+    had_old = out.exists()
+    if had_old:
+        os.rename(out, old)
+    try:
+        os.rename(fresh, out)
+    except BaseException:
+        if had_old:
+            os.rename(old, out)
+        raise
+    _sync(out.parent)
+    if had_old:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _sync_tree(folder: Path) -> None:
+    """Force every file and folder below to disk, the folder itself last."""
+    for path in sorted(folder.rglob("*"), reverse=True):
+        _sync(path)
+    _sync(folder)
+
+
+def _sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,80 @@
+"""Where a result folder may be written: checked before anything is computed for it."""
+
+from pathlib import Path
+
+from pushfit.errors import ConfigError
+
+CONTENT = frozenset(
+    {
+        "peaks.csv",
+        "result.nc",
+        "summary.json",
+        "report.txt",
+        "report.html",
+        "figures",
+        # Of an explored grasp.
+        "journal.jsonl",
+        "exploration.png",
+    }
+)
+
+
+def check_target(out: Path, *, force: bool) -> None:
+    """Refuse a target before anything is computed for it.
+
+    Args:
+        out: Folder to create.
+        force: Replace a result folder that stands there.
+
+    Raises:
+        ConfigError: As in `write_result_folder`.
+    """
+    check_place(out)
+    if not out.exists():
+        return
+    if not force:
+        raise ConfigError(
+            f"{out}: exists and is not overwritten; choose another name or use --force",
+            code="output_exists",
+        )
+    strange = _strange_content(out)
+    if strange:
+        raise ConfigError(
+            f"{out}: {strange} is not part of a result, so --force does not remove it; "
+            "choose another name or move it away",
+            code="output_not_a_result",
+        )
+
+
+def check_place(out: Path) -> None:
+    """Refuse a name under which no folder can be made.
+
+    Args:
+        out: Folder to create, or to go on in.
+
+    Raises:
+        ConfigError: It is no name or a link, or its parent is missing.
+    """
+    if not out.name:
+        raise ConfigError(
+            f"{out}: not the name of a folder; name one to create", code="output_name"
+        )
+    if out.is_symlink():
+        raise ConfigError(
+            f"{out}: is a symbolic link, which is never followed for writing; "
+            "name the folder itself",
+            code="output_symlink",
+        )
+    if not out.parent.is_dir():
+        raise ConfigError(
+            f"{out}: the folder {out.parent} does not exist; create it first",
+            code="output_parent",
+        )
+
+
+def _strange_content(out: Path) -> str:
+    """Name of something in the folder that no result has; empty if all is known."""
+    if not out.is_dir():
+        return out.name
+    entries = {entry.name for entry in out.iterdir()}
+    return min(entries - CONTENT, default="")

@@ -1,0 +1,111 @@
+"""A calibration for readers: text, JSON and figure."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from pushfit.fit.calibration import Calibration, Coverage
+from pushfit.report.figures.coverage import coverage_figure
+from pushfit.report.plain import Json, json_safe
+from pushfit.report.strings import symbol
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCHEMA = "pushfit.calibrate/1"
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Counts with what they can tell.
+
+    Returns:
+        Lines.
+    """
+    c = calibration
+    lines = [
+        f"{c.n_tables} tables of {c.n_pushes} pushes, truths drawn from the priors, "
+        f"engine {c.engine}",
+        "truth inside, and the coverages that this count is compatible with (95 %):",
+        "",
+    ]
+    lines += [_line(coverage) for coverage in c.coverages]
+    lines.append("")
+    for name, counts in c.verdicts.items():
+        shares = ", ".join(
+            f"{verdict.value} {n}" for verdict, n in sorted(counts.items(), key=_rank)
+        )
+        lines.append(f"{symbol(name)} was called {shares}")
+    if c.n_failed:
+        lines.append(
+            f"{c.n_failed} of {c.n_tables} gave no trusted result and are not counted"
+        )
+    wrong = [coverage for coverage in c.coverages if not coverage.is_compatible]
+    if wrong:
+        # One in twenty fails by chance.
+        lines.append(
+            f"{len(wrong)} of {len(c.coverages)} claims, marked !, lie outside their "
+            "limits; one in twenty does so by chance, so measure again with more tables"
+        )
+    else:
+        lines.append(
+            "every claim lies inside its limits; "
+            "four times as many tables would halve them"
+        )
+    return "\n".join(lines)
+
+
+def calibration_dict(calibration: Calibration) -> dict[str, Json]:
+    """The same as one JSON-safe document.
+
+    Returns:
+        Dictionary with the schema `pushfit.calibrate/1`.
+    """
+    content = {
+        "schema": SCHEMA,
+        "n_tables": calibration.n_tables,
+        "n_failed": calibration.n_failed,
+        "n_pushes": calibration.n_pushes,
+        "engine": calibration.engine,
+        "seed": calibration.seed,
+        "coverage": [
+            asdict(coverage)
+            | {
+                "share": coverage.share,
+                "limits": coverage.limits,
+                "is_compatible": coverage.is_compatible,
+            }
+            for coverage in calibration.coverages
+        ],
+        "verdicts": {
+            name: {verdict.value: n for verdict, n in counts.items()}
+            for name, counts in calibration.verdicts.items()
+        },
+    }
+    return {key: json_safe(value) for key, value in content.items()}
+
+
+def calibration_figure(calibration: Calibration) -> "Figure":
+    """Measured over claimed coverage of the intervals.
+
+    Returns:
+        Figure.
+    """
+    points: dict[str, list[tuple[float, float, float, float]]] = {}
+    for coverage in calibration.coverages:
+        if coverage.kind == "interval" and coverage.n_tables:
+            row = (coverage.prob, coverage.share, *coverage.limits)
+            points.setdefault(coverage.name, []).append(row)
+    return coverage_figure(points, n_tables=calibration.n_tables - calibration.n_failed)
+
+
+def _line(coverage: Coverage) -> str:
+    """One claim and its measurement."""
+    low, high = coverage.limits
+    mark = " " if coverage.is_compatible else "!"
+    claim = f"{symbol(coverage.name):<5} {100 * coverage.prob:3g} % {coverage.kind:<8}"
+    count = f"{coverage.n_held} of {coverage.n_tables}"
+    return f"{mark} {claim} {count:>12}  {100 * low:3.0f} to {100 * high:3.0f} %"
+
+
+def _rank(item: tuple[object, int]) -> int:
+    """Most frequent first."""
+    return -item[1]

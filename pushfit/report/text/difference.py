@@ -1,0 +1,252 @@
+"""Two results side by side: what differs, by how much, and how surely.
+
+Both posteriors are taken as independent, so the draws of one are subtracted from those
+of the other. Excluded: two models of the same pushes, which `compare` weighs.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.errors import DataError
+from pushfit.fit.quoting import is_trusted, quoted
+from pushfit.fit.results import Identification, Quantity, Verdict
+from pushfit.report.facts import quantity_cells, verdict_word
+from pushfit.report.plain import Json, json_safe
+from pushfit.report.strings import (
+    format_number,
+    join_and,
+    symbol,
+    unit_label,
+    with_unit,
+)
+
+SCHEMA = "pushfit.difference/1"
+HALF_TURN = 180.0
+# Beyond this share of draws without a critical angle the rest says too little.
+MAX_NONE = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """How much larger a quantity is in the second result.
+
+    Args:
+        name: Stable name.
+        unit: Of every number below.
+        first: The quantity in the first result.
+        second: The same in the second.
+        estimate: Median of second - first; of an axis the shorter way round.
+        interval: Equal-tailed interval of it.
+        prob: Probability of the interval.
+        prob_larger: Probability that the second is larger.
+    """
+
+    name: str
+    unit: str
+    first: Quantity
+    second: Quantity
+    estimate: float
+    interval: tuple[float, float]
+    prob: float
+    prob_larger: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the interval leaves out zero."""
+        return self.interval[0] > 0 or self.interval[1] < 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """Two results.
+
+    Args:
+        differences: One for each quantity that both determine.
+        left_out: Sentences on what could not be compared.
+    """
+
+    differences: tuple[Difference, ...]
+    left_out: tuple[str, ...]
+
+
+def compare_results(first: Identification, second: Identification) -> Comparison:
+    """Subtract two results.
+
+    Args:
+        first: One result.
+        second: Another, of other pushes.
+
+    Returns:
+        Differences of θ_c, α*, the combinations and the parameters.
+
+    Raises:
+        DataError: One of them is not to be trusted (`untrusted_result`), or both are of
+            the same pushes (`same_inputs`).
+    """
+    for result in (first, second):
+        if not is_trusted(result):
+            raise DataError(
+                "a result whose numerics are not to be trusted cannot be compared: "
+                f"{result.status.value}",
+                code="untrusted_result",
+            )
+    digests = {source.sha256 for source in first.table.sources}
+    shared = [s.path for s in second.table.sources if s.sha256 in digests]
+    if shared:
+        raise DataError(
+            f"both results are made of {join_and(shared)}, so they are not "
+            "independent; compare results of different pushes, and models of the same "
+            "pushes by `pushfit compare`",
+            code="same_inputs",
+        )
+    found, left_out = [], []
+    for name in (q.name for q in _quantities(first)):
+        reason = _why_not(name, first, second)
+        if reason:
+            left_out.append(f"{symbol(name)}: {reason}")
+        else:
+            found.append(_difference(name, first, second))
+    return Comparison(differences=tuple(found), left_out=tuple(left_out))
+
+
+def _quantities(result: Identification) -> tuple[Quantity, ...]:
+    """Angles, combinations and parameters, as they may be quoted."""
+    own = (result.theta_c, result.alpha_star, *result.combinations, *result.parameters)
+    return tuple(quoted(quantity, result) for quantity in own)
+
+
+def _named(result: Identification, name: str) -> Quantity | None:
+    return next((q for q in _quantities(result) if q.name == name), None)
+
+
+def _why_not(name: str, first: Identification, second: Identification) -> str:
+    """Why a quantity cannot be compared; empty if it can."""
+    both = [_named(result, name) for result in (first, second)]
+    for which, quantity in zip(("first", "second"), both, strict=True):
+        if quantity is None:
+            return f"not in the {which} result"
+        if quantity.estimate is None or quantity.interval is None:
+            return f"the {which} is {verdict_word(quantity.verdict)}"
+        if quantity.verdict is Verdict.ASSUMED:
+            return f"the {which} is only assumed"
+    units = {unit_label(quantity.unit) for quantity in both if quantity}
+    if len(units) > 1:
+        return f"one is in {' and the other in '.join(sorted(units))}"
+    azimuths = {result.reference_alpha_deg for result in (first, second)}
+    if name == "theta_c" and len(azimuths) > 1:
+        at = " and ".join(f"{azimuth:g}°" for azimuth in sorted(azimuths))
+        return f"belongs to α = {at}; state grasp.reference_alpha_deg"
+    draws = [result.posterior.samples.get(name) for result in (first, second)]
+    if any(d is None or np.mean(np.isnan(d)) > MAX_NONE for d in draws):
+        return "does not exist in a good part of the draws"
+    return ""
+
+
+def _difference(name: str, first: Identification, second: Identification) -> Difference:
+    """One quantity of both, the second minus the first."""
+    ours, theirs = _named(first, name), _named(second, name)
+    assert ours is not None
+    assert theirs is not None
+    change = subtracted(
+        first.posterior.samples[name],
+        second.posterior.samples[name],
+        is_axis=name == "alpha_star",
+    )
+    tail = (1 - ours.prob) / 2
+    low, middle, high = np.quantile(change, [tail, 0.5, 1 - tail])
+    return Difference(
+        name=name,
+        unit=ours.unit,
+        first=ours,
+        second=theirs,
+        estimate=float(middle),
+        interval=(float(low), float(high)),
+        prob=ours.prob,
+        prob_larger=float(np.mean(change > 0)),
+    )
+
+
+def subtracted(
+    first: Float[np.ndarray, " n"], second: Float[np.ndarray, " m"], *, is_axis: bool
+) -> Float[np.ndarray, " k"]:
+    """Draws of second - first, of independent posteriors.
+
+    Args:
+        first: Draws of one; NaN where it does not exist.
+        second: Draws of the other.
+        is_axis: Whether 180° is 0°; then the shorter way round [deg].
+    """
+    ours, theirs = (draws[np.isfinite(draws)] for draws in (first, second))
+    # Any pairing is as good as any other, unless both are sorted.
+    rng = np.random.default_rng(0)
+    n = min(ours.size, theirs.size)
+    change = rng.permutation(theirs)[:n] - rng.permutation(ours)[:n]
+    if is_axis:
+        change = (change + HALF_TURN / 2) % HALF_TURN - HALF_TURN / 2
+    return change
+
+
+def difference_text(comparison: Comparison) -> str:
+    """What differs, in words and numbers."""
+    lines = []
+    for one in comparison.differences:
+        first, second = (_in_short(q) for q in (one.first, one.second))
+        lines.append(f"{symbol(one.name)}: {first}, then {second}")
+        lines.append(f"    {sentence(one)}")
+    lines += [f"left out, {text}" for text in comparison.left_out]
+    return "\n".join(lines)
+
+
+def sentence(difference: Difference) -> str:
+    """The verdict on one difference.
+
+    Args:
+        difference: Of one quantity.
+    """
+    low, high = difference.interval
+    spread = high - low
+    size = with_unit(
+        format_number(abs(difference.estimate), spread=spread), difference.unit
+    )
+    word = "larger" if difference.estimate > 0 else "smaller"
+    surely = max(difference.prob_larger, 1 - difference.prob_larger)
+    chance = "over 99.9 %" if surely > 0.999 else f"{100 * surely:.3g} %"
+    ends = " to ".join(format_number(end, spread=spread) for end in (low, high))
+    change = with_unit(ends, difference.unit)
+    said = (
+        f"the second is {size} {word} ({100 * difference.prob:g} %: {change}; {chance})"
+    )
+    return said if difference.is_clear else f"no clear difference; {said}"
+
+
+def _in_short(quantity: Quantity) -> str:
+    value, interval, _, _, _ = quantity_cells(quantity)
+    return f"{with_unit(value, quantity.unit)} ({interval})"
+
+
+def difference_dict(comparison: Comparison) -> dict[str, Json]:
+    """The same for a program."""
+    content = {
+        one.name: {
+            "unit": one.unit,
+            "first": _numbers(one.first),
+            "second": _numbers(one.second),
+            "difference": _numbers(one),
+            "prob": one.prob,
+            "prob_larger": one.prob_larger,
+            "is_clear": one.is_clear,
+        }
+        for one in comparison.differences
+    }
+    return {
+        "schema": SCHEMA,
+        "status": "ok",
+        "differences": json_safe(content),
+        "left_out": json_safe(comparison.left_out),
+    }
+
+
+def _numbers(one: Quantity | Difference) -> dict[str, object]:
+    return {"estimate": one.estimate, "interval": one.interval}

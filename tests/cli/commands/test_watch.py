@@ -1,0 +1,107 @@
+"""A folder is watched: what arrives is identified once, when it has stopped growing."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from pushfit.batch import run
+from pushfit.cli import main
+from pushfit.cli.commands import watch as watch_module
+from pushfit.cli.commands.watch import stamps
+from pushfit.errors import DataError
+
+
+@pytest.fixture
+def runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def batches(runs, monkeypatch):
+    """Files of the folder at each call for a batch."""
+    seen = []
+
+    def batch(inputs, out, **options):
+        (folder,) = inputs
+        seen.append({path.name: path.stat().st_size for path in folder.iterdir()})
+        return run.Batch(
+            rows=(),
+            population=(),
+            failures=(),
+            files=(),
+            n_computed=1,
+            n_kept=0,
+            n_left_out=0,
+            notice="",
+        )
+
+    monkeypatch.setattr(run, "identify_batch", batch)
+    return seen
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Time that passes only while the command sleeps, and what happens meanwhile."""
+    events, now = [], [0.0]
+
+    def sleep(seconds):
+        now[0] += seconds
+        if events:
+            events.pop(0)()
+
+    fake = SimpleNamespace(sleep=sleep, monotonic=lambda: now[0])
+    monkeypatch.setattr(watch_module, "time", fake)
+    return events
+
+
+def watch() -> int:
+    return main(["watch", "runs", "-o", "out", "--every", "1", "--idle", "8"])
+
+
+def test_what_is_there_is_identified_once(runs, batches, clock):
+    (runs / "a.csv").write_text("x")
+    assert watch() == 0
+    assert batches == [{"a.csv": 1}]
+
+
+def test_what_arrives_later_is_identified_when_it_has_stopped_growing(
+    runs, batches, clock
+):
+    (runs / "a.csv").write_text("x")
+
+    def grow(length):
+        return lambda: (runs / "b.csv").write_text("y" * length)
+
+    clock += [lambda: None, lambda: None, grow(1), grow(2), grow(3)]
+    assert watch() == 0
+    assert batches == [{"a.csv": 1}, {"a.csv": 1, "b.csv": 3}]
+
+
+def test_an_empty_folder_is_waited_for(runs, batches, clock):
+    assert watch() == 0
+    assert batches == []
+
+
+def test_a_folder_without_a_recording_is_no_end(runs, monkeypatch, clock, capsys):
+    def refuse(inputs, out, **options):
+        raise DataError("no recording or table there", code="nothing_to_do")
+
+    monkeypatch.setattr(run, "identify_batch", refuse)
+    (runs / "notes.txt").write_text("x")
+    assert watch() == 0
+    assert "warning: no recording or table there" in capsys.readouterr().err
+
+
+def test_results_inside_the_folder_are_not_inputs(runs):
+    (runs / "a.csv").write_text("x")
+    (runs / "out").mkdir()
+    (runs / "out" / "results.csv").write_text("x")
+    assert set(stamps(runs, runs / "out")) == {runs / "a.csv"}
+
+
+def test_a_missing_folder_is_said(runs, capsys):
+    assert main(["watch", "none", "-o", "out"]) == 2
+    assert "no such file" in capsys.readouterr().err

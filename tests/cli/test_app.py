@@ -1,0 +1,355 @@
+"""The command line, as a shell sees it: streams, exit codes, files."""
+
+import inspect
+import json
+import os
+import shlex
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import typer
+
+from pushfit import cache
+from pushfit.cli import main
+from pushfit.cli.app import app
+from pushfit.cli.examples import EXAMPLES
+from pushfit.cli.session import Session
+from pushfit.config import GraspConfig, read_config
+from pushfit.config.inputs import PeaksSection, RecordingSection
+from pushfit.data.grasp import make_grasp
+from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.recordings.load import reader_options
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.samples import Gaps, ThetaFrom
+from pushfit.data.text.dialects import Format
+from pushfit.data.text.scan import Tail
+from pushfit.data.truth import stated_parameters
+from pushfit.directions import critical_angle
+from pushfit.errors import ConfigError, DataError, FitError, Problem
+
+
+def session(**options: bool) -> Session:
+    flags = {"is_quiet": False, "is_verbose": False, "is_debug": False}
+    return Session(**(flags | {"is_json": False} | options))
+
+
+def raising(error: BaseException):
+    def work() -> None:
+        raise error
+
+    return work
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (ConfigError("a", code="x"), 2),
+        (DataError("a", code="x"), 3),
+        (FitError("a", code="x"), 4),
+        (KeyboardInterrupt(), 130),
+        (ZeroDivisionError("a"), 1),
+        (PermissionError(13, "Permission denied", "out"), 2),
+    ],
+)
+def test_every_failure_has_its_exit_code_and_one_line(error, code, capsys):
+    assert session().run(raising(error)) == code
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+
+
+def test_a_failure_under_json_is_a_document(capsys):
+    problem = Problem(code="bad", message="line 3: bad")
+    error = DataError("a.csv: bad", code="bad_cell", problems=(problem,))
+    session(is_json=True).run(raising(error))
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "pushfit.error/1"
+    assert document["status"] == "bad_cell"
+    assert document["problems"] == ["line 3: bad"]
+
+
+def test_debug_shows_the_traceback():
+    with pytest.raises(ZeroDivisionError):
+        session(is_debug=True).run(raising(ZeroDivisionError()))
+
+
+def test_quiet_says_nothing_but_errors(capsys):
+    session(is_quiet=True).say("hello")
+    assert capsys.readouterr().err == ""
+
+
+def test_text_from_files_cannot_steer_the_terminal(capsys):
+    session().run(raising(DataError("cell '\x1b[31m'", code="x")))
+    assert "\x1b[31m" not in capsys.readouterr().err
+
+
+def test_help_lists_every_command(capsys):
+    assert main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    for name in ("init", "doctor"):
+        assert f"  {name} " in shown
+
+
+def test_an_unknown_option_is_a_usage_error(capsys):
+    assert main(["init", "--no-such"]) == 2
+    assert "--no-such" in capsys.readouterr().err
+
+
+def test_init_writes_a_config_that_can_be_read(tmp_path, capsys):
+    path = tmp_path / "grasp.toml"
+    assert main(["init", str(path)]) == 0
+    assert read_config(path) == read_config(None)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "length_mm" in captured.err
+
+
+def test_init_overwrites_only_by_force(tmp_path, capsys):
+    path = tmp_path / "grasp.toml"
+    path.write_text("[push]\nlength_mm = 4.0\n")
+    assert main(["init", str(path)]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert read_config(path).push.length_mm == 4.0
+    assert main(["init", str(path), "--force"]) == 0
+    assert not read_config(path).push.length_known
+
+
+def test_init_can_print(capsys):
+    assert main(["init", "-"]) == 0
+    assert capsys.readouterr().out.startswith("# What is known")
+
+
+def test_doctor_prints_one_document(capsys):
+    assert main(["doctor", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "pushfit.doctor/1"
+    assert document["status"] == "ok"
+    assert document["versions"]["jax"]
+
+
+@pytest.fixture
+def no_cache_set(monkeypatch, tmp_path):
+    """Environment without a compile cache, in a home of its own."""
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+    monkeypatch.delenv(cache.SWITCH, raising=False)
+    # Set, so that what the command sets is taken back.
+    monkeypatch.setenv(cache.PROGRAMS, "")
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "1")
+    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
+    return tmp_path / "compiled"
+
+
+def test_the_compile_cache_belongs_to_the_user_alone(no_cache_set):
+    assert cache.enable_compile_cache() == str(no_cache_set)
+    assert stat.S_IMODE(no_cache_set.stat().st_mode) == 0o700
+    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(no_cache_set)
+
+
+def test_a_cache_open_to_others_is_not_used(no_cache_set):
+    no_cache_set.mkdir(mode=0o755)
+    assert "open to others" in cache.enable_compile_cache()
+    assert "JAX_COMPILATION_CACHE_DIR" not in os.environ
+
+
+def test_a_cache_that_is_a_link_is_not_used(no_cache_set, tmp_path):
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    no_cache_set.symlink_to(tmp_path / "elsewhere")
+    assert cache.enable_compile_cache().startswith("off")
+
+
+def test_the_cache_can_be_turned_off(no_cache_set, monkeypatch):
+    monkeypatch.setenv(cache.SWITCH, "off")
+    monkeypatch.setenv(cache.PROGRAMS, str(no_cache_set))
+    assert cache.enable_compile_cache().startswith("off")
+    assert not no_cache_set.exists()
+    assert cache.programs_folder() is None
+
+
+def test_a_closed_pipe_is_no_bug():
+    command = (
+        f'{sys.executable} -c \'from pushfit.cli import main; main(["init", "-"])\''
+    )
+    result = subprocess.run(
+        f"{command} | true", shell=True, capture_output=True, text=True, check=False
+    )
+    assert "bug" not in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "foam_box"
+
+
+def test_validate_says_what_each_file_is(capsys):
+    files = ["theta_sweep.csv", "alpha_schedule.csv"]
+    assert main(["validate", "--json", *(str(EXAMPLE / name) for name in files)]) == 0
+    recording, schedule = json.loads(capsys.readouterr().out)["files"]
+    assert recording["kind"] == "recording"
+    assert recording["channels"] == ["pressure_kpa"]
+    assert (schedule["kind"], schedule["pushes"]) == ("schedule", 18)
+
+
+def test_validate_lists_all_problems_of_all_files(tmp_path, capsys):
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("time_s,force_n\n0.0,1.0\n0.1,x\n0.2,2.0\n")
+    files = [str(tmp_path / name) for name in ("a.csv", "b.csv")]
+    assert main(["validate", "--json", *files]) == 3
+    captured = capsys.readouterr()
+    problems = json.loads(captured.out)["problems"]
+    assert [Path(p["path"]).name for p in problems] == ["a.csv", "b.csv"]
+    assert captured.err.count("\n") == len(problems)
+
+
+def test_a_missing_input_is_a_usage_error(tmp_path, capsys):
+    assert main(["validate", str(tmp_path / "none.csv")]) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+def test_simulate_is_reproducible(tmp_path):
+    plan, truth = EXAMPLE / "alpha_schedule.csv", EXAMPLE / "truth.toml"
+    options = ["--config", str(truth), "--unit", "kpa", "--noise", "0.1", "--seed", "3"]
+    for name in ("one.csv", "two.csv"):
+        arguments = ["simulate", str(plan), *options, "-o", str(tmp_path / name)]
+        assert main(arguments) == 0
+    assert (tmp_path / "one.csv").read_bytes() == (tmp_path / "two.csv").read_bytes()
+    assert main(["validate", str(tmp_path / "one.csv")]) == 0
+
+
+def test_simulate_does_not_overwrite(tmp_path, capsys):
+    target = tmp_path / "there.csv"
+    target.write_text("mine")
+    plan, truth = EXAMPLE / "alpha_schedule.csv", EXAMPLE / "truth.toml"
+    assert main(["simulate", str(plan), "-c", str(truth), "-o", str(target)]) == 2
+    assert target.read_text() == "mine"
+
+
+def test_the_reader_and_its_section_of_the_config_agree():
+    """Config knows no data, so `[recording]` repeats what `read_recording` takes."""
+    parameters = inspect.signature(read_recording).parameters
+    for name, value in reader_options(GraspConfig()).items():
+        assert parameters[name].default == value, name
+
+
+def test_the_peak_settings_and_their_section_of_the_config_agree():
+    assert PeakSettings.of(PeaksSection()) == PeakSettings()
+
+
+@pytest.mark.parametrize(
+    ("key", "choices"),
+    [("format", Format), ("gaps", Gaps), ("theta_from", ThetaFrom), ("tail", Tail)],
+)
+def test_the_choices_of_the_reader_and_the_config_agree(key, choices):
+    field = RecordingSection.model_fields[key]
+    assert get_args(field.annotation) == get_args(choices)
+
+
+@pytest.mark.slow
+def test_the_demo_finds_what_was_simulated(tmp_path, capsys):
+    """End to end; truth by `critical_angle` and by the soft axis of truth.toml."""
+    out = tmp_path / "result"
+    assert main(["demo", "--json", "--seed", "5", "--out", str(out)]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    config = read_config(EXAMPLE / "truth.toml")
+    theta_c = critical_angle(
+        stated_parameters(config), make_grasp(config, "kpa"), jnp.asarray(np.pi / 2)
+    )
+    for name, truth in {
+        "theta_c_deg": np.degrees(float(theta_c)),
+        "alpha_star_deg": 65.0,
+    }.items():
+        lower, upper = summary[name]["interval"]
+        # A 90 % interval misses once in ten; twice its width, once in a thousand.
+        margin = (upper - lower) / 2
+        assert lower - margin < truth < upper + margin
+    assert json.loads((out / "summary.json").read_text(encoding="utf-8")) == summary
+    assert (out / "figures" / "main.png").stat().st_size > 0
+    assert main(["verify", str(out)]) == 0
+    assert "reproduced exactly" in capsys.readouterr().out
+    assert main(["demo", "--out", str(out)]) == 2
+    assert "--force" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_numbers(tmp_path, capsys):
+    """In two processes, and whatever else is in the folder."""
+    documents = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        command = [sys.executable, "-m", "pushfit", "demo", "--json", "--seed", "7"]
+        result = subprocess.run(
+            command, cwd=tmp_path / name, capture_output=True, check=True
+        )
+        documents.append(result.stdout)
+    assert documents[0] == documents[1]
+
+
+def test_completion_is_offered_for_the_shell(capsys, monkeypatch):
+    """Which shell it is, typer asks the processes above; here it is told."""
+    monkeypatch.setattr("shellingham.detect_shell", lambda: ("bash", "/bin/bash"))
+    assert main(["--show-completion"]) == 0
+    assert "complete -o default -F _pushfit_completion pushfit" in (
+        capsys.readouterr().out
+    )
+
+
+def test_every_command_ends_its_help_with_an_example_that_it_understands():
+    group = typer.main.get_command(app)
+    for name, known in group.commands.items():
+        example, _ = EXAMPLES[name]
+        first, second, *arguments = shlex.split(example)
+        assert (first, second) == ("pushfit", name)
+        # Raises for an option or argument that the command does not have.
+        known.make_context(name, arguments)
+
+
+def test_help_shows_the_example_on_a_line_of_its_own(capsys):
+    assert main(["fit", "--help"]) == 0
+    assert "\n    pushfit fit peaks.csv -c grasp.toml\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fit", "none.csv"],
+        ["identify", "none.csv"],
+        ["peaks", "none.csv"],
+        ["compare", "none.csv"],
+        ["calibrate", "none.toml", "none.csv"],
+        ["simulate", "none.csv", "-o", "x.csv"],
+    ],
+    ids=lambda a: a[0],
+)
+def test_a_missing_file_is_said_before_anything_heavy_is_loaded(arguments):
+    code = (
+        "import sys; from pushfit.cli import main\n"
+        f"code = main({arguments!r})\n"
+        "print(code, {'jax', 'pandas', 'numpy', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "2 set()\n"
+    assert "no such file" in done.stderr
+
+
+def test_a_folder_that_is_taken_is_said_before_anything_heavy_is_loaded(tmp_path):
+    code = (
+        "import sys; from pushfit.cli import main\n"
+        f"code = main(['demo', '-o', {str(tmp_path)!r}])\n"
+        "print(code, {'jax', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "2 set()\n"
+    assert "--force" in done.stderr
+
+
+def test_all_commands_name_their_output_alike():
+    """-o and --out, whether a file or a folder."""
+    group = typer.main.get_command(app)
+    for known in group.commands.values():
+        for parameter in known.params:
+            if "out" in (parameter.name or ""):
+                assert {"-o", "--out"} <= set(parameter.opts)

@@ -1,0 +1,243 @@
+"""What the command line and files of settings say about recordings."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pushfit.cli.app import main
+from pushfit.config import parse_config, read_config
+from pushfit.data.recordings.load import reader_options
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.units import BIOTAC_PDC
+from pushfit.errors import ConfigError
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "foam_box"
+COUNTS = "t,pdc\n" + "".join(f"{k / 100:.2f},{2440 + k % 3}\n" for k in range(20))
+MAPPED = ["--map", "time=t", "--unit", "time=s", "--map", "pressure=pdc"]
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(COUNTS)
+    return path
+
+
+def facts(capsys, *arguments: object):
+    code = main(["validate", "--json", *map(str, arguments)])
+    document = json.loads(capsys.readouterr().out)
+    assert code == 0, document
+    return document["files"][0]
+
+
+def test_the_command_line_names_columns_and_units(log, capsys):
+    found = facts(capsys, log, *MAPPED, "--unit", "pressure=counts")
+    assert found["channels"] == ["pressure_counts"]
+    assert "native csv" in found["notes"][0]
+
+
+def test_a_table_without_names_is_named_on_the_command_line(tmp_path, capsys):
+    path = tmp_path / "bare.csv"
+    path.write_text("0,1.5\n0.01,1.25\n0.02,1.5\n")
+    found = facts(capsys, path, "--columns", "time_s, force_n")
+    assert found["channels"] == ["force_n"]
+
+
+def test_a_dialect_that_is_not_known_is_refused_with_those_that_are(log, capsys):
+    assert main(["validate", str(log), "--format", "roscsv"]) == 2
+    assert "'rostopic'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--map", "--unit"])
+def test_an_option_that_is_no_pair_is_refused_with_an_example(option, log, capsys):
+    assert main(["validate", str(log), option, "pdc"]) == 2
+    assert f"write for example {option} pressure=" in capsys.readouterr().err
+
+
+PROFILE = """
+[recording]
+map = { time = "t", pressure = "pdc" }
+unit = { time = "s", pressure = "counts" }
+calibration = { pressure = { name = "biotac_pdc" } }
+[sensor]
+n_per_kpa = 0.2
+"""
+
+
+def test_a_profile_is_written_once_for_a_laboratory(log, tmp_path, capsys):
+    lab = tmp_path / "lab.toml"
+    lab.write_text(PROFILE)
+    found = facts(capsys, log, "--profile", lab)
+    assert found["channels"] == ["pressure_kpa"]
+    assert any("BioTac Product Manual" in note for note in found["notes"])
+
+
+def test_grasp_toml_has_the_last_word_over_a_profile(tmp_path):
+    lab, grasp = tmp_path / "lab.toml", tmp_path / "grasp.toml"
+    lab.write_text(PROFILE)
+    grasp.write_text(
+        '[recording]\nmap = { pressure = "pac" }\n[sensor]\nn_per_kpa = 0.3\n'
+    )
+    merged = read_config(grasp, profile=lab)
+    assert merged.recording.map == {"time": "t", "pressure": "pac"}
+    assert merged.recording.unit == {"time": "s", "pressure": "counts"}
+    assert merged.sensor.n_per_kpa == 0.3
+
+
+def test_a_prior_in_grasp_toml_replaces_that_of_the_profile(tmp_path):
+    lab, grasp = tmp_path / "lab.toml", tmp_path / "grasp.toml"
+    lab.write_text("[parameters]\nL = { fixed = 0.04 }\n")
+    grasp.write_text("[parameters]\nL = { lognormal = { median = 1, sd_log = 1 } }\n")
+    assert read_config(grasp, profile=lab).parameters.L.fixed is None
+
+
+def test_a_mistake_in_a_profile_names_the_profile(tmp_path):
+    lab, grasp = tmp_path / "lab.toml", tmp_path / "grasp.toml"
+    lab.write_text('[recording]\nformt = "auto"\n')
+    grasp.write_text("")
+    with pytest.raises(ConfigError, match=r"lab\.toml: recording\.formt.*format\?"):
+        read_config(grasp, profile=lab)
+
+
+def calibrated(text: str, log: Path):
+    config = parse_config(PROFILE.replace('{ name = "biotac_pdc" }', text), path="c")
+    return read_recording(log, **reader_options(config))
+
+
+def test_a_calibration_goes_by_its_name(log):
+    recording = calibrated('{ name = "biotac_pdc" }', log)
+    np.testing.assert_array_equal(
+        recording.channels["pressure"][:3], np.array([2440, 2441, 2442]) * 0.0365
+    )
+    assert BIOTAC_PDC.provenance in recording.notes[-1]
+
+
+def test_a_factor_of_ones_own_needs_its_provenance(log):
+    with pytest.raises(ConfigError, match="needs its provenance"):
+        calibrated('{ name = "biotac_pdc", factor = 0.04 }', log)
+    own = '{ name = "biotac_pdc", factor = 0.04, provenance = "bench, 3 May" }'
+    recording = calibrated(own, log)
+    assert recording.channels["pressure"][0] == 2440 * 0.04
+    assert "(bench, 3 May)" in recording.notes[-1]
+
+
+def test_a_calibration_without_a_name_needs_all_its_parts(log):
+    with pytest.raises(ConfigError, match="also source_unit, target_unit, provenance"):
+        calibrated("{ factor = 0.04 }", log)
+
+
+def test_all_missing_inputs_are_named_before_any_work(capsys):
+    sweep = str(EXAMPLE / "theta_sweep.csv")
+    assert main(["identify", "nowhere.csv", sweep, "nothing.csv"]) == 2
+    message = capsys.readouterr().err
+    assert "nowhere.csv: no such file" in message
+    assert "nothing.csv: no such file" in message
+
+
+def test_a_recording_named_twice_is_not_counted_twice(capsys):
+    sweep, plan = str(EXAMPLE / "theta_sweep.csv"), str(EXAMPLE / "theta_schedule.csv")
+    assert main(["identify", sweep, sweep, "-s", plan, "-s", plan]) == 3
+    assert "has the same bytes" in capsys.readouterr().err
+
+
+def test_an_inverted_signal_is_turned_from_the_command_line(tmp_path, capsys):
+    header, *rows = (EXAMPLE / "theta_sweep.csv").read_text().splitlines()
+    at = header.split(",").index("pressure_kpa")
+
+    def turned(row: str) -> str:
+        cells = row.split(",")
+        cells[at] = repr(100.0 - float(cells[at]))
+        return ",".join(cells)
+
+    path = tmp_path / "turned.csv"
+    path.write_text("\n".join([header, *map(turned, rows)]) + "\n")
+    plan = ["-s", str(EXAMPLE / "theta_schedule.csv")]
+    assert main(["peaks", str(EXAMPLE / "theta_sweep.csv"), *plan]) == 0
+    upright = capsys.readouterr().out
+    assert main(["peaks", str(path), *plan, "--invert"]) == 0
+    inverted = capsys.readouterr().out
+    # Subtracting from 100 rounds the last digits, and feet are traced in steps.
+    change = np.subtract(heights(inverted), heights(upright))
+    assert np.all(np.abs(change) < 1e-3 * np.array(heights(upright, "height_sd_kpa")))
+
+
+def heights(text: str, column: str = "height_kpa") -> list[float]:
+    header, *rows = text.splitlines()
+    at = header.split(",").index(column)
+    return [float(row.split(",")[at]) for row in rows]
+
+
+def test_the_picture_is_drawn_when_pushes_are_missing(tmp_path, capsys):
+    plan = tmp_path / "plan.csv"
+    text = (EXAMPLE / "theta_schedule.csv").read_text()
+    plan.write_text(text + "199,80,90,1\n")
+    picture = tmp_path / "peaks.png"
+    sweep = str(EXAMPLE / "theta_sweep.csv")
+    assert main(["peaks", sweep, "-s", str(plan), "--plot", str(picture)]) == 3
+    assert "push 199" in capsys.readouterr().err
+    assert picture.stat().st_size > 10_000
+
+
+def test_the_picture_is_drawn_where_directions_are_unknown(tmp_path, capsys):
+    """It shows how many rows a schedule needs, and in which order."""
+    plot = tmp_path / "found.svg"
+    sweep = str(EXAMPLE / "alpha_sweep.csv")
+    assert main(["peaks", sweep, "--plot", str(plot)]) == 0
+    printed = capsys.readouterr()
+    assert "18 pushes have heights and times but no directions" in printed.err
+    header, *rows = printed.out.strip().splitlines()
+    assert "height_kpa" in header
+    assert "theta" not in header
+    assert len(rows) == 18
+    assert plot.read_bytes().startswith(b"<?xml")
+
+
+@pytest.mark.parametrize("name", ["x.jpg", "x.gif", "x.tif", "x"])
+def test_a_picture_of_an_unknown_format_is_refused_with_the_known_ones(
+    name, tmp_path, capsys
+):
+    recording = str(EXAMPLE / "alpha_sweep.csv")
+    assert main(["peaks", recording, "--plot", str(tmp_path / name)]) == 2
+    said = capsys.readouterr().err
+    assert "bug" not in said
+    assert ".png, .svg, .pdf" in said
+
+
+@pytest.mark.parametrize(
+    ("command", "name", "advice"),
+    [
+        ("fit", "alpha_sweep.csv", "`pushfit peaks` makes one"),
+        ("fit", "alpha_schedule.csv", "is a schedule"),
+        ("compare", "alpha_sweep.csv", "`pushfit identify` does everything"),
+        ("identify", "alpha_schedule.csv", "this as its schedule"),
+        ("peaks", "alpha_schedule.csv", "this as its schedule"),
+    ],
+)
+def test_a_file_of_another_kind_is_called_what_it_is(command, name, advice, capsys):
+    assert main([command, str(EXAMPLE / name)]) == 3
+    assert advice in capsys.readouterr().err
+
+
+def test_a_table_is_no_recording(tmp_path, capsys):
+    path = tmp_path / "peaks.csv"
+    path.write_text("theta_deg,alpha_deg,height_n,t_peak_s\n10,90,1,2\n20,90,2,4\n")
+    assert main(["identify", str(path)]) == 3
+    assert "use `pushfit fit`" in capsys.readouterr().err
+
+
+def test_a_wrong_schedule_is_not_answered_by_a_page_of_pushes(capsys):
+    recording = str(EXAMPLE / "alpha_sweep.csv")
+    schedule = str(EXAMPLE / "theta_schedule.csv")
+    assert main(["peaks", recording, "-s", schedule]) == 3
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {recording}: 108 pushes are planned, 18 found: ")
+    assert "and 88 more" in said
+    assert len(said) < 700
+
+
+def test_a_counter_is_never_proposed_as_a_pressure(capsys):
+    log = EXAMPLE.parent / "logs" / "rostopic.csv"
+    assert main(["validate", str(log)]) == 3
+    assert "--map pressure=field.bt_data0.pdc_data" in capsys.readouterr().err

@@ -1,0 +1,224 @@
+"""The result folder: complete or absent, nobody else's files touched."""
+
+import json
+import os
+import threading
+from pathlib import Path
+
+import arviz_base
+import numpy as np
+import pytest
+import xarray as xr
+
+from pushfit.cli import main
+from pushfit.data.tables.peak_table import read_table
+from pushfit.errors import ConfigError
+from pushfit.report.store import folder as folder_module
+from pushfit.report.store.archive import posterior_tree
+from pushfit.report.store.folder import write_result_folder
+from pushfit.report.store.summary import summary_dict
+from pushfit.report.store.target import CONTENT
+from pushfit.report.text.result import render_text
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Leave out the drawing, which other tests cover."""
+    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
+    monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "<html></html>")
+
+
+def listing(path):
+    """Every entry below a folder, hidden ones included."""
+    return sorted(str(entry.relative_to(path)) for entry in path.rglob("*"))
+
+
+@pytest.mark.slow
+def test_a_format_that_is_asked_for_comes_on_top(theta_only, tmp_path):
+    write_result_folder(theta_only, tmp_path / "out", force=False, pictures="png")
+    names = {path.name for path in (tmp_path / "out" / "figures").iterdir()}
+    assert {"main.png", "main.svg", "traces.png"} <= names
+    assert "traces.svg" not in names
+
+
+@pytest.mark.slow
+def test_a_result_holds_everything_that_the_design_names(theta_only, tmp_path):
+    out = write_result_folder(theta_only, tmp_path / "result", force=False)
+    assert {entry.name for entry in out.iterdir()} == CONTENT
+    names = {path.name for path in (out / "figures").iterdir()}
+    assert {"main.svg", "theta_c.svg", "corner_parameters.png", "traces.png"} <= names
+    # Each figure once; a second format only for who asks.
+    assert len({Path(name).stem for name in names}) == len(names)
+    assert json.loads((out / "summary.json").read_text()) == summary_dict(theta_only)
+    assert (out / "report.txt").read_text() == render_text(theta_only)
+    assert "Content-Security-Policy" in (out / "report.html").read_text()
+    table = read_table(out / "peaks.csv")
+    np.testing.assert_array_equal(
+        table.heights("height"), theta_only.table.heights("height")
+    )
+    assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_posterior_survives_the_file(determined, tmp_path):
+    out = write_result_folder(determined, tmp_path / "result", force=False)
+    with xr.open_datatree(out / "result.nc", engine="h5netcdf") as tree:
+        for name, draws in determined.posterior.samples.items():
+            stored = tree["posterior"][name].to_numpy()
+            np.testing.assert_array_equal(stored, draws[np.newaxis])
+        for name, draws in determined.posterior.prior_samples.items():
+            np.testing.assert_array_equal(tree["prior"][name].to_numpy()[0], draws)
+        np.testing.assert_array_equal(
+            tree["sample_stats"]["lp"].to_numpy()[0], determined.posterior.log_prob
+        )
+        np.testing.assert_array_equal(
+            tree["ensembles"]["chain"].to_numpy(), determined.posterior.chain
+        )
+        used = determined.table.heights("height")[determined.used]
+        np.testing.assert_array_equal(tree["observed_data"]["height"].to_numpy(), used)
+        assert tree["posterior"]["K_sn"].attrs["units"] == "N/m"
+        assert tree["posterior"]["theta_c"].attrs["units"] == "deg"
+        attrs = dict(tree.attrs)
+    assert attrs["seed"] == determined.seed
+    assert attrs["ci_prob"] == 0.9
+    assert attrs["status"] == "ok"
+    assert json.loads(attrs["sha256"]) == ["ab" * 32]
+    assert json.loads(attrs["versions"])["jax"] == "0.10.2"
+    assert json.loads(attrs["config"])["push"]["length_mm"] == 5.0
+
+
+def test_the_posterior_is_in_the_form_that_arviz_reads(determined):
+    draws = arviz_base.extract(posterior_tree(determined), var_names="C_rr")
+    np.testing.assert_array_equal(draws, determined.posterior.samples["C_rr"])
+
+
+@pytest.mark.usefixtures("quick")
+def test_text_that_is_not_utf8_reaches_every_file(hostile, tmp_path):
+    out = write_result_folder(hostile, tmp_path / "result", force=False)
+    assert json.loads((out / "summary.json").read_text())["notes"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_stands_there_is_not_overwritten(determined, tmp_path):
+    out = tmp_path / "result"
+    out.mkdir()
+    with pytest.raises(ConfigError, match="--force") as caught:
+        write_result_folder(determined, out, force=False)
+    assert caught.value.code == "output_exists"
+    assert listing(tmp_path) == ["result"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_force_replaces_a_result(determined, two_modes, tmp_path):
+    out = write_result_folder(determined, tmp_path / "result", force=False)
+    write_result_folder(two_modes, out, force=True)
+    assert "40° or 56°" in (out / "report.txt").read_text()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_force_removes_nothing_that_is_no_result(determined, tmp_path):
+    out = tmp_path / "home"
+    out.mkdir()
+    (out / "thesis.tex").write_text("years of work")
+    with pytest.raises(ConfigError, match=r"thesis\.tex"):
+        write_result_folder(determined, out, force=True)
+    assert listing(tmp_path) == ["home", "home/thesis.tex"]
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("force", [False, True])
+def test_a_symbolic_link_is_never_followed(determined, tmp_path, force):
+    target = tmp_path / "elsewhere"
+    target.mkdir()
+    out = tmp_path / "result"
+    out.symlink_to(target)
+    with pytest.raises(ConfigError, match="symbolic link"):
+        write_result_folder(determined, out, force=force)
+    assert listing(target) == []
+    assert out.is_symlink()
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_missing_parent_is_named(determined, tmp_path):
+    with pytest.raises(ConfigError, match="create it first"):
+        write_result_folder(determined, tmp_path / "no" / "result", force=False)
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("error", [OSError("disk full"), KeyboardInterrupt()])
+def test_a_failure_leaves_the_old_result_whole_and_nothing_else(
+    determined, two_modes, tmp_path, monkeypatch, error
+):
+    out = write_result_folder(determined, tmp_path / "result", force=False)
+    before = {p.name: p.read_bytes() for p in out.iterdir() if p.is_file()}
+
+    def fail(_):
+        raise error
+
+    monkeypatch.setattr(folder_module, "render_text", fail)
+    with pytest.raises(type(error)):
+        write_result_folder(two_modes, out, force=True)
+    after = {p.name: p.read_bytes() for p in out.iterdir() if p.is_file()}
+    assert before == after
+    assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_failed_exchange_puts_the_old_result_back(
+    determined, two_modes, tmp_path, monkeypatch
+):
+    out = write_result_folder(determined, tmp_path / "result", force=False)
+    rename = os.rename
+
+    def fail_for_fresh(source, target):
+        if str(source).endswith(".partial"):
+            raise OSError("no")
+        rename(source, target)
+
+    monkeypatch.setattr(folder_module.os, "rename", fail_for_fresh)
+    with pytest.raises(OSError, match="no"):
+        write_result_folder(two_modes, out, force=True)
+    assert "40.1°" in (out / "report.txt").read_text()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_result_is_on_disk_before_it_has_its_name(determined, tmp_path, monkeypatch):
+    events = []
+    fsync, rename = os.fsync, os.rename
+
+    def note_sync(descriptor):
+        events.append("fsync")
+        fsync(descriptor)
+
+    def note_rename(source, target):
+        events.append("rename")
+        rename(source, target)
+
+    monkeypatch.setattr(folder_module.os, "fsync", note_sync)
+    monkeypatch.setattr(folder_module.os, "rename", note_rename)
+    write_result_folder(determined, tmp_path / "result", force=False)
+    # Six entries and the folder before, the parent after.
+    assert events.index("rename") >= len(CONTENT) + 1
+    assert events[-1] == "fsync"
+
+
+@pytest.mark.usefixtures("quick")
+def test_others_may_read_a_result_as_they_may_read_any_new_folder(determined, tmp_path):
+    ordinary = tmp_path / "ordinary"
+    ordinary.mkdir()
+    out = write_result_folder(determined, tmp_path / "result", force=False)
+    assert out.stat().st_mode == ordinary.stat().st_mode
+
+
+def test_the_page_of_a_result_goes_into_a_fifo(determined, tmp_path):
+    write_result_folder(determined, tmp_path / "result", force=False)
+    fifo, received = tmp_path / "page", []
+    os.mkfifo(fifo)
+    reader = threading.Thread(target=lambda: received.append(fifo.read_bytes()))
+    reader.start()
+    assert main(["report", str(tmp_path / "result"), "-o", str(fifo)]) == 0
+    reader.join(5)
+    assert received[0].startswith(b"<!DOCTYPE html>")
+    assert fifo.is_fifo()

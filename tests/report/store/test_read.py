@@ -1,0 +1,149 @@
+"""A result folder read back says what was written, or why it cannot."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from pushfit.cli import main
+from pushfit.errors import DataError
+from pushfit.report.html import result as html_module
+from pushfit.report.html.result import render_html
+from pushfit.report.store import folder as folder_module
+from pushfit.report.store.folder import write_result_folder
+from pushfit.report.store.read import read_result
+from pushfit.report.store.summary import summary_dict
+from pushfit.report.text.result import render_text
+
+
+def leave_out_figures(patch):
+    """Folders and pages without figures."""
+    patch.setattr(folder_module, "figure_files", lambda _, **__: {})
+    patch.setattr(folder_module, "render_html", lambda _, **__: "")
+    patch.setattr(html_module, "figure_files", lambda _, **__: {})
+    patch.setattr(html_module, "main_figure", lambda _, **__: None)
+    patch.setattr(html_module, "figure_bytes", lambda *_: b"<svg/>")
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Nothing is drawn in this test."""
+    leave_out_figures(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def made(make_identification, tmp_path_factory):
+    """A result folder, written once."""
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out_figures(patch)
+        folder = tmp_path_factory.mktemp("stored") / "result"
+        return write_result_folder(make_identification(), folder, force=False)
+
+
+@pytest.fixture
+def result(made, tmp_path, undrawn):
+    """A copy of it to work on."""
+    return shutil.copytree(made, tmp_path / "result")
+
+
+def assert_reads_back(identification, folder):
+    out = write_result_folder(identification, folder, force=False)
+    again = read_result(out)
+    assert render_text(again) == render_text(identification)
+    assert summary_dict(again) == summary_dict(identification)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("kind", ["determined", "two_modes", "hostile"])
+def test_text_and_summary_of_what_is_read_are_those_of_what_was_written(
+    kind, request, tmp_path
+):
+    assert_reads_back(request.getfixturevalue(kind), tmp_path / "result")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
+def test_every_kind_of_result_reads_back(any_identification, tmp_path):
+    assert_reads_back(any_identification, tmp_path / "result")
+
+
+@pytest.mark.slow
+def test_the_page_made_later_is_the_page_of_the_folder(determined, tmp_path):
+    out = write_result_folder(determined, tmp_path / "result", force=False)
+    assert render_html(read_result(out)) == (out / "report.html").read_text("utf-8")
+
+
+def test_the_page_of_what_is_read_is_that_of_what_was_written(result, determined):
+    assert render_html(read_result(result)) == render_html(determined)
+
+
+def test_arrays_come_back_to_the_last_bit(result, determined):
+    again = read_result(result)
+    for name in ("estimate", "covariance", "jacobian", "sigma", "predicted"):
+        stored = getattr(again.fit, name)
+        np.testing.assert_array_equal(stored, getattr(determined.fit, name))
+    assert again.fit.row == determined.fit.row
+    np.testing.assert_array_equal(again.posterior.chain, determined.posterior.chain)
+    for before, after in zip(determined.bands, again.bands, strict=True):
+        np.testing.assert_array_equal(before.upper, after.upper)
+        assert (before.swept, before.rows) == (after.swept, after.rows)
+    (before,), (after,) = determined.table.traces, again.table.traces
+    np.testing.assert_array_equal(before.signal, after.signal)
+    profile = again.profiles["theta_c"]
+    assert profile.pieces == determined.profiles["theta_c"].pieces
+    assert np.isinf(profile.degrees_of_freedom)
+
+
+def test_the_command_writes_the_page_and_never_over_another(
+    result, determined, tmp_path, capsys
+):
+    page = tmp_path / "report.html"
+    assert main(["report", str(result), "-o", str(page)]) == 0
+    assert page.read_text("utf-8") == render_html(determined)
+    page.write_text("mine")
+    assert main(["report", str(result), "-o", str(page)]) == 2
+    assert page.read_text() == "mine"
+    assert "--force" in capsys.readouterr().err
+    assert main(["report", str(result), "-o", str(page), "--force"]) == 0
+    assert page.read_text("utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_a_folder_that_is_no_result_exits_as_rejected_input(tmp_path, capsys):
+    page = tmp_path / "report.html"
+    assert main(["report", str(tmp_path), "-o", str(page)]) == 3
+    message = capsys.readouterr().err
+    assert "not a result" in message
+    assert "--out" in message
+    assert not page.exists()
+
+
+def test_a_result_of_another_schema_is_named(result):
+    path = result / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"schema": "x/9"}))
+    with pytest.raises(DataError, match=r"'x/9'.*use the version") as caught:
+        read_result(result)
+    assert caught.value.exit_code == 3
+
+
+@pytest.mark.parametrize("name", ["peaks.csv", "result.nc", "summary.json"])
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.9])
+def test_a_file_that_was_cut_is_refused(name, share, result):
+    path = result / name
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    if name == "peaks.csv" and share == 0.9:
+        # Rows that are whole but too few no longer go with the fit.
+        path.write_bytes(b"\n".join(content.split(b"\n")[:-9]) + b"\n")
+    with pytest.raises(DataError, match="not a") as caught:
+        read_result(result)
+    assert caught.value.code in {"not_a_result", "result_not_whole"}
+
+
+@pytest.mark.parametrize("key", ["fit", "theta_c_deg", "posterior"])
+@pytest.mark.parametrize("value", [None, 3, []])
+def test_a_summary_that_lacks_a_part_is_refused(key, value, result):
+    path = result / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
+    with pytest.raises(DataError, match="not a whole result"):
+        read_result(result)

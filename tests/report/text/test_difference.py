@@ -1,0 +1,95 @@
+"""Two results side by side: the differences of known posteriors."""
+
+import json
+from dataclasses import replace
+from math import erf
+
+import numpy as np
+import pytest
+
+from pushfit.cli import main
+from pushfit.errors import DataError
+from pushfit.report.figures.forest import forest_figure
+from pushfit.report.store import read as stored
+from pushfit.report.text.difference import compare_results, difference_text, subtracted
+from tests.report.makers import make_angle
+
+# Medians and shares of 20 000 draws: 5 standard errors.
+N = 20_000
+TOL_MEDIAN, TOL_PROB = 5 * 1.25 / np.sqrt(N), 5 * 0.5 / np.sqrt(N)
+
+
+@pytest.fixture
+def later(determined, make_identification):
+    """The same grasp with θ_c 5° higher, of other pushes."""
+    samples = dict(determined.posterior.samples)
+    samples["theta_c"] = samples["theta_c"] + 5.0
+    (source,) = determined.table.sources
+    other = replace(source, sha256="11" * 32, path="later.csv")
+    return make_identification(
+        theta_c=make_angle("theta_c", 45.123),
+        posterior=replace(determined.posterior, samples=samples),
+        table=replace(determined.table, sources=(other,)),
+    )
+
+
+def test_independent_normals_differ_as_they_must():
+    """N(1, 1) minus N(0, 1) is N(1, 2), larger with probability Φ(1/√2)."""
+    rng = np.random.default_rng(0)
+    change = subtracted(
+        np.sort(rng.normal(0.0, 1.0, N)),
+        np.sort(rng.normal(1.0, 1.0, N)),
+        is_axis=False,
+    )
+    assert np.median(change) == pytest.approx(1.0, abs=np.sqrt(2) * TOL_MEDIAN)
+    assert np.mean(change > 0) == pytest.approx((1 + erf(0.5)) / 2, abs=TOL_PROB)
+    assert np.var(change) == pytest.approx(2.0, rel=5 * np.sqrt(2 / N))
+
+
+def test_an_axis_is_subtracted_the_shorter_way_round():
+    change = subtracted(np.full(10, 178.0), np.full(10, 3.0), is_axis=True)
+    np.testing.assert_allclose(change, 5.0)
+
+
+def test_what_changed_is_clear_and_what_did_not_is_not(determined, later):
+    found = {d.name: d for d in compare_results(determined, later).differences}
+    assert found["theta_c"].is_clear
+    assert found["theta_c"].estimate == pytest.approx(5.0, abs=0.2)
+    assert not found["alpha_star"].is_clear
+    text = difference_text(compare_results(determined, later))
+    assert "the second is 5" in text
+    assert "no clear difference" in text
+
+
+def test_results_of_the_same_pushes_are_refused(determined):
+    with pytest.raises(DataError, match="not independent"):
+        compare_results(determined, determined)
+
+
+def test_what_cannot_be_compared_is_said(determined, later, not_converged):
+    turned = replace(later, reference_alpha_deg=0.0)
+    (left,) = compare_results(determined, turned).left_out[:1]
+    assert left == ("θ_c: belongs to α = 0° and 90°; state grasp.reference_alpha_deg")
+    with pytest.raises(DataError, match="not to be trusted"):
+        compare_results(later, not_converged)
+
+
+def test_the_figure_has_a_row_for_each_quantity(determined, later):
+    differences = compare_results(determined, later).differences
+    figure = forest_figure(differences, labels=("before", "after"))
+    assert len(figure.axes) == len(differences)
+    low, high = figure.axes[0].lines[0].get_xdata()
+    assert (low, high) == determined.theta_c.interval
+
+
+def test_the_command_prints_one_document(
+    determined, later, tmp_path, monkeypatch, capsys
+):
+    results = {"before": determined, "after": later}
+    monkeypatch.setattr(stored, "read_result", lambda folder: results[folder.name])
+    plot = tmp_path / "diff.svg"
+    assert main(["diff", "before", "after", "--json", "--plot", str(plot)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "pushfit.difference/1"
+    assert document["differences"]["theta_c"]["is_clear"]
+    assert plot.read_text().startswith("<?xml")

@@ -1,0 +1,255 @@
+"""The report in words: right for every verdict, at every width."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pushfit.config import GraspConfig
+from pushfit.fit.results import FitStatus, Verdict
+from pushfit.report.answers import alpha_star_answer, theta_c_answer
+from pushfit.report.frames import correlations, result_frame
+from pushfit.report.text.result import (
+    render_text,
+    sentence_alpha_star,
+    sentence_theta_c,
+)
+from tests.report.makers import make_angle
+
+# "40° to 42°" or "± 2": what must not stand where nothing is determined.
+INTERVAL = re.compile(r"±|\d°? to \d")
+
+
+def test_a_determined_angle_is_quoted_with_its_interval(determined):
+    assert sentence_theta_c(determined) == (
+        "The critical angle θ_c for pushes at α = 90° is 40.1° "
+        "(90 % interval: 38.1° to 42.1°)."
+    )
+
+
+def test_the_angle_of_an_object_that_tilts_is_quoted_with_the_push_length(
+    make_identification,
+):
+    config = GraspConfig(
+        push={"length_mm": 5.0},
+        grasp={"mechanics": "tilting"},
+        parameters={"L": {"fixed": 0.04}},
+    )
+    sentence = sentence_theta_c(make_identification(config=config))
+    assert sentence.startswith("The critical angle θ_c for pushes of 5 mm at α = 90°")
+
+
+def test_two_modes_are_named_both_and_never_their_hull(two_modes):
+    sentence = sentence_theta_c(two_modes)
+    assert "40° or 56°" in sentence
+    assert "38.4° to 41.6° or 54.4° to 57.6°" in sentence
+    assert "38.6" not in sentence
+
+
+def test_one_sided_data_give_a_bound(one_sided):
+    sentence = sentence_theta_c(one_sided)
+    assert "above 61°" in sentence
+    assert not INTERVAL.search(sentence)
+
+
+def test_what_is_not_determined_is_said_with_the_reason(not_determined):
+    sentence = sentence_theta_c(not_determined)
+    assert "not determined by these data: all pushes have the elevation 15°" in sentence
+    assert not INTERVAL.search(sentence)
+
+
+def test_without_a_note_the_missing_directions_are_the_reason(theta_only):
+    alpha_star = replace(theta_only.alpha_star, note="")
+    sentence = sentence_alpha_star(replace(theta_only, alpha_star=alpha_star))
+    assert "the pushes have only 1 azimuth, and at least 3 are needed" in sentence
+
+
+@pytest.mark.parametrize(
+    "status", [FitStatus.NOT_CONVERGED, FitStatus.MAX_STEPS, FitStatus.NO_FINITE_START]
+)
+def test_untrusted_numerics_quote_no_number_of_the_posterior(determined, status):
+    result = replace(determined, status=status)
+    for sentence in (sentence_theta_c(result), sentence_alpha_star(result)):
+        assert status.value in sentence
+        assert not INTERVAL.search(sentence)
+    parameters = render_text(result).split("Parameters\n")[1].split("Correlations")[0]
+    assert not INTERVAL.search(parameters)
+
+
+def test_an_unconverged_posterior_is_untrusted_even_if_the_result_forgot_to_say_so(
+    not_converged,
+):
+    result = replace(not_converged, status=FitStatus.OK)
+    assert "has not converged" in sentence_theta_c(result)
+
+
+def test_no_interval_is_ever_of_zero_width(make_identification):
+    at_the_end = make_angle("alpha_star", 150.0, interval=(150.0, 150.0), sets=())
+    result = make_identification(
+        alpha_star=at_the_end,
+        config=GraspConfig(push={"length_mm": 5.0}, reach={"alpha_deg": (0.0, 150.0)}),
+    )
+    sentence = sentence_alpha_star(result)
+    assert sentence.startswith("The best push direction α* is 150°. It is the end of")
+    assert not INTERVAL.search(sentence)
+
+
+def test_an_axis_across_180_degrees_is_one_interval(make_identification):
+    axis = make_angle(
+        "alpha_star", 178.0, interval=(174.0, 183.0), sets=((174.0, 183.0),)
+    )
+    sentence = sentence_alpha_star(make_identification(alpha_star=axis))
+    assert "178.0° (90 % interval: 174.0° to 180° and on to 3.0°)" in sentence
+
+
+@pytest.mark.parametrize(
+    ("free", "word"), [(176.0, "agrees"), (3.0, "agrees"), (90.0, "disagrees")]
+)
+def test_the_model_free_direction_is_compared_on_the_circle(
+    make_identification, free, word
+):
+    result = make_identification(
+        alpha_star=make_angle("alpha_star", 179.5),
+        alpha_star_model_free=make_angle("alpha_star", free),
+    )
+    assert f"alone {word}" in sentence_alpha_star(result)
+
+
+def test_a_contact_that_never_rolls_has_no_critical_angle(determined):
+    draws = dict(determined.posterior.samples) | {"theta_c": np.full(2000, np.nan)}
+    result = replace(determined, posterior=replace(determined.posterior, samples=draws))
+    assert "does not exist" in sentence_theta_c(result)
+
+
+def test_modes_across_the_seam_are_typical_of_their_own_draws(determined):
+    rng = np.random.default_rng(1)
+    draws = np.append(rng.normal(0.0, 1.0, 1000) % 180, rng.normal(90.0, 1.0, 1000))
+    samples = dict(determined.posterior.samples) | {"alpha_star": draws}
+    result = replace(
+        determined,
+        alpha_star=make_angle(
+            "alpha_star",
+            None,
+            sets=((88.0, 92.0), (178.0, 182.0)),
+            verdict=Verdict.SEVERAL_MODES,
+        ),
+        posterior=replace(determined.posterior, samples=samples),
+    )
+    first, second = alpha_star_answer(result).values
+    assert abs(first - 90.0) < 0.5
+    assert min(second, 180.0 - second) < 0.5
+
+
+def test_an_inadequate_model_is_the_first_thing_said(inadequate):
+    assert render_text(inadequate).startswith(
+        "The model does not describe these heights"
+    )
+    assert "not to be relied on" in sentence_theta_c(inadequate).lower()
+
+
+def test_no_parameter_is_quoted_before_the_model_is_said_not_to_describe(inadequate):
+    """Nothing but the alarm comes before it, in particular no symbol with a value."""
+    text = render_text(inadequate)
+    alarm = text.index("The model does not describe these heights")
+    reason = text.index("χ² = 812")
+    first = min(text.index(name) for name in ("K_sn", "C_rr", "θ_c", "α*", "N/m"))
+    assert alarm < reason < first
+
+
+def test_predictive_checks_are_reported_beside_the_other_tests(determined):
+    text = render_text(determined)
+    assert "scatter p = 0.42; largest residual p < 0.001" in text
+
+
+def test_untrusted_numerics_are_the_first_thing_said(not_converged):
+    assert render_text(not_converged).startswith("Do not use these numbers")
+
+
+def test_the_report_ends_with_one_sentence_on_each_angle(determined):
+    last = " ".join(render_text(determined).split())
+    assert last.endswith(
+        sentence_theta_c(determined) + " " + sentence_alpha_star(determined)
+    )
+
+
+def test_stiffness_is_not_quoted_where_the_push_length_is_unknown(unknown_length):
+    text = render_text(unknown_length)
+    for name in ("K_sn", "K_dn", "K_st", "C_d", "A", "B"):
+        assert re.search(rf"^{name} +not quoted", text, re.MULTILINE)
+    assert re.search(r"^C_rr +0.300", text, re.MULTILINE)
+    assert "push length is unknown" in text
+
+
+def test_the_report_tells_learned_from_assumed_and_fixed(determined):
+    text = render_text(determined)
+    assert re.search(r"^C_rr .*learned", text, re.MULTILINE)
+    assert re.search(r"^K_sn .*assumed", text, re.MULTILINE)
+    assert re.search(r"^L +0.04 +m +fixed", text, re.MULTILINE)
+
+
+def test_the_report_names_what_would_help(determined):
+    assert "Measure L with callipers" in render_text(determined)
+
+
+def test_a_one_sided_stiffness_shows_its_bound_and_no_value(make_identification):
+    result = make_identification()
+    first, second = result.combinations
+    bound = ((77.0, None),)
+    second = replace(
+        second, verdict=Verdict.ONE_SIDED, sets=bound, likelihood_sets=bound
+    )
+    text = render_text(replace(result, combinations=(first, second)))
+    assert re.search(r"^B +see set +above 77.0 +N/m +one-sided", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("width", [20, 44, 71, 80, 120])
+def test_no_line_is_longer_than_the_terminal(any_identification, width):
+    assert (
+        max(map(len, render_text(any_identification, width=width).split("\n"))) <= width
+    )
+
+
+def test_nothing_of_a_number_is_cut_on_a_narrow_terminal(determined):
+    narrow = " ".join(render_text(determined, width=30).split())
+    assert "K_sn = 800 N/m (500 to 1300)" in narrow
+    assert "…" not in narrow
+
+
+def test_user_text_cannot_send_control_characters(hostile):
+    text = render_text(hostile)
+    assert all(char.isprintable() for char in text.replace("\n", ""))
+
+
+def test_marks_of_the_figures_are_the_answers_of_the_sentence(two_modes):
+    low, high = theta_c_answer(two_modes).values
+    # Draws of 0.9° scatter: the median of 800 has a standard error of 0.04°.
+    assert abs(low - 40.0) < 0.2
+    assert abs(high - 56.0) < 0.2
+
+
+def test_the_frame_holds_every_parameter_and_no_number_that_is_not_quoted(
+    unknown_length,
+):
+    frame = result_frame(unknown_length)
+    quantities = (*unknown_length.parameters, *unknown_length.combinations)
+    assert list(frame.index) == [
+        *("theta_c", "alpha_star"),
+        *(q.name for q in quantities),
+    ]
+    assert np.isnan(
+        frame.loc["K_sn", ["estimate", "lower", "upper"]].astype(float)
+    ).all()
+    assert frame.loc["C_rr", "estimate"] == 0.3
+
+
+def test_correlations_are_those_of_the_logs_of_positive_quantities(determined):
+    samples = determined.posterior.samples
+    expected = np.corrcoef(np.log(samples["K_sn"]), np.log(samples["K_dn"]))[0, 1]
+    (pair,) = correlations(determined)
+    assert (pair.first, pair.second) == ("K_sn", "K_dn")
+    assert abs(pair.value - expected) < 1e-12  # the same sum in the same order
+
+
+def test_an_untrusted_posterior_has_no_correlations(not_converged):
+    assert correlations(not_converged) == ()
