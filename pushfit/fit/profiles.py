@@ -124,7 +124,9 @@ def _curves(
             reference_alpha=reference_alpha,
             level=level,
         )
-        known = np.isfinite(at_modes)
+        # Of the other modes most lie above the profile.
+        around = np.interp(at_modes, curve.values, curve.chi_square)
+        known = np.isfinite(at_modes) & (costs <= around)
         exact = Curve(
             values=at_modes[known], points=modes[known], chi_square=costs[known]
         )
