@@ -17,6 +17,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
+from pushfit.fit.lane_results import N_LANES, identify_lanes, ready
 from scipy import stats
 
 from pushfit.config import parse_config
@@ -24,7 +25,6 @@ from pushfit.data.simulate import simulate_table
 from pushfit.fit.calibration import LEVELS, simulate_tables
 from pushfit.fit.derived import equal_tailed_interval
 from pushfit.fit.identify import Fitted, fit_table, identify_table
-from pushfit.fit.lane_results import N_LANES, identify_lanes, ready
 from pushfit.fit.profile_sets import profile_set
 from pushfit.fit.results import FitStatus, Identification, Piece
 from pushfit.model import Grasp, Parameters

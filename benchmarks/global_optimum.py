@@ -14,12 +14,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
-
-from benchmarks import tables
-from benchmarks.peers import MEDIANS, SPREADS, arrays, combined, fit_by_lmfit
 from pushfit.fit.lane_fit import fit_lanes
 from pushfit.fit.lane_profile import profile_lanes
 from pushfit.fit.lane_results import N_LANES, Ready
+
+from benchmarks import tables
+from benchmarks.peers import MEDIANS, SPREADS, arrays, combined, fit_by_lmfit
 from pushfit.fit.least_squares import polish
 
 N_ANGLES, REPEATS = 9, 3

@@ -19,12 +19,12 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from pushfit.fit.lane_fit import fit_lanes
+from pushfit.fit.lane_results import N_LANES
 
 from benchmarks import tables
 from pushfit.cache import enable_compile_cache
 from pushfit.data.tables.peak_table import PeakTable, write_table
-from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_results import N_LANES
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Elevations and repeats: 17, 51 and 204 rows of the same directions, then 204 of more.

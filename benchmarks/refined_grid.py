@@ -13,10 +13,10 @@ import numpy as np
 from benchmarks import tables
 from pushfit.fit.derived import samples_mapping
 from pushfit.fit.least_squares import fit_least_squares
-from tests.oracle.cells import KRONROD
 from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.posterior import weighted_draws
 from pushfit.fit.sweep.prior import make_target
+from tests.oracle.cells import KRONROD
 from tests.oracle.exact import exact_grid
 
 PERCENTILES = [50.0, 99.0, 100.0]

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax
 import numpy as np
+from pushfit.fit.lane_results import Ready, ready
+from pushfit.fit.lanes import Lane
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.lane_results import Ready, ready
-from pushfit.fit.lanes import Lane
 from pushfit.fit.priors import default_priors
 from pushfit.model import Grasp, Parameters, Pushes, forward
 

@@ -13,13 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
+from pushfit.fit.lane_fit import fit_lanes
+from pushfit.fit.lane_profile import profile_lanes
+from pushfit.fit.lane_results import N_LANES
 
 from benchmarks import peers, recording_scale, tables, tilting_cost
 from pushfit.cache import PROGRAMS
 from pushfit.fit.identify import fit_table, reach_of
-from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_profile import profile_lanes
-from pushfit.fit.lane_results import N_LANES
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.many import identify_many
 from pushfit.fit.posterior import sample_posterior

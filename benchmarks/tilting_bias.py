@@ -18,16 +18,16 @@ from collections import defaultdict
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
+from pushfit.fit.constrained import ConstrainedFit
+from pushfit.fit.scan import starting_points
 
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.directions import critical_angle
-from pushfit.fit.constrained import ConstrainedFit
 from pushfit.fit.identify import fit_table
 from pushfit.fit.profile_sets import threshold
-from pushfit.fit.scan import starting_points
 from pushfit.fit.tilt_check import WORTH_OF_WIDTH
+from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters
 
 THETA = np.radians(np.arange(10.0, 90.0, 5.0))

@@ -13,8 +13,6 @@ from .data.tables.merge import merge_tables as merge_tables
 from .data.tables.peak_table import PeakTable as PeakTable
 from .data.tables.peak_table import read_table as read_table
 from .data.tables.peak_table import write_table as write_table
-from .directions import best_direction as best_direction
-from .directions import critical_angle as critical_angle
 from .errors import ConfigError as ConfigError
 from .errors import ConvergenceError as ConvergenceError
 from .errors import DataError as DataError
@@ -26,6 +24,8 @@ from .fit.comparison import compare_models as compare_models
 from .fit.results import FitStatus as FitStatus
 from .fit.results import Notice as Notice
 from .fit.results import Verdict as Verdict
+from .mechanics.directions import best_direction as best_direction
+from .mechanics.directions import critical_angle as critical_angle
 from .model import Grasp as Grasp
 from .model import Parameters as Parameters
 from .model import Pushes as Pushes

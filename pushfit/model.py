@@ -12,23 +12,23 @@ References:
 
 import jax.numpy as jnp
 
-from pushfit.containers import Channels as Channels
-from pushfit.containers import Contact as Contact
-from pushfit.containers import Forces as Forces
-from pushfit.containers import Grasp as Grasp
-from pushfit.containers import Parameters as Parameters
-from pushfit.containers import Pushes as Pushes
-from pushfit.containers import Scalar as Scalar
-from pushfit.containers import Vector as Vector
-from pushfit.containers import as_float as as_float
-from pushfit.containers import contact as contact
-from pushfit.containers import rolling_limits as rolling_limits
-from pushfit.containers import support_stiffness as support_stiffness
-from pushfit.containers import tangential_stiffness as tangential_stiffness
-from pushfit.containers import unit_vector as unit_vector
-from pushfit.numerics import norm2, softclip
-from pushfit.tilting import one_support_forces
-from pushfit.two_supports import two_support_forces
+from pushfit.mechanics.containers import Channels as Channels
+from pushfit.mechanics.containers import Contact as Contact
+from pushfit.mechanics.containers import Forces as Forces
+from pushfit.mechanics.containers import Grasp as Grasp
+from pushfit.mechanics.containers import Parameters as Parameters
+from pushfit.mechanics.containers import Pushes as Pushes
+from pushfit.mechanics.containers import Scalar as Scalar
+from pushfit.mechanics.containers import Vector as Vector
+from pushfit.mechanics.containers import as_float as as_float
+from pushfit.mechanics.containers import contact as contact
+from pushfit.mechanics.containers import rolling_limits as rolling_limits
+from pushfit.mechanics.containers import support_stiffness as support_stiffness
+from pushfit.mechanics.containers import tangential_stiffness as tangential_stiffness
+from pushfit.mechanics.containers import unit_vector as unit_vector
+from pushfit.mechanics.numerics import norm2, softclip
+from pushfit.mechanics.tilting import one_support_forces
+from pushfit.mechanics.two_supports import two_support_forces
 
 
 def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:

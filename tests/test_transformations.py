@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pushfit import coordinates, directions, displacements, model
+from pushfit import model
+from pushfit.mechanics import coordinates, directions, displacements
 from tests.problems import CASES, SMOOTH_THETA_DEG
 
 EXACT = 1e-11  # the compiler reorders what is equal on paper

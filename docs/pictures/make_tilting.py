@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from pushfit.directions import critical_angle
+from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters, Pushes, forward
 
 FOLDER = Path(__file__).parent

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax.numpy as jnp
 
-from pushfit.containers import support
 from pushfit.fit.priors import Prior
+from pushfit.mechanics.containers import support
 from pushfit.model import Contact, Grasp, Parameters, Scalar, contact
 
 Values = Mapping[str, Scalar]

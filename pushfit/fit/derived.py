@@ -12,10 +12,10 @@ from arviz_stats.base.array import array_stats
 from jaxtyping import Array, Bool, Float
 from scipy import stats
 
-from pushfit.directions import best_direction, critical_angle
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import Piece
+from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.model import as_float, contact, forward
 
 PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")

@@ -18,7 +18,6 @@ import numpy as np
 from emcee.moves import Move
 from jaxtyping import Array, Float
 
-from pushfit.directions import critical_angle
 from pushfit.errors import FitError
 from pushfit.fit.chains import Densities, Run, in_chunks, keep, resume
 from pushfit.fit.checkpoint import fingerprint
@@ -31,6 +30,7 @@ from pushfit.fit.programs import compiled
 from pushfit.fit.results import Diagnostics, FitResult, FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup
 from pushfit.fit.starts import prior_x_samples, starting_points
+from pushfit.mechanics.directions import critical_angle
 
 Progress = Callable[[str, float], None]
 

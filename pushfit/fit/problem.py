@@ -14,9 +14,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from pushfit.coordinates import Coordinates, log_volume, parameters
 from pushfit.fit.data_point import POINTS
 from pushfit.fit.priors import Prior
+from pushfit.mechanics.coordinates import Coordinates, log_volume, parameters
+from pushfit.mechanics.numerics import norm2
 from pushfit.model import (
     Contact,
     Grasp,
@@ -26,7 +27,6 @@ from pushfit.model import (
     as_float,
     forward,
 )
-from pushfit.numerics import norm2
 
 # Degrees of freedom of the Student-t likelihood: heavy tails with a finite variance.
 STUDENT_DOF = 4.0

@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from pushfit.coordinates import Coordinates, coordinates
 from pushfit.errors import FitError
 from pushfit.fit.chains import advance, in_chunks
 from pushfit.fit.mixture import fit_mixture
@@ -23,6 +22,7 @@ from pushfit.fit.priors import POSITIVE, UNITS
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult
+from pushfit.mechanics.coordinates import Coordinates, coordinates
 from pushfit.model import Parameters
 
 PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "e1", "e2")

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.config import GraspConfig
-from pushfit.displacements import displacements
 from pushfit.fit.data_point import data_names
 from pushfit.fit.derived import PARAMETERS, critical_angle_at, in_contact
 from pushfit.fit.least_squares import costs_at
@@ -28,6 +27,7 @@ from pushfit.fit.results import (
 )
 from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.curve import search
+from pushfit.mechanics.displacements import displacements
 from pushfit.model import Grasp, Parameters, Pushes
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].

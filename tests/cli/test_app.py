@@ -30,8 +30,8 @@ from pushfit.data.recordings.samples import Gaps, ThetaFrom
 from pushfit.data.text.dialects import Format
 from pushfit.data.text.scan import Tail
 from pushfit.data.truth import stated_parameters
-from pushfit.directions import critical_angle
 from pushfit.errors import ConfigError, DataError, FitError, Problem
+from pushfit.mechanics.directions import critical_angle
 
 
 def session(**options: bool) -> Session:

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.directions import best_direction, critical_angle
 from pushfit.fit.derived import (
     PARAMETERS,
     contraction,
@@ -15,6 +14,7 @@ from pushfit.fit.derived import (
     samples_mapping,
 )
 from pushfit.fit.setup import build_problem
+from pushfit.mechanics.directions import best_direction, critical_angle
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

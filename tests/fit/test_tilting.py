@@ -8,7 +8,6 @@ import pytest
 
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording, simulate_table
-from pushfit.directions import critical_angle
 from pushfit.errors import ConfigError
 from pushfit.fit.advice import measurements
 from pushfit.fit.comparison import rival_configs
@@ -20,6 +19,7 @@ from pushfit.fit.results import FitStatus, Verdict
 from pushfit.fit.setup import build_problem
 from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.tilt_check import fit_tilting
+from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters, Pushes, contact, forward
 from tests.fit.tables import config
 from tests.problems import PUSH, TILTED_ELLIPSE, paper_parameters

@@ -39,7 +39,7 @@ def check_arithmetic() -> None:
     Raises:
         FitError: They differ, as they would in single precision.
     """
-    from pushfit.directions import critical_angle
+    from pushfit.mechanics.directions import critical_angle
     from pushfit.model import Grasp, Parameters, as_float
 
     params = Parameters(K_sn=600.0, K_dn=300.0, K_st=400.0, C_rr=0.5, C_d=0.25, L=0.025)

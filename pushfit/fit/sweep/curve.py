@@ -38,7 +38,10 @@ TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
 # Where the object tilts the switch is rounder, and programs are slow to compile: points
 # of the pool are not followed one by one.
 FAMILY_SHARPNESS = (8.0, 64.0, 1024.0)
-SHARPNESS = {"linear": (*(4.0 ** np.arange(1, 9)), 1e6, 1e6), "tilting": (math.inf,) * 6}
+SHARPNESS = {
+    "linear": (*(4.0 ** np.arange(1, 9)), 1e6, 1e6),
+    "tilting": (math.inf,) * 6,
+}
 # θ_c held where a point has none [rad].
 SOME_ANGLE = 0.1
 CROSSING, AT_CROSSING = 0.15, 0.35

@@ -14,7 +14,6 @@ from jax.scipy.special import logsumexp, ndtri
 from jax.scipy.stats import norm
 from jaxtyping import Array, Float, Int
 
-from pushfit.containers import anisotropy_stretch
 from pushfit.fit.sweep.cholesky import (
     back_solve,
     cholesky,
@@ -32,8 +31,9 @@ from pushfit.fit.sweep.sheet import (
     prior_given,
 )
 from pushfit.fit.sweep.target import Expansion, Target
+from pushfit.mechanics.containers import anisotropy_stretch
+from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
-from pushfit.numerics import norm2
 
 # The Gaussian rest in several widths, and as the prior has it: shares of each.
 WIDTHS, SHARES = (1.0, 1.7, 3.5), (0.55, 0.2, 0.1, 0.15)

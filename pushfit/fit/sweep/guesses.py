@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.containers import contact
 from pushfit.fit.problem import Problem
 from pushfit.fit.pulls import held_values
+from pushfit.mechanics.containers import contact
 
 # C_rr, or B/A where C_rr follows from θ_c: their basins are decades wide.
 RATIOS = np.log([0.03, 0.3, 3.0])

@@ -13,9 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from pushfit.critical_tilt import critical_friction
 from pushfit.fit.problem import Problem, State
 from pushfit.fit.sweep.target import IMPOSSIBLE, STEP, Expansion, finite
+from pushfit.mechanics.critical_tilt import critical_friction
+from pushfit.mechanics.numerics import norm2
 from pushfit.model import (
     Contact,
     Grasp,
@@ -24,7 +25,6 @@ from pushfit.model import (
     tangential_stiffness,
     unit_vector,
 )
-from pushfit.numerics import norm2
 
 # Coordinates that θ_c replaces, first choice first. Where the object tilts only C_rr
 # follows from the angle without a search: it is what the unrolled push needs there.

@@ -11,13 +11,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.containers import contact, tangential_stiffness, unit_vector
 from pushfit.fit.problem import State
 from pushfit.fit.sweep.noise import log_likelihood, noise_terms
 from pushfit.fit.sweep.repeats import Pooled
 from pushfit.fit.sweep.roles import Roles
+from pushfit.mechanics.containers import contact, tangential_stiffness, unit_vector
+from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
-from pushfit.numerics import norm2
 
 # Step of the differences that stand for slopes, in logs: only the search for the mass
 # of the posterior uses them, and mechanics with an inner solver are slow to

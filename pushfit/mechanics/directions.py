@@ -8,7 +8,8 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.critical_tilt import tilting_critical_angle
+from pushfit.mechanics.critical_tilt import tilting_critical_angle
+from pushfit.mechanics.numerics import norm2
 from pushfit.model import (
     Contact,
     Grasp,
@@ -22,7 +23,6 @@ from pushfit.model import (
     tangential_stiffness,
     unit_vector,
 )
-from pushfit.numerics import norm2
 
 # Azimuths over the reach: at most half a degree apart, so that the parabola through the
 # lowest three finds a smooth minimum to about 0.01 degrees.

@@ -2,14 +2,14 @@
 
 All belong to pushes of one length. Above θ_c nothing rolls, so that all follow from the
 unrolled equilibrium, which is scalar also with two supports. Excluded: forces
-(`pushfit.tilting`, `pushfit.two_supports`).
+(`pushfit.mechanics.tilting`, `pushfit.mechanics.two_supports`).
 """
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from pushfit.containers import (
+from pushfit.mechanics.containers import (
     Contact,
     Grasp,
     Parameters,
@@ -20,9 +20,9 @@ from pushfit.containers import (
     tangential_stiffness,
     unit_vector,
 )
-from pushfit.numerics import norm2, sine, versine
-from pushfit.roots import falling_root
-from pushfit.tilting import (
+from pushfit.mechanics.numerics import norm2, sine, versine
+from pushfit.mechanics.roots import falling_root
+from pushfit.mechanics.tilting import (
     MAX_TILT,
     Hold,
     displacement,

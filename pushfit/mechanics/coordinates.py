@@ -9,7 +9,7 @@ Excluded: priors and data.
 import equinox as eqx
 import jax.numpy as jnp
 
-from pushfit.containers import (
+from pushfit.mechanics.containers import (
     Contact,
     Parameters,
     Scalar,
@@ -18,7 +18,7 @@ from pushfit.containers import (
     contact,
     support,
 )
-from pushfit.numerics import norm2
+from pushfit.mechanics.numerics import norm2
 
 
 class Coordinates(eqx.Module):
@@ -72,7 +72,7 @@ def parameters(coords: Coordinates) -> Parameters:
 
         K_sn = A (1 + r),   K_dn = A (1 + 1/r)
 
-    The others follow as in `pushfit.containers.support`.
+    The others follow as in `pushfit.mechanics.containers.support`.
 
     Args:
         coords: Coordinates.

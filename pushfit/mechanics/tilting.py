@@ -12,7 +12,7 @@ solved here once with each argument of the minimum. Since F_t falls with
 γ, the smaller of the two forces is the equilibrium, and `softmin` of them is the soft
 transition. A support with a stiffness ellipse deflects along a direction of its own,
 but the object leans along its tangential force, so the equilibrium stays scalar.
-Excluded: two supports, whose limits differ (`pushfit.two_supports`).
+Excluded: two supports, whose limits differ (`pushfit.mechanics.two_supports`).
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.containers import (
+from pushfit.mechanics.containers import (
     Contact,
     Forces,
     Grasp,
@@ -33,7 +33,7 @@ from pushfit.containers import (
     support,
     tangential_compliance,
 )
-from pushfit.numerics import (
+from pushfit.mechanics.numerics import (
     Sharpness,
     is_hard,
     norm2,
@@ -42,7 +42,7 @@ from pushfit.numerics import (
     softmin,
     versine,
 )
-from pushfit.roots import falling_root
+from pushfit.mechanics.roots import falling_root
 
 # Largest tilt, 82° [rad]: an object that leans further has fallen over.
 MAX_TILT = 1.43

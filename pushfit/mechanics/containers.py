@@ -2,7 +2,7 @@
 
 Small containers, the combinations of the parameters that forces depend on, and the way
 back from these to the parameters. Excluded: mechanics (`pushfit.model`,
-`pushfit.tilting`).
+`pushfit.mechanics.tilting`).
 
 References:
     Eq. (n) is equation n of He & Zhang (2014), doi:10.1007/s11432-014-5216-3.
@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from pushfit.numerics import asinhc, norm2, sinhc
+from pushfit.mechanics.numerics import asinhc, norm2, sinhc
 
 jax.config.update("jax_enable_x64", True)
 

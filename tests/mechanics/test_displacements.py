@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from pushfit import displacements as module
+from pushfit.mechanics import displacements as module
 from pushfit.model import forces
 from tests import paper
 from tests.problems import CASES, paper_parameters, sweep

@@ -11,17 +11,17 @@ import pytest
 from scipy import optimize
 
 from pushfit import model
-from pushfit.containers import support
-from pushfit.critical_tilt import critical_tilt
-from pushfit.directions import critical_angle, linear_critical_angle
-from pushfit.model import Grasp, Parameters, Pushes, contact
-from pushfit.tilting import (
+from pushfit.mechanics.containers import support
+from pushfit.mechanics.critical_tilt import critical_tilt
+from pushfit.mechanics.directions import critical_angle, linear_critical_angle
+from pushfit.mechanics.tilting import (
     _rolled_guess,
     _unrolled_guess,
     make_hold,
     rolled_tilt,
     unrolled_tilt,
 )
+from pushfit.model import Grasp, Parameters, Pushes, contact
 from tests import paper
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters, sweep
 

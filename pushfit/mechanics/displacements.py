@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from pushfit.mechanics.numerics import norm2
 from pushfit.model import (
     Grasp,
     Parameters,
@@ -17,7 +18,6 @@ from pushfit.model import (
     linear_forces,
     support_stiffness,
 )
-from pushfit.numerics import norm2
 
 
 class Displacements(eqx.Module):

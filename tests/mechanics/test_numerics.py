@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pushfit.numerics import (
+from pushfit.mechanics.numerics import (
     SERIES_LIMIT,
     asinhc,
     lean_factors,

@@ -12,12 +12,12 @@ from scipy import optimize
 
 from benchmarks import tilting_cost
 from pushfit import model
-from pushfit.critical_tilt import critical_friction, critical_tilt
-from pushfit.directions import best_direction, critical_angle
 from pushfit.fit.starts import prior_x_samples
+from pushfit.mechanics.critical_tilt import critical_friction, critical_tilt
+from pushfit.mechanics.directions import best_direction, critical_angle
+from pushfit.mechanics.two_supports import equilibrium, make_frame
+from pushfit.mechanics.two_supports import unbalanced as unborne
 from pushfit.model import Grasp, Parameters, Pushes
-from pushfit.two_supports import equilibrium, make_frame
-from pushfit.two_supports import unbalanced as unborne
 from tests import paper
 from tests.problems import PUSH, TILTED_ELLIPSE, ellipse, paper_parameters, sweep
 

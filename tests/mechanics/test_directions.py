@@ -12,8 +12,8 @@ import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pushfit import directions
-from pushfit.directions import soft_axis
+from pushfit.mechanics import directions
+from pushfit.mechanics.directions import soft_axis
 from pushfit.model import Grasp, Parameters
 from tests import paper
 from tests.problems import (

@@ -26,7 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from pushfit.containers import (
+from pushfit.mechanics.containers import (
     Contact,
     Forces,
     Grasp,
@@ -37,8 +37,8 @@ from pushfit.containers import (
     contact,
     rolling_limits,
 )
-from pushfit.numerics import Sharpness, lean_factors, norm2, softclip
-from pushfit.tilting import MAX_TILT, Hold, make_hold
+from pushfit.mechanics.numerics import Sharpness, lean_factors, norm2, softclip
+from pushfit.mechanics.tilting import MAX_TILT, Hold, make_hold
 
 # Relative step at which the search ends; the step after it leaves the square of that.
 RTOL = 1e-7

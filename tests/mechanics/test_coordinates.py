@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pushfit import coordinates as module
-from pushfit.coordinates import Coordinates
+from pushfit.mechanics import coordinates as module
+from pushfit.mechanics.coordinates import Coordinates
 from pushfit.model import Parameters
 from pushfit.model import forward as eager_forward
 from tests import paper
