@@ -34,7 +34,7 @@ def names_in(own: str) -> str:
         if layer(f"pushfit.{path.stem}") == own and not path.stem.startswith("__")
     ]
     beside += [
-        path.name
+        f"{path.name}/"
         for path in PACKAGE.iterdir()
         if path.name not in LAYERS
         and (path / "__init__.py").exists()
