@@ -68,11 +68,7 @@ EXAMPLES = {
 
 
 def epilog(name: str) -> str | None:
-    """End of the help of a command.
-
-    Args:
-        name: Of the command.
-    """
+    """End of the help of a command."""
     if name not in EXAMPLES:
         return None
     example, after = EXAMPLES[name]

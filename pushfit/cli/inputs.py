@@ -147,10 +147,6 @@ def load_peaks(
 def load_table(path: Path, config: "GraspConfig") -> "PeakTable":
     """Peak heights from a file that holds them.
 
-    Args:
-        path: Table.
-        config: Settings in force.
-
     Returns:
         The table.
 

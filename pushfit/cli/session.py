@@ -75,27 +75,15 @@ class Session:
         self.say(f"wrote {path}{remark}")
 
     def complain(self, text: str) -> None:
-        """Show what is wrong, also to a user who wants quiet.
-
-        Args:
-            text: One problem.
-        """
+        """Show what is wrong, also to a user who wants quiet."""
         _print_message(f"error: {text}", "bold red")
 
     def warn(self, text: str) -> None:
-        """Show what the user may choose to ignore.
-
-        Args:
-            text: One warning.
-        """
+        """Show what the user may choose to ignore."""
         self.say(f"warning: {text}", style="yellow")
 
     def say_more(self, text: str) -> None:
-        """Show a message that only --verbose asks for.
-
-        Args:
-            text: What to say.
-        """
+        """Show a message that only --verbose asks for."""
         if self.is_verbose:
             self.say(text, style="dim")
 

@@ -46,11 +46,7 @@ WORDS = {
 
 
 def verdict_word(verdict: Verdict) -> str:
-    """Verdict as printed.
-
-    Args:
-        verdict: What may be said.
-    """
+    """Verdict as printed."""
     return WORDS.get(verdict, verdict.value)
 
 

@@ -240,20 +240,12 @@ def format_bound(value: float, unit: str) -> str:
 
 
 def join_or(items: Sequence[str]) -> str:
-    """Alternatives in a sentence: "a", "a or b", "a, b or c".
-
-    Args:
-        items: The alternatives.
-    """
+    """Alternatives in a sentence: "a", "a or b", "a, b or c"."""
     return _join(items, "or")
 
 
 def join_and(items: Sequence[str]) -> str:
-    """List in a sentence: "a", "a and b", "a, b and c".
-
-    Args:
-        items: The members.
-    """
+    """List in a sentence: "a", "a and b", "a, b and c"."""
     return _join(items, "and")
 
 

@@ -151,12 +151,7 @@ def peaks(
 
 
 def has_angles(path: Path, settings: "GraspConfig") -> bool:
-    """Whether a recording has the angles of its pushes.
-
-    Args:
-        path: Recording.
-        settings: Settings in force.
-    """
+    """Whether a recording has the angles of its pushes."""
     from pushfit.data.recordings.load import configured_recording
 
     recording = configured_recording(path, settings)
@@ -260,10 +255,6 @@ def simulate(
 def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
     """What was recognised in one file.
 
-    Args:
-        path: File.
-        config: Settings in force.
-
     Returns:
         Facts by name, as JSON knows them.
     """
@@ -301,9 +292,6 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
 
 def as_text(facts: Mapping[str, object]) -> str:
     """Facts one below the other, as `print` is to show them.
-
-    Args:
-        facts: What `describe` found.
 
     Returns:
         Lines.

@@ -111,12 +111,7 @@ def _richest(sweeps: list[Sweep], fixed_deg: float | None) -> list[Sweep]:
 
 
 def marker_of(answer: Answer, identification: Identification) -> Marker:
-    """What figures mark of an answer.
-
-    Args:
-        answer: θ_c or α*.
-        identification: The result.
-    """
+    """What figures mark of an answer."""
     pieces, fixed_deg = answer.pieces, None
     if answer.name == "theta_c":
         fixed_deg = identification.reference_alpha_deg

@@ -285,12 +285,7 @@ def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
 
 
 def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
-    """A recording with the pushes found in it, numbered: what a schedule has to name.
-
-    Args:
-        recording: The recording.
-        settings: How to look.
-    """
+    """A recording with its pushes numbered: what a schedule has to name."""
     extents = find_pushes(recording, settings=settings)
     numbers = np.arange(1, len(extents) + 1)
     unknown = np.full(numbers.size, np.nan)

@@ -164,11 +164,7 @@ def math_symbol(name: str) -> str:
 
 
 def series_colours(n: int) -> list[str]:
-    """Colours of n ordered series.
-
-    Args:
-        n: Number of series.
-    """
+    """Colours of n ordered series."""
     if n <= len(SERIES):
         return list(SERIES[:n])
     from matplotlib import colormaps
@@ -266,11 +262,7 @@ def figure_bytes(figure: "Figure", suffix: str) -> bytes:
 
 
 def with_palette(picture: io.BytesIO) -> bytes:
-    """A PNG of few colours in a third of the bytes.
-
-    Args:
-        picture: PNG.
-    """
+    """A PNG of few colours in a third of the bytes."""
     from PIL import Image
 
     shown = Image.open(picture).convert("RGB")

@@ -194,11 +194,7 @@ def set_angle_ticks(axes: "Axes", swept: str) -> None:
 
 
 def legend_height(sweeps: Sequence[Sweep]) -> float:
-    """Room that the legend below a panel takes [inch].
-
-    Args:
-        sweeps: Those of the panel.
-    """
+    """Room that the legend below a panel takes [inch]."""
     return 0.25 + 0.17 * -(-len(sweeps) // LEGEND_COLUMNS)
 
 

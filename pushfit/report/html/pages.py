@@ -68,33 +68,21 @@ def render_page(
 
 
 def letters(text: str) -> "Markup":
-    """The same for a template.
-
-    Args:
-        text: Anything.
-    """
+    """The same for a template."""
     from markupsafe import Markup
 
     return Markup(indexed_html(text))
 
 
 def named(name: str) -> "Markup":
-    """Symbol of a quantity that says on hover what it stands for.
-
-    Args:
-        name: Stable name.
-    """
+    """Symbol of a quantity that says on hover what it stands for."""
     from markupsafe import Markup
 
     return Markup(symbol_html(name))
 
 
 def symbol_html(name: str) -> str:
-    """The same for a page that is no template.
-
-    Args:
-        name: Stable name.
-    """
+    """The same for a page that is no template."""
     shown = indexed_html(symbol(name))
     if name not in MEANINGS:
         return shown

@@ -156,11 +156,7 @@ def _chains(
 
 
 def one_row(chains: Float[np.ndarray, "c d"]) -> Float[np.ndarray, " n"]:
-    """Draws in the order of the record, from their chains.
-
-    Args:
-        chains: By chain and step.
-    """
+    """Draws in the order of the record, from their chains."""
     return chains.T.ravel()
 
 

@@ -54,9 +54,6 @@ BROKEN = (
 def read_summary(folder: str | Path) -> dict[str, Any]:
     """`summary.json` of a result folder.
 
-    Args:
-        folder: Result folder.
-
     Returns:
         Its content.
 
@@ -85,9 +82,6 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
 def read_result(folder: str | Path) -> Identification:
     """The result that a folder holds.
 
-    Args:
-        folder: Folder that `--out` wrote.
-
     Returns:
         What was written, for every report and figure.
 
@@ -109,12 +103,7 @@ def read_result(folder: str | Path) -> Identification:
 
 
 def not_whole(folder: Path, error: Exception) -> DataError:
-    """What to say of a folder in which a part is missing or broken.
-
-    Args:
-        folder: Result folder.
-        error: What reading it raised.
-    """
+    """What to say of a folder in which a part is missing or broken."""
     return DataError(
         f"{folder}: not a whole result ({type(error).__name__}: {error}); restore it, "
         "or make it again with --force",

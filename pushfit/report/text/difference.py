@@ -74,10 +74,6 @@ class Comparison:
 def compare_results(first: Identification, second: Identification) -> Comparison:
     """Subtract two results.
 
-    Args:
-        first: One result.
-        second: Another, of other pushes.
-
     Returns:
         Differences of θ_c, α*, the combinations and the parameters.
 
@@ -200,11 +196,7 @@ def difference_text(comparison: Comparison) -> str:
 
 
 def sentence(difference: Difference) -> str:
-    """The verdict on one difference.
-
-    Args:
-        difference: Of one quantity.
-    """
+    """The verdict on one difference."""
     low, high = difference.interval
     spread = high - low
     size = with_unit(
