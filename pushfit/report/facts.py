@@ -26,7 +26,7 @@ from pushfit.report.strings import (
 
 MAX_CORRELATIONS = 8
 # Quantities that are a set of several pieces or with an open end, and their value.
-SEE_SET = "see set"
+SEE_SET, UNQUOTED = "see set", "not quoted"
 SET_VERDICTS = frozenset({Verdict.ONE_SIDED, Verdict.SEVERAL_MODES})
 
 # Features that heights simulated from the posterior are compared in.
@@ -118,7 +118,7 @@ def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
         if quantity.estimate is not None:
             spread = spread_of(quantity.estimate, quantity.interval)
         interval = format_range(*quantity.interval, "", spread=spread)
-    value = "not quoted"
+    value = UNQUOTED
     is_set = quantity.verdict in SET_VERDICTS and bool(pieces_for(quantity))
     if is_set:
         value = SEE_SET

@@ -16,6 +16,7 @@ from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (
     SEE_SET,
+    UNQUOTED,
     angle_rows,
     cannot_say,
     correlation_rows,
@@ -112,6 +113,8 @@ def _quantities(
     for name, value, interval, unit, verdict, note in rows:
         if value == SEE_SET:
             text = f"{name}: {interval} {unit}".rstrip()
+        elif value == UNQUOTED:
+            text, note = f"{name}: {value}", note.removeprefix(f"{value}: ")
         else:
             text = f"{name} = {value} {unit}".rstrip()
             text += f" ({interval})" if interval else ""

@@ -216,6 +216,14 @@ def test_nothing_of_a_number_is_cut_on_a_narrow_terminal(determined):
     assert "…" not in narrow
 
 
+def test_what_is_not_quoted_has_no_unit_and_one_reason(unknown_length):
+    why = "not quoted: the push length is not known"
+    parameters = tuple(replace(q, note=why) for q in unknown_length.parameters)
+    result = replace(unknown_length, parameters=parameters)
+    narrow = " ".join(render_text(result, width=30).split())
+    assert "K_sn: not quoted; the push length is not known K_dn: not quoted" in narrow
+
+
 def test_user_text_cannot_send_control_characters(hostile):
     text = render_text(hostile)
     assert all(char.isprintable() for char in text.replace("\n", ""))
