@@ -64,6 +64,13 @@ def test_every_failure_has_its_exit_code_and_one_line(error, code, capsys):
     assert captured.err.count("\n") == 1
 
 
+def test_the_list_of_commands_breaks_no_sentence_off(capsys):
+    assert main(["--help"]) == 0
+    listed = capsys.readouterr().out.partition("Commands:")[2]
+    assert listed.count("\n") > 15
+    assert "..." not in listed
+
+
 def test_a_failure_under_json_is_a_document(capsys):
     problem = Problem(code="bad", message="line 3: bad")
     error = DataError("a.csv: bad", code="bad_cell", problems=(problem,))

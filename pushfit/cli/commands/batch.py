@@ -50,7 +50,7 @@ def batch(
     ] = False,
     json: options.Json = False,
 ) -> int:
-    """Identify many recordings or tables; run again, it does what is missing."""
+    """Identify many files; run again, it does what is missing."""
     from pushfit.batch.crew import Crew
     from pushfit.batch.run import identify_batch
 

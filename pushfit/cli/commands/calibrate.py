@@ -25,7 +25,7 @@ def calibrate(
     json: options.Json = False,
     force: options.Force = False,
 ) -> None:
-    """Measure how often intervals hold the truth, for these pushes and this noise."""
+    """Measure how often intervals hold the truth for these pushes."""
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
     from pushfit.fit.calibration import calibrate as measure

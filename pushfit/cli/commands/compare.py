@@ -13,7 +13,7 @@ def compare(
     seed: options.Seed = 0,
     json: options.Json = False,
 ) -> int:
-    """Compare ways of rolling, and where L is stated both mechanics, on one table."""
+    """Compare ways of rolling and mechanics on one table."""
     from pushfit.config import read_config
     from pushfit.fit.comparison import compare_models
     from pushfit.fit.results import FitStatus

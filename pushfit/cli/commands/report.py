@@ -18,7 +18,7 @@ def report(
     output: options.OutFile = None,
     force: options.Force = False,
 ) -> None:
-    """One HTML page of a finished result, with all its figures inside."""
+    """One HTML page of a finished result, figures inside."""
     from pushfit.report.html.result import render_html
     from pushfit.report.store.read import read_result
 

@@ -32,7 +32,7 @@ def verify(
     ] = None,
     json: options.Json = False,
 ) -> int:
-    """Compute a result again from its inputs and compare every number."""
+    """Compute a result again and compare every number."""
     from pushfit.report.store.read import read_summary
     from pushfit.report.store.reproduction import compare_result
 

@@ -40,7 +40,7 @@ def watch(
         ),
     ] = None,
 ) -> int:
-    """Identify what arrives in a folder, and keep one page up to date."""
+    """Identify what arrives in a folder, on one page."""
     from pushfit.batch.run import identify_batch
 
     keep(f"what is finished is kept in {out}; the same command goes on")
