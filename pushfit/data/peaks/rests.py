@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.feet import Feet
 from pushfit.data.pushes.noise import Noise
 
 # Share of the time between two pushes in which the signal comes to rest.
@@ -156,22 +157,17 @@ def rest_windows(
     Returns:
         Rests before and after; empty where there is none.
     """
-    before, after = np.empty((len(extents), 2)), np.empty((len(extents), 2))
-    for k, extent in enumerate(extents):
-        feet = extent.feet
-        before[k], after[k] = feet.before, feet.after
-        if is_long:
-            before[k, 0] -= _MAX_SAMPLES * feet.step
-            after[k, 1] += _MAX_SAMPLES * feet.step
-        if k > 0:
-            ended = extents[k - 1].t_end
-            tail = _TAIL * (extent.t_start - ended)
-            before[k, 0] = max(before[k, 0], ended + tail)
-            # In a short rest a part of it has to do.
-            before[k, 1] = max(before[k, 1], extent.t_start - tail / 2)
-        if k + 1 < len(extents):
-            middle = (extent.t_end + extents[k + 1].t_start) / 2
-            after[k, 1] = max(min(after[k, 1], middle), after[k, 0])
+    feet = Feet.together([extent.feet for extent in extents])
+    before, after = np.stack(feet.before, axis=1), np.stack(feet.after, axis=1)
+    if is_long:
+        before[:, 0] -= _MAX_SAMPLES * feet.step
+        after[:, 1] += _MAX_SAMPLES * feet.step
+    room = feet.start[1:] - feet.end[:-1]
+    before[1:, 0] = np.maximum(before[1:, 0], feet.end[:-1] + _TAIL * room)
+    # In a short rest a part of it has to do.
+    before[1:, 1] = np.maximum(before[1:, 1], feet.start[1:] - _TAIL * room / 2)
+    middle = feet.end[:-1] + room / 2
+    after[:-1, 1] = np.maximum(np.minimum(after[:-1, 1], middle), after[:-1, 0])
     return np.searchsorted(time, before), np.searchsorted(time, after)
 
 

@@ -157,7 +157,5 @@ def _where_it_was_to_be(when: float, found: Found, pushes: list[int]) -> Extent:
         end=when + after,
         height=float(np.median([e.height for e in others])),
         step=others[0].feet.step,
-        cut_start=False,
-        cut_end=False,
     )
-    return Extent(start=0, end=1, feet=feet, is_brush=False)
+    return Extent(start=0, end=1, feet=feet, is_brush=False, is_cut=False)
