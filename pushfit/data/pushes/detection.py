@@ -93,6 +93,7 @@ def find_extents(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     *,
+    noise: Noise,
     split: float,
     min_height: float | None,
     smoothing: float | None,
@@ -102,6 +103,7 @@ def find_extents(
     Args:
         time: Sample times [s].
         signal: Samples without gaps in value; pushes go up.
+        noise: How the samples scatter.
         split: Two humps are two pushes if the valley between them is lower than this
             share of the lower hump.
         min_height: Smallest height of a push; None judges by the noise, and by the
@@ -111,7 +113,6 @@ def find_extents(
     Returns:
         Extents in order of time.
     """
-    noise = Noise.of(signal)
     if noise.sigma == 0.0 or len(signal) < 5:
         return ()
     tau = smoothing or _FIRST_SMOOTHING
