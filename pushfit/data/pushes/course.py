@@ -18,8 +18,8 @@ class Course:
     """A signal by the integral of the straight lines between its samples.
 
     Args:
-        time: Sample times [s].
-        integral: Of the signal less `level`, up to each sample.
+        time: Sample times, or some of them [s].
+        integral: Of the signal less `level`, up to each of them.
         level: What the integral is over, so that little is lost to rounding.
     """
 
@@ -29,13 +29,18 @@ class Course:
 
     @classmethod
     def of(
-        cls, time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+        cls,
+        time: Float[np.ndarray, " n"],
+        signal: Float[np.ndarray, " n"],
+        *,
+        stride: int = 1,
     ) -> "Course":
         """Course of samples.
 
         Args:
             time: Sample times [s].
             signal: Samples.
+            stride: Samples from one to the next at which the integral is kept.
         """
         level = float(signal[0])
         # In place: recordings are long.
@@ -45,6 +50,9 @@ class Course:
         integral[1:] *= np.diff(time)
         np.cumsum(integral, out=integral)
         integral /= 2
+        if stride > 1:
+            keep = np.append(np.arange(0, len(time) - 1, stride), len(time) - 1)
+            return cls(time[keep], integral[keep], level)
         return cls(time, integral, level)
 
     def smooth(

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
-from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.feet import (
     FOOT,
     WIDTH_PER_SMOOTHING,
@@ -123,8 +122,7 @@ def find_extents(
             found = _detect(time, signal, noise, wider, split, min_height)
     if found.start.size == 0:
         return ()
-    course = Course.of(time, signal)
-    feet = trace_feet(course, found, sigma=noise.sigma, smoothing=smoothing)
+    feet = trace_feet(time, signal, found, sigma=noise.sigma, smoothing=smoothing)
     is_cut = are_cut(time, feet)
     is_push = ~_are_trends(feet, is_cut, time)
     smallest = 0.0 if min_height is not None else _smallest_push(feet.height[is_push])

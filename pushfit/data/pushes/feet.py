@@ -40,6 +40,9 @@ _TAIL = 0.5
 _SHOWN = 3
 _GRID, _FINE = 240, 17
 _ROUNDS, _REACH = 4, 2.0
+# Times that the integral is kept at, for each smoothing time; and steps that the usual
+# one is judged by. More would only cost time.
+_KNOTS, _STEPS = 16, 1000
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 _SIGMAS = 3.0
 # Height over the noise that makes feet clear, and the share of the width that may be
@@ -118,7 +121,8 @@ def _names() -> list[str]:
 
 
 def trace_feet(
-    course: Course,
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
     coarse: Feet[np.ndarray],
     *,
     sigma: float,
@@ -131,23 +135,26 @@ def trace_feet(
     fixed, because rounding must not decide when to stop.
 
     Args:
-        course: The signal.
-        coarse: Where all of its pushes are, in order, roughly.
+        time: Sample times [s].
+        signal: Samples [unit].
+        coarse: Where all of their pushes are, in order, roughly.
         sigma: Noise of a sample [unit].
         smoothing: Averaging time; None takes a share of each width [s].
 
     Returns:
         The feet.
     """
-    time = course.time
     lowest = np.minimum(np.append(time[0], coarse.end[:-1]), coarse.start)
     highest = np.maximum(np.append(coarse.start[1:], time[-1]), coarse.end)
     reach = 2 * _reach(coarse)
     lowest = np.maximum(np.maximum(lowest, coarse.start - reach), time[0])
     highest = np.minimum(np.minimum(highest, coarse.end + reach), time[-1])
     ends = np.searchsorted(time, [lowest, highest])
-    steps = [np.median(np.diff(time[a : b + 1])) for a, b in ends.T]
+    steps = [np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T]
     feet = replace(coarse, step=np.array(steps))
+    finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
+    stride = int(finest / _KNOTS / feet.step.max())
+    course = Course.of(time, signal, stride=max(1, stride))
     for _ in range(_ROUNDS):
         tau = _smoothing(feet, sigma) if smoothing is None else smoothing
         tau = np.broadcast_to(tau, feet.start.shape)
