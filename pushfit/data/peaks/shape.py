@@ -167,11 +167,11 @@ def _misfit(
 ) -> Float[np.ndarray, " p"]:
     """Squares that the best of a family leaves, beyond all if none has its form."""
     y = bins - bins.mean(axis=1, keepdims=True)
-    along = np.tensordot(y, q, axes=([1], [1]))
-    left = (y**2).sum(axis=1)[:, None] - (along**2).sum(axis=2)
-    _, b, c = np.moveaxis(np.einsum("gij,pgj->pgi", inverse, along), 2, 0)
+    along = np.tensordot(q, y, axes=([1], [1]))
+    left = (y**2).sum(axis=1) - (along**2).sum(axis=1)
+    _, b, c = (inverse @ along).transpose(1, 0, 2)
     has_form = (b > 0) & (np.abs(c) < b) if is_hyperbola else (b > 0) & (c > 0)
-    return np.where(has_form, left, _NEVER).min(axis=1)
+    return np.where(has_form, left, _NEVER).min(axis=0)
 
 
 @functools.cache

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 # Shorter windows would divide rounding by next to nothing [s].
 _LEAST = 1e-12
+_SOME = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,18 +43,20 @@ class Course:
             signal: Samples.
             stride: Samples from one to the next at which the integral is kept.
         """
-        level = float(signal[0])
-        # In place: recordings are long.
-        integral = np.zeros(len(time))
-        np.add(signal[1:], signal[:-1], out=integral[1:])
-        integral[1:] -= 2 * level
-        integral[1:] *= np.diff(time)
-        np.cumsum(integral, out=integral)
-        integral /= 2
-        if stride > 1:
-            keep = np.append(np.arange(0, len(time) - 1, stride), len(time) - 1)
-            return cls(time[keep], integral[keep], level)
-        return cls(time, integral, level)
+        level, total, kept = float(signal[0]), 0.0, [np.zeros(1)]
+        # Some at a time, because recordings are longer than a processor's cache.
+        for first in range(0, len(time) - 1, stride * _SOME):
+            part = slice(first, first + stride * _SOME + 1)
+            y = signal[part] - level
+            areas = (y[1:] + y[:-1]) * (np.diff(time[part]) / 2)
+            integral = total + np.cumsum(areas)
+            total = float(integral[-1])
+            kept.append(integral[stride - 1 :: stride])
+        times = [time[::stride]]
+        if (len(time) - 1) % stride:
+            kept.append(np.array([total]))
+            times.append(time[-1:])
+        return cls(np.concatenate(times), np.concatenate(kept), level)
 
     def smooth(
         self,

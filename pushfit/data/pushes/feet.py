@@ -9,7 +9,7 @@ pushes (`pushfit.data.pushes.detection`) and the levels of their rests
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -84,13 +84,12 @@ class Feet(Generic[Number]):
         Args:
             feet: One by one.
         """
-        columns = np.array([astuple(own) for own in feet]).T
-        return Feet(**dict(zip(_names(), columns, strict=True)))
+        return Feet(**{n: np.array([getattr(own, n) for own in feet]) for n in _NAMES})
 
     def apart(self: "Feet[np.ndarray]") -> "tuple[Feet[float], ...]":
         """Courses of several pushes one by one."""
-        rows = np.array(astuple(self)).T.tolist()
-        return tuple(Feet(**dict(zip(_names(), row, strict=True))) for row in rows)
+        rows = zip(*(getattr(self, n).tolist() for n in _NAMES), strict=True)
+        return tuple(Feet(**dict(zip(_NAMES, row, strict=True))) for row in rows)
 
     @property
     def width(self) -> Number:
@@ -115,9 +114,7 @@ class Feet(Generic[Number]):
         return np.maximum(_SPAN * np.minimum(self.width, _LONGEST), _FEWEST * self.step)
 
 
-def _names() -> list[str]:
-    """Fields of feet in order."""
-    return [field.name for field in fields(Feet)]
+_NAMES = tuple(field.name for field in fields(Feet))
 
 
 def trace_feet(
