@@ -32,7 +32,7 @@ Definition = Literal["auto", "apex", "plateau"]
 
 # Window of the apex: the part of the hump above 1 - depth, deeper the more it takes to
 # see a shape in the noise.
-_DEPTH = (0.3, 0.5)
+_DEPTH = (0.3, 0.7)
 # Misfit that noise reaches once in 10^4 windows: chi-square of 11 degrees of freedom.
 _MAX_MISFIT = 3.3
 # A longer stretch without samples may hide the top: share of the window, usual steps.
@@ -257,7 +257,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
 
     smooth = uniform_filter1d(pushes.profile, 3, axis=1, mode="nearest")
     rise = np.maximum(smooth.max(axis=1) - pushes.base, 1e-300)
-    depth = np.clip(0.25 + 2 * pushes.noise.sigma / rise, *_DEPTH)
+    depth = np.clip(0.25 + 3 * pushes.noise.sigma / rise, *_DEPTH)
     windows = _top_windows(smooth, depth * rise, pushes.extents)
     time = pushes.course.time
     level, sd, when, gap = np.full((4, len(windows)), np.nan)
