@@ -204,7 +204,8 @@ def _tops(
     missing: Bool[np.ndarray, " p"],
 ) -> _Tops:
     """Plateaus of the pushes that are held, moments of the missing, else apexes."""
-    tops = _Tops(*np.full((3, len(held)), np.nan), np.zeros(len(held), dtype=bool))
+    level, sd, when = np.full((3, len(held)), np.nan)
+    tops = _Tops(level, sd, when, np.zeros(len(held), dtype=bool))
     for find, shown, kind in (
         (_plateaus, replace(pushes, profile=calm), held),
         (_moments, pushes, missing),

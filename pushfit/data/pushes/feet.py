@@ -97,20 +97,20 @@ class Feet(Generic[Number]):
         return self.half_down - self.half_up
 
     @property
-    def before(self) -> tuple[Number, Number]:
-        """Stretch whose level is the rest before the push [s]."""
+    def before(self: "Feet[np.ndarray]") -> tuple[Numbers, Numbers]:
+        """Stretches whose level is the rest before the pushes [s]."""
         last = self.start - _GUARD * (self.half_up - self.start)
         return last - self._span, last
 
     @property
-    def after(self) -> tuple[Number, Number]:
-        """Stretch whose level is the rest after the push [s]."""
+    def after(self: "Feet[np.ndarray]") -> tuple[Numbers, Numbers]:
+        """Stretches whose level is the rest after the pushes [s]."""
         settling = _SETTLING * np.minimum(self.width, _LONGEST)
         first = self.end + np.maximum(_GUARD * (self.end - self.half_down), settling)
         return first, first + self._span
 
     @property
-    def _span(self) -> Number:
+    def _span(self: "Feet[np.ndarray]") -> Numbers:
         return np.maximum(_SPAN * np.minimum(self.width, _LONGEST), _FEWEST * self.step)
 
 
