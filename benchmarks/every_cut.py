@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.real_recordings import CASES, CHANNEL, load
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import find_pushes
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.rules import EXCLUDING_FLAGS

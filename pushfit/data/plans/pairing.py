@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error, named
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
 from pushfit.data.pushes.found import Found
-from pushfit.data.pushes.settings import PeakSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

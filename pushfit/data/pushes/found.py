@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import push_signal
 from pushfit.data.pushes.detection import Extent, find_extents
 from pushfit.data.pushes.dips import rest_curve, without_dips
 from pushfit.data.pushes.noise import Noise
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks.every_cut import count, recordings
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import find_pushes, measure_pushes
 from pushfit.data.peaks.heights import Height, measure_heights
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pushfit.config.inputs import PeaksSection
+from pushfit.config import GraspConfig
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks, find_pushes
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.records import Recording, Source
 from pushfit.data.simulate import (
     ALPHA_SWEEP,
@@ -385,7 +385,7 @@ def test_a_recording_without_angles_needs_a_schedule():
 
 def test_settings_may_come_from_a_configuration():
     made = simulated()
-    section = PeaksSection(channel="pressure", height="apex")
+    section = GraspConfig(peaks={"channel": "pressure", "height": "apex"}).peaks
     table = extract_peaks(made.recording, ALPHA_SWEEP, settings=section)
     assert any("apex" in note for note in table.notes)
 
