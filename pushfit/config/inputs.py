@@ -107,7 +107,7 @@ class RecordingSection(Section):
 
 
 class PeakSettings(Section):
-    """How pushes are found and measured; the defaults suit most recordings."""
+    """How the height of each push is taken from a recording."""
 
     channel: str | None = Field(
         default=None,
