@@ -43,20 +43,22 @@ class Course:
             signal: Samples.
             stride: Samples from one to the next at which the integral is kept.
         """
-        level, total, kept = float(signal[0]), 0.0, [np.zeros(1)]
+        level, total, n_steps = float(signal[0]), 0.0, len(time) - 1
+        integral = np.zeros(1 - (-n_steps // stride))
         # Some at a time, because recordings are longer than a processor's cache.
-        for first in range(0, len(time) - 1, stride * _SOME):
-            part = slice(first, first + stride * _SOME + 1)
+        some = stride * max(1, _SOME // stride)
+        for first in range(0, n_steps, some):
+            part = slice(first, first + some + 1)
             y = signal[part] - level
             areas = (y[1:] + y[:-1]) * (np.diff(time[part]) / 2)
-            integral = total + np.cumsum(areas)
-            total = float(integral[-1])
-            kept.append(integral[stride - 1 :: stride])
-        times = [time[::stride]]
-        if (len(time) - 1) % stride:
-            kept.append(np.array([total]))
-            times.append(time[-1:])
-        return cls(np.concatenate(times), np.concatenate(kept), level)
+            up_to = total + np.cumsum(areas)
+            total = float(up_to[-1])
+            kept = up_to[stride - 1 :: stride]
+            integral[1 + first // stride :][: len(kept)] = kept
+        integral[-1] = total
+        if stride > 1:
+            time = np.append(time[:n_steps:stride], time[-1])
+        return cls(time, integral, level)
 
     def smooth(
         self,
