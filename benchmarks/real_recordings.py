@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import find_pushes
 from pushfit.data.peaks.heights import measure_heights
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 

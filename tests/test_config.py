@@ -116,6 +116,10 @@ def test_every_example_of_the_template_is_valid(section, line):
         ("[push]\nlength_known = true", "length_known = true needs length_mm"),
         ("[transition]\nsharpness = 0.5", "sharpness = 0.5: must be 'hard' or must be"),
         ("[reach]\nalpha_deg = [0]", "reach.alpha_deg = [0]: has too few values"),
+        (
+            "[peaks]\nexclude = [[9, 0]]",
+            "peaks.exclude = [[9, 0]]: [9, 0] ends before it",
+        ),
         ("[reach]\nalpha_deg = [9, 0]", "reach: give [low, high] with low < high"),
         ('[grasp]\nmechanics = "tilting"', "set push.length_mm"),
         ('[grasp]\nmechanics = "rigid"', "mechanics"),

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.records import Recording
 from pushfit.report.figures.recording import PushMarks, draw_pushes
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from pushfit.config.section import Number, Positive, Probability, Section
 
@@ -106,7 +106,7 @@ class RecordingSection(Section):
     )
 
 
-class PeaksSection(Section):
+class PeakSettings(Section):
     """How the height of each push is taken from a recording."""
 
     channel: str | None = Field(
@@ -179,3 +179,16 @@ class PeaksSection(Section):
         description="true: go on with the likeliest assignment to the schedule where "
         "another is nearly as likely",
     )
+
+    @field_validator("exclude", "include")
+    @classmethod
+    def _ends_after_it_begins(
+        cls, windows: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        for first, last in windows:
+            if not first < last:
+                raise ValueError(
+                    f"[{first:g}, {last:g}] ends before it begins; give the earlier "
+                    "time first"
+                )
+        return windows

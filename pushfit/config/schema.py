@@ -11,7 +11,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from pushfit.config.inputs import PeaksSection, RecordingSection
+from pushfit.config.inputs import PeakSettings, RecordingSection
 from pushfit.config.parameters import ParametersSection
 from pushfit.config.section import (
     NotNegative,
@@ -182,7 +182,7 @@ class GraspConfig(Section):
     transition: TransitionSection = TransitionSection()
     parameters: ParametersSection = ParametersSection()
     noise: NoiseSection = NoiseSection()
-    peaks: PeaksSection = PeaksSection()
+    peaks: PeakSettings = PeakSettings()
     recording: RecordingSection = RecordingSection()
     report: ReportSection = ReportSection()
 

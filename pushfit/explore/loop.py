@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.data.pushes.settings import PeakSettings
+from pushfit.config.inputs import PeakSettings
 from pushfit.explore.explorer import INTERRUPTED, Explorer
 from pushfit.explore.hand import Hand, PushOutcome
 from pushfit.explore.limits import displacement

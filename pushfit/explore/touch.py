@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import EXCLUDING_FLAGS

@@ -21,9 +21,8 @@ from pushfit.cli.app import app
 from pushfit.cli.examples import EXAMPLES
 from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
-from pushfit.config.inputs import PeaksSection, RecordingSection
+from pushfit.config.inputs import RecordingSection
 from pushfit.data.grasp import make_grasp
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.load import reader_options
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.samples import Gaps, ThetaFrom
@@ -240,10 +239,6 @@ def test_the_reader_and_its_section_of_the_config_agree():
     parameters = inspect.signature(read_recording).parameters
     for name, value in reader_options(GraspConfig()).items():
         assert parameters[name].default == value, name
-
-
-def test_the_peak_settings_and_their_section_of_the_config_agree():
-    assert PeakSettings.of(PeaksSection()) == PeakSettings()
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 
-from pushfit.data.pushes.settings import PeakSettings
+from pushfit.config.inputs import PeakSettings
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.journal import Journal
 from pushfit.explore.limits import Limits

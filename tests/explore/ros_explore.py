@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 
-from pushfit.data.pushes.settings import PeakSettings
+from pushfit.config.inputs import PeakSettings
 from pushfit.errors import PushfitError
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits

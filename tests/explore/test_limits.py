@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pushfit.data.pushes.settings import PeakSettings
+from pushfit.config.inputs import PeakSettings
 from pushfit.errors import ConfigError
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits, displacement

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pushfit.data.pushes.settings import PeakSettings
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.simulate import Session
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.hand import Reach

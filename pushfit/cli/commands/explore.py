@@ -198,7 +198,6 @@ def _run(
     force: bool,
 ) -> int:
     """Explore, identify the table of the journal, and write the folder."""
-    from pushfit.data.pushes.settings import PeakSettings
     from pushfit.explore.loop import explore as run
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus
@@ -211,12 +210,12 @@ def _run(
         state_dict,
     )
 
-    peaks = PeakSettings.of(settings.peaks)
+    peaks = settings.peaks
     if len(explorer.question.channels) > 1 and peaks.normal is None:
-        peaks = replace(peaks, normal="fz")
+        peaks = peaks.model_copy(update={"normal": "fz"})
     if explorer.limits.theta_deg[0] < 0 and peaks.signed is None:
         # A finger that pulls back from a preload lowers the reading.
-        peaks = replace(peaks, signed=True)
+        peaks = peaks.model_copy(update={"signed": True})
     with _watched(session) as watch:
         state = run(explorer, finger, settings=peaks, watch=watch)
     session.say(state.sentence, style="bold")

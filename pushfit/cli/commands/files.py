@@ -196,12 +196,11 @@ def draw_found(
         settings: Settings in force.
         plot: Picture to write, in the format of its suffix.
     """
-    from pushfit.data.pushes.settings import PeakSettings
     from pushfit.data.recordings.load import configured_recording
     from pushfit.report.figures import found_figure, save_figure
 
     recording = configured_recording(path, settings)
-    save_figure(found_figure(recording, PeakSettings.of(settings.peaks)), plot)
+    save_figure(found_figure(recording, settings.peaks), plot)
     session.wrote(plot)
 
 

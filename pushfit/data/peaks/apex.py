@@ -94,18 +94,16 @@ def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) 
     bank = _bank()
     centre = bins.mean(axis=1, keepdims=True)
     y = bins - centre
-    coefficients = np.tensordot(y, bank.q, axes=([1], [1]))
-    sse = (y**2).sum(axis=1)[:, None] - (coefficients**2).sum(axis=2)
-    a, s, q = np.moveaxis(np.einsum("gij,pgj->pgi", bank.inverse, coefficients), 2, 0)
+    coefficients = np.tensordot(bank.q, y, axes=([1], [1]))
+    sse = (y**2).sum(axis=1)[:, None] - (coefficients**2).sum(axis=1).T
+    a, s, q = (bank.inverse @ coefficients).transpose(1, 2, 0)
     has_top = (s > 0) & (np.abs(q) < _STEEPEST * s)
     root = np.sqrt(np.where(has_top, s**2 - q**2, 1.0))
     position = bank.t0 + bank.r * q / root
     has_top &= np.abs(position) <= 1
     tops = np.where(has_top, a + bank.r * (s - root), 0.0)
-    slopes = np.stack(
-        [np.ones_like(s), bank.r * (1 - s / root), bank.r * q / root], axis=-1
-    )
-    leverage = (np.einsum("pgi,gij->pgj", slopes, bank.inverse) ** 2).sum(axis=2)
+    slopes = np.stack([np.ones_like(s), bank.r * (1 - s / root), bank.r * q / root])
+    leverage = ((slopes.T @ bank.inverse) ** 2).sum(axis=2).T
     best = np.where(has_top, sse, np.inf).min(axis=1)
     found = np.isfinite(best)
     floor = np.where(found, best, 0.0)

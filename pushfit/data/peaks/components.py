@@ -11,11 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.heights import Height
-from pushfit.data.peaks.rests import baselines, rest_curve, rest_noise
+from pushfit.data.peaks.rests import baselines, rest_noise
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.pushes.dips import rest_curve
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import ConfigError, DataError
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from pushfit.config.inputs import PeaksSection
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import (
     measure_components,
     push_signal,
@@ -24,7 +24,6 @@ from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import DECIMALS, PushSchedule
 from pushfit.data.pushes.found import DEFAULTS, Found, find, find_pushes, no_pushes
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import MAX_KEPT, Trace, envelope
@@ -52,14 +51,14 @@ def extract_peaks(
     recording: Recording,
     schedule: PushSchedule | None = None,
     *,
-    settings: PeakSettings | PeaksSection = DEFAULTS,
+    settings: PeakSettings = DEFAULTS,
 ) -> PeakTable:
     """Measure the pushes of a recording.
 
     Args:
         recording: Samples, with the angles of the push where there is no schedule.
         schedule: Planned pushes; a recording of k cycles may have a schedule of one.
-        settings: How to find and measure; also as stated in `[peaks]` of a config.
+        settings: How to find and measure.
 
     Returns:
         One row per push, flagged where the height is not to be trusted. A planned push
@@ -70,7 +69,6 @@ def extract_peaks(
         DataError: There are no pushes (`no_pushes`), no directions (`no_directions`),
             or two assignments to the schedule are nearly as good (`push_mismatch`).
     """
-    settings = PeakSettings.of(settings)
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
     try:
@@ -103,7 +101,7 @@ def extract_peaks(
 
 
 def measure_pushes(
-    recording: Recording, *, settings: PeakSettings | PeaksSection = DEFAULTS
+    recording: Recording, *, settings: PeakSettings = DEFAULTS
 ) -> Heights:
     """Heights and times of the pushes of a recording whose directions are not known.
 
@@ -118,7 +116,6 @@ def measure_pushes(
         ConfigError: The channel to look in is not named, or not there.
         DataError: There are no pushes (`no_pushes`).
     """
-    settings = PeakSettings.of(settings)
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
     try:

@@ -8,11 +8,11 @@ the pushes (`pushfit.data.pushes.detection`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.apex import N_BINS, fit_apex
 from pushfit.data.peaks.rests import Baselines, RestNoise, baselines, rest_noise
@@ -25,13 +25,14 @@ from pushfit.data.peaks.shape import (
     held_part,
     profiles,
 )
+from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent, usual_step
 
 Definition = Literal["auto", "apex", "plateau"]
 
 # Window of the apex: the part of the hump above 1 - depth, deeper the more it takes to
 # see a shape in the noise.
-_DEPTH = (0.3, 0.5)
+_DEPTH = (0.3, 0.7)
 # Misfit that noise reaches once in 10^4 windows: chi-square of 11 degrees of freedom.
 _MAX_MISFIT = 3.3
 # A longer stretch without samples may hide the top: share of the window, usual steps.
@@ -68,6 +69,27 @@ class Height:
     t_peak: float
     definition: Literal["apex", "plateau", ""]
     flags: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pushes:
+    """Courses of pushes from foot to foot, over their baselines, beside their noise."""
+
+    course: Course
+    extents: Sequence[Extent]
+    profile: Float[np.ndarray, "p m"]
+    base: Float[np.ndarray, " p"]
+    noise: RestNoise
+
+    def only(self, rows: Int[np.ndarray, " r"]) -> "_Pushes":
+        """Some of the pushes."""
+        return _Pushes(
+            course=self.course,
+            extents=[self.extents[k] for k in rows],
+            profile=self.profile[rows],
+            base=self.base[rows],
+            noise=self.noise.of(rows),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,16 +131,18 @@ def measure_heights(
     signs = [1] * len(extents) if signs is None else signs
     noise = rest_noise(time, signal, extents)
     base = baselines(time, signal, extents, noise)
-    upright = _upright(signal, extents, base.level, signs)
-    profile = profiles(time, upright, extents)
+    course = Course.of(time, _upright(signal, extents, base.level, signs))
+    profile = profiles(course, extents)
     calm = calmed(profile, base.level, extents, noise)
-    held = are_held(time, upright, extents, calm=calm, base=base.level, noise=noise)
+    held = are_held(course, extents, calm=calm, base=base.level, noise=noise)
     if definition != "auto":
         held = np.full(len(extents), definition == "plateau")
     missing = np.array(is_missing or [False] * len(extents))
     held &= ~missing
-    kinds = (held, missing)
-    tops = _tops(time, upright, extents, (profile, calm), kinds, base.level, noise)
+    pushes = _Pushes(
+        course=course, extents=extents, profile=profile, base=base.level, noise=noise
+    )
+    tops = _tops(pushes, calm, held, missing)
     drift = base.drift(tops.time)
     is_cut = saturated_pushes(
         signal,
@@ -174,107 +198,76 @@ def _upright(
 
 
 def _tops(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    extents: Sequence[Extent],
-    profiles: tuple[Float[np.ndarray, "p m"], Float[np.ndarray, "p m"]],
-    kinds: tuple[Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]],
-    base: Float[np.ndarray, " p"],
-    noise: RestNoise,
+    pushes: _Pushes,
+    calm: Float[np.ndarray, "p m"],
+    held: Bool[np.ndarray, " p"],
+    missing: Bool[np.ndarray, " p"],
 ) -> _Tops:
     """Plateaus of the pushes that are held, moments of the missing, else apexes."""
-    held, missing = kinds
-    n = len(extents)
-    level, sd, when = np.empty((3, n))
-    has_gap = np.zeros(n, dtype=bool)
-    for find, profile, rows in (
-        (_plateaus, profiles[1], np.flatnonzero(held)),
-        (_moments, profiles[0], np.flatnonzero(missing)),
-        (_apexes, profiles[0], np.flatnonzero(~held & ~missing)),
+    level, sd, when = np.full((3, len(held)), np.nan)
+    tops = _Tops(level, sd, when, np.zeros(len(held), dtype=bool))
+    for find, shown, kind in (
+        (_plateaus, replace(pushes, profile=calm), held),
+        (_moments, pushes, missing),
+        (_apexes, pushes, ~held & ~missing),
     ):
+        rows = np.flatnonzero(kind)
         if rows.size:
-            some = [extents[int(k)] for k in rows]
-            found = find(time, signal, some, profile[rows], base[rows], noise.of(rows))
-            level[rows], sd[rows] = found.level, found.sd
-            when[rows], has_gap[rows] = found.time, found.has_gap
-    return _Tops(level=level, sd=sd, time=when, has_gap=has_gap)
+            own = find(shown.only(rows))
+            for name in ("level", "sd", "time", "has_gap"):
+                getattr(tops, name)[rows] = getattr(own, name)
+    return tops
 
 
-def _moments(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    extents: Sequence[Extent],
-    profile: Float[np.ndarray, "p m"],
-    base: Float[np.ndarray, " p"],
-    noise: RestNoise,
-) -> _Tops:
+def _moments(pushes: _Pushes) -> _Tops:
     """Means around the moments at which pushes were to be at their tops."""
-    windows = np.array(
-        [[e.t_peak - _MOMENT * e.width, e.t_peak + _MOMENT * e.width] for e in extents]
-    )
-    windows = np.clip(windows, time[0], time[-1])
-    means, counts = bin_means(time, signal, windows, 1)
-    return _Tops(
-        level=means[:, 0],
-        sd=noise.of_mean(counts[:, 0]),
-        time=np.array([e.t_peak for e in extents]),
-        has_gap=counts[:, 0] == 0,
-    )
+    when = np.array([e.t_peak for e in pushes.extents])
+    half = _MOMENT * np.array([e.width for e in pushes.extents])
+    time = pushes.course.time
+    windows = np.clip(np.stack([when - half, when + half], axis=1), time[0], time[-1])
+    means, counts = bin_means(pushes.course, windows, 1)
+    sd = pushes.noise.of_mean(counts[:, 0])
+    return _Tops(means[:, 0], sd, when, counts[:, 0] == 0)
 
 
-def _plateaus(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    extents: Sequence[Extent],
-    profile: Float[np.ndarray, "p m"],
-    base: Float[np.ndarray, " p"],
-    noise: RestNoise,
-) -> _Tops:
+def _plateaus(pushes: _Pushes) -> _Tops:
     """Median of the held part; its sd from the scatter of eight parts of it."""
-    windows = np.empty((len(extents), 2))
-    for k, extent in enumerate(extents):
-        course = (profile[k] - base[k]) / max(profile[k].max() - base[k], 1e-300)
-        first, last = held_part(course)
+    windows = np.empty((len(pushes.extents), 2))
+    for k, extent in enumerate(pushes.extents):
+        rise = pushes.profile[k] - pushes.base[k]
+        first, last = held_part(rise / max(rise.max(), 1e-300))
         margin = 0.15 * (last - first)
         share = np.array([first + margin, max(last - margin, first + margin + 1)])
         step = (extent.t_end - extent.t_start) / PROFILE_BINS
         windows[k] = extent.t_start + share * step
-    parts, counts = bin_means(time, signal, windows, 8)
+    parts, counts = bin_means(pushes.course, windows, 8)
     scatter = parts.std(axis=1, ddof=1) / np.sqrt(8)
-    least = noise.of_mean(counts.sum(axis=1))
+    least = pushes.noise.of_mean(counts.sum(axis=1))
     return _Tops(
-        level=np.median(parts, axis=1),
+        np.median(parts, axis=1),
         # The median of eight scatters 1.2 times as much as their mean.
-        sd=1.2 * np.where(scatter > _BEYOND_CHANCE * least, scatter, least),
-        time=windows.mean(axis=1),
-        has_gap=np.mean(counts == 0, axis=1) > _MAX_GAP,
+        1.2 * np.where(scatter > _BEYOND_CHANCE * least, scatter, least),
+        windows.mean(axis=1),
+        np.mean(counts == 0, axis=1) > _MAX_GAP,
     )
 
 
-def _apexes(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    extents: Sequence[Extent],
-    profile: Float[np.ndarray, "p m"],
-    base: Float[np.ndarray, " p"],
-    noise: RestNoise,
-) -> _Tops:
+def _apexes(pushes: _Pushes) -> _Tops:
     """Apex of each hump, in the widest window whose course the family describes."""
-    smooth = (
-        np.pad(profile, ((0, 0), (1, 1)), mode="edge")[:, :-2]
-        + profile
-        + np.pad(profile, ((0, 0), (1, 1)), mode="edge")[:, 2:]
-    ) / 3
-    rise = np.maximum(smooth.max(axis=1) - base, 1e-300)
-    depth = np.clip(0.25 + 2 * noise.sigma / rise, *_DEPTH)
-    windows = _top_windows(smooth, depth * rise, extents)
-    level, sd, when, gap = (np.full(len(extents), np.nan) for _ in range(4))
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
+
+    smooth = uniform_filter1d(pushes.profile, 3, axis=1, mode="nearest")
+    rise = np.maximum(smooth.max(axis=1) - pushes.base, 1e-300)
+    depth = np.clip(0.25 + 3 * pushes.noise.sigma / rise, *_DEPTH)
+    windows = _top_windows(smooth, depth * rise, pushes.extents)
+    time = pushes.course.time
+    level, sd, when, gap = np.full((4, len(windows)), np.nan)
     step = usual_step(time)
-    todo = np.arange(len(extents))
+    todo = np.arange(len(windows))
     while todo.size:
-        bins, counts = bin_means(time, signal, windows[todo], N_BINS)
+        bins, counts = bin_means(pushes.course, windows[todo], N_BINS)
         n = counts.sum(axis=1)
-        per_bin = noise.of_part(n / N_BINS, todo)
+        per_bin = pushes.noise.of_part(n / N_BINS, todo)
         fit = fit_apex(bins, per_bin)
         middle = windows[todo].mean(axis=1)
         half = np.diff(windows[todo], axis=1)[:, 0] / 2
@@ -289,7 +282,7 @@ def _apexes(
         narrower = np.stack([centre - 0.6 * half, centre + 0.6 * half], axis=1)
         windows[todo[again]] = narrower[again]
         todo = todo[again]
-    return _Tops(level=level, sd=sd, time=when, has_gap=gap.astype(bool))
+    return _Tops(level, sd, when, gap.astype(bool))
 
 
 def _top_windows(

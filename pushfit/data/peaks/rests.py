@@ -1,6 +1,6 @@
 """The rests between pushes: their level, their drift and their noise."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.feet import Feet
 from pushfit.data.pushes.noise import Noise
 
 # Share of the time between two pushes in which the signal comes to rest.
@@ -24,19 +25,8 @@ _SHIFT, _UNSETTLED = 0.08, 4.0
 # The mean of the middle half scatters by 9 % more than the mean.
 _MIDDLE = 1.09
 _ALL = slice(None)
-# Long enough for several pushes, short enough for drift [s].
-_STRETCH = 30.0
 _BLOCK, _SMALL_BLOCK = 16, 8
 _MAX_SAMPLES = 1024
-# Sensors undershoot after a release by a few percent of a push; what falls below rest
-# by more than this share of the highest push is no undershoot.
-_DIP = 0.25
-# Time at either end of a recording that stands for rest, too short for a push [s].
-_END = 0.2
-# Noise of the ends of a recording that is no difference of level [sigma].
-_SLACK = 4.0
-_ROUNDING = 1e-9
-_MAX_BLOCKS = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,22 +146,17 @@ def rest_windows(
     Returns:
         Rests before and after; empty where there is none.
     """
-    before, after = np.empty((len(extents), 2)), np.empty((len(extents), 2))
-    for k, extent in enumerate(extents):
-        feet = extent.feet
-        before[k], after[k] = feet.before, feet.after
-        if is_long:
-            before[k, 0] -= _MAX_SAMPLES * feet.step
-            after[k, 1] += _MAX_SAMPLES * feet.step
-        if k > 0:
-            ended = extents[k - 1].t_end
-            tail = _TAIL * (extent.t_start - ended)
-            before[k, 0] = max(before[k, 0], ended + tail)
-            # In a short rest a part of it has to do.
-            before[k, 1] = max(before[k, 1], extent.t_start - tail / 2)
-        if k + 1 < len(extents):
-            middle = (extent.t_end + extents[k + 1].t_start) / 2
-            after[k, 1] = max(min(after[k, 1], middle), after[k, 0])
+    feet = Feet.together([extent.feet for extent in extents])
+    before, after = np.stack(feet.before, axis=1), np.stack(feet.after, axis=1)
+    if is_long:
+        before[:, 0] -= _MAX_SAMPLES * feet.step
+        after[:, 1] += _MAX_SAMPLES * feet.step
+    room = feet.start[1:] - feet.end[:-1]
+    before[1:, 0] = np.maximum(before[1:, 0], feet.end[:-1] + _TAIL * room)
+    # In a short rest a part of it has to do.
+    before[1:, 1] = np.maximum(before[1:, 1], feet.start[1:] - _TAIL * room / 2)
+    middle = feet.end[:-1] + room / 2
+    after[:-1, 1] = np.maximum(np.minimum(after[:-1, 1], middle), after[:-1, 0])
     return np.searchsorted(time, before), np.searchsorted(time, after)
 
 
@@ -276,97 +261,6 @@ def _unsettled(
     return np.where(n > 0, (moved - expected) / (2**0.5 * noise.of_part(n) + 1e-300), 0)
 
 
-def rest_curve(
-    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Rest level of a signal that pushes may raise or lower.
-
-    The middle of the densest quarter of the readings, in stretches of half a minute:
-    rest is what a signal that goes both ways has in common with itself.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples.
-
-    Returns:
-        Level at every sample.
-    """
-    return np.interp(time, *_rest_knots(time, signal))
-
-
-def _rest_knots(
-    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Middles of stretches and their rest levels."""
-    n_stretches = max(1, round((time[-1] - time[0]) / _STRETCH))
-    edges = np.linspace(time[0], time[-1], n_stretches + 1)
-    index = np.searchsorted(time, edges)
-    index[-1] = len(time)
-    middles, levels = [], []
-    for first, last in pairwise(index):
-        # A sample of the samples is enough for a level.
-        ordered = np.sort(signal[first : last : max(1, (last - first) // 4096)])
-        if len(ordered) == 0:
-            continue
-        n = max(1, len(ordered) // 4)
-        widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
-        # Of counts many stretches are equally dense; rounding must not choose.
-        narrow = widths.min() + _ROUNDING * (ordered[-1] - ordered[0])
-        ties = np.flatnonzero(widths <= narrow)
-        start = int(ties[len(ties) // 2])
-        levels.append(np.median(ordered[start : start + n]))
-        middles.append((time[first] + time[last - 1]) / 2)
-    return np.array(middles), np.array(levels)
-
-
-def without_dips(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    extents_of: Callable[[Float[np.ndarray, " n"]], tuple[Extent, ...]],
-) -> tuple[Float[np.ndarray, " n"], tuple[Extent, ...]]:
-    """Fill what falls far below rest up to it.
-
-    Rest is the level that most readings have in common. That may be one of long
-    plateaus: where it lies clearly above the lower end of the recording, rest is that
-    end. The lower one, because the other may lie inside a push or beyond a step.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples.
-        extents_of: Finds the humps of a picture.
-
-    Returns:
-        The signal with the dips filled, itself if there are none; and the dips.
-    """
-    n_first, n_last = np.searchsorted(time, [time[0] + _END, time[-1] - _END])
-    n_last = min(int(n_last), len(time) - 5)
-    ends = (np.median(signal[: max(5, int(n_first))]), np.median(signal[n_last:]))
-    knots = _rest_knots(time, signal)
-    n_end = max(5, int(n_first))
-    slack = _SLACK * Noise.of(signal).sigma / n_end**0.5
-
-    def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        usual = np.interp(when, *knots)
-        return np.where(usual > min(ends) + slack, min(ends), usual)
-
-    # Nearly all recordings end here, so this looks at the extremes of short blocks.
-    blocks = np.arange(0, len(time), 1 + len(time) // _MAX_BLOCKS)
-    rest = rest_at(time[blocks])
-    least = _DIP * float((np.maximum.reduceat(signal, blocks) - rest).max())
-    if (rest - np.minimum.reduceat(signal, blocks)).max() <= max(0.0, least):
-        return signal, ()
-    rest = rest_at(time)
-    depth = np.maximum(rest - signal, 0.0)
-    dips = tuple(dip for dip in extents_of(depth) if dip.height > least)
-    filled = signal.copy() if dips else signal
-    for dip in dips:
-        # With its fringe, which would be the foot of whatever comes next.
-        edges = [dip.t_start - dip.width / 2, dip.t_end + dip.width / 2]
-        part = slice(*np.searchsorted(time, edges))
-        filled[part] = np.maximum(signal[part], rest[part])
-    return filled, dips
-
-
 def rest_noise(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
@@ -383,59 +277,74 @@ def rest_noise(
         The noise; that of all rests beside a push whose own are too short.
     """
     general = Noise.of(signal)
-    floor = general.quantum**2 / 12
-    near = list(zip(*rest_windows(time, extents), strict=True))
-    far = list(zip(*rest_windows(time, extents, is_long=True), strict=True))
-    around = [[_blocks(signal, w, _BLOCK) for w in pair] for pair in far]
-    everywhere = _correlation([b for pair in around for b in pair], floor) or 1.0
+    floor = max(general.quantum**2 / 12, 1e-300)
+    n = len(extents)
+    near, far = (
+        np.concatenate(rest_windows(time, extents, is_long=is_long))
+        for is_long in (False, True)
+    )
+    sigma = _scatter(signal, near, n, floor)
+    sigma = np.where(np.isnan(sigma), _scatter(signal, far, n, floor), sigma)
+    blocks = _blocks(signal, far, _BLOCK)
+    everywhere = np.nan_to_num(_correlation(*blocks, 1, floor), nan=1.0)
+    own = _correlation(*blocks, n, floor)
     return RestNoise(
-        sigma=np.array(
-            [
-                _scatter(signal, beside, floor)
-                or _scatter(signal, between, floor)
-                or general.sigma
-                for beside, between in zip(near, far, strict=True)
-            ]
-        ),
-        correlation=np.array([_correlation(p, floor) or everywhere for p in around]),
+        sigma=np.nan_to_num(sigma, nan=general.sigma),
+        correlation=np.where(np.isnan(own), everywhere, own),
         quantum=general.quantum,
     )
 
 
 def _blocks(
-    signal: Float[np.ndarray, " n"], window: Int[np.ndarray, " 2"], length: int
-) -> Float[np.ndarray, "b m"]:
-    """Samples of a rest in blocks, those nearest to its end."""
-    first, last = (int(k) for k in window)
-    n_blocks = min(max(last - first, 0), _MAX_SAMPLES) // length
-    return signal[last - n_blocks * length : last].reshape(n_blocks, length)
+    signal: Float[np.ndarray, " n"], windows: Int[np.ndarray, "w 2"], length: int
+) -> tuple[Float[np.ndarray, "b m"], Int[np.ndarray, " b"]]:
+    """Samples of rests in blocks, those nearest to their ends; and whose they are."""
+    first, last = windows.T
+    n_blocks = np.clip(last - first, 0, _MAX_SAMPLES) // length
+    # Blocks of a window are counted from its end.
+    back = np.repeat(np.cumsum(n_blocks), n_blocks) - np.arange(n_blocks.sum())
+    begin = np.repeat(last, n_blocks) - length * back
+    whose = np.repeat(np.arange(len(windows)), n_blocks)
+    return signal[begin[:, None] + np.arange(length)], whose
 
 
 def _scatter(
     signal: Float[np.ndarray, " n"],
-    windows: Sequence[Int[np.ndarray, " 2"]],
+    windows: Int[np.ndarray, "w 2"],
+    n_pushes: int,
     floor: float,
-) -> float | None:
-    """Standard deviation of a sample within blocks; None from too few of them."""
-    blocks = np.concatenate([_blocks(signal, w, _SMALL_BLOCK) for w in windows])
-    if len(blocks) < _FEWEST_BLOCKS:
-        return None
-    return float(np.sqrt(max(float(blocks.var(axis=1, ddof=1).mean()), floor)))
+) -> Float[np.ndarray, " p"]:
+    """Standard deviations of a sample within blocks; NaN from too few of them."""
+    blocks, whose = _blocks(signal, windows, _SMALL_BLOCK)
+    variance, _ = _means(blocks.var(axis=1, ddof=1), whose % n_pushes, n_pushes)
+    return np.sqrt(np.maximum(variance, floor))
 
 
 def _correlation(
-    blocks: Sequence[Float[np.ndarray, "_ m"]], floor: float
-) -> float | None:
-    """Variance of means over that of independent samples; None from too few blocks."""
-    steps = [np.diff(b.mean(axis=1)) for b in blocks if len(b) > 1]
-    n_steps = sum(map(len, steps))
-    if n_steps < _FEWEST_BLOCKS:
-        return None
-    within = float(np.mean(np.concatenate(blocks).var(axis=1, ddof=1)))
-    between = float(np.mean(np.concatenate(steps) ** 2)) / 2
-    correlation = between * _BLOCK / max(within, floor, 1e-300)
+    blocks: Float[np.ndarray, "b m"],
+    whose: Int[np.ndarray, " b"],
+    n_pushes: int,
+    floor: float,
+) -> Float[np.ndarray, " p"]:
+    """Variances of means over those of independent samples; NaN from too few blocks."""
+    push = whose % n_pushes
+    steps, is_step = np.diff(blocks.mean(axis=1)) ** 2 / 2, np.diff(whose) == 0
+    between, n_steps = _means(steps[is_step], push[1:][is_step], n_pushes)
+    within, _ = _means(blocks.var(axis=1, ddof=1), push, n_pushes)
+    correlation = between * _BLOCK / np.maximum(within, floor)
     # Beyond chance only: the ratio itself scatters by sqrt(2/n).
-    return 1.0 if correlation < 1 + 3 * np.sqrt(2 / n_steps) else float(correlation)
+    by_chance = 1 + 3 * np.sqrt(2 / np.maximum(n_steps, 1))
+    return np.where(correlation < by_chance, 1.0, correlation)
+
+
+def _means(
+    values: Float[np.ndarray, " b"], whose: Int[np.ndarray, " b"], n: int
+) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Means and numbers of the values of each; NaN for the mean of too few."""
+    counts = np.bincount(whose, minlength=n)
+    sums = np.bincount(whose, values, minlength=n)
+    means = sums / np.maximum(counts, 1)
+    return np.where(counts >= _FEWEST_BLOCKS, means, np.nan), counts
 
 
 def _middle_mean(samples: Float[np.ndarray, " n"]) -> float:

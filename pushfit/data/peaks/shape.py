@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.rests import RestNoise
 from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.detection import Extent, usual_step
 
 PROFILE_BINS = 32
 # A plateau stays within this share of its height for so long a part of the time above
@@ -39,16 +39,14 @@ _FINE = 8
 
 
 def bin_means(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
+    course: Course,
     windows: Float[np.ndarray, "p 2"],
     n_bins: int,
 ) -> tuple[Float[np.ndarray, "p bins"], Int[np.ndarray, "p bins"]]:
     """Means and counts of the samples in equal parts of windows.
 
     Args:
-        time: Sample times [s].
-        signal: Samples.
+        course: Samples.
         windows: First and last time of each window [s].
         n_bins: Parts of a window.
 
@@ -56,30 +54,20 @@ def bin_means(
         Means and counts.
     """
     # Next to nothing of a push still has a level.
-    least = np.median(np.diff(time[: 1 << 16]))
-    windows = np.stack(
-        [windows[:, 0], np.maximum(windows[:, 1], windows[:, 0] + least)], 1
-    )
-    edges = windows[:, :1] + np.diff(windows, axis=1) * np.linspace(0, 1, n_bins + 1)
-    counts = np.diff(np.searchsorted(time, edges), axis=1)
-    means = [Course.of(time, signal, own[0], own[-1]).parts(own) for own in edges]
-    return np.array(means), counts
+    lengths = np.maximum(np.diff(windows, axis=1), usual_step(course.time))
+    edges = windows[:, :1] + lengths * np.linspace(0, 1, n_bins + 1)
+    return course.parts(edges), np.diff(np.searchsorted(course.time, edges), axis=1)
 
 
-def profiles(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    extents: Sequence[Extent],
-) -> Float[np.ndarray, "p bins"]:
+def profiles(course: Course, extents: Sequence[Extent]) -> Float[np.ndarray, "p bins"]:
     """Course of every push, from foot to foot, in `PROFILE_BINS` parts.
 
     Args:
-        time: Sample times [s].
-        signal: Samples.
+        course: Samples.
         extents: Where the pushes are.
     """
     windows = np.array([[e.t_start, e.t_end] for e in extents])
-    return bin_means(time, signal, windows, PROFILE_BINS)[0]
+    return bin_means(course, windows, PROFILE_BINS)[0]
 
 
 def calmed(
@@ -132,8 +120,7 @@ def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
 
 
 def are_held(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
+    course: Course,
     extents: Sequence[Extent],
     *,
     calm: Float[np.ndarray, "p m"],
@@ -143,8 +130,7 @@ def are_held(
     """Whether each push stays at a level instead of passing through a top.
 
     Args:
-        time: Sample times [s].
-        signal: Samples, pushes going up.
+        course: Samples, pushes going up.
         extents: Where the pushes are.
         calm: Their courses, calmed.
         base: Their baselines.
@@ -152,7 +138,7 @@ def are_held(
     """
     held = np.zeros(len(extents), dtype=bool)
     windows = np.array([[e.feet.half_up, e.feet.half_down] for e in extents])
-    bins, counts = bin_means(time, signal, windows, PROFILE_BINS)
+    bins, counts = bin_means(course, windows, PROFILE_BINS)
     variance = noise.of_part(counts.mean(axis=1)) ** 2
     gain = _misfit(bins, *_hyperbolas()) - _misfit(bins, *_levels())
     is_level = gain > _EVIDENCE * variance
@@ -181,11 +167,11 @@ def _misfit(
 ) -> Float[np.ndarray, " p"]:
     """Squares that the best of a family leaves, beyond all if none has its form."""
     y = bins - bins.mean(axis=1, keepdims=True)
-    along = np.tensordot(y, q, axes=([1], [1]))
-    left = (y**2).sum(axis=1)[:, None] - (along**2).sum(axis=2)
-    _, b, c = np.moveaxis(np.einsum("gij,pgj->pgi", inverse, along), 2, 0)
+    along = np.tensordot(q, y, axes=([1], [1]))
+    left = (y**2).sum(axis=1) - (along**2).sum(axis=1)
+    _, b, c = (inverse @ along).transpose(1, 0, 2)
     has_form = (b > 0) & (np.abs(c) < b) if is_hyperbola else (b > 0) & (c > 0)
-    return np.where(has_form, left, _NEVER).min(axis=1)
+    return np.where(has_form, left, _NEVER).min(axis=0)
 
 
 @functools.cache

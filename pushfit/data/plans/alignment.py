@@ -4,8 +4,8 @@ Counting does not tell where a push is missing. The rhythm does: pushes of a sch
 follow each other in regular time, from soon after the recording begins until shortly
 before it ends. Every way of pairing in order has a likelihood by the times between its
 humps, the pushes it leaves missing, the humps it leaves over and the time before and
-after; the best one counts if no other comes near. Excluded: finding the humps and
-measuring them.
+after; the best one counts if no other comes near. Excluded: the
+rhythms that humps may have (`pushfit.data.plans.rhythm`), finding and measuring them.
 """
 
 from collections.abc import Sequence
@@ -14,32 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-# Minus log probabilities, of a push without a hump and of a hump without a push.
-_MISSING, _EXTRA = 2.0, 2.5
+from pushfit.data.plans.rhythm import LEAD, MISSING, SLACK, rhythms
+
+# Minus log probability of a hump without a push.
+_EXTRA = 2.5
 # A brush is most often none, and is then no news.
 _EXTRA_BRUSH, _PAIR_BRUSH = 0.2, 1.0
-# Time before the first push and after the last, in periods: mean of an exponential.
-_LEAD = 1.5
 # A push cannot be planned before the recording begins, or after it ends.
-_OUTSIDE, _SLACK = 30.0, 0.1
-# Scatter of a time between two pushes that robots keep, and keep to a plan, in periods.
-_LEAST_SCATTER, _TIMED_SCATTER = 0.03, 0.05
-# Standard deviation over the median of a normal distribution, and a fifth more: the
-# time of one push is off in the gaps on both sides of it.
-_WIDER = 1.2 * 1.4826
-# A hump is on the beat of another if it is off by less than this, in periods; humps
-# have a rhythm if this share of so many neighbours is. Of random ones 0.2 to 0.4 is.
-_BEAT, _STEADY, _NEIGHBOURS, _FEW_BEATS = 0.1, 0.45, 8, 4
+_OUTSIDE = 30.0
+# Scatter of a time between two pushes that keep to a plan, in periods.
+_TIMED_SCATTER = 0.05
 # Gaps off by less than this are in time without a search.
 _IN_TIME = 0.15
 # How much likelier the best way must be: this many nats.
 _CLEAR = 4.0
-# Periods worth trying are as good as the best one but for so many nats, and so many.
-_WORTH, _MOST_PERIODS = 8.0, 10
 # Nats of rhythm that an assignment with missing or extra pushes needs: some six pairs.
 _EVIDENCE = 15.0
 _MAX_EXTRA_RUN = 6
-_MAX_SKIPPED_LAGS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +133,11 @@ def align(
     in_order = np.flatnonzero(~brush)
     if n_pushes == len(planned) and _is_in_rhythm(case):
         return _alignment(case, in_order, None, n_cycles)
-    scales = _scales(case)
+    if case.is_timed:
+        scales = [(1.0, _TIMED_SCATTER)]
+    else:
+        certain = times[~brush] if n_pushes > 1 else times
+        scales = rhythms(certain, len(planned), span[1] - span[0])
     if n_pushes == len(planned) and not np.isfinite(scales[0][1]):
         # A hand has no rhythm that could tell otherwise.
         return _alignment(case, in_order, None, n_cycles)
@@ -150,19 +145,13 @@ def align(
     if n_pushes == len(planned) and not np.array_equal(ways[0].hump, in_order):
         other = None if case.is_timed else in_order
         return _alignment(case, ways[0].hump, other, n_cycles)
-    if case.brush.all() or _rhythm_shown(case, ways[0].hump, scales) < _EVIDENCE:
-        # Too few to keep a rhythm: whatever fits, others would as well.
-        others = [
-            way.hump for way in ways[1:] if _differs(case, ways[0].hump, way.hump)
-        ]
-        if others:
-            return _alignment(case, ways[0].hump, others[0], n_cycles)
-    near = [
-        way
-        for way in ways[1:]
-        if way.cost < ways[0].cost + _CLEAR and _differs(case, ways[0].hump, way.hump)
-    ]
-    return _alignment(case, ways[0].hump, near[0].hump if near else None, n_cycles)
+    best = ways[0]
+    others = [way for way in ways[1:] if _differs(case, best.hump, way.hump)]
+    # Too few to keep a rhythm: whatever fits, others would as well.
+    is_shown = _rhythm_shown(case, best.hump, scales) >= _EVIDENCE
+    if is_shown and not case.brush.all():
+        others = [way for way in others if way.cost < best.cost + _CLEAR]
+    return _alignment(case, best.hump, others[0].hump if others else None, n_cycles)
 
 
 def _rhythm_shown(
@@ -173,13 +162,22 @@ def _rhythm_shown(
     if case.is_timed or there.size < 2:
         return np.inf if case.is_timed else 0.0
     gaps, steps = np.diff(case.times[hump[there]]), np.diff(case.planned[there])
-    shown = []
-    for scale, scatter in scales:
-        if np.isfinite(scatter):
-            wide = scatter * np.sqrt(steps)
-            off = (gaps / scale - steps) / wide
-            shown.append(float(-(off**2 / 2 + np.log(2.507 * wide)).sum()))
-    return max(shown, default=0.0)
+    return max(
+        -float(_off(gaps / scale, steps, scatter).sum()) for scale, scatter in scales
+    )
+
+
+def _off(
+    gap: Float[np.ndarray, "*#s"], steps: Float[np.ndarray, "*#s"], scatter: float
+) -> Float[np.ndarray, "*#s"]:
+    """Cost of times between humps: a normal density about those between pushes.
+
+    Its height counts, because what is no push may come at any time.
+    """
+    if not np.isfinite(scatter):
+        return np.zeros(np.broadcast_shapes(gap.shape, steps.shape))
+    wide = scatter * np.sqrt(steps)
+    return ((gap - steps) / wide) ** 2 / 2 + np.log(2.507 * wide)
 
 
 def _differs(
@@ -250,82 +248,8 @@ def _is_in_rhythm(case: _Case) -> bool:
 
 def _ways(case: _Case, scales: Sequence[tuple[float, float]]) -> list[_Way]:
     """The likeliest ways of pairing, the best first."""
-    found: dict[bytes, _Way] = {}
-    for scale, scatter in scales:
-        for way in _pair(case, scale, scatter):
-            key = way.hump.tobytes()
-            if key not in found or way.cost < found[key].cost:
-                found[key] = way
-    return sorted(found.values(), key=lambda way: way.cost)
-
-
-def _scales(case: _Case) -> list[tuple[float, float]]:
-    """Seconds for one planned unit that are worth trying, with the scatter of gaps."""
-    if case.is_timed:
-        return [(1.0, _TIMED_SCATTER)]
-    times = case.times[~case.brush] if (~case.brush).sum() > 1 else case.times
-    n = len(case.planned)
-    if len(times) < 2:
-        return [(np.inf, np.inf)]
-    lags = range(1, min(_MAX_SKIPPED_LAGS, len(times) - 1) + 1)
-    gaps = np.concatenate([times[k:] - times[:-k] for k in lags])
-    periods = (gaps[:, None] / np.arange(1, max(n, 2))).ravel()
-    room = case.span[1] - case.span[0]
-    if np.isfinite(room):
-        periods = periods[periods * (n - 1 - 2 * _SLACK) <= room]
-    periods = _distinct(periods)
-    if periods.size == 0:
-        return [(np.inf, np.inf)]
-    on_beat = _coherence(times, periods)
-    cost = -on_beat * len(times) * np.log(1 / (2 * _BEAT))
-    if np.isfinite(room):
-        cost = cost + (room - (n - 1) * periods) / periods / _LEAD
-    else:
-        cost = cost + np.abs(np.log(periods / np.median(np.diff(times)))) * _MISSING
-    best = np.argsort(cost)[:_MOST_PERIODS]
-    best = best[cost[best] <= cost[best[0]] + _WORTH]
-    steady = [_refined(times, float(periods[k])) for k in best if on_beat[k] > _STEADY]
-    return steady or [(np.inf, np.inf)]
-
-
-def _distinct(periods: Float[np.ndarray, " p"]) -> Float[np.ndarray, " q"]:
-    """Medians of periods that are within a percent of each other."""
-    ordered = np.sort(periods)
-    groups = np.split(ordered, 1 + np.flatnonzero(np.diff(np.log(ordered)) > 0.01))
-    return np.array([np.median(group) for group in groups if group.size])
-
-
-def _coherence(
-    times: Float[np.ndarray, " m"], periods: Float[np.ndarray, " p"]
-) -> Float[np.ndarray, " p"]:
-    """Share of neighbours that the better half of the humps have on a beat.
-
-    The better half, because what is no push is off the beat of all others.
-    """
-    m = len(times)
-    index = np.arange(m)
-    apart = np.abs(index[:, None] - index)
-    near = (apart > 0) & (apart <= _NEIGHBOURS)
-    beats = np.abs(times[:, None] - times) / periods[:, None, None]
-    is_on = near & (np.abs(beats - np.maximum(np.round(beats), 1.0)) < _BEAT)
-    share = np.sort(is_on.sum(axis=2) / near.sum(axis=1), axis=1)[:, m // 2 :]
-    return share.mean(axis=1)
-
-
-def _refined(times: Float[np.ndarray, " m"], period: float) -> tuple[float, float]:
-    """Period and scatter by the pairs of humps that are a few beats apart."""
-    first, last = np.triu_indices(len(times), 1)
-    gaps = times[last] - times[first]
-    scatter = _LEAST_SCATTER
-    for _ in range(3):
-        beats = np.maximum(np.round(gaps / period), 1.0)
-        is_on = (np.abs(gaps / period - beats) < _BEAT) & (beats <= _FEW_BEATS)
-        if not is_on.any():
-            break
-        period = float(gaps[is_on].sum() / beats[is_on].sum())
-        off = np.abs(gaps[is_on] / period - beats[is_on])
-        scatter = max(_WIDER * float(np.median(off)), _LEAST_SCATTER)
-    return period, scatter
+    ways = [way for scale, scatter in scales for way in _pair(case, scale, scatter)]
+    return sorted(ways, key=lambda way: way.cost)
 
 
 def _pair(case: _Case, scale: float, scatter: float) -> list[_Way]:
@@ -337,6 +261,8 @@ def _pair(case: _Case, scale: float, scatter: float) -> list[_Way]:
     cost, back = steady.forward(begin)
     turned = steady.turned()
     after, ahead = (a[::-1, ::-1] for a in turned.forward(-end))
+    # Counted from the other end.
+    ahead = np.where(ahead < 0, -1, np.array(cost.shape) - 1 - ahead)
     own = np.where(case.brush, _PAIR_BRUSH, 0.0)
     # A pair belongs to the way to it and to the way from it.
     total = cost + after - own
@@ -369,19 +295,13 @@ def _traced(
     through: int,
 ) -> _Way:
     """The cheapest way through a pair."""
-    n, m = total.shape
-    hump = np.full(n, -1)
-    start = divmod(through, m)
-    i, j = start
-    while i >= 0:
-        hump[i] = j
-        i, j = (int(k) for k in back[i, j])
-    i, j = start
-    while i >= 0:
-        hump[i] = j
-        i, j = (int(k) for k in ahead[i, j])
-        # Counted from the other end.
-        i, j = (n - 1 - i, m - 1 - j) if i >= 0 else (-1, -1)
+    start = divmod(through, total.shape[1])
+    hump = np.full(len(total), -1)
+    for links in (back, ahead):
+        i, j = start
+        while i >= 0:
+            hump[i] = j
+            i, j = (int(k) for k in links[i, j])
     return _Way(hump=hump, cost=float(total[start]))
 
 
@@ -407,7 +327,7 @@ class _Steady:
         n, m = len(self.planned), len(self.clock)
         extra = np.where(self.brush, _EXTRA_BRUSH, _EXTRA)
         humps = np.append(0.0, np.cumsum(extra))
-        cost = _MISSING * np.arange(n)[:, None] + humps[:-1] + self._lead(begin)
+        cost = MISSING * np.arange(n)[:, None] + humps[:-1] + self._lead(begin)
         own = np.where(self.brush, _PAIR_BRUSH, 0.0)
         back = np.full((n, m, 2), -1)
         for i in range(n):
@@ -419,8 +339,8 @@ class _Steady:
                 between = humps[dj:-1] - humps[1 : m - dj + 1]
                 way = (
                     cost[:i, :-dj]
-                    + self._off(gap, steps)
-                    + _MISSING * (i - 1 - np.arange(i))[:, None]
+                    + _off(gap[None], steps[:, None], self.scatter)
+                    + MISSING * (i - 1 - np.arange(i))[:, None]
                     + between
                 )
                 least = way.argmin(axis=0)
@@ -440,27 +360,12 @@ class _Steady:
         left = np.ones(len(self.clock), dtype=bool)
         left[taken] = False
         extra = np.where(self.brush, _EXTRA_BRUSH, _EXTRA)[left].sum()
-        missing = _MISSING * (len(hump) - len(there))
+        missing = MISSING * (len(hump) - len(there))
         gaps, steps = np.diff(self.clock[taken]), np.diff(self.planned[there])
-        off = sum(
-            self._off(gap[None], step[None])[0, 0]
-            for gap, step in zip(gaps, steps, strict=True)
-        )
+        off = _off(gaps, steps, self.scatter).sum()
         lead = self._lead(begin)[there[0], taken[0]]
         out = self.turned()._lead(-end)[::-1, ::-1][there[-1], taken[-1]]
         return float(own + extra + missing + off + lead + out)
-
-    def _off(
-        self, gap: Float[np.ndarray, " k"], steps: Float[np.ndarray, " i"]
-    ) -> Float[np.ndarray, "i k"]:
-        """Cost of a time between humps: a normal density about that between pushes.
-
-        Its height counts, because what is no push may come at any time.
-        """
-        if not np.isfinite(self.scatter):
-            return np.zeros((len(steps), len(gap)))
-        scatter = self.scatter * np.sqrt(steps)[:, None]
-        return ((gap - steps[:, None]) / scatter) ** 2 / 2 + np.log(2.507 * scatter)
 
     def _lead(self, begin: float) -> Float[np.ndarray, "n m"]:
         """Cost of the time before the first planned push, by its pair."""
@@ -468,4 +373,4 @@ class _Steady:
             return np.zeros((len(self.planned), len(self.clock)))
         first = self.clock - (self.planned - self.planned[0])[:, None]
         lead = first - begin
-        return np.where(lead < -_SLACK, _OUTSIDE, np.maximum(lead, 0.0) / _LEAD)
+        return np.where(lead < -SLACK, _OUTSIDE, np.maximum(lead, 0.0) / LEAD)

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error, named
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
 from pushfit.data.pushes.found import Found
-from pushfit.data.pushes.settings import PeakSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +157,5 @@ def _where_it_was_to_be(when: float, found: Found, pushes: list[int]) -> Extent:
         end=when + after,
         height=float(np.median([e.height for e in others])),
         step=others[0].feet.step,
-        cut_start=False,
-        cut_end=False,
     )
-    return Extent(start=0, end=1, feet=feet, is_brush=False)
+    return Extent(start=0, end=1, feet=feet, is_brush=False, is_cut=False)

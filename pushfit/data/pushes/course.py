@@ -9,77 +9,95 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-# Points that the integral is kept at.
-_MOST = 4096
+# Shorter windows would divide rounding by next to nothing [s].
+_LEAST = 1e-12
+_SOME = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """Samples of a stretch, with their integral by straight lines."""
+    """A signal by the integral of the straight lines between its samples.
+
+    Args:
+        time: Sample times, or some of them [s].
+        integral: Of the signal less `level`, up to each of them.
+        level: What the integral is over, so that little is lost to rounding.
+    """
 
     time: Float[np.ndarray, " n"]
     integral: Float[np.ndarray, " n"]
+    level: float
 
     @classmethod
     def of(
         cls,
         time: Float[np.ndarray, " n"],
         signal: Float[np.ndarray, " n"],
-        first: float,
-        last: float,
+        *,
+        stride: int = 1,
     ) -> "Course":
-        """Course between two times.
+        """Course of samples.
 
         Args:
             time: Sample times [s].
             signal: Samples.
-            first: Begin [s].
-            last: End [s].
+            stride: Samples from one to the next at which the integral is kept.
         """
-        index = np.searchsorted(time, [first, last])
-        part = slice(max(0, int(index[0]) - 1), int(index[1]) + 1)
-        when, y = time[part], signal[part]
-        areas = np.diff(when) * (y[1:] + y[:-1])
-        integral = np.concatenate([[0.0], np.cumsum(areas) / 2])
-        # The integral of so many samples is as good as straight between some of them.
-        stride = 1 + len(when) // _MOST
+        level, total, n_steps = float(signal[0]), 0.0, len(time) - 1
+        integral = np.zeros(1 - (-n_steps // stride))
+        # Some at a time, because recordings are longer than a processor's cache.
+        some = stride * max(1, _SOME // stride)
+        for first in range(0, n_steps, some):
+            part = slice(first, first + some + 1)
+            y = signal[part] - level
+            areas = (y[1:] + y[:-1]) * (np.diff(time[part]) / 2)
+            up_to = total + np.cumsum(areas)
+            total = float(up_to[-1])
+            kept = up_to[stride - 1 :: stride]
+            integral[1 + first // stride :][: len(kept)] = kept
+        integral[-1] = total
         if stride > 1:
-            keep = np.append(np.arange(0, len(when) - 1, stride), len(when) - 1)
-            return cls(when[keep], integral[keep])
-        return cls(when, integral)
+            time = np.append(time[:n_steps:stride], time[-1])
+        return cls(time, integral, level)
 
     def smooth(
-        self, when: Float[np.ndarray, " m"], tau: float
-    ) -> Float[np.ndarray, " m"]:
-        """Running mean; over what there is of its window at the ends.
+        self,
+        when: Float[np.ndarray, "p m"],
+        *,
+        tau: Float[np.ndarray, "p 1"],
+        ends: tuple[Float[np.ndarray, "p 1"], Float[np.ndarray, "p 1"]],
+    ) -> Float[np.ndarray, "p m"]:
+        """Running means; over what there is of their windows at the ends.
 
         Args:
             when: Times [s].
-            tau: Averaging time [s].
+            tau: Averaging times [s].
+            ends: Times that no window passes [s].
         """
-        first = np.maximum(when - tau / 2, self.time[0])
-        last = np.minimum(when + tau / 2, self.time[-1])
-        return (self._up_to(last) - self._up_to(first)) / np.maximum(
-            last - first, 1e-12
-        )
+        first = np.maximum(when - tau / 2, ends[0])
+        return self.mean(first, np.minimum(when + tau / 2, ends[1]))
 
-    def mean(self, first: float, last: float) -> float:
-        """Mean between two times.
+    def mean(
+        self, first: Float[np.ndarray, "*m"], last: Float[np.ndarray, "*m"]
+    ) -> Float[np.ndarray, "*m"]:
+        """Means between pairs of times.
 
         Args:
-            first: Begin [s].
-            last: End [s].
+            first: Begins [s].
+            last: Ends [s].
         """
-        return float(self.parts(np.array([first, last]))[0])
+        area = self._up_to(last) - self._up_to(first)
+        return self.level + area / np.maximum(last - first, _LEAST)
 
-    def parts(self, edges: Float[np.ndarray, " e"]) -> Float[np.ndarray, " parts"]:
+    def parts(self, edges: Float[np.ndarray, "p e"]) -> Float[np.ndarray, "p parts"]:
         """Means between successive times.
 
         Args:
-            edges: Times [s].
+            edges: Times, in rows [s].
         """
-        return np.diff(self._up_to(edges)) / np.maximum(np.diff(edges), 1e-12)
+        areas = np.diff(self._up_to(edges), axis=1)
+        return self.level + areas / np.maximum(np.diff(edges, axis=1), _LEAST)
 
-    def _up_to(self, when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+    def _up_to(self, when: Float[np.ndarray, "*m"]) -> Float[np.ndarray, "*m"]:
         """Integral up to some times."""
         return np.interp(when, self.time, self.integral)

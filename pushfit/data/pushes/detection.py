@@ -6,13 +6,18 @@ baselines and heights (`pushfit.data.peaks.heights`) and which push is which
 (`pushfit.data.plans.alignment`).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int, Real
 
-from pushfit.data.pushes.feet import FOOT, WIDTH_PER_SMOOTHING, Feet, trace_feet
+from pushfit.data.pushes.feet import (
+    FOOT,
+    WIDTH_PER_SMOOTHING,
+    Feet,
+    are_cut,
+    trace_feet,
+)
 from pushfit.data.pushes.humps import Humps
 from pushfit.data.pushes.noise import Noise
 
@@ -32,6 +37,9 @@ _NORMAL_THIRD = 0.861
 # A hump that an end of the signal cuts off, and that is longer than this share of the
 # signal, or than so many whole pushes, is a trend.
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
+# Means of counts are often equal on paper. Rounding them to this share of the noise
+# keeps an offset or a unit, which round otherwise, from breaking the ties.
+_GRAIN = 1e-3
 # Steps that the usual one is judged by; more would only cost time.
 _SAMPLES = 100_000
 
@@ -45,12 +53,14 @@ class Extent:
         end: One past the last sample above the foot.
         feet: Its course in time.
         is_brush: Whether it is so small among the others that it may be no push.
+        is_cut: Whether the signal begins or ends inside the push.
     """
 
     start: int
     end: int
-    feet: Feet
+    feet: Feet[float]
     is_brush: bool
+    is_cut: bool
 
     @property
     def t_start(self) -> float:
@@ -77,16 +87,12 @@ class Extent:
         """Top over the higher of the two feet, smoothed [unit]."""
         return self.feet.height
 
-    @property
-    def is_cut(self) -> bool:
-        """Whether the signal begins or ends inside the push."""
-        return self.feet.cut_start or self.feet.cut_end
-
 
 def find_extents(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     *,
+    noise: Noise,
     split: float,
     min_height: float | None,
     smoothing: float | None,
@@ -96,6 +102,7 @@ def find_extents(
     Args:
         time: Sample times [s].
         signal: Samples without gaps in value; pushes go up.
+        noise: How the samples scatter.
         split: Two humps are two pushes if the valley between them is lower than this
             share of the lower hump.
         min_height: Smallest height of a push; None judges by the noise, and by the
@@ -105,32 +112,34 @@ def find_extents(
     Returns:
         Extents in order of time.
     """
-    noise = Noise.of(signal)
     if noise.sigma == 0.0 or len(signal) < 5:
         return ()
     tau = smoothing or _FIRST_SMOOTHING
     found = _detect(time, signal, noise, tau, split, min_height)
-    if smoothing is None and found:
-        wider = float(np.median([feet.width for feet in found])) / WIDTH_PER_SMOOTHING
+    if smoothing is None and found.start.size:
+        wider = float(np.median(found.width)) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
             found = _detect(time, signal, noise, wider, split, min_height)
-    ends = [None, *(feet.end for feet in found)]
-    starts = [*(feet.start for feet in found[1:]), None]
-    traced = [
-        trace_feet(
-            time,
-            signal,
-            feet,
-            room=(ends[k], starts[k]),
-            sigma=noise.sigma,
-            smoothing=smoothing,
+    if found.start.size == 0:
+        return ()
+    feet = trace_feet(time, signal, found, sigma=noise.sigma, smoothing=smoothing)
+    is_cut = are_cut(time, feet)
+    is_push = ~_are_trends(feet, is_cut, time)
+    smallest = 0.0 if min_height is not None else _smallest_push(feet.height[is_push])
+    first, last = np.searchsorted(time, [feet.start, feet.end])
+    first = np.minimum(first, len(time) - 1)
+    last = np.maximum(last, first + 1)
+    return tuple(
+        Extent(
+            start=int(first[k]),
+            end=int(last[k]),
+            feet=own,
+            is_brush=own.height < smallest,
+            is_cut=bool(is_cut[k]),
         )
-        for k, feet in enumerate(found)
-    ]
-    kept = _without_trends(traced, time)
-    heights = np.array([feet.height for feet in kept])
-    smallest = 0.0 if min_height is not None else _smallest_push(heights)
-    return tuple(_extent(feet, time, smallest) for feet in kept)
+        for k, own in enumerate(feet.apart())
+        if is_push[k]
+    )
 
 
 def usual_step(time: Float[np.ndarray, " n"]) -> float:
@@ -142,24 +151,24 @@ def usual_step(time: Float[np.ndarray, " n"]) -> float:
     return float(np.median(np.diff(time[: 1 + _SAMPLES])))
 
 
-def _without_trends(found: Sequence[Feet], time: Float[np.ndarray, " n"]) -> list[Feet]:
-    """Leave out what begins or never ends, unless it is as short as a push."""
-    whole = [f.end - f.start for f in found if not (f.cut_start or f.cut_end)]
+def _are_trends(
+    feet: Feet[np.ndarray],
+    is_cut: Bool[np.ndarray, " p"],
+    time: Float[np.ndarray, " n"],
+) -> Bool[np.ndarray, " p"]:
+    """What begins before the signal or never ends, unless it is as short as a push."""
+    length = feet.end - feet.start
+    whole = length[~is_cut]
     duration = float(time[-1] - time[0])
-    longest = _CUT_LENGTHS * max(whole) if whole else _MAX_CUT * duration
-    slack = 2 * float(np.median([f.step for f in found])) if found else 0.0
-
-    def is_trend(feet: Feet) -> bool:
-        if feet.width < slack and not (feet.cut_start or feet.cut_end):
-            return True  # what is left of it in its own smoothing is one reading
-        rises = feet.half_up > time[0] + slack
-        falls = feet.half_down < time[-1] - slack
-        if rises and falls:
-            return False  # more than half of it is there on either side
-        is_cut = feet.cut_start or feet.cut_end
-        return not (rises or falls) or (is_cut and feet.end - feet.start > longest)
-
-    return [feet for feet in found if not is_trend(feet)]
+    longest = _CUT_LENGTHS * whole.max() if whole.size else _MAX_CUT * duration
+    slack = 2 * float(np.median(feet.step))
+    # What is left of it in its own smoothing is one reading.
+    is_reading = (feet.width < slack) & ~is_cut
+    # Of what does both, more than half is there on either side.
+    rises = feet.half_up > time[0] + slack
+    falls = feet.half_down < time[-1] - slack
+    is_long = is_cut & (length > longest)
+    return is_reading | ~(rises | falls) | (is_long & ~(rises & falls))
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +180,8 @@ class _Trace:
     y: Float[np.ndarray, " m"]
     noise: float
 
-    def at(self, index: float | int) -> float:
-        """Time of a grid position."""
+    def at(self, index: Real[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Times of grid positions."""
         return self.t0 + self.step * index
 
 
@@ -183,7 +192,7 @@ def _detect(
     tau: float,
     split: float,
     min_height: float | None,
-) -> tuple[Feet, ...]:
+) -> Feet[np.ndarray]:
     """One pass at one smoothing time: where the humps are, roughly."""
     trace = _reduce(time, signal, noise, tau)
     significant = _SIGNIFICANT * trace.noise
@@ -196,10 +205,7 @@ def _detect(
         humps.drop_below(max(noise_alone, wander))
     else:
         humps.drop_below(min_height)
-    heights = humps.heights
-    return tuple(
-        _coarse(humps, k, trace, float(height)) for k, height in enumerate(heights)
-    )
+    return _coarse(humps, trace)
 
 
 def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:
@@ -232,10 +238,12 @@ def _reduce(
     sums = np.add.reduceat(signal, first[filled])
     centres = np.arange(n_bins, dtype=float)
     y = np.interp(centres, centres[filled], sums / counts[filled])
+    smooth = uniform_filter1d(y - signal[0], 3, mode="nearest")
+    grain = _GRAIN * noise.sigma
     return _Trace(
         float(time[0]),
         step,
-        uniform_filter1d(y, 3, mode="nearest"),
+        grain * np.round(smooth / grain),
         noise.of_mean(3 * float(np.median(counts[filled]))),
     )
 
@@ -289,31 +297,25 @@ def _feet(humps: Humps, k: int, trace: _Trace, *, own: bool = False) -> tuple[in
     return int(start), int(end)
 
 
-def _coarse(humps: Humps, k: int, trace: _Trace, height: float) -> Feet:
-    """Feet of a hump on the grid, over the higher of its valleys."""
-    y, peak = trace.y, int(humps.peaks[k])
-    start, end = _feet(humps, k, trace)
-    above = start + np.flatnonzero(y[start : end + 1] >= y[peak] - height / 2)
+def _coarse(humps: Humps, trace: _Trace) -> Feet[np.ndarray]:
+    """Feet of humps on the grid, each over the higher of its valleys."""
+    y, heights = trace.y, humps.heights
+    feet = np.array([_feet(humps, k, trace) for k in range(len(heights))])
+    start, end = feet.reshape(-1, 2).T
+    half = y[humps.peaks] - heights / 2
+    above = np.array(
+        [
+            a + np.flatnonzero(y[a : b + 1] >= level)[[0, -1]]
+            for a, b, level in zip(start, end, half, strict=True)
+        ]
+    )
+    half_up, half_down = above.reshape(-1, 2).T + np.array([[-0.5], [0.5]])
     return Feet(
         start=trace.at(start),
-        half_up=trace.at(int(above[0]) - 0.5),
-        peak=trace.at(peak),
-        half_down=trace.at(int(above[-1]) + 0.5),
+        half_up=trace.at(half_up),
+        peak=trace.at(humps.peaks),
+        half_down=trace.at(half_down),
         end=trace.at(end),
-        height=height,
-        step=trace.step,
-        cut_start=start <= 1,
-        cut_end=end >= len(y) - 2,
-    )
-
-
-def _extent(feet: Feet, time: Float[np.ndarray, " n"], smallest: float) -> Extent:
-    """Extent of a push in samples."""
-    first, last = np.searchsorted(time, [feet.start, feet.end])
-    first = min(int(first), len(time) - 1)
-    return Extent(
-        start=first,
-        end=max(int(last), first + 1),
-        feet=feet,
-        is_brush=feet.height < smallest,
+        height=heights,
+        step=np.full(len(heights), trace.step),
     )

@@ -7,10 +7,13 @@ pushes (`pushfit.data.pushes.detection`) and the levels of their rests
 (`pushfit.data.peaks.rests`).
 """
 
-from dataclasses import dataclass, replace
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Generic, TypeVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.course import Course
 
@@ -37,6 +40,9 @@ _TAIL = 0.5
 _SHOWN = 3
 _GRID, _FINE = 240, 17
 _ROUNDS, _REACH = 4, 2.0
+# Times that the integral is kept at, for each smoothing time; and steps that the usual
+# one is judged by. More would only cost time.
+_KNOTS, _STEPS = 16, 1000
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 _SIGMAS = 3.0
 # Height over the noise that makes feet clear, and the share of the width that may be
@@ -44,9 +50,14 @@ _SIGMAS = 3.0
 _CLEAR, _MOST_SMOOTHING = 30.0, 3.0
 
 
+Number = TypeVar("Number", float, np.ndarray)
+Numbers = Float[np.ndarray, " p"]
+Smooth = Callable[[Float[np.ndarray, "p m"]], Float[np.ndarray, "p m"]]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Feet:
-    """The course of one push in time [s].
+class Feet(Generic[Number]):
+    """The course of one push in time, or of many at once [s].
 
     Args:
         start: Passes the foot on the way up.
@@ -56,61 +67,65 @@ class Feet:
         end: Passes the foot on the way down.
         height: Smoothed top over the higher of the two rests [unit].
         step: Usual sampling step around it [s].
-        cut_start: Whether the samples begin before a rest is seen.
-        cut_end: Whether they end before one is.
     """
 
-    start: float
-    half_up: float
-    peak: float
-    half_down: float
-    end: float
-    height: float
-    step: float
-    cut_start: bool
-    cut_end: bool
+    start: Number
+    half_up: Number
+    peak: Number
+    half_down: Number
+    end: Number
+    height: Number
+    step: Number
+
+    @staticmethod
+    def together(feet: "Sequence[Feet[float]]") -> "Feet[np.ndarray]":
+        """Courses of several pushes as arrays.
+
+        Args:
+            feet: One by one.
+        """
+        return Feet(**{n: np.array([getattr(own, n) for own in feet]) for n in _NAMES})
+
+    def apart(self: "Feet[np.ndarray]") -> "tuple[Feet[float], ...]":
+        """Courses of several pushes one by one."""
+        rows = zip(*(getattr(self, n).tolist() for n in _NAMES), strict=True)
+        return tuple(Feet(**dict(zip(_NAMES, row, strict=True))) for row in rows)
 
     @property
-    def width(self) -> float:
+    def width(self) -> Number:
         """Time above half of the height [s]."""
         return self.half_down - self.half_up
 
     @property
-    def guards(self) -> tuple[float, float]:
-        """Time before the start and after the end that is not yet at rest [s]."""
-        return (
-            _GUARD * (self.half_up - self.start),
-            _GUARD * (self.end - self.half_down),
-        )
-
-    @property
-    def before(self) -> tuple[float, float]:
-        """Stretch whose level is the rest before the push [s]."""
-        last = self.start - self.guards[0]
+    def before(self: "Feet[np.ndarray]") -> tuple[Numbers, Numbers]:
+        """Stretches whose level is the rest before the pushes [s]."""
+        last = self.start - _GUARD * (self.half_up - self.start)
         return last - self._span, last
 
     @property
-    def after(self) -> tuple[float, float]:
-        """Stretch whose level is the rest after the push [s]."""
-        settling = _SETTLING * min(self.width, _LONGEST)
-        first = self.end + max(self.guards[1], settling)
+    def after(self: "Feet[np.ndarray]") -> tuple[Numbers, Numbers]:
+        """Stretches whose level is the rest after the pushes [s]."""
+        settling = _SETTLING * np.minimum(self.width, _LONGEST)
+        first = self.end + np.maximum(_GUARD * (self.end - self.half_down), settling)
         return first, first + self._span
 
     @property
-    def _span(self) -> float:
-        return max(_SPAN * min(self.width, _LONGEST), _FEWEST * self.step)
+    def _span(self: "Feet[np.ndarray]") -> Numbers:
+        return np.maximum(_SPAN * np.minimum(self.width, _LONGEST), _FEWEST * self.step)
+
+
+_NAMES = tuple(field.name for field in fields(Feet))
 
 
 def trace_feet(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
-    coarse: Feet,
+    coarse: Feet[np.ndarray],
     *,
-    room: tuple[float | None, float | None],
     sigma: float,
     smoothing: float | None,
-) -> Feet:
-    """Trace the feet of a push from its own samples.
+) -> Feet[np.ndarray]:
+    """Trace the feet of pushes from their own samples.
 
     Feet depend on the levels of the rests, and rests lie beyond the feet: both are
     found in turns, which changes next to nothing after the second. Their number is
@@ -119,116 +134,102 @@ def trace_feet(
     Args:
         time: Sample times [s].
         signal: Samples [unit].
-        coarse: Where the push is, roughly.
-        room: End of the push before and start of the next one; None where the samples
-            begin or end first [s].
+        coarse: Where all of their pushes are, in order, roughly.
         sigma: Noise of a sample [unit].
-        smoothing: Averaging time; None takes a share of the width [s].
+        smoothing: Averaging time; None takes a share of each width [s].
 
     Returns:
         The feet.
     """
-    has_neighbours = (room[0] is not None, room[1] is not None)
-    lowest = time[0] if room[0] is None else min(room[0], coarse.start)
-    highest = time[-1] if room[1] is None else max(room[1], coarse.end)
+    lowest = np.minimum(np.append(time[0], coarse.end[:-1]), coarse.start)
+    highest = np.maximum(np.append(coarse.start[1:], time[-1]), coarse.end)
     reach = 2 * _reach(coarse)
-    course = Course.of(
-        time,
-        signal,
-        float(max(lowest, coarse.start - reach)),
-        float(min(highest, coarse.end + reach)),
-    )
-    feet = replace(coarse, step=float(np.median(np.diff(course.time))))
+    lowest = np.maximum(np.maximum(lowest, coarse.start - reach), time[0])
+    highest = np.minimum(np.minimum(highest, coarse.end + reach), time[-1])
+    ends = np.searchsorted(time, [lowest, highest])
+    steps = [np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T]
+    feet = replace(coarse, step=np.array(steps))
+    finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
+    stride = int(finest / _KNOTS / feet.step.max())
+    course = Course.of(time, signal, stride=max(1, stride))
     for _ in range(_ROUNDS):
-        reach = _reach(feet)
-        ends = (
-            float(max(lowest, course.time[0], feet.start - reach)),
-            float(min(highest, course.time[-1], feet.end + reach)),
-        )
-        feet = _trace(
-            course,
-            feet,
-            ends,
-            has_neighbours=has_neighbours,
-            tau=smoothing or _smoothing(feet, sigma),
-            sigma=sigma,
-        )
+        tau = _smoothing(feet, sigma) if smoothing is None else smoothing
+        tau = np.broadcast_to(tau, feet.start.shape)
+        feet = _trace(course, feet, (lowest, highest), tau=tau, sigma=sigma)
+    return feet
+
+
+def are_cut(
+    time: Float[np.ndarray, " n"], feet: Feet[np.ndarray]
+) -> Bool[np.ndarray, " p"]:
+    """Whether the samples begin or end before a rest is seen beside each push.
+
+    Args:
+        time: Sample times [s].
+        feet: All pushes in order.
+    """
     early = feet.start - _BEGINS * (feet.half_up - feet.start)
     late = feet.end + _BEGINS * (feet.end - feet.half_down)
-    return replace(
-        feet,
-        cut_start=room[0] is None and bool(np.searchsorted(time, early) < _SHOWN),
-        cut_end=room[1] is None
-        and bool(len(time) - np.searchsorted(time, late) < _SHOWN),
-    )
+    shown = np.searchsorted(time, [early, late])
+    is_cut = np.zeros(len(early), dtype=bool)
+    is_cut[0] |= shown[0, 0] < _SHOWN
+    is_cut[-1] |= len(time) - shown[1, -1] < _SHOWN
+    return is_cut
 
 
-def _reach(feet: Feet) -> float:
-    """Time around a push that its rests lie in [s]."""
-    width = max(min(feet.width, 2 * _LONGEST), 4 * feet.step)
+def _reach(feet: Feet[np.ndarray]) -> Numbers:
+    """Time around pushes that their rests lie in [s]."""
+    width = np.maximum(np.minimum(feet.width, 2 * _LONGEST), 4 * feet.step)
     return _REACH * width + feet.half_up - feet.start + feet.end - feet.half_down
 
 
-def _smoothing(feet: Feet, sigma: float) -> float:
+def _smoothing(feet: Feet[np.ndarray], sigma: float) -> Numbers:
     """A share of the width, and more where the noise would hide the feet [s]."""
-    blurred = min(_CLEAR * sigma / max(feet.height, 1e-300), 1e6)
-    least = min(feet.step * blurred**2, feet.width / _MOST_SMOOTHING)
-    return max(feet.width / WIDTH_PER_SMOOTHING, least, feet.step)
+    blurred = np.minimum(_CLEAR * sigma / np.maximum(feet.height, 1e-300), 1e6)
+    least = np.minimum(feet.step * blurred**2, feet.width / _MOST_SMOOTHING)
+    return np.maximum(np.maximum(feet.width / WIDTH_PER_SMOOTHING, least), feet.step)
 
 
 def _trace(
     course: Course,
-    feet: Feet,
-    ends: tuple[float, float],
+    feet: Feet[np.ndarray],
+    ends: tuple[Numbers, Numbers],
     *,
-    has_neighbours: tuple[bool, bool],
-    tau: float,
+    tau: Numbers,
     sigma: float,
-) -> Feet:
+) -> Feet[np.ndarray]:
     """One round: levels of the rests by the feet, then the feet by the levels."""
-    lowest, highest = ends
-    # Beside a neighbour the signal may still be, or already be, on its way.
-    first = lowest + _TAIL * (feet.start - lowest) * has_neighbours[0]
-    last = highest - _TAIL * (highest - feet.end) * has_neighbours[1]
-    before = _level(course, feet.before, (first, highest))
-    after = _level(course, feet.after, (lowest, last))
-    when = np.linspace(*ends, _GRID)
-    y = course.smooth(when, tau)
-    inside = np.flatnonzero((when >= feet.start) & (when <= feet.end))
-    if inside.size == 0:
-        return feet
-    peak = int(inside[np.argmax(y[inside])])
-    t_peak, top = _top(course, when, peak, tau)
-    # What the samples begin or end with is a rest only if a push stands on it.
-    if not has_neighbours[0] and _is_top(before, after, top):
-        before = np.nan
-    if not has_neighbours[1] and _is_top(after, before, top):
-        after = np.nan
-    if np.isnan(before) and np.isnan(after):
-        before = after = float(min(y[0], y[-1]))
-    rests = (
-        after if np.isnan(before) else before,
-        before if np.isnan(after) else after,
+    reach = _reach(feet)
+    lowest = np.maximum(ends[0], feet.start - reach)
+    highest = np.minimum(ends[1], feet.end + reach)
+    # Not beyond the room of each push: a neighbour is no part of its course.
+    smooth = functools.partial(
+        course.smooth, tau=tau[:, None], ends=(ends[0][:, None], ends[1][:, None])
     )
-    rises = [max(top - rest, 1e-300) for rest in rests]
-    noise = _SIGMAS * sigma * min(1.0, (feet.step / tau) ** 0.5)
-    foot = [
-        rest + max(FOOT * rise, noise) for rest, rise in zip(rests, rises, strict=True)
-    ]
-    start = _crossing(course, when[peak::-1], y[peak::-1], foot[0], tau)
-    end = _crossing(course, when[peak:], y[peak:], foot[1], tau)
-    half = [rest + rise / 2 for rest, rise in zip(rests, rises, strict=True)]
-    up, down = when[: peak + 1] >= start, when[peak:] <= end
-    half_up = _crossing(
-        course, when[: peak + 1][up], half[0] - y[: peak + 1][up], 0.0, tau, half[0]
-    )
-    half_down = _crossing(
-        course,
-        when[peak:][down][::-1],
-        half[1] - y[peak:][down][::-1],
-        0.0,
-        tau,
-        half[1],
+    spacing = (highest - lowest) / (_GRID - 1)
+    index = np.arange(_GRID)
+    when = lowest[:, None] + spacing[:, None] * index
+    y = smooth(when)
+    off = np.abs(when - (feet.start + feet.end)[:, None] / 2)
+    # At least one point, the nearest, is inside.
+    inside = off <= np.maximum((feet.end - feet.start) / 2, off.min(axis=1))[:, None]
+    peak = np.argmax(np.where(inside, y, -np.inf), axis=1)
+    t_peak, top = _tops(smooth, when, peak)
+    before, after = _rests(course, feet, lowest, highest, top, y)
+    rises = [np.maximum(top - rest, 1e-300) for rest in (before, after)]
+    noise = _SIGMAS * sigma * np.minimum(1.0, (feet.step / tau) ** 0.5)
+    feet_up, feet_down = (np.maximum(FOOT * rise, noise) for rise in rises)
+    is_up, is_down = index <= peak[:, None], index >= peak[:, None]
+    back = when[:, ::-1], y[:, ::-1]
+
+    start = _falls(smooth, *back, is_up[:, ::-1], before + feet_up)
+    end = _falls(smooth, when, y, is_down, after + feet_down)
+    # The last times below half of the height are the first ones from the foot.
+    is_up &= when >= start[:, None]
+    is_down &= when <= end[:, None]
+    half_up = _falls(smooth, when, -y, is_up, -before - rises[0] / 2, -1)
+    half_down = _falls(
+        smooth, back[0], -back[1], is_down[:, ::-1], -after - rises[1] / 2, -1
     )
     return Feet(
         start=start,
@@ -236,69 +237,101 @@ def _trace(
         peak=t_peak,
         half_down=half_down,
         end=end,
-        height=float(min(rises)),
+        height=np.minimum(*rises),
         step=feet.step,
-        cut_start=False,
-        cut_end=False,
     )
 
 
-def _is_top(level: float, other: float, top: float) -> bool:
+def _rests(
+    course: Course,
+    feet: Feet[np.ndarray],
+    lowest: Numbers,
+    highest: Numbers,
+    top: Numbers,
+    y: Float[np.ndarray, "p m"],
+) -> tuple[Numbers, Numbers]:
+    """Levels before and after pushes, each in place of the other if that is unseen."""
+    has_before = np.arange(len(top)) > 0
+    # Beside a neighbour the signal may still be, or already be, on its way.
+    first = lowest + _TAIL * (feet.start - lowest) * has_before
+    last = highest - _TAIL * (highest - feet.end) * has_before[::-1]
+    before = _level(course, feet.before, first, highest)
+    after = _level(course, feet.after, lowest, last)
+    # What the samples begin or end with is a rest only if a push stands on it.
+    no_before = ~has_before & _is_top(before, after, top)
+    no_after = ~has_before[::-1] & _is_top(after, before, top)
+    before = np.where(no_before, np.nan, before)
+    after = np.where(no_after, np.nan, after)
+    other = np.minimum(y[:, 0], y[:, -1])
+    before, after = (
+        np.where(np.isnan(before), after, before),
+        np.where(np.isnan(after), before, after),
+    )
+    return (
+        np.where(np.isnan(before), other, before),
+        np.where(np.isnan(after), other, after),
+    )
+
+
+def _is_top(level: Numbers, other: Numbers, top: Numbers) -> Bool[np.ndarray, " p"]:
     """Whether a level at an end of the samples is that of the push itself."""
     return top - level < ON_STEP * (level - other)
 
 
-def _top(
-    course: Course, when: Float[np.ndarray, " m"], peak: int, tau: float
-) -> tuple[float, float]:
-    """Time and height of the highest running mean beside a point of the grid."""
-    first, last = when[max(peak - 1, 0)], when[min(peak + 1, len(when) - 1)]
-    fine = first + (last - first) * _UNIT
-    own = course.smooth(fine, tau)
-    k = int(np.argmax(own))
-    return float(fine[k]), float(own[k])
+def _tops(
+    smooth: Smooth, when: Float[np.ndarray, "p m"], peak: Int[np.ndarray, " p"]
+) -> tuple[Numbers, Numbers]:
+    """Times and heights of the highest running means beside points of a grid."""
+    rows = np.arange(len(peak))
+    first = when[rows, np.maximum(peak - 1, 0)]
+    last = when[rows, np.minimum(peak + 1, _GRID - 1)]
+    fine = first[:, None] + (last - first)[:, None] * _UNIT
+    own = smooth(fine)
+    k = np.argmax(own, axis=1)
+    return fine[rows, k], own[rows, k]
 
 
 def _level(
-    course: Course, window: tuple[float, float], ends: tuple[float, float]
-) -> float:
-    """Mean of a rest; NaN where the samples end too soon to show it."""
-    first, last = max(window[0], ends[0]), min(window[1], ends[1])
-    if last - first < _LEAST * (window[1] - window[0]):
-        return np.nan
-    return course.mean(first, last)
-
-
-def _crossing(
     course: Course,
-    when: Float[np.ndarray, " m"],
-    y: Float[np.ndarray, " m"],
-    level: float,
-    tau: float,
-    mirror: float | None = None,
-) -> float:
-    """Where a course first falls below a level, or the last time if it never does.
+    window: tuple[Numbers, Numbers],
+    lowest: Numbers,
+    highest: Numbers,
+) -> Numbers:
+    """Means of rests; NaN where the samples end too soon to show them."""
+    first, last = np.maximum(window[0], lowest), np.minimum(window[1], highest)
+    is_shown = last - first >= _LEAST * (window[1] - window[0])
+    return np.where(is_shown, course.mean(first, last), np.nan)
+
+
+def _falls(
+    smooth: Smooth,
+    when: Float[np.ndarray, "p m"],
+    y: Float[np.ndarray, "p m"],
+    searched: Bool[np.ndarray, "p m"],
+    level: Numbers,
+    sign: int = 1,
+) -> Numbers:
+    """Where courses first fall below levels, or the last times if they never do.
 
     Args:
-        course: What `y` is the running mean of.
+        smooth: Running means.
         when: Times, in either direction [s].
-        y: Running mean; subtracted from `mirror` if that is given.
-        level: Level to pass.
-        tau: Averaging time [s].
-        mirror: Level that the running mean is subtracted from.
+        y: Running means at `when`, times `sign`.
+        searched: Where to look.
+        level: Levels to pass, times `sign`.
+        sign: -1 to see courses upside down.
     """
-    below = np.flatnonzero(y < level)
-    if below.size == 0:
-        return float(when[-1]) if when.size else float(course.time[0])
-    if below[0] == 0:
-        return float(when[0])
+    rows = np.arange(len(level))
+    below = searched & (y < level[:, None])
+    first = np.argmax(searched, axis=1)
+    final = len(y[0]) - 1 - np.argmax(searched[:, ::-1], axis=1)
+    k = np.where(below.any(axis=1), np.argmax(below, axis=1), final)
     # Between two points of the grid, so that the grid itself does not matter.
-    first, last = when[below[0] - 1], when[below[0]]
-    fine = first + (last - first) * _UNIT
-    own = course.smooth(fine, tau)
-    own = own if mirror is None else mirror - own
-    k = int(np.argmax(own < level))
-    if k == 0:
-        return float(fine[0])
-    share = np.clip((own[k - 1] - level) / max(own[k - 1] - own[k], 1e-300), 0.0, 1.0)
-    return float(fine[k - 1] + share * (fine[k] - fine[k - 1]))
+    a, b = when[rows, np.maximum(k - 1, first)], when[rows, k]
+    fine = a[:, None] + (b - a)[:, None] * _UNIT
+    off = sign * smooth(fine) - level[:, None]
+    j = np.maximum(np.argmax(off < 0, axis=1), 1)
+    high, low = off[rows, j - 1], off[rows, j]
+    share = np.clip(high / np.maximum(high - low, 1e-300), 0.0, 1.0)
+    passed = fine[rows, j - 1] + share * (fine[rows, j] - fine[rows, j - 1])
+    return np.where(below.any(axis=1) & (k > first), passed, b)

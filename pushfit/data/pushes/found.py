@@ -11,10 +11,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import push_signal
-from pushfit.data.peaks.rests import rest_curve, without_dips
 from pushfit.data.pushes.detection import Extent, find_extents
-from pushfit.data.pushes.settings import PeakSettings
+from pushfit.data.pushes.dips import rest_curve, without_dips
+from pushfit.data.pushes.noise import Noise
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 
@@ -86,11 +87,15 @@ def find(
         settings: How to look, and what the user says of the humps.
         signed: Whether dips are pushes as well.
     """
+    # Of the samples as they are: in a picture of them equal readings differ by
+    # rounding, and the finest step would be that.
+    noise = Noise.of(signal)
 
     def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
         return find_extents(
             time,
             picture,
+            noise=noise,
             split=settings.split,
             min_height=settings.min_height,
             smoothing=settings.smoothing,

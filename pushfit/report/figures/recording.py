@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import push_signal, signal_name
 from pushfit.data.peaks.extract import find_pushes
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import Trace, envelope

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.simulate import THETA_SWEEP, Session, simulate_recording
 from pushfit.errors import ConfigError
 from pushfit.model import Grasp, Parameters

@@ -8,9 +8,10 @@ to a tenth of their standard deviation.
 import numpy as np
 import pytest
 
+from benchmarks.every_cut import count, recordings
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import find_pushes, measure_pushes
 from pushfit.data.peaks.heights import Height, measure_heights
-from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 
@@ -94,7 +95,9 @@ def test_other_pushes_change_nothing(shape):
     removed = np.concatenate([y[:first], y[second:]])
     shorter = np.arange(removed.size) * 0.01
     assert_same(measured(shorter, removed), [whole[0], *whole[2:]])
-    other = simulated((400.0, 380.0, 420.0), shape="trapezoid")[1]
+    # More of the other shape, so that a vote of the file would change its mind.
+    turned = {"triangle": "trapezoid", "trapezoid": "triangle"}[shape]
+    other = simulated((400.0, 380.0, 420.0) * 3, shape=turned)[1]
     appended = np.concatenate([y, other])
     both = measured(np.arange(appended.size) * 0.01, appended)
     assert_same(both[: len(whole)], whole)
@@ -171,6 +174,23 @@ def test_real_recordings_cut_at_rests_keep_their_pushes(real_data, name, column)
         ]
     assert np.mean(np.array(moved) > SAME) < 0.1
     assert np.median(moved) < 0.01
+
+
+@pytest.mark.slow
+def test_no_cut_of_a_real_recording_loses_a_push_or_leaves_a_cut_one_unflagged(
+    real_data,
+):
+    """But for three that leave a doubt beside some cuts.
+
+    One has 165 samples, whose flanks are taken for noise; p0 of the barometer sees a
+    press of 41 Pa from afar, which alone is as high as the rest wanders; and a press
+    on top of a grip is none until a rest of its own is seen.
+    """
+    doubtful = ("short_dropouts", "p0_Pa", "real_hall")
+    for name, recording in recordings(real_data):
+        if not any(word in name for word in doubtful):
+            cuts = count(recording, 25)
+            assert (name, cuts.lost, cuts.unflagged) == (name, (), ())
 
 
 def test_presses_of_a_robot_after_a_grip_are_found_with_their_holds(real_data):

@@ -1,0 +1,129 @@
+"""Real recordings cut in two anywhere: what becomes of their pushes.
+
+A cut leaves all pushes whole but the one that it goes through. Printed per channel: the
+whole pushes beside all cuts and how many of them are lost, and the pushes that were cut
+and how many of these carry no flag that keeps them out of a fit. Both are to be 0. The
+recordings are those of `benchmarks.real_recordings` and of its folder; pushes that the
+recording itself cuts are left aside.
+"""
+
+import argparse
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.real_recordings import CASES, CHANNEL, load
+from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.extract import find_pushes
+from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.pushes.detection import Extent
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.records import Recording
+from pushfit.data.tables.rules import EXCLUDING_FLAGS
+
+SETTINGS = PeakSettings(channel=CHANNEL)
+# Fewer samples than these are no recording.
+LEAST = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Count:
+    """Pushes beside all cuts of a channel.
+
+    Args:
+        whole: Pushes that a cut leaves whole.
+        lost: Times of the cuts that lose one, one for each [s].
+        cut: Pushes that a cut goes through, one for each side that shows them.
+        unflagged: Times of the cuts that leave one without a flag [s].
+    """
+
+    whole: int
+    lost: tuple[float, ...]
+    cut: int
+    unflagged: tuple[float, ...]
+
+
+def recordings(folder: Path) -> Iterator[tuple[str, Recording]]:
+    """Channels with pushes that go up, by their names."""
+    for name, column, unit, known, _ in CASES:
+        if known:
+            yield f"{name}, {column}", load(folder, name, column, unit)
+    path = folder / "ur5_honeycomb/rigid_kpx_0.0017_2_trial4.bag"
+    hall = read_recording(
+        path, mapping={CHANNEL: "/trial4.real_hall"}, units={CHANNEL: "au"}
+    )
+    yield "ur5_honeycomb, -real_hall", of(hall.time, -hall.channels[CHANNEL])
+    press = read_recording(folder / "indenter_ddf/1000 mN data file.ddf")
+    yield "indenter_ddf, AI1", of(press.time, press.channels["AI1"])
+
+
+def of(time: np.ndarray, signal: np.ndarray) -> Recording:
+    """A recording of nothing but one channel."""
+    return Recording(time=time, channels={CHANNEL: signal}, units={CHANNEL: "au"})
+
+
+def found(recording: Recording, part: slice) -> list[tuple[Extent, bool]]:
+    """Pushes of a part of a recording, and whether each is kept out of a fit."""
+    time, signal = recording.time[part], recording.channels[CHANNEL][part]
+    extents = find_pushes(of(time, signal), settings=SETTINGS)
+    if not extents:
+        return []
+    heights = measure_heights(time, signal, extents, definition="auto", limit=None)
+    return [
+        (extent, bool(height.flags & EXCLUDING_FLAGS))
+        for extent, height in zip(extents, heights, strict=True)
+    ]
+
+
+def count(recording: Recording, n_cuts: int) -> Count:
+    """Cut a recording in so many places, evenly spread over its samples."""
+    time = recording.time
+    pushes = [e for e, _ in found(recording, slice(None)) if not e.is_cut]
+    whole = cut = 0
+    lost, unflagged = [], []
+    for k in np.linspace(LEAST, len(time) - LEAST, n_cuts).astype(int).tolist():
+        for part in (slice(0, k), slice(k, None)):
+            first, last = time[part][[0, -1]]
+            parts = found(recording, part)
+            for push in pushes:
+                inside = first <= push.t_start and push.t_end <= last
+                if inside:
+                    whole += 1
+                    if not any(e.t_start < push.t_peak < e.t_end for e, _ in parts):
+                        lost.append(float(time[k]))
+                elif push.t_start < last and first < push.t_end:
+                    beside = [
+                        is_out
+                        for e, is_out in parts
+                        if push.t_start < e.t_peak < push.t_end
+                    ]
+                    cut += bool(beside)
+                    if not all(beside):
+                        unflagged.append(float(time[k]))
+    return Count(whole=whole, lost=tuple(lost), cut=cut, unflagged=tuple(unflagged))
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument(
+        "folder", nargs="?", default=os.environ.get("PUSHFIT_REAL_DATA")
+    )
+    parser.add_argument("--cuts", type=int, default=200)
+    options = parser.parse_args()
+    print(
+        "recording | whole pushes | lost | cut pushes | unflagged | cuts of these [s]"
+    )
+    print("|".join(["---"] * 6))
+    for name, recording in recordings(Path(options.folder)):
+        c = count(recording, options.cuts)
+        where = ", ".join(f"{t:.2f}" for t in sorted({*c.lost, *c.unflagged})[:6])
+        cells = [name, c.whole, len(c.lost), c.cut, len(c.unflagged), where or "-"]
+        print(" | ".join(map(str, cells)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Which rhythms the times of some humps may have.
+
+Pushes of a robot follow each other in nearly regular time; some of them may be missing,
+and what is no push comes between. So periods are judged by the humps that are on each
+other's beat. Excluded: which hump is which push (`pushfit.data.plans.alignment`).
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+# Minus log probability of a push without a hump.
+MISSING = 2.0
+# Time before the first push and after the last, in periods: mean of an exponential; and
+# by how much a push may be planned before a recording begins.
+LEAD, SLACK = 1.5, 0.1
+# Scatter of a time between two pushes that robots keep, in periods.
+_LEAST_SCATTER = 0.03
+# Standard deviation over the median of a normal distribution, and a fifth more: the
+# time of one push is off in the gaps on both sides of it.
+_WIDER = 1.2 * 1.4826
+# A hump is on the beat of another if it is off by less than this, in periods; humps
+# have a rhythm if this share of so many neighbours is. Of random ones 0.2 to 0.4 is.
+_BEAT, _STEADY, _NEIGHBOURS, _FEW_BEATS = 0.1, 0.45, 8, 4
+# Periods worth trying are as good as the best one but for so many nats, and so many.
+_WORTH, _MOST_PERIODS = 8.0, 10
+_MAX_SKIPPED_LAGS = 3
+
+
+def rhythms(
+    times: Float[np.ndarray, " m"], n_planned: int, room: float
+) -> list[tuple[float, float]]:
+    """Periods that are worth trying, the likeliest first.
+
+    Args:
+        times: Times of humps [s].
+        n_planned: Pushes that are to find room in the recording.
+        room: Length of the recording; infinite where unknown [s].
+
+    Returns:
+        Periods [s] and scatters of the gaps [periods]; both infinite if there is none.
+    """
+    if len(times) < 2:
+        return [(np.inf, np.inf)]
+    lags = range(1, min(_MAX_SKIPPED_LAGS, len(times) - 1) + 1)
+    gaps = np.concatenate([times[k:] - times[:-k] for k in lags])
+    periods = (gaps[:, None] / np.arange(1, max(n_planned, 2))).ravel()
+    if np.isfinite(room):
+        periods = periods[periods * (n_planned - 1 - 2 * SLACK) <= room]
+    periods = _distinct(periods)
+    if periods.size == 0:
+        return [(np.inf, np.inf)]
+    on_beat = _coherence(times, periods)
+    cost = -on_beat * len(times) * np.log(1 / (2 * _BEAT))
+    if np.isfinite(room):
+        cost = cost + (room - (n_planned - 1) * periods) / periods / LEAD
+    else:
+        cost = cost + np.abs(np.log(periods / np.median(np.diff(times)))) * MISSING
+    best = np.argsort(cost)[:_MOST_PERIODS]
+    best = best[cost[best] <= cost[best[0]] + _WORTH]
+    steady = [_refined(times, float(periods[k])) for k in best if on_beat[k] > _STEADY]
+    return steady or [(np.inf, np.inf)]
+
+
+def _distinct(periods: Float[np.ndarray, " p"]) -> Float[np.ndarray, " q"]:
+    """Medians of periods that are within a percent of each other."""
+    ordered = np.sort(periods)
+    groups = np.split(ordered, 1 + np.flatnonzero(np.diff(np.log(ordered)) > 0.01))
+    return np.array([np.median(group) for group in groups if group.size])
+
+
+def _coherence(
+    times: Float[np.ndarray, " m"], periods: Float[np.ndarray, " p"]
+) -> Float[np.ndarray, " p"]:
+    """Share of neighbours that the better half of the humps have on a beat.
+
+    The better half, because what is no push is off the beat of all others.
+    """
+    m = len(times)
+    index = np.arange(m)
+    apart = np.abs(index[:, None] - index)
+    near = (apart > 0) & (apart <= _NEIGHBOURS)
+    beats = np.abs(times[:, None] - times) / periods[:, None, None]
+    is_on = near & (np.abs(beats - np.maximum(np.round(beats), 1.0)) < _BEAT)
+    share = np.sort(is_on.sum(axis=2) / near.sum(axis=1), axis=1)[:, m // 2 :]
+    return share.mean(axis=1)
+
+
+def _refined(times: Float[np.ndarray, " m"], period: float) -> tuple[float, float]:
+    """Period and scatter by the pairs of humps that are a few beats apart."""
+    first, last = np.triu_indices(len(times), 1)
+    gaps = times[last] - times[first]
+    scatter = _LEAST_SCATTER
+    for _ in range(3):
+        beats = np.maximum(np.round(gaps / period), 1.0)
+        is_on = (np.abs(gaps / period - beats) < _BEAT) & (beats <= _FEW_BEATS)
+        if not is_on.any():
+            break
+        period = float(gaps[is_on].sum() / beats[is_on].sum())
+        off = np.abs(gaps[is_on] / period - beats[is_on])
+        scatter = max(_WIDER * float(np.median(off)), _LEAST_SCATTER)
+    return period, scatter

@@ -1,0 +1,118 @@
+"""Rest of a whole recording, and what falls below it.
+
+Where pushes go both ways, or dips lie between them, a hump is one over the level that
+most readings have in common. Excluded: the levels that heights are measured from
+(`pushfit.data.peaks.rests`).
+"""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.noise import Noise
+
+# Long enough for several pushes, short enough for drift [s].
+_STRETCH = 30.0
+# Sensors undershoot after a release by a few percent of a push; what falls below rest
+# by more than this share of the highest push is no undershoot.
+_DIP = 0.25
+# Time at either end of a recording that stands for rest, too short for a push [s].
+_END = 0.2
+# Noise of the ends of a recording that is no difference of level [sigma].
+_SLACK = 4.0
+_ROUNDING = 1e-9
+_MAX_BLOCKS = 1 << 14
+
+
+def rest_curve(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Rest level of a signal that pushes may raise or lower.
+
+    The middle of the densest quarter of the readings, in stretches of half a minute:
+    rest is what a signal that goes both ways has in common with itself.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+
+    Returns:
+        Level at every sample.
+    """
+    return np.interp(time, *_rest_knots(time, signal))
+
+
+def _rest_knots(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Middles of stretches and their rest levels."""
+    n_stretches = max(1, round((time[-1] - time[0]) / _STRETCH))
+    edges = np.linspace(time[0], time[-1], n_stretches + 1)
+    index = np.searchsorted(time, edges)
+    index[-1] = len(time)
+    middles, levels = [], []
+    for first, last in pairwise(index):
+        # A sample of the samples is enough for a level.
+        ordered = np.sort(signal[first : last : max(1, (last - first) // 4096)])
+        if len(ordered) == 0:
+            continue
+        n = max(1, len(ordered) // 4)
+        widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
+        # Of counts many stretches are equally dense; rounding must not choose.
+        narrow = widths.min() + _ROUNDING * (ordered[-1] - ordered[0])
+        ties = np.flatnonzero(widths <= narrow)
+        start = int(ties[len(ties) // 2])
+        levels.append(np.median(ordered[start : start + n]))
+        middles.append((time[first] + time[last - 1]) / 2)
+    return np.array(middles), np.array(levels)
+
+
+def without_dips(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    extents_of: Callable[[Float[np.ndarray, " n"]], tuple[Extent, ...]],
+) -> tuple[Float[np.ndarray, " n"], tuple[Extent, ...]]:
+    """Fill what falls far below rest up to it.
+
+    Rest is the level that most readings have in common. That may be one of long
+    plateaus: where it lies clearly above the lower end of the recording, rest is that
+    end. The lower one, because the other may lie inside a push or beyond a step.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples.
+        extents_of: Finds the humps of a picture.
+
+    Returns:
+        The signal with the dips filled, itself if there are none; and the dips.
+    """
+    n_first, n_last = np.searchsorted(time, [time[0] + _END, time[-1] - _END])
+    n_last = min(int(n_last), len(time) - 5)
+    ends = (np.median(signal[: max(5, int(n_first))]), np.median(signal[n_last:]))
+    knots = _rest_knots(time, signal)
+    n_end = max(5, int(n_first))
+    slack = _SLACK * Noise.of(signal).sigma / n_end**0.5
+
+    def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+        usual = np.interp(when, *knots)
+        return np.where(usual > min(ends) + slack, min(ends), usual)
+
+    # Nearly all recordings end here, so this looks at the extremes of short blocks.
+    blocks = np.arange(0, len(time), 1 + len(time) // _MAX_BLOCKS)
+    rest = rest_at(time[blocks])
+    least = _DIP * float((np.maximum.reduceat(signal, blocks) - rest).max())
+    if (rest - np.minimum.reduceat(signal, blocks)).max() <= max(0.0, least):
+        return signal, ()
+    rest = rest_at(time)
+    depth = np.maximum(rest - signal, 0.0)
+    dips = tuple(dip for dip in extents_of(depth) if dip.height > least)
+    filled = signal.copy() if dips else signal
+    for dip in dips:
+        # With its fringe, which would be the foot of whatever comes next.
+        edges = [dip.t_start - dip.width / 2, dip.t_end + dip.width / 2]
+        part = slice(*np.searchsorted(time, edges))
+        filled[part] = np.maximum(signal[part], rest[part])
+    return filled, dips
