@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushfit.config import parse_config
-from pushfit.explore.belief import N_DRAWS, Belief
+from pushfit.explore.belief.belief import N_DRAWS, Belief
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.gain import information_gain
-from pushfit.explore.intervals import shortest_interval
+from pushfit.explore.decide.gain import information_gain
+from pushfit.explore.decide.intervals import shortest_interval
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer
 from pushfit.model import Grasp

@@ -16,7 +16,7 @@ from pushfit.errors import ConfigError, FitError
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
     from pushfit.explore.explorer import Explorer
-    from pushfit.explore.hand import Hand
+    from pushfit.explore.hands.protocol import Hand
     from pushfit.explore.limits import Limits
     from pushfit.explore.loop import Step
 
@@ -311,7 +311,7 @@ def _simulated(
     """A hand that holds the grasp of a file, or that of the example."""
     from pushfit.cli.analysis import example_folder
     from pushfit.config import read_config
-    from pushfit.explore.simulated import simulated_hand
+    from pushfit.explore.hands.simulated import simulated_hand
 
     source = example_folder() / "truth.toml" if truth is None else truth
     return simulated_hand(
@@ -326,6 +326,6 @@ def _simulated(
 
 
 def _ros(*, forces: bool, theta: tuple[float, float]) -> "Hand":
-    from pushfit.explore.ros.hand import RosHand
+    from pushfit.explore.hands.ros.hand import RosHand
 
     return RosHand(has_forces=forces, theta_deg=theta)

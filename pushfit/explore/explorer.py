@@ -17,11 +17,11 @@ from pathlib import Path
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
-from pushfit.explore.belief import Belief, BeliefSource, Question, believe
-from pushfit.explore.journal import Event, Journal
-from pushfit.explore.learning import learnt, reference_due, weighed
+from pushfit.explore.belief.belief import Belief, BeliefSource, Question, believe
+from pushfit.explore.journal.file import Event, Journal
+from pushfit.explore.belief.learning import learnt, reference_due, weighed
 from pushfit.explore.limits import Limits
-from pushfit.explore.memory import (
+from pushfit.explore.journal.events import (
     ANGLES,
     asked_event,
     check_question,
@@ -33,7 +33,7 @@ from pushfit.explore.memory import (
     told_event,
     told_of,
 )
-from pushfit.explore.outcome import Judge
+from pushfit.explore.decide.judge import Judge
 from pushfit.explore.records import (
     Answer,
     Failure,
@@ -41,8 +41,8 @@ from pushfit.explore.records import (
     Suggestion,
     Told,
 )
-from pushfit.explore.survey import Survey, Surveyor
-from pushfit.explore.tables import by_channel, check_sensor, table_of, told_rows
+from pushfit.explore.decide.survey import Survey, Surveyor
+from pushfit.explore.belief.tables import by_channel, check_sensor, table_of, told_rows
 from pushfit.fit.identify import reference_azimuth
 
 # Below this share of effective draws the engine is asked for fresh ones.

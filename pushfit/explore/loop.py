@@ -11,10 +11,10 @@ from jaxtyping import Float
 
 from pushfit.data.pushes.settings import PeakSettings
 from pushfit.explore.explorer import INTERRUPTED, Explorer
-from pushfit.explore.hand import Hand, PushOutcome
+from pushfit.explore.hands.protocol import Hand, PushOutcome
 from pushfit.explore.limits import displacement
 from pushfit.explore.records import Answer, State, Suggestion
-from pushfit.explore.touch import FATAL, HOPELESS, Felt, feel
+from pushfit.explore.hands.touch import FATAL, HOPELESS, Felt, feel
 
 # Rest recorded before a push, as a multiple of the least rest between two.
 RESTS = 1.0

@@ -9,10 +9,10 @@ import sys
 
 from pushfit.data.pushes.settings import PeakSettings
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.journal import Journal
+from pushfit.explore.journal.file import Journal
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
-from pushfit.explore.simulated import SimulatedHand
+from pushfit.explore.hands.simulated import SimulatedHand
 from tests.explore.test_loop import hand
 from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, importance
 

@@ -14,8 +14,8 @@ from pushfit.errors import PushfitError
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
-from pushfit.explore.ros import messages
-from pushfit.explore.ros.hand import RosHand
+from pushfit.explore.hands.ros import messages
+from pushfit.explore.hands.ros.hand import RosHand
 from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, importance
 
 MOVING = 2e-3

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from pushfit.explore.belief import N_DRAWS
-from pushfit.explore.gain import information_gain, labels, outlook
-from pushfit.explore.predict import predict
+from pushfit.explore.belief.belief import N_DRAWS
+from pushfit.explore.decide.gain import information_gain, labels, outlook
+from pushfit.explore.belief.predict import predict
 from tests.explore.beliefs import belief_of, prior_draws
 
 THETA = np.radians(np.arange(5.0, 90.0, 10.0))

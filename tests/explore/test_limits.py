@@ -10,7 +10,7 @@ from pushfit.errors import ConfigError
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits, displacement
 from pushfit.explore.loop import explore
-from pushfit.explore.predict import predict
+from pushfit.explore.belief.predict import predict
 from tests.explore.test_loop import hand
 from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, feel, importance
 

@@ -8,11 +8,11 @@ import pytest
 from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.simulate import Session
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.hand import Reach
+from pushfit.explore.hands.protocol import Reach
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
 from pushfit.explore.records import Answer
-from pushfit.explore.simulated import SimulatedHand, World
+from pushfit.explore.hands.simulated import SimulatedHand, World
 from pushfit.model import Grasp
 from tests.explore.worlds import COMPONENTS, CONFIG, THETA_C, TRUTH, importance
 

@@ -14,7 +14,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.errors import DataError
-from pushfit.explore.hand import PushOutcome, PushStatus
+from pushfit.explore.hands.protocol import PushOutcome, PushStatus
 from pushfit.explore.limits import Limits
 
 # Faults after which the same push would only fail again.

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.explore.gain import N_FINE
-from pushfit.explore.intervals import HALF_TURN, column_widths
+from pushfit.explore.decide.gain import N_FINE
+from pushfit.explore.decide.intervals import HALF_TURN, column_widths
 
 # Truths: two decided ones of them are fewer than 5 %.
 N_TRUTHS = 48

@@ -18,8 +18,8 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import Session, simulate_recording
 from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
-from pushfit.explore.hand import PushOutcome, PushStatus, Reach
-from pushfit.explore.predict import force_of
+from pushfit.explore.hands.protocol import PushOutcome, PushStatus, Reach
+from pushfit.explore.belief.predict import force_of
 from pushfit.model import Grasp, Parameters
 
 SESSION = Session(shape="triangle", rise=0.5, rest=0.6, rate=100.0)

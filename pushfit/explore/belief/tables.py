@@ -6,7 +6,7 @@ import numpy as np
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
-from pushfit.explore.belief import Question
+from pushfit.explore.belief.belief import Question
 from pushfit.explore.records import Told
 
 

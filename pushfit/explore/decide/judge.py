@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushfit.explore.belief import Belief, Question, noise_is_known
-from pushfit.explore.forecast import UNLIMITED, Target, p_decided
-from pushfit.explore.intervals import shortest_interval
-from pushfit.explore.learning import reference_rows
+from pushfit.explore.belief.belief import Belief, Question, noise_is_known
+from pushfit.explore.decide.forecast import UNLIMITED, Target, p_decided
+from pushfit.explore.decide.intervals import shortest_interval
+from pushfit.explore.belief.learning import reference_rows
 from pushfit.explore.limits import Limits
-from pushfit.explore.predict import predict
+from pushfit.explore.belief.predict import predict
 from pushfit.explore.records import (
     SYMBOLS,
     Answer,
@@ -22,8 +22,8 @@ from pushfit.explore.records import (
     State,
     Told,
 )
-from pushfit.explore.survey import Survey
-from pushfit.explore.tables import table_of
+from pushfit.explore.decide.survey import Survey
+from pushfit.explore.belief.tables import table_of
 
 # Without a word on the noise an interval may be narrow by chance: noise taken 1.5
 # times too small leaves 72 % coverage of 90 %.

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from pushfit.explore.belief import Belief
+from pushfit.explore.belief.belief import Belief
 from pushfit.model import Channels, Grasp, Parameters, Pushes, as_float, forward
 
 # Candidates are padded to multiples of this, so that few programs are compiled.

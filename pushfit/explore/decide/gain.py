@@ -2,7 +2,7 @@
 
 The draws of a belief are counted in a table of the angle against the reading that a
 push would give, blurred by the noise of that reading. Excluded: where pushes may go
-(`pushfit.explore.limits`) and where draws come from (`pushfit.explore.belief`).
+(`pushfit.explore.limits`) and where draws come from (`pushfit.explore.belief.belief`).
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import ndtr, xlogy
 
-from pushfit.explore.intervals import HALF_TURN, column_widths
+from pushfit.explore.decide.intervals import HALF_TURN, column_widths
 
 # Bins of equal weight of the angle, and of the reading along its widest and its second
 # direction: noise blurs them. Twice as many move no ranking. The coarse ones are for

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.explore.belief import Belief, Question
-from pushfit.explore.gain import Outlook, information_gain, outlook
+from pushfit.explore.belief.belief import Belief, Question
+from pushfit.explore.decide.gain import Outlook, information_gain, outlook
 from pushfit.explore.limits import SHARES, TOLERATED, Limits
-from pushfit.explore.predict import Predicted, predict
+from pushfit.explore.belief.predict import Predicted, predict
 from pushfit.explore.records import Purpose, Suggestion, Told
 from pushfit.fit.identify import reach_of
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from pushfit.config import GraspConfig
 from pushfit.errors import ConfigError
-from pushfit.explore.belief import Question
-from pushfit.explore.journal import SCHEMA, Event
+from pushfit.explore.belief.belief import Question
+from pushfit.explore.journal.file import SCHEMA, Event
 from pushfit.explore.limits import Limits
-from pushfit.explore.outcome import Judge
+from pushfit.explore.decide.judge import Judge
 from pushfit.explore.records import Answer, Purpose, State, Suggestion, Told
 
 ANGLES: dict[str, tuple[str, ...]] = {
