@@ -34,7 +34,8 @@ class Suggestion:
     """A push to make.
 
     Args:
-        number: Counts suggestions of a journal, from 1; 0 for those not first in rank.
+        number: Its place among the pushes told and failed, from 1; 0 for those not
+            first in rank.
         theta: Elevation [rad].
         alpha: Azimuth [rad].
         length_share: Length, as a share of the push length; below 1 while longer

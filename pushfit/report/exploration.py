@@ -129,11 +129,9 @@ def exploration_picture(
         suggestions: Pushes to mark, the best first.
     """
     belief, state, judge = explorer.belief, explorer.state, explorer.judge
-    name = next(
-        iter(judge.undecided(belief, explorer.question)), explorer.question.ask[0]
-    )
+    name = explorer.angle
     survey = explorer.survey(is_full=True)
-    made = [(row.theta, row.alpha) for row in explorer.told]
+    made = [(row.theta, row.alpha) for row in explorer.history.told]
     following = [(push.theta, push.alpha) for push in suggestions]
     return exploration_figure(
         Known(
@@ -159,7 +157,7 @@ def exploration_picture(
 
 def _course(explorer: Explorer, name: str) -> Course | None:
     """How it went, if pushes were followed."""
-    states = explorer.course
+    states = explorer.history.course
     if len(states) < 2:
         return None
     ends = [state.intervals[name] or (np.nan, np.nan) for state in states]

@@ -9,10 +9,10 @@ from pushfit.data.pushes.settings import PeakSettings
 from pushfit.data.simulate import Session
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.hands.protocol import Reach
+from pushfit.explore.hands.simulated import SimulatedHand, World
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
 from pushfit.explore.records import Answer
-from pushfit.explore.hands.simulated import SimulatedHand, World
 from pushfit.model import Grasp
 from tests.explore.worlds import COMPONENTS, CONFIG, THETA_C, TRUTH, importance
 
@@ -55,7 +55,7 @@ def explorer(**changes):
 
 
 def reasons(own):
-    return [failure.reason for failure in own.failures]
+    return [failure.reason for failure in own.history.failures]
 
 
 def test_a_hand_explores_to_the_end():
@@ -128,7 +128,7 @@ def test_a_saturated_push_is_never_made_again():
     own, finger = explorer(budget=4), hand(session=SESSION_SHORT)
     explore(own, finger, settings=FORCES)
     assert "saturated" in reasons(own)
-    assert all(f.is_final for f in own.failures if f.reason == "saturated")
+    assert all(f.is_final for f in own.history.failures if f.reason == "saturated")
 
 
 SESSION_SHORT = Session(
@@ -152,7 +152,7 @@ def test_the_finger_is_taken_back_when_the_driver_dies(tmp_path):
         explore(own, finger, settings=FORCES)
     assert not finger.is_extended
     again = explorer(journal=path)
-    assert again.dangling is not None
+    assert again.is_dangling
     explore(again, hand(), settings=FORCES)
     assert reasons(again)[0] == "interrupted"
     assert again.state.answer is Answer.DECIDED

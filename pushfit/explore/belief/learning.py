@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.explore.belief.belief import Belief, BeliefSource, Question
-from pushfit.explore.limits import Limits
 from pushfit.explore.belief.predict import predict
-from pushfit.explore.records import Purpose, Told
 from pushfit.explore.belief.tables import table_of
+from pushfit.explore.limits import Limits
+from pushfit.explore.records import Purpose, Told
 
 # Draws after n pushes have a seed of their own, whatever the seed of the exploration.
 SEEDS = 1_000_003

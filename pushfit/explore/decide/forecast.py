@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pushfit.explore.decide.gain import N_FINE
-from pushfit.explore.decide.intervals import HALF_TURN, column_widths
+from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
 
 # Truths: two decided ones of them are fewer than 5 %.
 N_TRUTHS = 48
@@ -23,23 +23,6 @@ UNLIMITED = 2000
 ENOUGH, FEWER, MAX_ROUNDS = 40.0, 4.0, 8
 # Directions that tell most now, for the second reckoning.
 N_BEST = 4
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
-    """An angle and what would count as deciding it.
-
-    Args:
-        values: Its draws; NaN where undefined [deg].
-        is_axis: Whether it is an azimuth of period 180°.
-        width: Width asked for [deg].
-        prob: Probability of the interval.
-    """
-
-    values: Float[np.ndarray, " n"]
-    is_axis: bool
-    width: float
-    prob: float
 
 
 def p_decided(

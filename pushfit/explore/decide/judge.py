@@ -8,12 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pushfit.errors import ConfigError
 from pushfit.explore.belief.belief import Belief, Question, noise_is_known
-from pushfit.explore.decide.forecast import UNLIMITED, Target, p_decided
-from pushfit.explore.decide.intervals import shortest_interval
 from pushfit.explore.belief.learning import reference_rows
-from pushfit.explore.limits import Limits
 from pushfit.explore.belief.predict import predict
+from pushfit.explore.belief.tables import table_of
+from pushfit.explore.decide.forecast import UNLIMITED, p_decided
+from pushfit.explore.decide.intervals import Target, shortest_interval
+from pushfit.explore.decide.survey import Survey
+from pushfit.explore.limits import Limits
 from pushfit.explore.records import (
     SYMBOLS,
     Answer,
@@ -22,8 +25,6 @@ from pushfit.explore.records import (
     State,
     Told,
 )
-from pushfit.explore.decide.survey import Survey
-from pushfit.explore.belief.tables import table_of
 
 # Without a word on the noise an interval may be narrow by chance: noise taken 1.5
 # times too small leaves 72 % coverage of 90 %.
@@ -51,6 +52,30 @@ class Judge:
     budget: int
     seed: int
 
+    def __post_init__(self) -> None:
+        """Refuse a question that makes no sense."""
+        if not (0 < self.width < 180 and 0 < self.prob < 1 and self.budget >= 0):
+            raise ConfigError(
+                f"width {self.width:g}°, probability {self.prob:g} and budget "
+                f"{self.budget}: the width must be within 0 and 180°, the probability "
+                "within 0 and 1, the budget not below 0",
+                code="ask",
+            )
+
+    def target(self, belief: Belief, angle: str) -> Target:
+        """An asked angle as it is believed, and what would decide it.
+
+        Args:
+            belief: What is believed now.
+            angle: "theta_c" or "alpha_star".
+        """
+        return Target(
+            values=belief.samples[angle],
+            is_axis=angle == "alpha_star",
+            width=self.width,
+            prob=self.prob,
+        )
+
     def intervals(
         self, belief: Belief, question: Question
     ) -> dict[str, Interval | None]:
@@ -60,14 +85,8 @@ class Judge:
             belief: What is believed now.
             question: What is asked.
         """
-        weights = belief.weights
         return {
-            angle: shortest_interval(
-                belief.samples[angle],
-                weights,
-                self.prob,
-                is_axis=angle == "alpha_star",
-            )
+            angle: shortest_interval(self.target(belief, angle), belief.weights)
             for angle in question.ask
         }
 
@@ -191,15 +210,7 @@ class Judge:
         rows = np.flatnonzero(survey.is_allowed)
         if not rows.size:
             return None, None
-        targets = tuple(
-            Target(
-                values=belief.samples[angle],
-                is_axis=angle == "alpha_star",
-                width=self.width,
-                prob=self.prob,
-            )
-            for angle in question.ask
-        )
+        targets = tuple(self.target(belief, angle) for angle in question.ask)
         found = [
             p_decided(
                 survey.predicted.heights[rows],

@@ -1,30 +1,76 @@
-"""What an exploration writes into its journal, and how it reads it back."""
+"""What an exploration writes into its journal, and the history that this tells."""
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from typing import cast
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from pushfit.config import GraspConfig
-from pushfit.errors import ConfigError
 from pushfit.explore.belief.belief import Question
+from pushfit.explore.decide.judge import Judge
 from pushfit.explore.journal.file import SCHEMA, Event
 from pushfit.explore.limits import Limits
-from pushfit.explore.decide.judge import Judge
-from pushfit.explore.records import Answer, Purpose, State, Suggestion, Told
+from pushfit.explore.records import Failure, State, Suggestion, Told
 
-ANGLES: dict[str, tuple[str, ...]] = {
-    "theta_c": ("theta_c",),
-    "alpha_star": ("alpha_star",),
-    "both": ("theta_c", "alpha_star"),
-}
+# Reason of a push that was under way when the process died.
+INTERRUPTED = "interrupted"
 
 
-def header_of(ask: str, question: Question, judge: Judge, limits: Limits) -> Event:
+@dataclass(slots=True, kw_only=True)
+class History:
+    """What was asked and told so far: nothing but the sum of the events.
+
+    Args:
+        told: Pushes in order.
+        course: Where it stood after each push, for pictures.
+        failures: Pushes that gave no height.
+        pending: The push that is asked for now.
+        n_drawn: Pushes that the draws rest on; the others came by new weights.
+        stopped: Why it was ended from outside, if it was.
+        in_a_row: Why pushes failed since the last that gave a height.
+    """
+
+    told: list[Told] = field(default_factory=list)
+    course: list[State] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)
+    pending: Suggestion | None = None
+    n_drawn: int = 0
+    stopped: str | None = None
+    in_a_row: list[str] = field(default_factory=list)
+
+    def take(self, event: Event) -> None:
+        """Go on by one event.
+
+        Args:
+            event: Line of a journal.
+        """
+        match event["event"]:
+            case "attached":
+                self.told += TypeAdapter(list[Told]).validate_python(event["rows"])
+            case "asked":
+                self.pending = _suggestion_of(event)
+            case "told":
+                self.told.append(TypeAdapter(Told).validate_python(event))
+                self.pending = None
+                self.in_a_row.clear()
+            case "failed":
+                failure = TypeAdapter(Failure).validate_python(event)
+                self.failures.append(failure)
+                self.pending = None
+                if failure.reason != INTERRUPTED:  # no fault of the hand
+                    self.in_a_row.append(failure.reason)
+            case "drawn":
+                self.n_drawn = cast(int, event["n"])
+            case "state":
+                self.course.append(TypeAdapter(State).validate_python(event))
+            case "stopped":
+                self.stopped = str(event["reason"])
+
+
+def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
     """First line of a journal: the question.
 
     Args:
-        ask: One of `ANGLES`.
         question: Sensor and settings.
         judge: What counts as an answer.
         limits: What pushes must never do.
@@ -32,7 +78,7 @@ def header_of(ask: str, question: Question, judge: Judge, limits: Limits) -> Eve
     return {
         "event": "start",
         "schema": SCHEMA,
-        "ask": ask,
+        "ask": list(question.ask),
         "width_deg": judge.width,
         "prob": judge.prob,
         "budget": judge.budget,
@@ -41,7 +87,7 @@ def header_of(ask: str, question: Question, judge: Judge, limits: Limits) -> Eve
         "channels": list(question.channels),
         "unit": question.unit,
         "config": question.config.digest(),
-        "limits": _listed(asdict(limits)),
+        "limits": TypeAdapter(Limits).dump_python(limits, mode="json"),
     }
 
 
@@ -55,86 +101,44 @@ def told_event(row: Told, number: int | None) -> Event:
     return {"event": "told", "number": number, **asdict(row)}
 
 
-def told_of(event: Event) -> Told:
-    """The push of such a line.
+def failed_event(suggestion: Suggestion, reason: str, *, is_final: bool) -> Event:
+    """Line of a push that gave no height.
 
     Args:
-        event: Line of a journal.
+        suggestion: What was asked.
+        reason: Stable word, such as "stalled".
+        is_final: Whether it is never to be asked again.
     """
-    values = {k: v for k, v in event.items() if k not in ("event", "number")}
-    return Told(**values)  # pyright: ignore
+    failure = Failure(
+        theta=suggestion.theta,
+        alpha=suggestion.alpha,
+        reason=reason,
+        is_final=is_final,
+    )
+    return {"event": "failed", "number": suggestion.number, **asdict(failure)}
 
 
-def plain_state(state: State) -> Event:
-    """A state as JSON has it.
+def state_event(state: State) -> Event:
+    """Line that says where an exploration stands.
 
     Args:
-        state: Where an exploration stands.
+        state: The state.
     """
-    return {**asdict(state), "answer": state.answer.value}
-
-
-def state_of(event: Event) -> State:
-    """The state of such a line.
-
-    Args:
-        event: Line of a journal.
-    """
-    values = {key: value for key, value in event.items() if key != "event"}
-    values["answer"] = Answer(values["answer"])
-    intervals = cast(dict[str, list[float] | None], values["intervals"])
-    values["intervals"] = {
-        angle: None if found is None else (found[0], found[1])
-        for angle, found in intervals.items()
-    }
-    return State(**values)  # pyright: ignore
-
-
-def check_question(ask: str, width_deg: float, prob: float, budget: int) -> None:
-    """Refuse a question that makes no sense."""
-    if ask not in ANGLES:
-        raise ConfigError(
-            f"ask = {ask!r} is not known; ask for {', '.join(ANGLES)}", code="ask"
-        )
-    if not (0 < width_deg < 180 and 0 < prob < 1 and budget >= 0):
-        raise ConfigError(
-            f"width {width_deg:g}°, probability {prob:g} and budget {budget}: the "
-            "width must be within 0 and 180°, the probability within 0 and 1, the "
-            "budget not below 0",
-            code="ask",
-        )
-
-
-def first_azimuth(config: GraspConfig, limits: Limits) -> float:
-    """Azimuth of θ_c where the settings name none: across the supports, if reached."""
-    stated = config.grasp.reference_alpha_deg
-    low, high = config.reach.alpha_deg if limits.alpha_deg is None else limits.alpha_deg
-    middle = 90.0 if low <= 90.0 <= high else (low + high) / 2
-    return float(np.radians(middle if stated is None else stated))
+    return {"event": "state", **TypeAdapter(State).dump_python(state, mode="json")}
 
 
 def asked_event(suggestion: Suggestion) -> Event:
-    """A suggestion as JSON has it: no enum, no infinity."""
-    event: Event = {"event": "asked", **asdict(suggestion)}
-    event["purpose"] = suggestion.purpose.value
+    """Line of a suggestion; JSON has no infinity, so a width without bound is null.
+
+    Args:
+        suggestion: What is asked.
+    """
+    event = TypeAdapter(Suggestion).dump_python(suggestion, mode="json")
     if not np.isfinite(suggestion.expected_width):
         event["expected_width"] = None
-    return event
+    return {"event": "asked", **event}
 
 
-def suggestion_of(event: Event) -> Suggestion:
-    """A suggestion from its line in a journal."""
-    values = {key: value for key, value in event.items() if key != "event"}
-    values["purpose"] = Purpose(values["purpose"])
-    if values["expected_width"] is None:
-        values["expected_width"] = float("inf")
-    return Suggestion(**values)  # pyright: ignore
-
-
-def _listed(value: object) -> object:
-    """Tuples as the lists that JSON makes of them."""
-    if isinstance(value, dict):
-        return {key: _listed(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_listed(item) for item in value]
-    return value
+def _suggestion_of(event: Event) -> Suggestion:
+    width = np.inf if event["expected_width"] is None else event["expected_width"]
+    return TypeAdapter(Suggestion).validate_python({**event, "expected_width": width})

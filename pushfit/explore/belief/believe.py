@@ -1,0 +1,172 @@
+"""Beliefs from the inference: draws of the posterior, or of the prior to begin with.
+
+`believe` is the only contact of this package with the engines of `pushfit.fit`.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.data.grasp import is_calibrated, make_grasp
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
+from pushfit.fit.derived import samples_mapping
+from pushfit.fit.identify import (
+    draw_posterior,
+    fit_table,
+    prepared,
+    reach_of,
+    reference_azimuth,
+)
+from pushfit.fit.results import FitStatus
+from pushfit.fit.setup import Setup, build_problem, n_azimuths
+from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.sweep.posterior import sweep_posterior
+
+# Median A of the default priors [N/m]: the height of a push that nobody has made yet.
+TYPICAL_STIFFNESS = 571.0
+# Noise of a height, as a share of it, where nothing is known of either.
+TYPICAL_NOISE = 0.05
+# Noise in heights that lets a row set the question and leaves the answer alone.
+IMMENSE = 1e6
+
+
+def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
+    """What a table of pushes leaves to be believed.
+
+    Args:
+        table: Pushes made so far; None where there are none.
+        question: What is asked, and through which sensor.
+        seed: Seed of the draws.
+
+    Returns:
+        `N_DRAWS` draws of the posterior, or of the prior without a usable push.
+    """
+    if table is None or not np.any(table.is_used):
+        return _prior_belief(question, seed)
+    table = _with_open_direction(table, question)
+    settings, _ = prepared(table, question.settings)
+    setup = build_problem(table, settings)
+    posterior = sweep_posterior(
+        setup,
+        seed=seed,
+        reference_alpha=reference_azimuth(table, settings),
+        reach=reach_of(settings),
+    )
+    if posterior.status is not FitStatus.OK:
+        fitted = fit_table(table, question.settings)
+        posterior = draw_posterior(fitted, seed=seed, engine="emcee")
+        setup = fitted.setup
+    return _belief(setup, posterior.samples, seed=seed, is_guess=False)
+
+
+def _prior_belief(question: Question, seed: int) -> Belief:
+    """Draws of the prior, of which a made-up push only sets the scale."""
+    setup = build_problem(_made_up(question), question.settings)
+    rng = np.random.default_rng(seed)
+    x = prior_x_samples(setup.problem, rng, N_DRAWS)
+    reach = reach_of(question.settings)
+    samples = samples_mapping(setup.problem, x, question.reference_alpha, reach)
+    return _belief(setup, samples, seed=seed, is_guess=True)
+
+
+def _made_up(question: Question) -> PeakTable:
+    """Pushes that nobody made: they say which numbers are free, and their scale."""
+    grasp = make_grasp(question.settings, question.unit)
+    height = TYPICAL_STIFFNESS * float(grasp.push_length * grasp.gain)
+    sigma = question.sigma
+    if not is_calibrated(question.config, question.unit) and sigma is not None:
+        height = sigma / TYPICAL_NOISE
+    reach = reach_of(question.settings)
+    azimuths = [question.reference_alpha]
+    if "alpha_star" in question.ask:
+        azimuths.append(_other_azimuth(question.reference_alpha, reach))
+    n = len(azimuths)
+    given = (
+        None if sigma is None else dict.fromkeys(question.channels, np.full(n, sigma))
+    )
+    return PeakTable.from_arrays(
+        theta=np.full(n, np.pi / 4),
+        alpha=np.asarray(azimuths),
+        heights=dict.fromkeys(question.channels, np.full(n, height)),
+        unit=question.unit,
+        sd=given,
+    )
+
+
+def _with_open_direction(table: PeakTable, question: Question) -> PeakTable:
+    """Ask for the ellipse also before a second azimuth was pushed.
+
+    A row that says nothing, at another azimuth, keeps the ellipse among what is free.
+    """
+    used = table.is_used
+    if "alpha_star" not in question.ask or n_azimuths(table.alpha[used]) > 1:
+        return table
+    alpha = float(table.alpha[used][0])
+    other = _other_azimuth(alpha, reach_of(question.settings))
+    heights, sds = {}, {}
+    for channel in table.channels:
+        own = table.heights(channel)
+        typical = float(np.max(np.abs(own[used])))
+        sd = table.sd(channel)
+        stated = np.full(own.size, 1e-3 * TYPICAL_NOISE * typical) if sd is None else sd
+        heights[channel] = np.append(own, typical)
+        sds[channel] = np.append(stated, IMMENSE * typical)
+    return PeakTable.from_arrays(
+        theta=np.append(table.theta, np.pi / 4),
+        alpha=np.append(table.alpha, other),
+        heights=heights,
+        unit=table.unit,
+        sd=sds,
+        flags=(*(";".join(sorted(words)) for words in table.flags), ""),
+    )
+
+
+def _other_azimuth(alpha: float, reach: tuple[float, float]) -> float:
+    """An azimuth as far from another as the reach allows, at most a quarter turn."""
+    low, high = reach
+    ends = [min(alpha + np.pi / 2, high), max(alpha - np.pi / 2, low)]
+    return float(max(ends, key=lambda end: abs(end - alpha)))
+
+
+def _belief(
+    setup: Setup,
+    samples: Mapping[str, Float[np.ndarray, " n"]],
+    *,
+    seed: int,
+    is_guess: bool,
+) -> Belief:
+    """Draws as a belief, padded without weight to what programs are compiled for."""
+    problem, noise = setup.problem, setup.noise
+    n = next(iter(samples.values())).size
+    rng = np.random.default_rng([seed, n])
+    rows = rng.permutation(n)[:N_DRAWS]
+    is_own = np.arange(N_DRAWS) < rows.size
+    rows = np.resize(rows, N_DRAWS)
+    kept = {name: np.asarray(values)[rows] for name, values in samples.items()}
+    for name in ("e1", "e2"):
+        fixed = float(problem.fixed.get(name, 0.0))
+        kept.setdefault(name, np.full(N_DRAWS, fixed))
+    used = list(setup.rows)
+    scatter, sd = [], []
+    for channel in problem.channels:
+        known = noise.sd[channel][used]
+        # Rows that say nothing are not what the next push is like.
+        sd.append(float(np.median(known)))
+        own = kept.get(f"sigma_{channel}")
+        if own is None:
+            pooled = float(np.median(noise.sigma[channel][used]))
+            own = np.full(N_DRAWS, pooled if noise.kind == "pooled" else 0.0)
+        scatter.append(own)
+    return Belief(
+        samples=kept,
+        log_weights=np.where(is_own, 0.0, -np.inf),
+        scatter=np.stack(scatter),
+        sd=np.asarray(sd),
+        is_sd_used=noise.kind != "pooled",
+        channels=problem.channels,
+        grasp=problem.grasp,
+        likelihood=problem.likelihood,
+        is_guess=is_guess,
+    )
