@@ -195,6 +195,7 @@ def analyse(
     if request.out is not None:
         check_target(request.out, force=request.force)
     cache = enable_compile_cache()
+    from pushfit.explore.advice import with_next_push
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus, Recipe
     from pushfit.report.folder import write_result_folder
@@ -219,7 +220,7 @@ def analyse(
         schedules=request.schedules,
         table=request.table,
     )
-    found = replace(found, recipe=recipe)
+    found = replace(with_next_push(found), recipe=recipe)
     if request.out is not None:
         write_result_folder(
             found, request.out, force=request.force, pictures=request.pictures

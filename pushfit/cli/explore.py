@@ -210,6 +210,7 @@ def _run(
 ) -> int:
     """Explore, identify the table of the journal, and write the folder."""
     from pushfit.data.pushes.settings import PeakSettings
+    from pushfit.explore.advice import with_next_push
     from pushfit.explore.loop import explore as run
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus
@@ -234,7 +235,7 @@ def _run(
             code="no_push",
         )
     found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
-    found = replace(found, warnings=(*found.warnings, ADAPTIVE))
+    found = replace(with_next_push(found), warnings=(*found.warnings, ADAPTIVE))
     journal = explorer.journal.path
     assert journal is not None
     picture = figure_bytes(exploration_picture(explorer), "png")

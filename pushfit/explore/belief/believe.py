@@ -58,7 +58,7 @@ def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
         fitted = fit_table(table, question.settings)
         posterior = draw_posterior(fitted, seed=seed, engine="emcee")
         setup = fitted.setup
-    return _belief(setup, posterior.samples, seed=seed, is_guess=False)
+    return belief_from(setup, posterior.samples, seed=seed)
 
 
 def _prior_belief(question: Question, seed: int) -> Belief:
@@ -68,7 +68,7 @@ def _prior_belief(question: Question, seed: int) -> Belief:
     x = prior_x_samples(setup.problem, rng, N_DRAWS)
     reach = reach_of(question.settings)
     samples = samples_mapping(setup.problem, x, question.reference_alpha, reach)
-    return _belief(setup, samples, seed=seed, is_guess=True)
+    return belief_from(setup, samples, seed=seed, is_guess=True)
 
 
 def _made_up(question: Question) -> PeakTable:
@@ -130,14 +130,21 @@ def _other_azimuth(alpha: float, reach: tuple[float, float]) -> float:
     return float(max(ends, key=lambda end: abs(end - alpha)))
 
 
-def _belief(
+def belief_from(
     setup: Setup,
     samples: Mapping[str, Float[np.ndarray, " n"]],
     *,
     seed: int,
-    is_guess: bool,
+    is_guess: bool = False,
 ) -> Belief:
-    """Draws as a belief, padded without weight to what programs are compiled for."""
+    """Draws as a belief, padded without weight to what programs are compiled for.
+
+    Args:
+        setup: Problem that they are draws of.
+        samples: Draws of equal weight by name.
+        seed: Seed of the choice of those that are kept.
+        is_guess: Whether only the priors speak.
+    """
     problem, noise = setup.problem, setup.noise
     n = next(iter(samples.values())).size
     rng = np.random.default_rng([seed, n])
