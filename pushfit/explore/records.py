@@ -83,9 +83,9 @@ class State:
         sentence: For a person.
         intervals: Shortest posterior interval of every asked angle [deg]; None where
             none has the probability asked for.
-        p_unlimited: Probability to decide with unlimited pushes; None where it was
-            not forecast.
-        p_budget: The same with the pushes that are left.
+        p_unlimited: Probability to decide with unlimited pushes; None where those that
+            are left have a chance, or nothing was forecast.
+        p_budget: The same with the pushes that are left; None where not forecast.
         n_pushes: Pushes told, attached ones included.
         n_left: Pushes left of the budget.
     """

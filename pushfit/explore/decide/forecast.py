@@ -21,8 +21,9 @@ N_TRUTHS = 48
 UNLIMITED = 2000
 # Effective draws that a width needs, and pushes by which it is taken with fewer.
 ENOUGH, FEWER, MAX_ROUNDS = 40.0, 4.0, 8
-# Directions that tell most now, for the second reckoning.
-N_BEST = 4
+# Directions that pushes are spread over, at most; more of them move no forecast. And
+# those that tell most now, for the second reckoning.
+N_SPREAD, N_BEST = 48, 4
 
 
 def p_decided(
@@ -53,7 +54,8 @@ def p_decided(
         return 0.0
     truths = rng.choice(weights.size, size=N_TRUTHS, p=weights)
     best = np.argsort(-gains, kind="stable")[:N_BEST]
-    everywhere = np.arange(heights.shape[0])
+    k = heights.shape[0]
+    everywhere = np.arange(min(k, N_SPREAD)) * k // min(k, N_SPREAD)
     shares = []
     for chosen in (everywhere, best):
         imagined = _imagine(

@@ -206,24 +206,27 @@ class Judge:
         n_told: int,
         n_left: int,
     ) -> tuple[float | None, float | None]:
-        """Probability to decide with unlimited pushes, and with those left."""
+        """Probability to decide with unlimited pushes, and with those left.
+
+        The first is asked for only where the second is hopeless: it is the dear one.
+        """
         rows = np.flatnonzero(survey.is_allowed)
         if not rows.size:
             return None, None
-        targets = tuple(self.target(belief, angle) for angle in question.ask)
-        found = [
-            p_decided(
+
+        def chance(n_pushes: int) -> float:
+            return p_decided(
                 survey.predicted.heights[rows],
                 belief.weights,
                 belief.sigma,
-                targets,
-                n_pushes=n,
+                tuple(self.target(belief, angle) for angle in question.ask),
+                n_pushes=n_pushes,
                 gains=survey.gains[rows],
                 rng=np.random.default_rng([self.seed, n_told]),
             )
-            for n in (UNLIMITED, n_left)
-        ]
-        return found[0], found[1]
+
+        within = chance(n_left)
+        return chance(UNLIMITED) if within < HOPELESS else None, within
 
     def _worded(self, state: State, belief: Belief) -> State:
         """The state with its sentence."""
@@ -271,6 +274,8 @@ class Judge:
             low, high = interval
             return f"{symbol} in {low:.1f}° to {high:.1f}° ({self.prob:.0%})"
         share = _p_undefined(belief, angle)
+        if share < self.prob:
+            return f"{symbol} is open; the contact may never roll ({share:.0%})"
         return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"
 
 
@@ -278,9 +283,7 @@ def _answer(n_told: int, unlimited: float | None, within: float | None) -> Answe
     """What a forecast says."""
     if n_told < MIN_FORECAST or unlimited is None or within is None:
         return Answer.DECIDING
-    if max(unlimited, within) < HOPELESS:
-        return Answer.CANNOT
-    return Answer.UNLIKELY if within < HOPELESS else Answer.DECIDING
+    return Answer.CANNOT if unlimited < HOPELESS else Answer.UNLIKELY
 
 
 def _p_undefined(belief: Belief, angle: str) -> float:
