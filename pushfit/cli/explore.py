@@ -220,11 +220,6 @@ def _run(
     from pushfit.report.summary import summary_dict
 
     peaks = PeakSettings.of(settings.peaks)
-    if len(explorer.question.channels) > 1 and peaks.normal is None:
-        peaks = replace(peaks, normal="fz")
-    if explorer.limits.theta_deg[0] < 0 and peaks.signed is None:
-        # A finger that pulls back from a preload lowers the reading.
-        peaks = replace(peaks, signed=True)
     with _watched(session) as watch:
         state = run(explorer, finger, settings=peaks, watch=watch)
     session.say(state.sentence, style="bold")

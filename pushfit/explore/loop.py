@@ -4,7 +4,7 @@ Whatever goes wrong, the finger is taken back before anything else is thought of
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -55,12 +55,18 @@ def explore(
     Args:
         explorer: What chooses the pushes, with its journal.
         hand: What makes them.
-        settings: How heights are taken from the samples.
+        settings: How heights are taken from the samples; what they leave open of the
+            normal force and of signs follows from the exploration.
         watch: Called after each push.
 
     Returns:
         The answer.
     """
+    if len(explorer.question.channels) > 1 and settings.normal is None:
+        settings = replace(settings, normal="fz")
+    if explorer.limits.theta_deg[0] < 0 and settings.signed is None:
+        # A finger that pulls back from a preload lowers the reading.
+        settings = replace(settings, signed=True)
     try:
         hand.retract()
         while suggestions := explorer.ask():

@@ -144,6 +144,26 @@ class Broken(SimulatedHand):
         raise ConnectionError("the controller does not answer")
 
 
+class Stuck(SimulatedHand):
+    """A driver that misses the first order to retract after a push."""
+
+    is_missed = False
+
+    def retract(self):
+        if self.is_extended and not self.is_missed:
+            self.is_missed = True
+            raise ConnectionError("the controller does not answer")
+        super().retract()
+
+
+def test_a_finger_left_on_the_object_is_taken_back_at_the_end():
+    finger = Stuck(hand().world, seed=1)
+    with pytest.raises(ConnectionError):
+        explore(explorer(), finger, settings=FORCES)
+    assert finger.is_missed
+    assert not finger.is_extended
+
+
 def test_the_finger_is_taken_back_when_the_driver_dies(tmp_path):
     path = tmp_path / "run.jsonl"
     own = explorer(journal=path)
