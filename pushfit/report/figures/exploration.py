@@ -208,6 +208,7 @@ def _draw_course(axes: "Axes", course: Course, known: Known) -> None:
         title="How it went",
         ylim=_padded(course.lower, course.upper),
     )
+    axes.locator_params(axis="x", integer=True)
     right = axes.twinx()
     right.plot(n, course.p_budget, color=VERMILLION, ls="--")
     right.set_ylim(0, 1.05)
