@@ -136,20 +136,3 @@ class Belief:
 
 # Of the pushes made so far, the question, and a seed.
 BeliefSource = Callable[[PeakTable | None, Question, int], Belief]
-
-
-def noise_is_known(question: Question, table: PeakTable | None) -> bool:
-    """Whether the scatter of the heights rests on more than a default prior.
-
-    Args:
-        question: What is asked.
-        table: Pushes made so far.
-
-    Returns:
-        True where it is stated with the heights or in advance.
-    """
-    if question.sigma is not None:
-        return True
-    if table is None:
-        return False
-    return all(table.sd(channel) is not None for channel in table.channels)

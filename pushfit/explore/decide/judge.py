@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pushfit.errors import ConfigError
-from pushfit.explore.belief.belief import Belief, Question, noise_is_known
+from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.learning import reference_rows
 from pushfit.explore.belief.predict import predict
-from pushfit.explore.belief.tables import table_of
+from pushfit.explore.belief.tables import noise_is_known
 from pushfit.explore.decide.forecast import UNLIMITED, p_decided
 from pushfit.explore.decide.intervals import Target, shortest_interval
 from pushfit.explore.decide.survey import Survey
@@ -193,8 +193,7 @@ class Judge:
     def _may_decide(self, question: Question, told: Sequence[Told]) -> bool:
         """Whether the scatter of heights is known well enough to believe a width."""
         return len(told) > 0 and (
-            noise_is_known(question, table_of(told, question))
-            or len(told) >= MIN_UNKNOWN_NOISE
+            noise_is_known(told, question) or len(told) >= MIN_UNKNOWN_NOISE
         )
 
     def _forecast(
