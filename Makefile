@@ -18,7 +18,7 @@ explore-demo: .stamps/run        ## The example grasp explored by a simulated ha
 	  --unit kpa --theta -60 60 --sigma 0.2 --out $(EXPLORED) --force
 
 ros:                             ## What the nodes for a real robot need
-	@$(BIN)/python -c "from pushfit.explore.ros.messages import ros; ros(); print('ROS 1 is here')"
+	@$(BIN)/python -c "from pushfit.explore.hands.ros.messages import ros; ros(); print('ROS 1 is here')"
 
 test: lint                       ## Everything that gates a change; ten minutes on two cores
 	$(BIN)/pytest -q -n 2 --dist loadfile -m "not slow"

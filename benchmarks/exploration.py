@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushfit.config import parse_config
-from pushfit.explore.belief import N_DRAWS, Belief
+from pushfit.explore.belief.belief import N_DRAWS, Belief
+from pushfit.explore.decide.gain import information_gain
+from pushfit.explore.decide.intervals import Target, shortest_interval
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.gain import information_gain
-from pushfit.explore.intervals import shortest_interval
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer
 from pushfit.model import Grasp
@@ -147,7 +147,9 @@ class Grid:
         """Shortest interval of θ_c [deg]."""
         by_theta = self.weights.sum(axis=1)
         step = 90 / N_THETA_C
-        low, high = shortest_interval(np.degrees(self.theta_c), by_theta, PROB)
+        angles = np.degrees(self.theta_c)
+        target = Target(values=angles, is_axis=False, width=90.0, prob=PROB)
+        low, high = shortest_interval(target, by_theta)
         return low - step / 2, high + step / 2
 
     def draws(self, n, rng):

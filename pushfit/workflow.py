@@ -24,6 +24,7 @@ from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError
+from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
 from pushfit.fit.results import Recipe
 from pushfit.result import Result
@@ -84,6 +85,7 @@ def identify(
             progress=report,
             checkpoint=checkpoint,
         )
+    found = with_next_push(found)
     return Result.of(replace(found, recipe=recipe_of(sources, plans, settings)))
 
 

@@ -31,9 +31,15 @@ def test_a_notebook_is_a_percent_script(path):
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
 def test_a_notebook_runs_from_top_to_bottom(path, workplace, capsys):
     names = runpy.run_path(str(path))
-    assert "critical angle" in capsys.readouterr().out
-    assert names["result"].alpha_star.estimate == pytest.approx(65.0, abs=3.0)
-    assert (workplace / "main.png").stat().st_size > 10_000
+    printed, result = capsys.readouterr().out, names["result"]
+    if path.stem == "exploring":
+        assert "θ_c decided to ± 3°" in printed
+        low, high = result.theta_c.interval
+        assert low < 4.09 < high  # of truth.toml
+    else:
+        assert "critical angle" in printed
+        assert result.alpha_star.estimate == pytest.approx(65.0, abs=3.0)
+        assert (workplace / "main.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.name)
@@ -64,7 +70,8 @@ def test_a_notebook_shows_its_pictures_and_its_card(path, workplace):
         if cell.cell_type == "code"
         for output in cell.outputs
     ]
-    assert sum("image/png" in data for data in shown) == 4
+    n_pictures = 2 if path.stem == "exploring" else 4
+    assert sum("image/png" in data for data in shown) == n_pictures
     (card,) = [d["text/html"] for d in shown if "θ" in d.get("text/html", "")]
     assert "data:image/png;base64," in card
 

@@ -21,6 +21,7 @@ from pushfit.data.recordings.load import (
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import DataError, PushfitError
+from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
 from pushfit.fit.many import ItemResult, identify_many
 from pushfit.fit.results import Recipe
@@ -112,7 +113,9 @@ def _write_folder(item: Item, engine: str, folder: Path) -> str | Failure:
     try:
         result = identify_table(table, item.config, seed=item.seed, engine=engine)
         # Rows of a long table are no file that could be read again by itself.
-        result = replace(result, recipe=recipe if item.rows is None else None)
+        result = replace(
+            with_next_push(result), recipe=recipe if item.rows is None else None
+        )
         out = write_result_folder(result, folder / folder_name(item.name), force=True)
         return sha256_of(out / SUMMARY)
     except Exception as error:

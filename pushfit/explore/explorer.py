@@ -17,39 +17,29 @@ from pathlib import Path
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
-from pushfit.explore.belief import Belief, BeliefSource, Question, believe
-from pushfit.explore.journal import Event, Journal
-from pushfit.explore.learning import learnt, reference_due, weighed
-from pushfit.explore.limits import Limits
-from pushfit.explore.memory import (
-    ANGLES,
+from pushfit.explore.belief.belief import ANGLES, Belief, BeliefSource, Question
+from pushfit.explore.belief.believe import believe
+from pushfit.explore.belief.learning import learnt, reference_due, weighed
+from pushfit.explore.belief.tables import by_channel, check_sensor, table_of, told_rows
+from pushfit.explore.decide.judge import Judge
+from pushfit.explore.decide.survey import Survey, Surveyor, repetition, suggestion
+from pushfit.explore.journal.events import (
+    INTERRUPTED,
+    History,
     asked_event,
-    check_question,
-    first_azimuth,
-    header_of,
-    plain_state,
-    state_of,
-    suggestion_of,
+    failed_event,
+    start_event,
+    state_event,
     told_event,
-    told_of,
 )
-from pushfit.explore.outcome import Judge
-from pushfit.explore.records import (
-    Answer,
-    Failure,
-    State,
-    Suggestion,
-    Told,
-)
-from pushfit.explore.survey import Survey, Surveyor
-from pushfit.explore.tables import by_channel, check_sensor, table_of, told_rows
+from pushfit.explore.journal.file import Event, Journal
+from pushfit.explore.limits import Limits
+from pushfit.explore.records import Answer, State, Suggestion, Told
 from pushfit.fit.identify import reference_azimuth
 
 # Below this share of effective draws the engine is asked for fresh ones.
 KEPT_SHARE = 0.2
 NO_LIMITS = Limits()
-# Reason of a push that was under way when the process died.
-INTERRUPTED = "interrupted"
 
 
 class Explorer:
@@ -66,8 +56,7 @@ class Explorer:
         seed: Seed of all randomness.
         sigma: Standard deviation of the heights of repeated pushes; None where it is
             to be learned, which takes eight pushes before anything is decided [unit].
-        channels: Height channels of every push; None takes those of what is attached
-            or told first.
+        channels: Height channels of every push.
         unit: Unit of the heights.
         source: Where beliefs come from.
 
@@ -93,33 +82,29 @@ class Explorer:
         source: BeliefSource = believe,
     ) -> None:
         """Begin, or go on where the journal ends."""
-        check_question(ask, width_deg, prob, budget)
-        self.limits, self.budget, self.seed = limits, budget, seed
+        if ask not in ANGLES:
+            raise ConfigError(
+                f"ask = {ask!r} is not known; ask for {', '.join(ANGLES)}", code="ask"
+            )
+        self.limits, self.source = limits, source
+        self.judge = Judge(width=width_deg, prob=prob, budget=budget, seed=seed)
         self.question = Question(
             config=config,
             ask=ANGLES[ask],
             channels=channels,
             unit=unit,
             sigma=sigma,
-            reference_alpha=first_azimuth(config, limits),
+            reference_alpha=limits.first_azimuth(config),
         )
-        self.source = source
-        self.told: list[Told] = []
-        # Where it stood after each push, for pictures.
-        self.course: list[State] = []
-        self.failures: list[Failure] = []
-        self.pending: Suggestion | None = None
-        self.dangling: Suggestion | None = None
-        self._n_asked = 0
-        # Rows of `told` that the draws rest on; the others came by new weights.
-        self._n_drawn = 0
-        self._stop: str | None = None
+        self.history = History()
+        # Whether what is pending was under way when the process died.
+        self.is_dangling = False
+        self._surveyor = Surveyor(self.question, limits)
         self._belief: Belief | None = None
         self._state: State | None = None
         self._survey: Survey | None = None
-        self._n_failed_in_row = 0
-        self.judge = Judge(width=width_deg, prob=prob, budget=budget, seed=seed)
-        self._start(ask, None if journal is None else Path(journal))
+        self.journal = Journal(None if journal is None else Path(journal))
+        self._resume(start_event(self.question, self.judge, limits))
 
     def attach(self, table: PeakTable) -> None:
         """Take in pushes that were made before.
@@ -130,24 +115,21 @@ class Explorer:
         Raises:
             DataError: Unit or channels are others, or pushes were told already.
         """
-        if self.told:
+        if self.history.told:
             raise DataError(
-                f"{len(self.told)} pushes are known already; attach a table first",
+                f"{len(self.history.told)} pushes are known already; attach a table "
+                "first",
                 code="attached_late",
             )
         check_sensor(table, self.question)
-        rows = told_rows(table)
-        azimuth = reference_azimuth(table, self.question.config)
-        self.journal.write(
+        self._record(
             {
                 "event": "attached",
-                "reference_alpha": azimuth,
-                "rows": [asdict(row) for row in rows],
+                "reference_alpha": reference_azimuth(table, self.question.config),
+                "rows": [asdict(row) for row in told_rows(table)],
             }
         )
-        self._attach(rows, azimuth)
         self._settle()
-        self._log()
 
     def ask(self, n: int = 1) -> tuple[Suggestion, ...]:
         """The pushes that would tell most, the best first.
@@ -160,21 +142,23 @@ class Explorer:
         Returns:
             Suggestions; none once the exploration has its answer.
         """
-        if self.dangling is not None:
+        history = self.history
+        if self.is_dangling and history.pending is not None:
             # Never replayed: nobody knows how far it went.
-            self.fail(self.dangling, INTERRUPTED)
+            self.fail(history.pending, INTERRUPTED)
         if self.state.answer is not Answer.DECIDING:
             return ()
         found = self._suggestions(n)
         if not found:
-            self.stop(f"no push is within the limits: {self._refusals()}")
+            reasons = self.survey().refusals
+            why = "; ".join(f"{k} candidates {reason}" for reason, k in reasons.items())
+            self.stop(f"no push is within the limits: {why}")
             return ()
-        if self.pending is None:
-            self._n_asked += 1
-            first = replace(found[0], number=self._n_asked)
-            self.journal.write(asked_event(first))
-            self.pending = first
-        return (self.pending, *found[1:])
+        if history.pending is None:
+            number = len(history.told) + len(history.failures) + 1
+            self._record(asked_event(replace(found[0], number=number)))
+        assert history.pending is not None
+        return (history.pending, *found[1:])
 
     def tell(
         self,
@@ -200,7 +184,7 @@ class Explorer:
         Raises:
             DataError: A number is missing or not finite.
         """
-        asked = self.pending or self.dangling
+        asked = self.history.pending
         row = Told(
             theta=float(theta),
             alpha=float(alpha),
@@ -210,10 +194,8 @@ class Explorer:
             flags=flags,
             purpose=None if asked is None else asked.purpose.value,
         )
-        self.journal.write(told_event(row, asked.number if asked else None))
-        self._take(row)
+        self._record(told_event(row, asked.number if asked else None))
         self._settle()
-        self._log()
         return self.state
 
     def fail(self, suggestion: Suggestion, reason: str) -> None:
@@ -223,7 +205,8 @@ class Explorer:
             suggestion: What was asked.
             reason: Stable word, such as "stalled".
         """
-        self._fail(suggestion, reason, is_final=False)
+        self._record(failed_event(suggestion, reason, is_final=False))
+        self._stop_after_failures()
 
     def abandon(self, suggestion: Suggestion, reason: str = "abandoned") -> None:
         """Say that a push is not to be made; it is never asked again.
@@ -232,7 +215,8 @@ class Explorer:
             suggestion: What was asked.
             reason: Stable word.
         """
-        self._fail(suggestion, reason, is_final=True)
+        self._record(failed_event(suggestion, reason, is_final=True))
+        self._stop_after_failures()
 
     def stop(self, reason: str) -> None:
         """End the exploration.
@@ -240,8 +224,7 @@ class Explorer:
         Args:
             reason: Sentence for a person.
         """
-        self.journal.write({"event": "stopped", "reason": reason})
-        self._stop, self._state = reason, None
+        self._record({"event": "stopped", "reason": reason})
 
     @property
     def state(self) -> State:
@@ -250,10 +233,10 @@ class Explorer:
             self._state = self.judge.state(
                 self.belief,
                 self.question,
-                self.told,
-                n_failed=len(self.failures),
+                self.history.told,
+                n_failed=len(self.history.failures),
                 limits=self.limits,
-                stopped=self._stop,
+                stopped=self.history.stopped,
                 survey=self.survey,
             )
         return self._state
@@ -263,18 +246,23 @@ class Explorer:
         """What is believed now."""
         if self._belief is None:
             self._belief = learnt(
-                self.told,
+                self.history.told,
                 self.question,
-                n_drawn=self._n_drawn,
+                n_drawn=self.history.n_drawn,
                 source=self.source,
-                seed=self.seed,
+                seed=self.judge.seed,
             )
         return self._belief
 
     @property
     def table(self) -> PeakTable | None:
         """All pushes of full length as a table; None before the first."""
-        return table_of(self.told, self.question)
+        return table_of(self.history.told, self.question)
+
+    @property
+    def angle(self) -> str:
+        """The first asked angle that is undecided, or else the first one."""
+        return self._focus()[0]
 
     def survey(self, *, is_full: bool = False) -> Survey:
         """What every push that could be made would tell.
@@ -287,7 +275,7 @@ class Explorer:
         found = self._surveyor.survey(
             self.belief,
             undecided=self._focus(),
-            abandoned=[(f.theta, f.alpha) for f in self.failures if f.is_final],
+            abandoned=[(f.theta, f.alpha) for f in self.history.failures if f.is_final],
             is_full=is_full,
         )
         self._survey = self._survey if is_full else found
@@ -300,124 +288,81 @@ class Explorer:
 
     def _suggestions(self, n: int) -> list[Suggestion]:
         """The n best pushes; when one is due, the reference push alone."""
-        survey, angle = self.survey(), self._focus()[0]
-        due = reference_due(self.told, self.limits)
-        kind = {"angle": angle, "prob": self.judge.prob, "width": self.judge.width}
+        belief, survey = self.belief, self.survey()
+        target = self.judge.target(belief, self.angle)
+        due = reference_due(self.history.told, self.limits)
         if due is not None and survey.length_share == 1.0:
-            return [self._surveyor.repetition(self.belief, survey, due, **kind)]
-        rows = survey.ranks[:n]
-        return [
-            self._surveyor.suggestion(self.belief, survey, int(row), **kind)
-            for row in rows
-        ]
+            return [repetition(belief, survey, due, target)]
+        rows = survey.ranks[:n].tolist()
+        return [suggestion(belief, survey, row, target) for row in rows]
 
-    def _refusals(self) -> str:
-        """Why no candidate may be pushed, in words."""
-        reasons = self.survey().refusals
-        return "; ".join(f"{n} candidates {why}" for why, n in reasons.items())
+    def _record(self, event: Event) -> None:
+        """Write an event down, then take it in."""
+        self.journal.write(event)
+        self._take(event)
 
-    def _fail(self, suggestion: Suggestion, reason: str, *, is_final: bool) -> None:
-        """Write down and remember a push that gave nothing."""
-        event = "abandoned" if is_final else "failed"
-        self.journal.write(
-            {"event": event, "number": suggestion.number, "reason": reason}
-        )
-        self._forget(suggestion, reason, is_final=is_final)
-        self._stop_after_failures()
-
-    def _stop_after_failures(self) -> None:
-        if self._n_failed_in_row >= self.limits.max_failures and self._stop is None:
-            reasons = [f.reason for f in self.failures[-self._n_failed_in_row :]]
-            self.stop(f"{len(reasons)} pushes failed in a row: {', '.join(reasons)}")
-
-    def _forget(self, suggestion: Suggestion, reason: str, *, is_final: bool) -> None:
-        failure = Failure(
-            theta=suggestion.theta,
-            alpha=suggestion.alpha,
-            reason=reason,
-            is_final=is_final,
-        )
-        self.failures.append(failure)
-        # A process that died is no fault of the hand.
-        self._n_failed_in_row += reason != INTERRUPTED
-        self.pending = self.dangling = self._state = self._survey = None
-
-    def _attach(self, rows: tuple[Told, ...], azimuth: float) -> None:
-        self.question = replace(self.question, reference_alpha=azimuth)
-        self._surveyor = Surveyor(self.question, self.limits)
-        self.told.extend(rows)
-        self._belief = self._state = self._survey = None
-
-    def _take(self, row: Told) -> None:
-        """Remember a push, and weigh the draws by it if they are there."""
-        if self._belief is not None:
-            self._belief = weighed(self._belief, row, self.question)
-        self.told.append(row)
-        self._n_failed_in_row = 0
-        self.pending = self.dangling = self._state = self._survey = None
+    def _take(self, event: Event) -> None:
+        """Take in an event, new or read again: both ways lead to the same."""
+        self.history.take(event)
+        match event["event"]:
+            case "asked" | "state":
+                return
+            case "attached":
+                alpha = float(event["reference_alpha"])  # pyright: ignore
+                self.question = replace(self.question, reference_alpha=alpha)
+                self._surveyor = Surveyor(self.question, self.limits)
+                self._belief = None
+            case "drawn":
+                self._belief = None
+            case "told" if self._belief is not None:
+                row = self.history.told[-1]
+                self._belief = weighed(self._belief, row, self.question)
+        self.is_dangling = False
+        self._state = self._survey = None
 
     def _settle(self) -> None:
-        """Ask for fresh draws where weights have worn out, or a decision is near."""
-        belief, n = self.belief, len(self.told)
-        is_worn = belief.effective_share < KEPT_SHARE or belief.is_guess
-        # What is decided is decided on fresh draws.
-        is_near = not self.judge.undecided(belief, self.question)
-        if self._n_drawn < n and (is_worn or is_near):
-            self._n_drawn, self._belief = n, None
-            self._state = self._survey = None
-            self.journal.write({"event": "drawn", "n": n})
-        if self._stop is None:
-            moved = self.judge.moved(self.told, self.belief, self.limits)
+        """After pushes: fresh draws where they are due, and a line of how it stands.
+
+        They are due where weights have worn out, and where a decision is near: what is
+        decided is decided on fresh draws.
+        """
+        told, history = self.history.told, self.history
+        if history.n_drawn < len(told) and (
+            history.n_drawn == 0
+            or self.belief.is_guess
+            or self.belief.effective_share < KEPT_SHARE
+            or not self.judge.undecided(self.belief, self.question)
+        ):
+            self._record({"event": "drawn", "n": len(told)})
+        if history.stopped is None:
+            moved = self.judge.moved(told, self.belief, self.limits)
             if moved is not None:
                 self.stop(moved)
+        self._record(state_event(self.state))
 
-    def _log(self) -> None:
-        """Write down where the exploration stands."""
-        self.journal.write({"event": "state", **plain_state(self.state)})
-        self.course.append(self.state)
+    def _stop_after_failures(self) -> None:
+        reasons = self.history.in_a_row
+        if len(reasons) >= self.limits.max_failures and self.history.stopped is None:
+            self.stop(f"{len(reasons)} pushes failed in a row: {', '.join(reasons)}")
 
-    def _start(self, ask: str, path: Path | None) -> None:
-        """Open the journal, and live again through what it tells."""
-        self._surveyor = Surveyor(self.question, self.limits)
-        self.journal = Journal(path)
-        header = header_of(ask, self.question, self.judge, self.limits)
+    def _resume(self, start: Event) -> None:
+        """Begin the journal, or live again through what it tells."""
         if not self.journal.events:
-            self.journal.write(header)
+            self.journal.write(start)
             return
         first, *events = self.journal.events
-        other = [key for key in header if header[key] != first.get(key)]
+        other = [key for key in start if start[key] != first.get(key)]
         if other:
             raise ConfigError(
-                f"{path}: was begun with another {', '.join(other)}; go on with the "
-                "same question, or begin another journal",
+                f"{self.journal.path}: was begun with another {', '.join(other)}; go "
+                "on with the same question, or begin another journal",
                 code="other_journal",
             )
         for event in events:
-            self._replay(event)
-        self.dangling, self.pending = self.pending, None
-        if self.told:
+            self._take(event)
+        history = self.history
+        self.is_dangling = history.pending is not None
+        known = history.course[-1].n_pushes if history.course else 0
+        if known < len(history.told):  # killed before it had said how it stands
             self._settle()
-            if self.course[-1:] == [] or self.course[-1].n_pushes < len(self.told):
-                self._log()
         self._stop_after_failures()
-
-    def _replay(self, event: Event) -> None:
-        """Do again, without writing, what an event of the journal says."""
-        match event["event"]:
-            case "attached":
-                rows = tuple(Told(**row) for row in event["rows"])  # pyright: ignore
-                self._attach(rows, float(event["reference_alpha"]))  # pyright: ignore
-            case "asked":
-                self.pending = suggestion_of(event)
-                self._n_asked = self.pending.number
-            case "told":
-                self._take(told_of(event))
-            case "state":
-                self.course.append(state_of(event))
-            case "drawn":
-                self._n_drawn = int(event["n"])  # pyright: ignore
-            case "failed" | "abandoned" as kind if self.pending is not None:
-                reason = str(event["reason"])
-                self._forget(self.pending, reason, is_final=kind == "abandoned")
-            case "stopped":
-                self._stop = str(event["reason"])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.config import GraspConfig
 from pushfit.errors import ConfigError
 
 # Chance, by the present belief, that a push exceeds the force limit or lifts off.
@@ -102,49 +103,54 @@ class Limits:
         pairs = np.stack(np.meshgrid(theta, alpha, indexing="ij"), axis=-1)
         return pairs.reshape(-1, 2)
 
-    def refusal(
+    def azimuths(self, config: GraspConfig) -> tuple[float, float]:
+        """Reach in azimuth [rad].
+
+        Args:
+            config: Settings of the grasp.
+        """
+        low, high = np.radians(self.alpha_deg or config.reach.alpha_deg)
+        return float(low), float(high)
+
+    def first_azimuth(self, config: GraspConfig) -> float:
+        """Azimuth of θ_c before any push: as stated, or across the supports [rad].
+
+        Args:
+            config: Settings of the grasp.
+        """
+        stated = config.grasp.reference_alpha_deg
+        low, high = self.azimuths(config)
+        across = np.pi / 2 if low <= np.pi / 2 <= high else (low + high) / 2
+        return float(across if stated is None else np.radians(stated))
+
+    def allow(
         self,
         theta: float,
         alpha: float,
         *,
         length: float,
         azimuths: tuple[float, float],
-    ) -> str | None:
-        """Why the finger may not push in a direction, whatever the forces.
+    ) -> bool:
+        """Whether the finger may push in a direction, whatever the forces.
 
         Args:
             theta: Elevation [rad].
             alpha: Azimuth [rad].
             length: Length of the push [m].
             azimuths: Reach in azimuth [rad].
-
-        Returns:
-            The reason; None where it may.
         """
         tolerance = 1e-9
         low, high = np.radians(self.theta_deg)
-        if not low - tolerance <= theta <= high + tolerance:
-            return (
-                f"θ = {np.degrees(theta):.1f}° is out of reach, "
-                f"{self.theta_deg[0]:g}° to {self.theta_deg[1]:g}°"
-            )
         first, last = azimuths
-        if np.mod(alpha - first + tolerance, 2 * np.pi) > last - first + 2 * tolerance:
-            return (
-                f"α = {np.degrees(alpha):.1f}° is out of reach, "
-                f"{np.degrees(first):g}° to {np.degrees(last):g}°"
-            )
-        if self.workspace_mm is not None:
-            tip = 1e3 * displacement(theta, alpha, length)
-            for axis, value, (least, most) in zip(
-                "xyz", tip, self.workspace_mm, strict=True
-            ):
-                if not least - tolerance <= value <= most + tolerance:
-                    return (
-                        f"the fingertip would be at {axis} = {value:.1f} mm, out of "
-                        f"its box, {least:g} to {most:g} mm"
-                    )
-        return None
+        past = np.mod(alpha - first + tolerance, 2 * np.pi)
+        is_within = low - tolerance <= theta <= high + tolerance
+        if not is_within or past > last - first + 2 * tolerance:
+            return False
+        if self.workspace_mm is None:
+            return True
+        tip = 1e3 * displacement(theta, alpha, length)
+        least, most = np.transpose(self.workspace_mm)
+        return bool(np.all((least - tolerance <= tip) & (tip <= most + tolerance)))
 
 
 def displacement(theta: float, alpha: float, length: float) -> Float[np.ndarray, "3"]:

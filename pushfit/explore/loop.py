@@ -4,17 +4,17 @@ Whatever goes wrong, the finger is taken back before anything else is thought of
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.explore.explorer import INTERRUPTED, Explorer
-from pushfit.explore.hand import Hand, PushOutcome
-from pushfit.explore.limits import displacement
+from pushfit.explore.explorer import Explorer
+from pushfit.explore.hands.protocol import Hand, PushOutcome
+from pushfit.explore.hands.touch import FATAL, FINAL, Felt, feel
+from pushfit.explore.limits import Limits, displacement
 from pushfit.explore.records import Answer, State, Suggestion
-from pushfit.explore.touch import FATAL, HOPELESS, Felt, feel
 
 # Rest recorded before a push, as a multiple of the least rest between two.
 RESTS = 1.0
@@ -55,17 +55,20 @@ def explore(
     Args:
         explorer: What chooses the pushes, with its journal.
         hand: What makes them.
-        settings: How heights are taken from the samples.
+        settings: How heights are taken from the samples; what they leave open of the
+            normal force and of signs follows from the exploration.
         watch: Called after each push.
 
     Returns:
         The answer.
     """
+    if len(explorer.question.channels) > 1 and settings.normal is None:
+        settings = replace(settings, normal="fz")
+    if explorer.limits.theta_deg[0] < 0 and settings.signed is None:
+        # A finger that pulls back from a preload lowers the reading.
+        settings = replace(settings, signed=True)
     try:
         hand.retract()
-        if explorer.dangling is not None:
-            # Before anything is asked: a push was under way when the process died.
-            explorer.fail(explorer.dangling, INTERRUPTED)
         while suggestions := explorer.ask():
             suggestion = suggestions[0]
             felt = _push(explorer, hand, suggestion, settings)
@@ -86,10 +89,7 @@ def _push(
     limits, belief = explorer.limits, explorer.belief
     length = suggestion.length_share * float(belief.grasp.push_length)
     asked = displacement(suggestion.theta, suggestion.alpha, length)
-    reason = limits.refusal(
-        suggestion.theta, suggestion.alpha, length=length, azimuths=_azimuths(hand)
-    )
-    if reason is not None or not _is_within(hand, suggestion):
+    if not _is_allowed(hand, suggestion, length, limits):
         return Felt(table=None, fault="out_of_reach")
     hand.wait(limits.rest_s)
     outcome = _moved(hand, asked, limits.force)
@@ -131,7 +131,7 @@ def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
         )
         return
     fault = felt.fault or ""
-    if fault in HOPELESS:
+    if fault in FINAL:
         explorer.abandon(suggestion, fault)
     else:
         explorer.fail(suggestion, fault)
@@ -139,12 +139,16 @@ def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
         explorer.stop(f"{fault}: look at the hand before it goes on")
 
 
-def _azimuths(hand: Hand) -> tuple[float, float]:
-    low, high = np.radians(hand.reach().alpha_deg)
-    return float(low), float(high)
-
-
-def _is_within(hand: Hand, suggestion: Suggestion) -> bool:
-    """Whether the hand itself says that it can push there."""
-    low, high = hand.reach().theta_deg
-    return low - 1e-6 <= suggestion.theta_deg <= high + 1e-6
+def _is_allowed(
+    hand: Hand, suggestion: Suggestion, length: float, limits: Limits
+) -> bool:
+    """Whether both the limits and the hand itself let it push there."""
+    reach = hand.reach()
+    low, high = reach.theta_deg
+    first, last = np.radians(reach.alpha_deg)
+    return low - 1e-6 <= suggestion.theta_deg <= high + 1e-6 and limits.allow(
+        suggestion.theta,
+        suggestion.alpha,
+        length=length,
+        azimuths=(float(first), float(last)),
+    )

@@ -34,7 +34,8 @@ class Suggestion:
     """A push to make.
 
     Args:
-        number: Counts suggestions of a journal, from 1; 0 for those not first in rank.
+        number: Its place among the pushes told and failed, from 1; 0 for those not
+            first in rank.
         theta: Elevation [rad].
         alpha: Azimuth [rad].
         length_share: Length, as a share of the push length; below 1 while longer
@@ -82,9 +83,9 @@ class State:
         sentence: For a person.
         intervals: Shortest posterior interval of every asked angle [deg]; None where
             none has the probability asked for.
-        p_unlimited: Probability to decide with unlimited pushes; None where it was
-            not forecast.
-        p_budget: The same with the pushes that are left.
+        p_unlimited: Probability to decide with unlimited pushes; None where those that
+            are left have a chance, or nothing was forecast.
+        p_budget: The same with the pushes that are left; None where not forecast.
         n_pushes: Pushes told, attached ones included.
         n_left: Pushes left of the budget.
     """

@@ -13,7 +13,7 @@ import numpy as np
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.advice import measurements, next_push
+from pushfit.fit.advice import measurements
 from pushfit.fit.bands import prediction_bands
 from pushfit.fit.criticism import goodness_of_fit
 from pushfit.fit.environment import environment
@@ -44,8 +44,6 @@ from pushfit.fit.results import (
     LikelihoodProfile,
     Notice,
     PosteriorResult,
-    Quantity,
-    Verdict,
 )
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import sweep_posterior
@@ -196,7 +194,14 @@ def conclude(
             problem,
             posterior.samples,
             posterior.prior_samples,
-            advice=() if is_brief else _advice(fitted, posterior, theta_c, alpha_star),
+            advice=()
+            if is_brief
+            else measurements(
+                problem,
+                verdicts={q.name: q.verdict for q in (theta_c, alpha_star)},
+                is_calibrated=fitted.setup.is_calibrated,
+                has_direction=fitted.setup.has_direction,
+            ),
         ),
         goodness_of_fit=criticism,
         bands=()
@@ -344,34 +349,6 @@ def draw_posterior(
     if swept is None:
         return chain
     return replace(chain, ess=swept.ess, pareto_k=swept.pareto_k)
-
-
-def _advice(
-    fitted: Fitted, posterior: PosteriorResult, theta_c: Quantity, alpha_star: Quantity
-) -> tuple[str, ...]:
-    """What would help where the data do not determine an angle."""
-    problem = fitted.setup.problem
-    advice = []
-    for quantity in (theta_c, alpha_star):
-        is_asked = quantity.name in posterior.samples
-        if is_asked and quantity.verdict is not Verdict.DETERMINED:
-            advice.append(
-                next_push(
-                    problem,
-                    fitted.table,
-                    posterior.samples,
-                    quantity=quantity.name,
-                    reference_alpha=fitted.reference_alpha,
-                    reach=reach_of(fitted.config),
-                )
-            )
-    advice += measurements(
-        problem,
-        verdicts={q.name: q.verdict for q in (theta_c, alpha_star)},
-        is_calibrated=fitted.setup.is_calibrated,
-        has_direction=fitted.setup.has_direction,
-    )
-    return tuple(sentence for sentence in advice if sentence)
 
 
 def reference_azimuth(table: PeakTable, config: GraspConfig) -> float:

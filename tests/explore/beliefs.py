@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pushfit.explore.belief import Belief
+from pushfit.explore.belief.belief import Belief
 from pushfit.model import Grasp
 
 PLAIN = Grasp(push_length=0.005)

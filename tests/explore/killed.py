@@ -9,10 +9,10 @@ import sys
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.journal import Journal
+from pushfit.explore.hands.simulated import SimulatedHand
+from pushfit.explore.journal.file import Journal
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
-from pushfit.explore.simulated import SimulatedHand
 from tests.explore.test_loop import hand
 from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, importance
 
@@ -47,7 +47,7 @@ def main(path, last=None):
         limits=Limits(reference_every=1),
     )
     finger = Steady(hand().world, seed=1)
-    finger.n_pushes = len(explorer.told)
+    finger.n_pushes = len(explorer.history.told)
     explore(explorer, finger, settings=PeakSettings(normal="fz"))
     print(repr(explorer.state))
 

@@ -12,10 +12,10 @@ import numpy as np
 from pushfit.config.inputs import PeakSettings
 from pushfit.errors import PushfitError
 from pushfit.explore.explorer import Explorer
+from pushfit.explore.hands.ros import messages
+from pushfit.explore.hands.ros.hand import RosHand
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
-from pushfit.explore.ros import messages
-from pushfit.explore.ros.hand import RosHand
 from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, importance
 
 MOVING = 2e-3
@@ -48,7 +48,7 @@ def main(journal):
     except PushfitError as caught:
         error = caught.code
     time.sleep(2.0)
-    told = [row.theta for row in explorer.told]
+    told = [row.theta for row in explorer.history.told]
     last = {"error": error, "at": at.tolist(), "told": told}
     print(json.dumps(last | {"answer": explorer.state.answer.value}), flush=True)
 

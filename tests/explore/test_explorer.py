@@ -42,7 +42,12 @@ def run(own, *, n=1000, **world):
             break
         first = suggestions[0]
         asked.append(first)
-        own.tell(first.theta, first.alpha, feel(first, len(own.told), **world), sd=None)
+        own.tell(
+            first.theta,
+            first.alpha,
+            feel(first, len(own.history.told), **world),
+            sd=None,
+        )
     return asked
 
 
@@ -188,7 +193,7 @@ def test_killed_at_any_line_the_same_pushes_follow(tmp_path, cut):
         ]
         assert again.state == own.state
         was_moving = json.loads(lines[n - 1])["event"] == "asked"
-        failed = [f.reason for f in again.failures]
+        failed = [f.reason for f in again.history.failures]
         assert failed == (["interrupted"] if was_moving else [])
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from pushfit.explore.belief import N_DRAWS
-from pushfit.explore.gain import information_gain, labels, outlook
-from pushfit.explore.predict import predict
+from pushfit.explore.belief.belief import N_DRAWS
+from pushfit.explore.belief.predict import predict
+from pushfit.explore.decide.gain import information_gain, labels, outlook
+from pushfit.explore.decide.intervals import Target
 from tests.explore.beliefs import belief_of, prior_draws
 
 THETA = np.radians(np.arange(5.0, 90.0, 10.0))
@@ -112,15 +113,8 @@ def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
     rng = np.random.default_rng(8)
     values = 45 + 3 * rng.standard_normal(N_DRAWS)
     weights = np.full(N_DRAWS, 1 / N_DRAWS)
-    found = outlook(
-        values[None],
-        values,
-        weights,
-        np.array([4.0]),
-        prob=0.9,
-        width=9.0,
-        is_axis=False,
-    )
+    target = Target(values=values, is_axis=False, width=9.0, prob=0.9)
+    found = outlook(values[None], target, weights, np.array([4.0]))
     # Shortest intervals of finite draws are a few per cent short.
     np.testing.assert_allclose(found.expected_width, 2 * 1.645 * 2.4, rtol=0.05)
     assert found.p_decided > 0.9

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.errors import ConfigError
+from pushfit.explore.belief.predict import predict
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits, displacement
 from pushfit.explore.loop import explore
-from pushfit.explore.predict import predict
 from tests.explore.test_loop import hand
 from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, feel, importance
 
@@ -62,7 +62,7 @@ def test_no_suggestion_leaves_the_limits(limits):
                 beyond = (found.force[0] > limits.force) @ belief.weights
                 assert beyond <= 0.011
         first = pushes[0]
-        own.tell(first.theta, first.alpha, feel(first, len(own.told)))
+        own.tell(first.theta, first.alpha, feel(first, len(own.history.told)))
 
 
 class Watched:
@@ -122,11 +122,18 @@ def test_limits_that_mean_nothing_are_refused(wrong):
         Limits(**wrong)
 
 
-def test_a_push_out_of_the_box_is_refused_in_words():
-    box = ((-2.0, 2.0), (-2.0, 2.0), (0.0, 4.0))
-    reason = Limits(workspace_mm=box).refusal(
-        np.radians(60.0), 0.0, length=0.005, azimuths=(0.0, np.pi)
-    )
-    assert reason == (
-        "the fingertip would be at x = 2.5 mm, out of its box, -2 to 2 mm"
-    )
+@pytest.mark.parametrize(
+    ("theta_deg", "alpha_deg", "is_allowed"),
+    [
+        (60.0, 90.0, True),
+        (60.0, 0.0, False),  # x = 2.5 mm
+        (60.0, 270.0, False),  # not across the supports from below
+        (90.0, 90.0, False),  # z = 5 mm
+        (4.0, 90.0, False),  # below the lowest elevation
+    ],
+)
+def test_pushes_stay_in_the_box_and_within_reach(theta_deg, alpha_deg, is_allowed):
+    limits = Limits(workspace_mm=((-2.0, 2.0), (-3.0, 3.0), (0.0, 4.5)))
+    theta, alpha = np.radians([theta_deg, alpha_deg])
+    found = limits.allow(theta, alpha, length=0.005, azimuths=(0.0, np.pi))
+    assert found is is_allowed

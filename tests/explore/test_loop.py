@@ -8,11 +8,11 @@ import pytest
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.simulate import Session
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.hand import Reach
+from pushfit.explore.hands.protocol import Reach
+from pushfit.explore.hands.simulated import SimulatedHand, World
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
 from pushfit.explore.records import Answer
-from pushfit.explore.simulated import SimulatedHand, World
 from pushfit.model import Grasp
 from tests.explore.worlds import COMPONENTS, CONFIG, THETA_C, TRUTH, importance
 
@@ -55,7 +55,7 @@ def explorer(**changes):
 
 
 def reasons(own):
-    return [failure.reason for failure in own.failures]
+    return [failure.reason for failure in own.history.failures]
 
 
 def test_a_hand_explores_to_the_end():
@@ -128,7 +128,7 @@ def test_a_saturated_push_is_never_made_again():
     own, finger = explorer(budget=4), hand(session=SESSION_SHORT)
     explore(own, finger, settings=FORCES)
     assert "saturated" in reasons(own)
-    assert all(f.is_final for f in own.failures if f.reason == "saturated")
+    assert all(f.is_final for f in own.history.failures if f.reason == "saturated")
 
 
 SESSION_SHORT = Session(
@@ -144,6 +144,26 @@ class Broken(SimulatedHand):
         raise ConnectionError("the controller does not answer")
 
 
+class Stuck(SimulatedHand):
+    """A driver that misses the first order to retract after a push."""
+
+    is_missed = False
+
+    def retract(self):
+        if self.is_extended and not self.is_missed:
+            self.is_missed = True
+            raise ConnectionError("the controller does not answer")
+        super().retract()
+
+
+def test_a_finger_left_on_the_object_is_taken_back_at_the_end():
+    finger = Stuck(hand().world, seed=1)
+    with pytest.raises(ConnectionError):
+        explore(explorer(), finger, settings=FORCES)
+    assert finger.is_missed
+    assert not finger.is_extended
+
+
 def test_the_finger_is_taken_back_when_the_driver_dies(tmp_path):
     path = tmp_path / "run.jsonl"
     own = explorer(journal=path)
@@ -152,7 +172,7 @@ def test_the_finger_is_taken_back_when_the_driver_dies(tmp_path):
         explore(own, finger, settings=FORCES)
     assert not finger.is_extended
     again = explorer(journal=path)
-    assert again.dangling is not None
+    assert again.is_dangling
     explore(again, hand(), settings=FORCES)
     assert reasons(again)[0] == "interrupted"
     assert again.state.answer is Answer.DECIDED

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from pushfit.explore.ros import messages
-from pushfit.explore.ros.messages import DEBIAN, HOW
+from pushfit.explore.hands.ros import messages
+from pushfit.explore.hands.ros.messages import DEBIAN, HOW
 
 ROSMASTER = Path("/usr/bin/rosmaster")
 ROOT = Path(__file__).parents[2]
@@ -79,7 +79,7 @@ class Graph:
         return process
 
     def node(self, name, *arguments):
-        module = f"pushfit.explore.ros.{name}"
+        module = f"pushfit.explore.hands.ros.{name}"
         return self.start(name, [sys.executable, "-m", module, *arguments])
 
     def algorithm(self, journal):
@@ -145,7 +145,7 @@ def test_a_node_killed_in_mid_push_leaves_the_finger_retracted(
 
 
 def test_ros_is_not_needed_before_a_node_starts():
-    code = "import pushfit.explore.ros.hand, sys; print('rospy' in sys.modules)"
+    code = "import pushfit.explore.hands.ros.hand, sys; print('rospy' in sys.modules)"
     found = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT
     )

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from pushfit.config import parse_config
-from pushfit.explore.belief import N_DRAWS, Question
-from pushfit.explore.predict import predict
+from pushfit.explore.belief.belief import N_DRAWS, Question
+from pushfit.explore.belief.predict import predict
 from pushfit.model import Grasp, Parameters, Pushes, forward
 from tests.explore.beliefs import PLAIN, belief_of, prior_draws
 

@@ -102,12 +102,6 @@ def test_a_one_sided_angle_is_a_bound_without_a_number(one_sided):
     assert "theta_c_one_sided" in warning_codes(one_sided)
 
 
-def test_the_push_that_would_help_lies_beyond_those_made(one_sided):
-    first = one_sided.identifiability.advice[0]
-    assert "One more push at θ = " in first
-    assert float(first.split("θ = ")[1].split("°")[0]) > LOW_DEG.max()
-
-
 def test_bands_hold_the_noise_free_curve(determined):
     """At the table's own angles the 90 % band holds most of the true heights."""
     (band,) = determined.bands

@@ -168,6 +168,7 @@ def analyse(
     # Before anything is loaded, so that a name already taken costs nothing.
     if request.out is not None:
         check_target(request.out, force=request.force)
+    from pushfit.explore.advice import with_next_push
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus, Recipe
     from pushfit.report.store.folder import write_result_folder
@@ -191,7 +192,7 @@ def analyse(
         schedules=request.schedules,
         table=request.table,
     )
-    found = replace(found, recipe=recipe)
+    found = replace(with_next_push(found), recipe=recipe)
     if request.out is not None:
         write_result_folder(
             found, request.out, force=request.force, pictures=request.pictures

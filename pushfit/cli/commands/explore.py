@@ -16,8 +16,7 @@ from pushfit.errors import ConfigError, FitError
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
     from pushfit.explore.explorer import Explorer
-    from pushfit.explore.hand import Hand
-    from pushfit.explore.limits import Limits
+    from pushfit.explore.hands.protocol import Hand
     from pushfit.explore.loop import Step
 
 Ask = Annotated[
@@ -58,6 +57,7 @@ Truth = Annotated[
 ]
 # The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
 REACH = (5.0, 85.0)
+COMPONENTS = ("height_normal", "height_tangential")
 
 
 def next(
@@ -82,6 +82,7 @@ def next(
     from pushfit.config import read_config
     from pushfit.data.tables.peak_table import read_table
     from pushfit.explore.explorer import Explorer
+    from pushfit.explore.limits import Limits
     from pushfit.report.text.exploration import (
         exploration_picture,
         next_dict,
@@ -96,7 +97,7 @@ def next(
         width_deg=width,
         budget=budget,
         sigma=sigma,
-        limits=_limits(theta, max_force),
+        limits=Limits(theta_deg=theta, force=max_force),
         channels=("height",) if made is None else made.channels,
         unit=unit if made is None else made.unit,
         seed=seed,
@@ -150,6 +151,7 @@ def explore(
     """
     from pushfit.config import read_config
     from pushfit.explore.explorer import Explorer
+    from pushfit.explore.limits import Limits
     from pushfit.report.store.folder import check_target
 
     check_target(out, force=force)
@@ -161,18 +163,22 @@ def explore(
         width_deg=width,
         budget=budget,
         sigma=sigma,
-        limits=_limits(theta, max_force),
+        limits=Limits(theta_deg=theta, force=max_force),
         channels=COMPONENTS if forces else ("height",),
         unit=unit,
         journal=journal,
         seed=seed,
     )
-    if explorer.told or explorer.failures:
-        session.say(f"going on with {journal}: {len(explorer.told)} pushes are known")
+    known = explorer.history
+    if known.told or known.failures:
+        session.say(f"going on with {journal}: {len(known.told)} pushes are known")
     if hand == "simulated":
-        finger = _simulated(
-            truth,
-            theta,
+        from pushfit.cli.commands.analysis import example_folder
+        from pushfit.explore.hands.simulated import simulated_hand
+
+        finger: Hand = simulated_hand(
+            read_config(truth or example_folder() / "truth.toml"),
+            theta_deg=theta,
             unit=unit,
             noise=noise,
             scatter=scatter,
@@ -180,11 +186,10 @@ def explore(
             seed=seed,
         )
     else:
-        finger = _ros(forces=forces, theta=theta)
+        from pushfit.explore.hands.ros.hand import RosHand
+
+        finger = RosHand(has_forces=forces, theta_deg=theta)
     return _run(session, explorer, finger, settings, out=out, json=json, force=force)
-
-
-COMPONENTS = ("height_normal", "height_tangential")
 
 
 def _run(
@@ -198,6 +203,7 @@ def _run(
     force: bool,
 ) -> int:
     """Explore, identify the table of the journal, and write the folder."""
+    from pushfit.explore.advice import with_next_push
     from pushfit.explore.loop import explore as run
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus
@@ -211,11 +217,6 @@ def _run(
     )
 
     peaks = settings.peaks
-    if len(explorer.question.channels) > 1 and peaks.normal is None:
-        peaks = peaks.model_copy(update={"normal": "fz"})
-    if explorer.limits.theta_deg[0] < 0 and peaks.signed is None:
-        # A finger that pulls back from a preload lowers the reading.
-        peaks = peaks.model_copy(update={"signed": True})
     with _watched(session) as watch:
         state = run(explorer, finger, settings=peaks, watch=watch)
     session.say(state.sentence, style="bold")
@@ -225,13 +226,8 @@ def _run(
             f"{state.sentence}; without a push there is no result to write",
             code="no_push",
         )
-    stated = explorer.question.settings
-    found = identify_table(
-        table,
-        stated,
-        seed=explorer.seed,
-    )
-    found = replace(found, warnings=(*found.warnings, ADAPTIVE))
+    found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
+    found = replace(with_next_push(found), warnings=(*found.warnings, ADAPTIVE))
     journal = explorer.journal.path
     assert journal is not None
     picture = figure_bytes(exploration_picture(explorer), "png")
@@ -287,42 +283,3 @@ def _watched(session: Session) -> Iterator[Callable[["Step"], None]]:
 
     with Live(console=Console(stderr=True), refresh_per_second=8) as live:
         yield lambda step: live.update(shown(step))
-
-
-def _limits(theta: tuple[float, float], max_force: float | None) -> "Limits":
-    from pushfit.explore.limits import Limits
-
-    return Limits(theta_deg=theta, force=max_force)
-
-
-def _simulated(
-    truth: Path | None,
-    theta: tuple[float, float],
-    *,
-    unit: str,
-    noise: float,
-    scatter: float,
-    forces: bool,
-    seed: int,
-) -> "Hand":
-    """A hand that holds the grasp of a file, or that of the example."""
-    from pushfit.cli.commands.analysis import example_folder
-    from pushfit.config import read_config
-    from pushfit.explore.simulated import simulated_hand
-
-    source = example_folder() / "truth.toml" if truth is None else truth
-    return simulated_hand(
-        read_config(source),
-        theta_deg=theta,
-        unit=unit,
-        noise=noise,
-        scatter=scatter,
-        forces=forces,
-        seed=seed,
-    )
-
-
-def _ros(*, forces: bool, theta: tuple[float, float]) -> "Hand":
-    from pushfit.explore.ros.hand import RosHand
-
-    return RosHand(has_forces=forces, theta_deg=theta)

@@ -136,6 +136,7 @@ def run_again(
         What it finds now.
     """
     from pushfit.data.tables.peak_table import read_table
+    from pushfit.explore.advice import with_next_push
     from pushfit.fit.identify import identify_table
 
     config, recipe = recorded_config(summary), summary["recipe"]
@@ -146,13 +147,14 @@ def run_again(
     else:
         table = read_table(found[recipe["table"]])
     with session.progress() as progress:
-        return identify_table(
+        again = identify_table(
             table,
             config,
             seed=summary["seed"],
             engine=summary["posterior"]["engine"],
             progress=progress,
         )
+    return with_next_push(again)
 
 
 def recorded_config(summary: dict[str, Any]) -> "GraspConfig":

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pushfit.explore.decide.intervals import HALF_TURN
+from pushfit.explore.records import SYMBOLS
 from pushfit.report.figures.style import (
     BLACK,
     BLUE,
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SYMBOLS = {"theta_c": "θ_c", "alpha_star": "α*"}
-HALF_TURN = 180.0
 N_BINS = 90
 
 
@@ -208,6 +208,7 @@ def _draw_course(axes: "Axes", course: Course, known: Known) -> None:
         title="How it went",
         ylim=_padded(course.lower, course.upper),
     )
+    axes.locator_params(axis="x", integer=True)
     right = axes.twinx()
     right.plot(n, course.p_budget, color=VERMILLION, ls="--")
     right.set_ylim(0, 1.05)

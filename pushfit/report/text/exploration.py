@@ -8,15 +8,11 @@ import numpy as np
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.records import SYMBOLS, Answer, State, Suggestion
 from pushfit.fit.results import Notice
-from pushfit.report.figures.exploration import (
-    Course,
-    GainMap,
-    Known,
-    exploration_figure,
-)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from pushfit.report.figures.exploration import Course
 
 SCHEMA = "pushfit.next/1"
 # Likelihood sets that pushes were chosen by cover 60 to 72 % where they state 90 %.
@@ -128,12 +124,12 @@ def exploration_picture(
         explorer: The exploration.
         suggestions: Pushes to mark, the best first.
     """
+    from pushfit.report.figures.exploration import GainMap, Known, exploration_figure
+
     belief, state, judge = explorer.belief, explorer.state, explorer.judge
-    name = next(
-        iter(judge.undecided(belief, explorer.question)), explorer.question.ask[0]
-    )
+    name = explorer.angle
     survey = explorer.survey(is_full=True)
-    made = [(row.theta, row.alpha) for row in explorer.told]
+    made = [(row.theta, row.alpha) for row in explorer.history.told]
     following = [(push.theta, push.alpha) for push in suggestions]
     return exploration_figure(
         Known(
@@ -157,9 +153,11 @@ def exploration_picture(
     )
 
 
-def _course(explorer: Explorer, name: str) -> Course | None:
+def _course(explorer: Explorer, name: str) -> "Course | None":
     """How it went, if pushes were followed."""
-    states = explorer.course
+    from pushfit.report.figures.exploration import Course
+
+    states = explorer.history.course
     if len(states) < 2:
         return None
     ends = [state.intervals[name] or (np.nan, np.nan) for state in states]

@@ -18,8 +18,8 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import Session, simulate_recording
 from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
-from pushfit.explore.hand import PushOutcome, PushStatus, Reach
-from pushfit.explore.predict import force_of
+from pushfit.explore.belief.predict import force_of
+from pushfit.explore.hands.protocol import PushOutcome, PushStatus, Reach
 from pushfit.model import Grasp, Parameters
 
 SESSION = Session(shape="triangle", rise=0.5, rest=0.6, rate=100.0)
@@ -130,14 +130,7 @@ class SimulatedHand:
         recent = joined.time >= since
         # A clock that went back leaves samples of the push before the moment.
         first = int(np.argmax(recent)) if np.any(recent) else recent.size
-        kept = slice(first, None)
-        return replace(
-            joined,
-            time=joined.time[kept],
-            channels={name: v[kept] for name, v in joined.channels.items()},
-            theta=_angles(joined.theta, joined.time)[kept],
-            alpha=_angles(joined.alpha, joined.time)[kept],
-        )
+        return _taken(joined, np.arange(first, recent.size))
 
     def reach(self) -> Reach:
         """Where the finger can push."""

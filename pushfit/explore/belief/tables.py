@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
-from pushfit.explore.belief import Question
+from pushfit.explore.belief.belief import Question
 from pushfit.explore.records import Told
 
 
@@ -26,16 +27,32 @@ def table_of(told: Sequence[Told], question: Question) -> PeakTable | None:
         return None
     channels = question.channels
     heights = {c: np.array([row.heights[c] for row in rows]) for c in channels}
-    sds = {c: [_sd(row, c, question.sigma) for row in rows] for c in channels}
-    is_stated = all(s is not None for column in sds.values() for s in column)
+    sds = [sd_of(row, question) for row in rows]
+    stated = np.array([sd for sd in sds if sd is not None], dtype=float)
     return PeakTable.from_arrays(
         theta=np.array([row.theta for row in rows]),
         alpha=np.array([row.alpha for row in rows]),
         heights=heights,
         unit=question.unit,
-        sd={c: np.array(s, dtype=float) for c, s in sds.items()} if is_stated else None,
+        sd=dict(zip(channels, stated.T, strict=True))
+        if len(stated) == len(rows)
+        else None,
         flags=tuple(row.flags for row in rows),
     )
+
+
+def noise_is_known(told: Sequence[Told], question: Question) -> bool:
+    """Whether the scatter of the heights rests on more than a default prior.
+
+    Args:
+        told: Pushes in order.
+        question: What is asked.
+
+    Returns:
+        True where it is stated in advance, or with every push of full length.
+    """
+    stated = [row.sd is not None for row in told if not row.is_short]
+    return question.sigma is not None or (bool(stated) and all(stated))
 
 
 def told_rows(table: PeakTable) -> tuple[Told, ...]:
@@ -110,8 +127,17 @@ def by_channel(
     return found
 
 
-def _sd(row: Told, channel: str, sigma: float | None) -> float | None:
-    """Noise of one height: what repeats scatter by is the least it can be."""
+def sd_of(row: Told, question: Question) -> Float[np.ndarray, " c"] | None:
+    """Noise of the heights of a push: what repeats scatter by is the least it can be.
+
+    Args:
+        row: The push.
+        question: Channels and stated noise.
+
+    Returns:
+        Standard deviations by channel; None where none is stated [unit].
+    """
+    sigma, channels = question.sigma, question.channels
     if row.sd is None:
-        return sigma
-    return row.sd[channel] if sigma is None else max(row.sd[channel], sigma)
+        return None if sigma is None else np.full(len(channels), sigma)
+    return np.maximum([row.sd[channel] for channel in channels], sigma or 0.0)

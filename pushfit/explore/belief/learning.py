@@ -1,16 +1,15 @@
 """From pushes told to a belief, and when the first push is due again."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
-from pushfit.explore.belief import Belief, BeliefSource, Question
+from pushfit.data.tables.rules import EXCLUDING_FLAGS
+from pushfit.explore.belief.belief import Belief, BeliefSource, Question
+from pushfit.explore.belief.predict import predict
+from pushfit.explore.belief.tables import sd_of, table_of
 from pushfit.explore.limits import Limits
-from pushfit.explore.predict import predict
 from pushfit.explore.records import Purpose, Told
-from pushfit.explore.tables import table_of
 
 # Draws after n pushes have a seed of their own, whatever the seed of the exploration.
 SEEDS = 1_000_003
@@ -50,8 +49,7 @@ def weighed(belief: Belief, row: Told, question: Question) -> Belief:
         row: The push.
         question: What is asked.
     """
-    one = table_of([replace(row, length_share=1.0)], question)
-    if one is None or not bool(one.is_used[0]):
+    if EXCLUDING_FLAGS & set(row.flags.split(";")):
         return belief
     found = predict(
         belief,
@@ -60,11 +58,7 @@ def weighed(belief: Belief, row: Told, question: Question) -> Belief:
         length_share=row.length_share,
     )
     heights = np.array([row.heights[channel] for channel in question.channels])
-    stated = [sd for sd in map(one.sd, question.channels) if sd is not None]
-    sd: Float[np.ndarray, " c"] | None = None
-    if len(stated) == heights.size:
-        sd = np.array([float(values[0]) for values in stated])
-    return belief.updated(heights, found.heights[0], sd)
+    return belief.updated(heights, found.heights[0], sd_of(row, question))
 
 
 def reference_due(told: Sequence[Told], limits: Limits) -> Told | None:

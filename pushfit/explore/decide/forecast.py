@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.explore.gain import N_FINE
-from pushfit.explore.intervals import HALF_TURN, column_widths
+from pushfit.explore.decide.gain import N_FINE
+from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
 
 # Truths: two decided ones of them are fewer than 5 %.
 N_TRUTHS = 48
@@ -21,25 +21,9 @@ N_TRUTHS = 48
 UNLIMITED = 2000
 # Effective draws that a width needs, and pushes by which it is taken with fewer.
 ENOUGH, FEWER, MAX_ROUNDS = 40.0, 4.0, 8
-# Directions that tell most now, for the second reckoning.
-N_BEST = 4
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
-    """An angle and what would count as deciding it.
-
-    Args:
-        values: Its draws; NaN where undefined [deg].
-        is_axis: Whether it is an azimuth of period 180°.
-        width: Width asked for [deg].
-        prob: Probability of the interval.
-    """
-
-    values: Float[np.ndarray, " n"]
-    is_axis: bool
-    width: float
-    prob: float
+# Directions that pushes are spread over, at most; more of them move no forecast. And
+# those that tell most now, for the second reckoning.
+N_SPREAD, N_BEST = 48, 4
 
 
 def p_decided(
@@ -70,7 +54,8 @@ def p_decided(
         return 0.0
     truths = rng.choice(weights.size, size=N_TRUTHS, p=weights)
     best = np.argsort(-gains, kind="stable")[:N_BEST]
-    everywhere = np.arange(heights.shape[0])
+    k = heights.shape[0]
+    everywhere = np.arange(min(k, N_SPREAD)) * k // min(k, N_SPREAD)
     shares = []
     for chosen in (everywhere, best):
         imagined = _imagine(

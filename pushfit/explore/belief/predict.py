@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from pushfit.explore.belief import Belief
+from pushfit.explore.belief.belief import Belief
+from pushfit.fit.programs import compiled
 from pushfit.model import Channels, Grasp, Parameters, Pushes, as_float, forward
 
 # Candidates are padded to multiples of this, so that few programs are compiled.
@@ -57,14 +58,13 @@ def predict(
     rows = np.minimum(np.arange(size), k - 1)
     pushes = Pushes(theta[rows], alpha[rows])
     draws = {name: jnp.asarray(v) for name, v in belief.parameters.items()}
-    found, force = _at_draws(draws, belief.grasp, pushes, as_float(length_share))
-    heights = np.stack(
-        [np.asarray(getattr(found, name))[:k] for name in belief.channels], axis=1
+    heights, force, in_contact = _at_draws(
+        draws, belief.grasp, pushes, as_float(length_share), belief.channels
     )
     return Predicted(
-        heights=heights,
+        heights=np.asarray(heights)[:k],
         force=np.asarray(force)[:k],
-        in_contact=np.asarray(found.in_contact)[:k],
+        in_contact=np.asarray(in_contact)[:k],
     )
 
 
@@ -85,21 +85,22 @@ def force_of(params: Parameters, grasp: Grasp, theta: float, alpha: float) -> fl
     return height + float(grasp.preload)
 
 
-@eqx.filter_jit
+@compiled
 def _one(params: Parameters, grasp: Grasp, pushes: Pushes) -> Channels:
     return forward(params, pushes, grasp)
 
 
-@eqx.filter_jit
+@compiled
 def _at_draws(
     draws: Mapping[str, Float[Array, " n"]],
     grasp: Grasp,
     pushes: Pushes,
     length_share: Float[Array, ""],
-) -> tuple[Channels, Float[Array, "k n"]]:
-    """Every channel of every push and draw, and the force."""
+    channels: tuple[str, ...],
+) -> tuple[Float[Array, "k c n"], Float[Array, "k n"], Bool[Array, "k n"]]:
+    """Heights, force and contact of every push and draw."""
 
-    def one(draw: Mapping[str, Float[Array, ""]]) -> tuple[Channels, Array]:
+    def one(draw: Mapping[str, Float[Array, ""]]) -> tuple[Array, Array, Array]:
         own = {name: value for name, value in draw.items() if name != "F_0"}
         preload = draw.get("F_0", grasp.preload)
         held = eqx.tree_at(
@@ -108,6 +109,8 @@ def _at_draws(
             (preload, grasp.push_length * length_share),
         )
         found = forward(Parameters(**own), pushes, held)
-        return found, (found.height - held.offset) / held.gain + preload
+        heights = jnp.stack([getattr(found, name) for name in channels], axis=1)
+        force = (found.height - held.offset) / held.gain + preload
+        return heights, force, found.in_contact
 
     return jax.vmap(one, out_axes=-1)(draws)

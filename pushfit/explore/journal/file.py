@@ -1,8 +1,8 @@
 """The journal of an exploration: one JSON object a line, on disk before it counts.
 
-A push is in it as `asked` before the finger moves, and as `told`, `failed` or
-`abandoned` afterwards, so that a process killed at any moment leaves a journal from
-which the same exploration goes on.
+A push is in it as `asked` before the finger moves, and as `told` or `failed`
+afterwards, so that a process killed at any moment leaves a journal from which the same
+exploration goes on.
 """
 
 import json

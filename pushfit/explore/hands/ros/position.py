@@ -1,6 +1,6 @@
 """Position node: moves the fingertip forth and back, and looks after what is touched.
 
-    python -m pushfit.explore.ros.position _max_force:=10 _speed:=0.01
+    python -m pushfit.explore.hands.ros.position _max_force:=10 _speed:=0.01
 
 Takes a displacement, sends set points to a robot, and ends early at a force, a stall, a
 silent sensor, a cancel, or a lost master; whatever ends a push, the finger goes back.
@@ -14,8 +14,8 @@ import time
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.explore.ros import messages
-from pushfit.explore.ros.messages import ros
+from pushfit.explore.hands.ros import messages
+from pushfit.explore.hands.ros.messages import ros
 
 # How far the finger may lag behind its set point, and for how long [m, s].
 LAG, LAG_TIME = 5e-4, 0.3

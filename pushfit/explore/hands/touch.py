@@ -14,11 +14,11 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.errors import DataError
-from pushfit.explore.hand import PushOutcome, PushStatus
+from pushfit.explore.hands.protocol import PushOutcome, PushStatus
 from pushfit.explore.limits import Limits
 
 # Faults after which the same push would only fail again.
-HOPELESS = frozenset({"saturated", "out_of_reach", "force_abort"})
+FINAL = frozenset({"saturated", "out_of_reach", "force_abort"})
 # Faults after which nobody may push before a person has looked.
 FATAL = frozenset({"object_lost"})
 # Time after a push that no rest takes: the clock of the sensor was elsewhere [s].
@@ -82,20 +82,6 @@ def feel(
     if bad:
         return Felt(table=None, fault=min(bad))
     return Felt(table=table, fault=None)
-
-
-def at_rest(recording: Recording, t_start: float) -> dict[str, float]:
-    """Median reading of every channel before a moment.
-
-    Args:
-        recording: Samples.
-        t_start: The moment [s].
-    """
-    before = recording.time < t_start
-    return {
-        name: float(np.median(values[before]))
-        for name, values in recording.channels.items()
-    }
 
 
 def _motion_fault(

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
-from pushfit.explore.hand import PushOutcome, PushStatus, Reach
-from pushfit.explore.ros import messages
-from pushfit.explore.ros.messages import ros
+from pushfit.explore.hands.protocol import PushOutcome, PushStatus, Reach
+from pushfit.explore.hands.ros import messages
+from pushfit.explore.hands.ros.messages import ros
 
 # Samples kept: some minutes of a fast sensor.
 KEPT = 200_000

@@ -5,17 +5,17 @@ the course of an exploration (`pushfit.explore.explorer`).
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.explore.belief import Belief, Question
-from pushfit.explore.gain import Outlook, information_gain, outlook
+from pushfit.explore.belief.belief import Belief, Question
+from pushfit.explore.belief.predict import Predicted, predict
+from pushfit.explore.decide.gain import information_gain, outlook
+from pushfit.explore.decide.intervals import Target
 from pushfit.explore.limits import SHARES, TOLERATED, Limits
-from pushfit.explore.predict import Predicted, predict
 from pushfit.explore.records import Purpose, Suggestion, Told
-from pushfit.fit.identify import reach_of
 
 # More candidates than this are first ranked by few draws, and so many of them again.
 N_FULL, N_COARSE_DRAWS = 20, 1024
@@ -62,19 +62,9 @@ class Surveyor:
     def __init__(self, question: Question, limits: Limits) -> None:
         """Lay out the candidates."""
         self.question, self.limits = question, limits
+        self._azimuths = limits.azimuths(question.config)
         self._samples: object = None
         self._predicted: dict[float, Predicted] = {}
-
-    def azimuths(self) -> Direction:
-        """Reach in azimuth [rad]."""
-        if self.limits.alpha_deg is not None:
-            low, high = np.radians(self.limits.alpha_deg)
-            return float(low), float(high)
-        return reach_of(self.question.config)
-
-    def length(self, belief: Belief) -> float:
-        """Push length of the grasp [m]."""
-        return float(belief.grasp.push_length)
 
     def survey(
         self,
@@ -97,7 +87,7 @@ class Surveyor:
             The survey; none is allowed where no length is safe.
         """
         directions = self.limits.candidates(
-            azimuths=self.azimuths() if "alpha_star" in belief.samples else None,
+            azimuths=self._azimuths if "alpha_star" in belief.samples else None,
             reference_alpha=self.question.reference_alpha,
         )
         theta, alpha = directions.T
@@ -125,77 +115,6 @@ class Surveyor:
             refusals=refusals,
         )
 
-    def suggestion(
-        self,
-        belief: Belief,
-        survey: Survey,
-        row: int,
-        *,
-        angle: str,
-        prob: float,
-        width: float,
-    ) -> Suggestion:
-        """One candidate with its outlook.
-
-        Args:
-            belief: What is believed now.
-            survey: Survey of it.
-            row: Which candidate.
-            angle: Whose interval the outlook is about.
-            prob: Probability of the interval.
-            width: Width asked for [deg].
-        """
-        is_whole = survey.length_share == 1.0
-        expected = _outlook(
-            belief, survey.predicted.heights[row], angle, prob=prob, width=width
-        )
-        return Suggestion(
-            number=0,
-            theta=float(survey.theta[row]),
-            alpha=float(survey.alpha[row]),
-            length_share=survey.length_share,
-            purpose=Purpose.GAIN if is_whole else Purpose.PROBE,
-            gain=float(survey.gains[row]),
-            expected_width=expected.expected_width,
-            p_decided=expected.p_decided,
-            force_q99=_q99(survey.predicted.force[row], belief.weights),
-        )
-
-    def repetition(
-        self,
-        belief: Belief,
-        survey: Survey,
-        push: Told,
-        *,
-        angle: str,
-        prob: float,
-        width: float,
-    ) -> Suggestion:
-        """A push made once more, to see whether it gives the same.
-
-        Args:
-            belief: What is believed now.
-            survey: Survey of it.
-            push: The push.
-            angle: Whose interval the outlook is about.
-            prob: Probability of the interval.
-            width: Width asked for [deg].
-        """
-        found = predict(belief, np.array([push.theta]), np.array([push.alpha]))
-        gain = _gains(belief, found.heights, (angle,), is_full=True)
-        expected = _outlook(belief, found.heights[0], angle, prob=prob, width=width)
-        return Suggestion(
-            number=0,
-            theta=push.theta,
-            alpha=push.alpha,
-            length_share=survey.length_share,
-            purpose=Purpose.REFERENCE,
-            gain=float(gain[0]),
-            expected_width=expected.expected_width,
-            p_decided=expected.p_decided,
-            force_q99=_q99(found.force[0], belief.weights),
-        )
-
     def _predict(
         self,
         belief: Belief,
@@ -219,11 +138,10 @@ class Surveyor:
         abandoned: Collection[Direction],
     ) -> tuple[Bool[np.ndarray, " k"], dict[str, int]]:
         """Which candidates may be asked for, and why the others may not."""
-        weights, length = belief.weights, share * self.length(belief)
-        azimuths = self.azimuths()
+        weights, length = belief.weights, share * float(belief.grasp.push_length)
         is_out = np.array(
             [
-                self.limits.refusal(t, a, length=length, azimuths=azimuths) is not None
+                not self.limits.allow(t, a, length=length, azimuths=self._azimuths)
                 for t, a in directions.tolist()
             ]
         )
@@ -240,6 +158,56 @@ class Surveyor:
         is_allowed = ~(is_out | lifts_off | is_strong | gone)
         counts = {why: int(np.sum(which)) for why, which in reasons.items()}
         return is_allowed, {why: n for why, n in counts.items() if n}
+
+
+def suggestion(belief: Belief, survey: Survey, row: int, target: Target) -> Suggestion:
+    """One candidate with its outlook.
+
+    Args:
+        belief: What is believed now.
+        survey: Survey of it.
+        row: Which candidate.
+        target: What the outlook is about.
+    """
+    is_whole = survey.length_share == 1.0
+    heights = survey.predicted.heights[row]
+    expected = outlook(heights, target, belief.weights, belief.sigma)
+    return Suggestion(
+        number=0,
+        theta=float(survey.theta[row]),
+        alpha=float(survey.alpha[row]),
+        length_share=survey.length_share,
+        purpose=Purpose.GAIN if is_whole else Purpose.PROBE,
+        gain=float(survey.gains[row]),
+        expected_width=expected.expected_width,
+        p_decided=expected.p_decided,
+        force_q99=_q99(survey.predicted.force[row], belief.weights),
+    )
+
+
+def repetition(
+    belief: Belief, survey: Survey, push: Told, target: Target
+) -> Suggestion:
+    """A push made once more, to see whether it gives the same.
+
+    Args:
+        belief: What is believed now.
+        survey: Survey of it.
+        push: The push.
+        target: What the outlook is about.
+    """
+    theta, alpha = np.array([push.theta]), np.array([push.alpha])
+    found = predict(belief, theta, alpha)
+    gains = information_gain(found.heights, target.values, belief.weights, belief.sigma)
+    alone = replace(
+        survey,
+        theta=theta,
+        alpha=alpha,
+        predicted=found,
+        is_allowed=np.array([True]),
+        gains=gains,
+    )
+    return replace(suggestion(belief, alone, 0, target), purpose=Purpose.REFERENCE)
 
 
 def _is_among(theta: float, alpha: float, directions: Collection[Direction]) -> bool:
@@ -288,26 +256,6 @@ def _gains(
     gains = np.minimum(gains, floor)
     gains[rows] = fine
     return gains
-
-
-def _outlook(
-    belief: Belief,
-    heights: Float[np.ndarray, "c n"],
-    angle: str,
-    *,
-    prob: float,
-    width: float,
-) -> Outlook:
-    """What one push is expected to leave of the interval of an angle."""
-    return outlook(
-        heights,
-        belief.samples[angle],
-        belief.weights,
-        belief.sigma,
-        prob=prob,
-        width=width,
-        is_axis=angle == "alpha_star",
-    )
 
 
 def _q99(force: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]) -> float:

@@ -1,7 +1,8 @@
-"""Touch node: a sensor of whatever kind as one stream of forces.
+r"""Touch node: a sensor of whatever kind as one stream of forces.
 
-    python -m pushfit.explore.ros.touch _source:=finger/wrench
-    python -m pushfit.explore.ros.touch _source:=tip _type:=std_msgs/Int32 _field:=data
+    python -m pushfit.explore.hands.ros.touch _source:=finger/wrench
+    python -m pushfit.explore.hands.ros.touch \
+        _source:=tip _type:=std_msgs/Int32 _field:=data
 
 Of a wrench the force is passed on; of another message a named field becomes the normal
 force. A message without a stamp of its own gets the time at which it came.
@@ -11,8 +12,8 @@ import sys
 from functools import reduce
 from importlib import import_module
 
-from pushfit.explore.ros import messages
-from pushfit.explore.ros.messages import ros
+from pushfit.explore.hands.ros import messages
+from pushfit.explore.hands.ros.messages import ros
 
 
 class TouchNode:

@@ -8,12 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pushfit.explore.belief import Belief, Question, noise_is_known
-from pushfit.explore.forecast import UNLIMITED, Target, p_decided
-from pushfit.explore.intervals import shortest_interval
-from pushfit.explore.learning import reference_rows
+from pushfit.errors import ConfigError
+from pushfit.explore.belief.belief import Belief, Question
+from pushfit.explore.belief.learning import reference_rows
+from pushfit.explore.belief.predict import predict
+from pushfit.explore.belief.tables import noise_is_known
+from pushfit.explore.decide.forecast import UNLIMITED, p_decided
+from pushfit.explore.decide.intervals import Target, shortest_interval
+from pushfit.explore.decide.survey import Survey
 from pushfit.explore.limits import Limits
-from pushfit.explore.predict import predict
 from pushfit.explore.records import (
     SYMBOLS,
     Answer,
@@ -22,8 +25,6 @@ from pushfit.explore.records import (
     State,
     Told,
 )
-from pushfit.explore.survey import Survey
-from pushfit.explore.tables import table_of
 
 # Without a word on the noise an interval may be narrow by chance: noise taken 1.5
 # times too small leaves 72 % coverage of 90 %.
@@ -51,6 +52,30 @@ class Judge:
     budget: int
     seed: int
 
+    def __post_init__(self) -> None:
+        """Refuse a question that makes no sense."""
+        if not (0 < self.width < 180 and 0 < self.prob < 1 and self.budget >= 0):
+            raise ConfigError(
+                f"width {self.width:g}°, probability {self.prob:g} and budget "
+                f"{self.budget}: the width must be within 0 and 180°, the probability "
+                "within 0 and 1, the budget not below 0",
+                code="ask",
+            )
+
+    def target(self, belief: Belief, angle: str) -> Target:
+        """An asked angle as it is believed, and what would decide it.
+
+        Args:
+            belief: What is believed now.
+            angle: "theta_c" or "alpha_star".
+        """
+        return Target(
+            values=belief.samples[angle],
+            is_axis=angle == "alpha_star",
+            width=self.width,
+            prob=self.prob,
+        )
+
     def intervals(
         self, belief: Belief, question: Question
     ) -> dict[str, Interval | None]:
@@ -60,14 +85,8 @@ class Judge:
             belief: What is believed now.
             question: What is asked.
         """
-        weights = belief.weights
         return {
-            angle: shortest_interval(
-                belief.samples[angle],
-                weights,
-                self.prob,
-                is_axis=angle == "alpha_star",
-            )
+            angle: shortest_interval(self.target(belief, angle), belief.weights)
             for angle in question.ask
         }
 
@@ -174,8 +193,7 @@ class Judge:
     def _may_decide(self, question: Question, told: Sequence[Told]) -> bool:
         """Whether the scatter of heights is known well enough to believe a width."""
         return len(told) > 0 and (
-            noise_is_known(question, table_of(told, question))
-            or len(told) >= MIN_UNKNOWN_NOISE
+            noise_is_known(told, question) or len(told) >= MIN_UNKNOWN_NOISE
         )
 
     def _forecast(
@@ -187,32 +205,27 @@ class Judge:
         n_told: int,
         n_left: int,
     ) -> tuple[float | None, float | None]:
-        """Probability to decide with unlimited pushes, and with those left."""
+        """Probability to decide with unlimited pushes, and with those left.
+
+        The first is asked for only where the second is hopeless: it is the dear one.
+        """
         rows = np.flatnonzero(survey.is_allowed)
         if not rows.size:
             return None, None
-        targets = tuple(
-            Target(
-                values=belief.samples[angle],
-                is_axis=angle == "alpha_star",
-                width=self.width,
-                prob=self.prob,
-            )
-            for angle in question.ask
-        )
-        found = [
-            p_decided(
+
+        def chance(n_pushes: int) -> float:
+            return p_decided(
                 survey.predicted.heights[rows],
                 belief.weights,
                 belief.sigma,
-                targets,
-                n_pushes=n,
+                tuple(self.target(belief, angle) for angle in question.ask),
+                n_pushes=n_pushes,
                 gains=survey.gains[rows],
                 rng=np.random.default_rng([self.seed, n_told]),
             )
-            for n in (UNLIMITED, n_left)
-        ]
-        return found[0], found[1]
+
+        within = chance(n_left)
+        return chance(UNLIMITED) if within < HOPELESS else None, within
 
     def _worded(self, state: State, belief: Belief) -> State:
         """The state with its sentence."""
@@ -260,6 +273,8 @@ class Judge:
             low, high = interval
             return f"{symbol} in {low:.1f}° to {high:.1f}° ({self.prob:.0%})"
         share = _p_undefined(belief, angle)
+        if share < self.prob:
+            return f"{symbol} is open; the contact may never roll ({share:.0%})"
         return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"
 
 
@@ -267,9 +282,7 @@ def _answer(n_told: int, unlimited: float | None, within: float | None) -> Answe
     """What a forecast says."""
     if n_told < MIN_FORECAST or unlimited is None or within is None:
         return Answer.DECIDING
-    if max(unlimited, within) < HOPELESS:
-        return Answer.CANNOT
-    return Answer.UNLIKELY if within < HOPELESS else Answer.DECIDING
+    return Answer.CANNOT if unlimited < HOPELESS else Answer.UNLIKELY
 
 
 def _p_undefined(belief: Belief, angle: str) -> float:

@@ -2,7 +2,7 @@
 
 The draws of a belief are counted in a table of the angle against the reading that a
 push would give, blurred by the noise of that reading. Excluded: where pushes may go
-(`pushfit.explore.limits`) and where draws come from (`pushfit.explore.belief`).
+(`pushfit.explore.limits`) and where draws come from (`pushfit.explore.belief.belief`).
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import ndtr, xlogy
 
-from pushfit.explore.intervals import HALF_TURN, column_widths
+from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
 
 # Bins of equal weight of the angle, and of the reading along its widest and its second
 # direction: noise blurs them. Twice as many move no ranking. The coarse ones are for
@@ -113,34 +113,27 @@ def information_gain(
 
 def outlook(
     heights: Float[np.ndarray, "c n"],
-    values: Float[np.ndarray, " n"],
+    target: Target,
     weights: Float[np.ndarray, " n"],
     sigma: Float[np.ndarray, " c"],
-    *,
-    prob: float,
-    width: float,
-    is_axis: bool,
 ) -> Outlook:
-    """How well an angle is expected to be known after one push.
+    """What a push is expected to leave of the interval of an angle.
 
     Args:
-        heights: Noise-free readings of the push, by channel and draw.
-        values: The angle of every draw; NaN where undefined [deg].
+        heights: Noise-free readings by channel and draw.
+        target: The angle, and what would decide it.
         weights: Weight of every draw; they sum to 1.
         sigma: Noise of a reading by channel [as heights].
-        prob: Probability of the interval.
-        width: Width that is asked for [deg].
-        is_axis: Whether the angle is an azimuth of period 180°.
 
     Returns:
         Expected width, and the probability to decide.
     """
     own = weights > 0
-    heights, values, weights = heights[:, own], values[own], weights[own]
+    heights, values, weights = heights[:, own], target.values[own], weights[own]
     known = np.isfinite(values)
     if not np.any(known):
         return Outlook(expected_width=np.inf, p_decided=0.0)
-    if is_axis:
+    if target.is_axis:
         low, step = 0.0, HALF_TURN / N_FINE
         bins = np.mod(values[known], HALF_TURN) / step
     else:
@@ -156,10 +149,12 @@ def outlook(
     mass = columns.sum(axis=0)
     likely = mass > NEGLIGIBLE * mass.max()
     columns, mass = columns[:, likely] / mass[likely], mass[likely] / mass[likely].sum()
-    widths = column_widths(columns[:N_FINE], prob, step=step, is_axis=is_axis)
+    widths = column_widths(
+        columns[:N_FINE], target.prob, step=step, is_axis=target.is_axis
+    )
     return Outlook(
         expected_width=float(mass @ widths),
-        p_decided=float(mass @ (widths <= width)),
+        p_decided=float(mass @ (widths <= target.width)),
     )
 
 

@@ -1,6 +1,6 @@
 """A robot that is not there: follows set points and feels what the push model says.
 
-    python -m pushfit.explore.ros.robot _truth:=truth.toml _noise:=0.01
+    python -m pushfit.explore.hands.ros.robot _truth:=truth.toml _noise:=0.01
 
 For rehearsals and tests, in place of the driver of a real finger.
 """
@@ -15,8 +15,8 @@ import numpy as np
 from pushfit.config import read_config
 from pushfit.data.grasp import make_grasp
 from pushfit.data.truth import stated_parameters
-from pushfit.explore.ros import messages
-from pushfit.explore.ros.messages import ros
+from pushfit.explore.hands.ros import messages
+from pushfit.explore.hands.ros.messages import ros
 from pushfit.model import Pushes, forward
 
 

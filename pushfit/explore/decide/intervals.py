@@ -4,6 +4,8 @@ An angle that is undefined (NaN: the contact never rolls) lies in no interval bu
 towards the whole, so an interval can only be had where enough draws have the angle.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -11,40 +13,51 @@ from jaxtyping import Float, Int
 HALF_TURN = 180.0
 
 
-def shortest_interval(
-    values: Float[np.ndarray, " n"],
-    weights: Float[np.ndarray, " n"],
-    prob: float,
-    *,
-    is_axis: bool = False,
-) -> tuple[float, float] | None:
-    """Shortest interval with a given share of the weight.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """An angle and what would count as deciding it.
 
     Args:
-        values: Draws of an angle; NaN where it is undefined [deg].
-        weights: Their weights, which sum to 1.
-        prob: Share inside.
-        is_axis: Whether the draws are azimuths of period 180°.
+        values: Its draws; NaN where undefined [deg].
+        is_axis: Whether it is an azimuth of period 180°.
+        width: Width asked for [deg].
+        prob: Probability of the interval.
+    """
+
+    values: Float[np.ndarray, " n"]
+    is_axis: bool
+    width: float
+    prob: float
+
+
+def shortest_interval(
+    target: Target, weights: Float[np.ndarray, " n"]
+) -> tuple[float, float] | None:
+    """Shortest interval of an angle with the probability asked for.
+
+    Args:
+        target: The angle.
+        weights: Weights of its draws, which sum to 1.
 
     Returns:
         Lower and upper end [deg]; of an axis the lower lies in [0, 180) and the upper
         may exceed 180. None where no interval has that much weight.
     """
-    known = np.isfinite(values) & (weights > 0)
-    values, weights = values[known], weights[known]
-    if weights.sum() < prob:
+    known = np.isfinite(target.values) & (weights > 0)
+    values, weights = target.values[known], weights[known]
+    if weights.sum() < target.prob:
         return None
-    values = np.mod(values, HALF_TURN) if is_axis else values
+    values = np.mod(values, HALF_TURN) if target.is_axis else values
     order = np.argsort(values, kind="stable")
     values, weights = values[order], weights[order]
     n = values.size
-    if is_axis:
+    if target.is_axis:
         values = np.concatenate([values, values + HALF_TURN])
         weights = np.concatenate([weights, weights])
     above = np.cumsum(weights)
     below = np.concatenate([[0.0], above[: n - 1]])
     # An ulp less, so that all the weight there is can be asked for.
-    end = np.searchsorted(above, below + prob * (1 - 1e-12))
+    end = np.searchsorted(above, below + target.prob * (1 - 1e-12))
     start = np.arange(n)[end < values.size]
     end = end[end < values.size]
     best = int(np.argmin(values[end] - values[start]))
@@ -57,9 +70,9 @@ def column_widths(
     """Width of the shortest interval in every column of a table of probability.
 
     Args:
-        table: Probability by bin of the angle and column; a column need not sum to 1.
-            What is missing to its `total` has no angle.
-        prob: Share inside, of the sum of the column.
+        table: Probability by bin of the angle and column; what is missing of a
+            column to 1 has no angle.
+        prob: Probability inside.
         step: Width of a bin [deg].
         is_axis: Whether the bins go once round an axis.
 

@@ -1,0 +1,83 @@
+"""The next push, as one sentence of advice in a result.
+
+The push is that of `pushfit next` for the same table, within the elevations pushed so
+far: whichever tells most of an angle that is still open.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pushfit.explore.belief.belief import Question
+from pushfit.explore.belief.believe import belief_from
+from pushfit.explore.decide.gain import outlook
+from pushfit.explore.decide.intervals import Target
+from pushfit.explore.decide.survey import Surveyor
+from pushfit.explore.limits import Limits
+from pushfit.explore.records import SYMBOLS
+from pushfit.fit.identify import prepared
+from pushfit.fit.results import Identification, Verdict
+from pushfit.fit.setup import build_problem
+
+# What removing a tenth of the variance of a normal angle tells, -ln(0.9) / 2: a push
+# that tells less is not worth recommending [nat].
+WORTHWHILE = 0.05
+
+
+def with_next_push(found: Identification) -> Identification:
+    """An identification that says which push would tell most of what is open.
+
+    Args:
+        found: What a table told.
+
+    Returns:
+        The same with a sentence for each angle that was asked for and is not
+        determined, unless no single push would tell much.
+    """
+    sentences = [
+        sentence
+        for angle in (found.theta_c, found.alpha_star)
+        if angle.name in found.posterior.samples
+        and angle.verdict is not Verdict.DETERMINED
+        and (sentence := _sentence(found, angle.name)) is not None
+    ]
+    told = found.identifiability
+    told = replace(told, advice=(*sentences, *told.advice))
+    return replace(found, identifiability=told)
+
+
+def _sentence(found: Identification, angle: str) -> str | None:
+    """The best push for one angle in words; None where none is worth making."""
+    table, prob = found.table, found.config.report.prob
+    low, high = Limits().theta_deg
+    pushed = float(np.degrees(np.min(table.theta)))
+    limits = Limits(theta_deg=(low if pushed >= 0 else pushed, high))
+    question = Question(
+        config=found.config,
+        ask=(angle,),
+        channels=table.channels,
+        unit=table.unit,
+        sigma=None,
+        reference_alpha=float(np.radians(found.reference_alpha_deg)),
+    )
+    setup = build_problem(table, prepared(table, question.settings)[0])
+    belief = belief_from(setup, found.posterior.samples, seed=found.seed)
+    survey = Surveyor(question, limits).survey(belief, undecided=question.ask)
+    # A push shorter than the others would make no row of the table.
+    if survey.length_share < 1 or not np.any(survey.gains > WORTHWHILE):
+        return None
+    best = int(survey.ranks[0])
+    target = Target(
+        values=belief.samples[angle],
+        is_axis=angle == "alpha_star",
+        width=np.inf,
+        prob=prob,
+    )
+    heights = survey.predicted.heights[best]
+    width = outlook(heights, target, belief.weights, belief.sigma).expected_width
+    after = f" and is expected to leave a {100 * prob:g} % interval of {width:.2g}°"
+    return (
+        f"One more push at θ = {np.degrees(survey.theta[best]):.0f}°, "
+        f"α = {np.degrees(survey.alpha[best]):.0f}° would tell most of "
+        f"{SYMBOLS[angle]}{after if np.isfinite(width) else ''}."
+    )

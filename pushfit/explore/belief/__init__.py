@@ -1,0 +1,1 @@
+"""What is believed of a grasp, from the pushes that were told."""

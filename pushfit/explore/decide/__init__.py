@@ -1,0 +1,1 @@
+"""What a push would tell, and whether there is an answer."""

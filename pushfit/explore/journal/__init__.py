@@ -1,0 +1,1 @@
+"""What an exploration keeps, so that it goes on where it was killed."""

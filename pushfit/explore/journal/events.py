@@ -1,0 +1,144 @@
+"""What an exploration writes into its journal, and the history that this tells."""
+
+from dataclasses import asdict, dataclass, field
+from typing import cast
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from pushfit.explore.belief.belief import Question
+from pushfit.explore.decide.judge import Judge
+from pushfit.explore.journal.file import SCHEMA, Event
+from pushfit.explore.limits import Limits
+from pushfit.explore.records import Failure, State, Suggestion, Told
+
+# Reason of a push that was under way when the process died.
+INTERRUPTED = "interrupted"
+
+
+@dataclass(slots=True, kw_only=True)
+class History:
+    """What was asked and told so far: nothing but the sum of the events.
+
+    Args:
+        told: Pushes in order.
+        course: Where it stood after each push, for pictures.
+        failures: Pushes that gave no height.
+        pending: The push that is asked for now.
+        n_drawn: Pushes that the draws rest on; the others came by new weights.
+        stopped: Why it was ended from outside, if it was.
+        in_a_row: Why pushes failed since the last that gave a height.
+    """
+
+    told: list[Told] = field(default_factory=list)
+    course: list[State] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)
+    pending: Suggestion | None = None
+    n_drawn: int = 0
+    stopped: str | None = None
+    in_a_row: list[str] = field(default_factory=list)
+
+    def take(self, event: Event) -> None:
+        """Go on by one event.
+
+        Args:
+            event: Line of a journal.
+        """
+        match event["event"]:
+            case "attached":
+                self.told += TypeAdapter(list[Told]).validate_python(event["rows"])
+            case "asked":
+                self.pending = _suggestion_of(event)
+            case "told":
+                self.told.append(TypeAdapter(Told).validate_python(event))
+                self.pending = None
+                self.in_a_row.clear()
+            case "failed":
+                failure = TypeAdapter(Failure).validate_python(event)
+                self.failures.append(failure)
+                self.pending = None
+                if failure.reason != INTERRUPTED:  # no fault of the hand
+                    self.in_a_row.append(failure.reason)
+            case "drawn":
+                self.n_drawn = cast(int, event["n"])
+            case "state":
+                self.course.append(TypeAdapter(State).validate_python(event))
+            case "stopped":
+                self.stopped = str(event["reason"])
+
+
+def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
+    """First line of a journal: the question.
+
+    Args:
+        question: Sensor and settings.
+        judge: What counts as an answer.
+        limits: What pushes must never do.
+    """
+    return {
+        "event": "start",
+        "schema": SCHEMA,
+        "ask": list(question.ask),
+        "width_deg": judge.width,
+        "prob": judge.prob,
+        "budget": judge.budget,
+        "seed": judge.seed,
+        "sigma": question.sigma,
+        "channels": list(question.channels),
+        "unit": question.unit,
+        "config": question.config.digest(),
+        "limits": TypeAdapter(Limits).dump_python(limits, mode="json"),
+    }
+
+
+def told_event(row: Told, number: int | None) -> Event:
+    """Line of a push that was made.
+
+    Args:
+        row: The push.
+        number: Of the suggestion that it answers.
+    """
+    return {"event": "told", "number": number, **asdict(row)}
+
+
+def failed_event(suggestion: Suggestion, reason: str, *, is_final: bool) -> Event:
+    """Line of a push that gave no height.
+
+    Args:
+        suggestion: What was asked.
+        reason: Stable word, such as "stalled".
+        is_final: Whether it is never to be asked again.
+    """
+    failure = Failure(
+        theta=suggestion.theta,
+        alpha=suggestion.alpha,
+        reason=reason,
+        is_final=is_final,
+    )
+    return {"event": "failed", "number": suggestion.number, **asdict(failure)}
+
+
+def state_event(state: State) -> Event:
+    """Line that says where an exploration stands.
+
+    Args:
+        state: The state.
+    """
+    return {"event": "state", **TypeAdapter(State).dump_python(state, mode="json")}
+
+
+def asked_event(suggestion: Suggestion) -> Event:
+    """Line of a suggestion; JSON has no infinity, so a width without bound is null.
+
+    Args:
+        suggestion: What is asked.
+    """
+    event = TypeAdapter(Suggestion).dump_python(suggestion, mode="json")
+    if not np.isfinite(suggestion.expected_width):
+        event["expected_width"] = None
+    return {"event": "asked", **event}
+
+
+def _suggestion_of(event: Event) -> Suggestion:
+    width = np.inf if event["expected_width"] is None else event["expected_width"]
+    return TypeAdapter(Suggestion).validate_python({**event, "expected_width": width})

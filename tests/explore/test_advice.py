@@ -1,0 +1,52 @@
+"""The advice in a result: the push of `pushfit next`, and none where none is needed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pushfit.explore.advice import with_next_push
+from pushfit.explore.explorer import Explorer
+from pushfit.fit.identify import identify_table
+from pushfit.fit.results import Verdict
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+LOW_DEG = np.arange(5.0, 61.0, 5.0)
+
+
+@pytest.fixture(scope="module")
+def one_sided():
+    """θ_c = 72° and no push above 60°, seen by a sensor of both components."""
+    table = case_table(
+        CASES["one_sided"],
+        noise=0.03,
+        theta_deg=LOW_DEG,
+        channels=("height_normal", "height_tangential"),
+    )
+    return identify_table(table, config(), seed=1, engine="sweep")
+
+
+def test_the_push_that_would_help_is_that_of_the_explorer(one_sided):
+    advice = with_next_push(one_sided).identifiability.advice
+    table = one_sided.table
+    explorer = Explorer(config(), channels=table.channels, unit=table.unit, seed=1)
+    explorer.attach(table)
+    (best,) = explorer.ask()
+    assert best.theta_deg > LOW_DEG.max()
+    assert f"θ = {best.theta_deg:.0f}°, α = {best.alpha_deg:.0f}° would" in advice[0]
+    assert advice[1:] == one_sided.identifiability.advice
+
+
+def test_a_determined_angle_needs_no_push(one_sided):
+    angle = replace(one_sided.theta_c, verdict=Verdict.DETERMINED)
+    known = replace(one_sided, theta_c=angle)
+    assert with_next_push(known) == known
+
+
+def test_a_push_that_tells_nothing_is_not_recommended(one_sided):
+    samples = dict(one_sided.posterior.samples)
+    samples["theta_c"] = np.full_like(samples["theta_c"], 40.0)
+    posterior = replace(one_sided.posterior, samples=samples)
+    known = replace(one_sided, posterior=posterior)
+    assert with_next_push(known).identifiability.advice == known.identifiability.advice
