@@ -4,7 +4,7 @@
 
 One sweep of 17 elevations with three repeats. Every table has a truth of its own from
 the default priors, and noise of 3 % of the tallest height of one firm grasp. Intervals
-are equal-tailed ones of the exact engine, sets those of the profile likelihood. An
+are equal-tailed ones of the sweep, sets those of the profile likelihood. An
 interval averages over the priors as the truths do, so it holds the truth as often as
 it says; a set promises that only for many data and a smooth likelihood, so what it
 really does is printed beside it. Interrupted, the run prints what it has.
@@ -17,7 +17,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
-from pushfit.fit.lane_results import N_LANES, identify_lanes, ready
 from scipy import stats
 
 from pushfit.config import parse_config
@@ -37,7 +36,7 @@ FIRM = Parameters(K_sn=1300, K_dn=2600 / 3, K_st=450, C_rr=0.5, C_d=0.36, L=0.04
 TALLEST = 520 * PUSH_LENGTH
 CONFIG = parse_config(f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n", path="grasp.toml")
 QUANTITIES = ("theta_c", "A", "B", "C_rr")
-WORDS = {"interval": "exact interval", "set": "profile set"}
+WORDS = {"interval": "interval", "set": "profile set"}
 # Probability of the binomial limits that a right count keeps.
 LIMITS_PROB = 0.999
 
@@ -87,20 +86,13 @@ def run(
 ) -> Iterator[tuple[float, Answers | None]]:
     """True θ_c and answers of table after table; None where there is no result."""
     simulation = simulate_tables(pushes(noise), n_tables, np.random.default_rng(seed))
-    for first in range(0, n_tables, N_LANES):
-        items = {
-            index: ready(simulation.tables[index], CONFIG, seed=seed + index)
-            for index in range(first, min(first + N_LANES, n_tables))
-        }
-        lanes = {index: item for index, item in items.items() if item is not None}
-        found = dict(zip(lanes, identify_lanes([*lanes.values()]), strict=True))
-        for index in items:
-            result = found.get(index) or identify_table(
-                simulation.tables[index], CONFIG, seed=seed + index, engine="sweep"
-            )
-            truth = {n: float(simulation.truths[n][index]) for n in QUANTITIES}
-            is_usable = result.status is FitStatus.OK
-            yield truth["theta_c"], answers(result, truth) if is_usable else None
+    for index, table in enumerate(simulation.tables):
+        result = identify_table(
+            table, CONFIG, seed=seed + index, engine="sweep", is_brief=True
+        )
+        truth = {n: float(simulation.truths[n][index]) for n in QUANTITIES}
+        is_usable = result.status is FitStatus.OK
+        yield truth["theta_c"], answers(result, truth) if is_usable else None
 
 
 def summary(found: list[tuple[float, Answers | None]]) -> str:

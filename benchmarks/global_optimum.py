@@ -1,98 +1,90 @@
 """How often least squares misses the best fit that many random starts find.
 
-    python -m benchmarks.global_optimum [--tables 200] [--starts 32] [--seed 0]
+    python -m benchmarks.global_optimum [--kind plain] [--tables 200] [--starts 32]
 
-Tables of 27 pushes, 9 elevations with three repeats, have truths from the priors.
-Starts are drawn from the priors too and polished by the solver of single tables. A miss
-is a fit that is worse by more than 0.5 in half its chi-square; where the random starts
-are the worse ones is counted beside it, because they may miss too. So is lmfit, from
-one start at the medians of the priors.
+Tables have the pushes and noise of a kind of the tests' registry, and truths from the
+priors. Starts are drawn from the priors too and polished by the same solver. A miss is
+a fit that is worse by more than 0.5 in half its chi-square; where the random starts are
+the worse ones is counted beside it, because they may miss too.
 """
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_profile import profile_lanes
-from pushfit.fit.lane_results import N_LANES, Ready
+from jaxtyping import Array, Float
 
-from benchmarks import tables
-from benchmarks.peers import MEDIANS, SPREADS, arrays, combined, fit_by_lmfit
-from pushfit.fit.least_squares import polish
+from pushfit.cache import enable_compile_cache
+from pushfit.fit.least_squares import fit_least_squares, polish
+from pushfit.fit.problem import Problem
+from pushfit.fit.starts import prior_x_samples
+from pushfit.model import contact
+from tests.fit.kinds import KINDS
 
-N_ANGLES, REPEATS = 9, 3
 # A likelihood ratio of exp(0.5): less than this nobody would notice.
 MISS = 0.5
 
 
-def by_lanes(items: Sequence[Ready]) -> tuple[np.ndarray, np.ndarray]:
-    """Least misfits of the fits alone, and of fits and profiles."""
-    padded = [*items, *items[-1:] * (N_LANES - len(items))]
-    lanes = tables.stacked(padded)
-    fits = fit_lanes(lanes)
-    fit, profile = (
-        np.min(np.asarray(values), axis=1)[: len(items)]
-        for values in (fits.chi_square, profile_lanes(lanes, fits).misfit)
-    )
-    # A lane leaves out what no parameter changes: the scatter of the repeats.
-    within = np.array([np.sum(item.lane.within) for item in items])
-    return fit + within, np.minimum(fit + within, profile)
+def data_points(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n q"]:
+    """Data coordinates of points in sampling coordinates."""
+
+    def one(x: Float[Array, " p"]) -> Float[Array, " q"]:
+        state = problem.state(x)
+        group = contact(state.params)
+        values = {
+            "ln_A": jnp.log(group.A),
+            "ln_B": jnp.log(group.B),
+            "ln_C_rr": jnp.log(group.C_rr),
+            "f1": group.f1,
+            "f2": group.f2,
+            "ln_F_0": jnp.log(state.preload),
+            "ln_s": jnp.log(group.s),
+            "ln_L": jnp.log(group.L),
+        }
+        return jnp.stack([values[name] for name in problem.data_names])
+
+    return jax.vmap(one)(x)
 
 
-def by_random_starts(
-    item: Ready, n_starts: int, rng: np.random.Generator
-) -> Float[np.ndarray, " k"]:
-    """Sums of squares that starts from the priors end in, best first."""
-    logs = MEDIANS + SPREADS * rng.standard_normal((n_starts, MEDIANS.size))
-    columns = dict(zip(("ln_A", "ln_B", "ln_C_rr"), combined(logs).T, strict=True))
-    problem = item.setup.problem
-    starts = np.stack([columns[name] for name in problem.data_names], axis=1)
-    _, costs, _ = polish(problem, starts)
-    return costs
-
-
-def differences(
-    n_tables: int, n_starts: int, seed: int
-) -> Iterator[tuple[float, float, float]]:
-    """Half the chi-square of fit, of fit and profile, and of lmfit.
-
-    Each is less that of the best of all random starts.
-    """
+def differences(kind: str, n_tables: int, n_starts: int, seed: int) -> Iterator[float]:
+    """Half the chi-square of the fit less that of the best random start."""
+    setup = KINDS[kind].setup(0)
+    problem = setup.problem
     rng = np.random.default_rng(seed)
-    simulated = tables.prior_tables(
-        n_tables, n_angles=N_ANGLES, repeats=REPEATS, seed=seed
-    )
-    for first in range(0, n_tables, N_LANES):
-        items = tables.in_lanes(simulated[first : first + N_LANES])
-        fits, profiles = by_lanes(items)
-        for item, fit, profile in zip(items, fits, profiles, strict=True):
-            random = by_random_starts(item, n_starts, rng)
-            lmfit = 2 * fit_by_lmfit(arrays(item.table))
-            yield tuple((np.array([fit, profile, lmfit]) - random[0]) / 2)
+    truths = jnp.asarray(prior_x_samples(problem, rng, n_tables))
+    clean = jax.vmap(lambda row: problem.predict(problem.state(row)))(truths)
+    for heights in np.asarray(clean):
+        noise = problem.reference_sigma * rng.standard_normal(heights.shape)
+        data = replace(problem, observed=jnp.asarray(heights + noise))
+        fit = fit_least_squares(
+            replace(setup, problem=data, pool=None), reference_alpha=np.pi / 2
+        )
+        starts = data_points(data, jnp.asarray(prior_x_samples(data, rng, n_starts)))
+        _, costs, _ = polish(data, np.asarray(starts))
+        yield (fit.chi_square - costs[0]) / 2
 
 
 def main() -> None:
-    """Print the shares."""
+    """Print the share of misses."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--kind", default="plain", choices=KINDS)
     parser.add_argument("--tables", type=int, default=200)
     parser.add_argument("--starts", type=int, default=32)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    found = np.array(list(differences(options.tables, options.starts, options.seed)))
-    print(f"{options.tables} tables, {options.starts} random starts each")
-    names = (
-        "least squares in lanes",
-        "the same with its profile",
-        "lmfit from one start",
+    found = np.array(
+        list(differences(options.kind, options.tables, options.starts, options.seed))
     )
-    for name, column in zip(names, found.T, strict=True):
-        print(
-            f"{name}: {np.sum(column > MISS)} miss the best random start, "
-            f"{np.sum(column < -MISS)} beat it; worst {np.max(column):.2g}"
-        )
+    print(f"{options.tables} tables of kind {options.kind}, {options.starts} starts")
+    print(
+        f"{np.sum(found > MISS)} miss the best random start, "
+        f"{np.sum(found < -MISS)} beat it; worst {np.max(found):.2g}"
+    )
 
 
 if __name__ == "__main__":
+    enable_compile_cache()
     main()

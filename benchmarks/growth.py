@@ -2,8 +2,8 @@
 
     python -m benchmarks.growth [--tables 32 128 512] [--workers 1 2] [--items 64]
 
-Tables go from their heights to the draws of their posteriors; the host's part makes
-lanes of tables, the compiled part fits them in lanes and sweeps their posteriors.
+Tables go from their heights to the draws of their posteriors; the host's part poses
+their problems, the compiled part fits them and sweeps their posteriors.
 Times are processor times, the smallest of the rounds. Workers are those of `pushfit
 batch` on a folder of tables, by the clock, start and all, its programs compiled by a
 run before.
@@ -17,40 +17,38 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-import jax
 import numpy as np
-from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_results import N_LANES
 
 from benchmarks import tables
 from pushfit.cache import enable_compile_cache
 from pushfit.data.tables.peak_table import PeakTable, write_table
+from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Elevations and repeats: 17, 51 and 204 rows of the same directions, then 204 of more.
 DESIGNS = ((17, 1), (17, 3), (17, 12), (68, 3))
 ROUNDS = 3
+# Tables that compile everything, and those of each design.
+N_WARM, N_ROWS = 2, 32
 CONFIG_TEXT = f"[push]\nlength_mm = {1000 * tables.PUSH_LENGTH}\n"
 
 
 def costs(simulated: Sequence[PeakTable]) -> tuple[float, float]:
     """Processor time per table of the host's part and of the compiled part [s]."""
     start = time.process_time()
-    items = tables.in_lanes(simulated)
+    setups = tables.setups(simulated)
     host = time.process_time() - start
     start = time.process_time()
-    for first in range(0, len(items), N_LANES):
-        lanes = tables.stacked(items[first : first + N_LANES])
-        jax.block_until_ready(fit_lanes(lanes))
-    for item in items:
-        sweep_posterior(item.setup, seed=0, reference_alpha=0.0, reach=(0.0, np.pi))
-    return host / len(items), (time.process_time() - start) / len(items)
+    for setup in setups:
+        fit_least_squares(setup, reference_alpha=0.0)
+        sweep_posterior(setup, seed=0, reference_alpha=0.0, reach=(0.0, np.pi))
+    return host / len(setups), (time.process_time() - start) / len(setups)
 
 
 def print_costs(what: str, groups: dict[str, Sequence[PeakTable]]) -> None:
     """One line for each group, the groups in turns."""
     for simulated in groups.values():
-        costs(simulated[:N_LANES])
+        costs(simulated[:N_WARM])
     rounds = [[costs(group) for group in groups.values()] for _ in range(ROUNDS)]
     best = 1e3 * np.min(rounds, axis=0)
     print(f"| {what} | host, per table | compiled, per table |\n|---|---|---|")
@@ -95,7 +93,7 @@ def main() -> None:
         print_costs("tables", {str(n): simulated[:n] for n in options.tables})
         by_rows = {
             f"{n * repeats} in {n} directions": tables.prior_tables(
-                N_LANES, n_angles=n, repeats=repeats
+                N_ROWS, n_angles=n, repeats=repeats
             )
             for n, repeats in DESIGNS
         }

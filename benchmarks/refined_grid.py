@@ -48,12 +48,12 @@ def main() -> None:
     parser.add_argument("--tables", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    items = tables.in_lanes(tables.prior_tables(options.tables, seed=options.seed))
+    setups = tables.setups(tables.prior_tables(options.tables, seed=options.seed))
     found = []
-    for index, item in enumerate(items):
-        (mean, sd), log_evidence = refined(item.setup)
-        own = weighted_draws(make_target(item.setup.problem, 0.0), seed=index)
-        theta = samples_mapping(item.setup.problem, own.x, 0.0, (0.0, np.pi))["theta_c"]
+    for index, setup in enumerate(setups):
+        (mean, sd), log_evidence = refined(setup)
+        own = weighted_draws(make_target(setup.problem, 0.0), seed=index)
+        theta = samples_mapping(setup.problem, own.x, 0.0, (0.0, np.pi))["theta_c"]
         own_mean, own_sd = moments(theta, own.log_weights)
         distance = abs(own.log_evidence - log_evidence) / own.log_evidence_error
         found.append([abs(own_mean - mean) / sd, abs(own_sd / sd - 1), distance])

@@ -7,15 +7,13 @@ of its tallest height and the push length known.
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import numpy as np
-from pushfit.fit.lane_results import Ready, ready
-from pushfit.fit.lanes import Lane
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.priors import default_priors
+from pushfit.fit.setup import Setup, build_problem
 from pushfit.model import Grasp, Parameters, Pushes, forward
 
 PUSH_LENGTH = 5e-3
@@ -52,14 +50,6 @@ def prior_tables(
     return tables
 
 
-def in_lanes(tables: Sequence[PeakTable]) -> list[Ready]:
-    """Tables with their lanes."""
-    found = [ready(table, CONFIG, seed=k) for k, table in enumerate(tables)]
-    assert None not in found, "a table of one sweep fits into a lane"
-    return [item for item in found if item is not None]
-
-
-def stacked(items: Sequence[Ready]) -> Lane:
-    """All of them as one lane."""
-    lanes = [item.lane for item in items]
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *lanes)
+def setups(tables: Sequence[PeakTable]) -> list[Setup]:
+    """Problems that tables pose."""
+    return [build_problem(table, CONFIG) for table in tables]

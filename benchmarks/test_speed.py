@@ -13,9 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
-from pushfit.fit.lane_fit import fit_lanes
-from pushfit.fit.lane_profile import profile_lanes
-from pushfit.fit.lane_results import N_LANES
 
 from benchmarks import peers, recording_scale, tables, tilting_cost
 from pushfit.cache import PROGRAMS
@@ -25,11 +22,16 @@ from pushfit.fit.many import identify_many
 from pushfit.fit.posterior import sample_posterior
 from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.sweep.posterior import N_RETURNED, sweep_posterior
+from tests.fit.kinds import KINDS
+from tests.fit.tables import config
 from tests.oracle.exact import exact_posterior
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time, disable_gc=True)
 
-N_PEER = 8
+# Tables of a batch, and those that peers fit.
+N_TABLES, N_PEER = 32, 8
+# Tables of the paper's protocol in a batch.
+N_PROTOCOL = 16
 # Tables that emcee samples, and steps of lmfit's.
 N_SAMPLED, N_STEPS = 3, 1500
 N_RECORDED = recording_scale.HOUR
@@ -43,13 +45,8 @@ N_LONG = 2
 
 @pytest.fixture(scope="module")
 def swept() -> list:
-    """As many tables as go through one call."""
-    return tables.prior_tables(N_LANES)
-
-
-@pytest.fixture(scope="module")
-def lanes(swept):
-    return tables.stacked(tables.in_lanes(swept))
+    """Tables of one sweep of elevations."""
+    return tables.prior_tables(N_TABLES)
 
 
 @pytest.fixture(scope="module")
@@ -89,45 +86,13 @@ def in_turn(function, items):
     ("peer", "target"),
     [("lmfit `minimize`, one start", 150), ("SciPy `least_squares`, one start", 60)],
 )
-def test_least_squares_in_lanes(compare, lanes, local_fits, peer, target):
-    def ours() -> float:
-        jax.block_until_ready(fit_lanes(lanes))
-        return N_LANES
-
-    ours = ("least squares in lanes, global, per table", ours)
-    compare(ours, (peer, local_fits[peer]), rounds=9, target=target)
-
-
-def test_least_squares_with_profile_in_lanes(compare, lanes, local_fits):
-    def ours() -> float:
-        jax.block_until_ready(profile_lanes(lanes, fit_lanes(lanes)))
-        return N_LANES
-
-    peer = "lmfit `minimize`, one start"
-    ours = ("the same with the profile of θ_c", ours)
-    compare(ours, (peer, local_fits[peer]), rounds=9)
-
-
-def test_least_squares_from_tables(compare, swept, local_fits):
-
-    def ours() -> float:
-        items = tables.in_lanes(swept)
-        jax.block_until_ready(fit_lanes(tables.stacked(items)))
-        return N_LANES
-
-    peer = "lmfit `minimize`, one start"
-    ours = ("least squares in lanes, tables made into lanes first", ours)
-    compare(ours, (peer, local_fits[peer]), rounds=5)
-
-
-def test_a_single_fit(compare, fitted, local_fits):
-    def one(item) -> float:
-        fit_least_squares(item.setup, reference_alpha=0.0)
+def test_least_squares(compare, swept, local_fits, peer, target):
+    def one(setup) -> float:
+        fit_least_squares(setup, reference_alpha=0.0)
         return 1.0
 
-    peer = "lmfit `minimize`, one start"
-    ours = ("one table by itself, global", in_turn(one, fitted))
-    compare(ours, (peer, local_fits[peer]), rounds=9)
+    ours = ("least squares, global, per table", in_turn(one, tables.setups(swept)))
+    compare(ours, (peer, local_fits[peer]), rounds=9, target=target)
 
 
 @pytest.fixture(scope="module")
@@ -233,8 +198,8 @@ def test_posterior_by_the_sweep_against_lmfit(compare, posteriors, lmfit_runs):
 
 def test_identification_of_many_tables(compare, swept, lmfit_runs):
     def ours() -> float:
-        identify_many(swept, tables.CONFIG, seeds=range(N_LANES), engine="sweep")
-        return N_LANES
+        identify_many(swept, tables.CONFIG, seeds=range(N_TABLES), engine="sweep")
+        return N_TABLES
 
     ours = ("whole identification in a batch, per table", ours)
     peer = (
@@ -242,6 +207,29 @@ def test_identification_of_many_tables(compare, swept, lmfit_runs):
         lambda: lmfit_runs() / N_EFFECTIVE,
     )
     compare(ours, peer, rounds=N_LONG, is_peer_warm=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "target"), [("paper", None), ("tilting", 10)], ids=["paper", "tilting"]
+)
+def test_identification_of_the_protocol(compare, name, target):
+    """126 heights or so, a preload and the ellipse free, beside one plain sweep."""
+
+    def many(kind):
+        pushes = [KINDS[kind].table(seed) for seed in range(N_PROTOCOL)]
+        settings = config(KINDS[kind].text)
+
+        def run() -> float:
+            identify_many(pushes, settings, seeds=range(N_PROTOCOL), engine="sweep")
+            return N_PROTOCOL
+
+        return run
+
+    words = {"paper": "the paper's protocol", "tilting": "the same by tilting"}
+    base = "plain" if name == "paper" else "paper"
+    peers = {"plain": "one sweep without preload", "paper": words["paper"]}
+    ours = (f"{words[name]}, whole identification in a batch, per table", many(name))
+    compare(ours, (peers[base], many(base)), rounds=3, target=target, is_cost=True)
 
 
 @pytest.fixture
@@ -319,16 +307,4 @@ def tilted_fits():
 def test_least_squares_by_tilting(compare, tilted_fits):
     ours = ("tilting, least squares, one table by itself", tilted_fits["tilting"])
     peer = ("linear mechanics, one table by itself", tilted_fits["linear"])
-    compare(ours, peer, rounds=N_TILTED, is_cost=True)
-
-
-def test_least_squares_by_tilting_in_a_batch(compare, tilted_fits, swept):
-    def in_lanes() -> float:
-        items = tables.in_lanes(swept)
-        jax.block_until_ready(fit_lanes(tables.stacked(items)))
-        return N_LANES
-
-    # Lanes decline tilting mechanics, so a batch fits its tables one by one.
-    ours = ("tilting, least squares in a batch, per table", tilted_fits["tilting"])
-    peer = ("linear mechanics, tables made into lanes first", in_lanes)
     compare(ours, peer, rounds=N_TILTED, is_cost=True)

@@ -18,14 +18,12 @@ from collections import defaultdict
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
-from pushfit.fit.constrained import ConstrainedFit
-from pushfit.fit.scan import starting_points
 
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.identify import fit_table
-from pushfit.fit.profile_sets import threshold
+from pushfit.fit.profiles import likelihood_profiles
 from pushfit.fit.tilt_check import WORTH_OF_WIDTH
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters
@@ -34,8 +32,8 @@ THETA = np.radians(np.arange(10.0, 90.0, 5.0))
 REPEATS, NOISE, PUSH_LENGTH = 3, 0.02, 5e-3
 LENGTHS = (0.04, 0.07)
 PROB = 0.9
-# Angles at which the profile is asked, the truth beside them.
-GRID = np.radians(np.linspace(8.0, 80.0, 63))
+# Range in which widths of sets count.
+RANGE_DEG = (0.0, 90.0)
 
 
 def truth(length: float) -> Parameters:
@@ -73,20 +71,27 @@ def answer(
 ) -> dict[str, float]:
     """Best θ_c, width of its set, and whether the set holds the truth."""
     fitted = fit_table(pushes, settings)
-    problem = fitted.setup.problem
-    best = np.array([list(fitted.fit.modes[0].coordinates.values())])
-    pool = np.concatenate([starting_points(problem), best])
-    solver = ConstrainedFit(problem, jnp.asarray(pool), fitted.reference_alpha)
-    values = np.r_[GRID, theta_c]
-    found = solver.solve(("theta_c",) * values.size, values).chi_square
-    delta = found - min(fitted.fit.chi_square, np.min(found))
-    inside = delta[:-1] <= threshold(PROB, np.inf)
-    step = np.degrees(GRID[1] - GRID[0])
+    profile = likelihood_profiles(
+        fitted.setup,
+        fitted.fit,
+        reference_alpha=fitted.reference_alpha,
+        prob=PROB,
+        reach=(0.0, np.pi),
+        wanted=("theta_c",),
+    )["theta_c"]
+    ends = np.clip(
+        [
+            (-np.inf if low is None else low, np.inf if high is None else high)
+            for low, high in profile.pieces
+        ],
+        *RANGE_DEG,
+    )
+    holds = np.any((ends[:, 0] <= theta_c) & (theta_c <= ends[:, 1]))
     estimate = fitted.fit.modes[0].theta_c_deg
     return {
         "estimate": np.nan if estimate is None else estimate,
-        "width": float(np.sum(inside)) * step,
-        "holds": float(delta[-1] <= threshold(PROB, np.inf)),
+        "width": float(np.sum(ends[:, 1] - ends[:, 0])),
+        "holds": float(holds),
         "chi_square": fitted.fit.chi_square,
     }
 
@@ -101,7 +106,7 @@ def run(n_tables: int, seed: int, channels: tuple[str, ...]) -> pd.DataFrame:
                 theta_c = float(critical_angle(truth(length), grasp, jnp.asarray(0.0)))
                 pushes = table(length, channels, seed + index)
                 both = {
-                    name: answer(pushes, config(name, length), theta_c)
+                    name: answer(pushes, config(name, length), np.degrees(theta_c))
                     for name in ("linear", "tilting")
                 }
                 gap = abs(both["linear"]["estimate"] - both["tilting"]["estimate"])

@@ -21,9 +21,8 @@
 # %%
 from pathlib import Path
 
-from pushfit.config.inputs import PeakSettings
-
 import pushfit
+from pushfit.config.inputs import PeakSettings
 from pushfit.explore.hands.simulated import simulated_hand
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
