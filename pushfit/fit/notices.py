@@ -52,9 +52,19 @@ def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
     if n_elevations < 3:
         yield Notice(
             code="few_elevations",
-            text=f"only {n_elevations} distinct elevations were pushed; the critical "
-            "angle needs several on both sides of it",
+            text=f"pushes have only {n_elevations} distinct "
+            f"{'elevation' if n_elevations == 1 else 'elevations'}; the critical angle "
+            "needs several on both sides of it",
         )
+    if "definition" in table.frame:
+        definitions = set(table.frame["definition"][table.is_used]) - {""}
+        if len(definitions) > 1:
+            yield Notice(
+                code="mixed_definitions",
+                text="some heights were read at the apex of a push, others at its "
+                "plateau, and one push has two heights by the two; set [peaks] height "
+                "to the one that all should have",
+            )
 
 
 def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:

@@ -238,5 +238,5 @@ def test_too_few_elevations_are_told_with_the_way_out(n_elevations):
     notices = {
         notice.code: notice.text for notice in table_notices(table, GraspConfig())
     }
-    assert f"only {n_elevations} distinct elevations" in notices["few_elevations"]
+    assert f"only {n_elevations} distinct elevation" in notices["few_elevations"]
     assert "needs several on both sides" in notices["few_elevations"]
