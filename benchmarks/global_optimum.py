@@ -59,9 +59,7 @@ def differences(kind: str, n_tables: int, n_starts: int, seed: int) -> Iterator[
     for heights in np.asarray(clean):
         noise = problem.reference_sigma * rng.standard_normal(heights.shape)
         data = replace(problem, observed=jnp.asarray(heights + noise))
-        fit = fit_least_squares(
-            replace(setup, problem=data, pool=None), reference_alpha=np.pi / 2
-        )
+        fit = fit_least_squares(replace(setup, problem=data), reference_alpha=np.pi / 2)
         starts = data_points(data, jnp.asarray(prior_x_samples(data, rng, n_starts)))
         _, costs, _ = polish(data, np.asarray(starts))
         yield (fit.chi_square - costs[0]) / 2

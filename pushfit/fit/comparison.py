@@ -315,7 +315,7 @@ def _push_log_likelihoods(
 
 def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
     """The same pushes under another configuration."""
-    setup = settle_noise(build_problem(fitted.table, config))
+    setup = settle_noise(build_problem(fitted.table, config), fitted.reference_alpha)
     return Fitted(
         table=fitted.table,
         config=config,

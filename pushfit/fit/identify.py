@@ -298,7 +298,7 @@ def _fit(
     table: PeakTable, config: GraspConfig, reference_alpha: float
 ) -> tuple[Setup, FitResult]:
     """Problem with its noise weights settled, and its best fit."""
-    setup = settle_noise(build_problem(table, config))
+    setup = settle_noise(build_problem(table, config), reference_alpha)
     return setup, fit_least_squares(setup, reference_alpha=reference_alpha)
 
 

@@ -72,7 +72,7 @@ def fit_least_squares(
     Raises:
         FitError: If no start has finite residuals and `throw` is set.
     """
-    setup = searched(setup)
+    setup = searched(setup, reference_alpha)
     found = polish(setup.problem, _starts(setup))
     return fit_result(setup, found, reference_alpha=reference_alpha, throw=throw)
 
@@ -129,20 +129,25 @@ def fit_result(
     )
 
 
-def searched(setup: Setup) -> Setup:
+def searched(setup: Setup, reference_alpha: float | None = None) -> Setup:
     """The setup with best fits along its leading quantity, unless it has them.
 
     Args:
         setup: Problem and its provenance.
+        reference_alpha: Azimuth of θ_c [rad]; see `search`.
     """
-    if setup.pool is not None:
+    problem, found = setup.problem, setup.search
+    is_own = found is not None and np.array_equal(found.observed, problem.observed)
+    if is_own or not problem.data_names:
         return setup
-    return replace(setup, pool=search(setup.problem))
+    return replace(setup, search=search(problem, reference_alpha))
 
 
 def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
-    """The lowest of the pool's valleys; always as many, the lowest repeated."""
-    pool = np.asarray(setup.pool)
+    """The lowest valleys of the search; always as many, the lowest repeated."""
+    if setup.search is None:
+        return np.zeros((N_STARTS, 0))
+    pool = setup.search.curve.points
     costs = np.asarray(costs_at(setup.problem, jnp.asarray(pool)))
     padded = np.r_[np.inf, np.where(np.isfinite(costs), costs, np.inf), np.inf]
     is_low = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
@@ -203,20 +208,22 @@ def restarted(
     return points[order], costs[order], is_done[order]
 
 
-def settle_noise(setup: Setup) -> Setup:
-    """The setup with weights for least squares, sigma estimated where it is sampled.
+def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
+    """The setup searched, with sigma estimated where it is sampled.
 
     Args:
         setup: Problem and its provenance.
+        reference_alpha: Azimuth of θ_c [rad]; see `search`.
 
     Returns:
-        The setup; unchanged where sigma was given or pooled. Otherwise each channel's
-        sigma solves Σ r² / (sd² + sigma²) = n - p at the best fit.
+        The setup with weights for least squares: unchanged where sigma was given or
+        pooled, otherwise each channel's sigma solves Σ r² / (sd² + sigma²) = n - p at
+        the best fit.
     """
+    setup = searched(setup, reference_alpha)
     problem = setup.problem
     if setup.noise.kind != "sampled" or not problem.data_names:
         return setup
-    setup = searched(setup)
     points = _starts(setup)
     # Sigma and the fit depend on each other only through the relative weights of
     # channels and rows; three rounds settle that far below sigma's own error.

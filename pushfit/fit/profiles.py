@@ -6,6 +6,7 @@ critical angles stay two, and an end that no push bounds stays open.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +14,7 @@ from jaxtyping import Float
 
 from pushfit.fit.derived import critical_angles
 from pushfit.fit.implied import implied_profiles
-from pushfit.fit.least_squares import searched
+from pushfit.fit.least_squares import costs_at, searched
 from pushfit.fit.priors import UNITS
 from pushfit.fit.problem import Problem
 from pushfit.fit.profile_sets import pieces_below, threshold, verdict_of
@@ -104,26 +105,31 @@ def _curves(
     wanted: Sequence[str] | None,
 ) -> dict[str, Curve]:
     """Profiles of all quantities, through the modes of the fit."""
-    setup = searched(setup)
-    problem, pool = setup.problem, setup.pool
-    if not problem.data_names or pool is None:
+    setup = searched(setup, reference_alpha)
+    problem, search = setup.problem, setup.search
+    if search is None:
         return {}
     modes = np.array([list(mode.coordinates.values()) for mode in fit.modes])
-    pool = np.concatenate([pool, modes[:1]])
+    pool = np.concatenate([search.curve.points, modes[:1]])
     costs = np.array([mode.chi_square for mode in fit.modes])
     curves = {}
     for index, name in enumerate(imposable(problem)):
         if name in UNPROFILED or (wanted is not None and name not in wanted):
             continue
         at_modes = _values_at(problem, name, modes, reference_alpha)
-        curve = profile_curve(
-            problem,
-            index,
-            first_values(problem, name, at_modes),
-            pool,
-            reference_alpha=reference_alpha,
-            level=level,
-        )
+        # With an ellipse guesses are few beside its shapes: another look pays.
+        is_found = "f1" not in problem.data_names and name == search.quantity
+        if is_found and reference_alpha == search.reference_alpha:
+            curve = _weighed_anew(problem, search.curve)
+        else:
+            curve = profile_curve(
+                problem,
+                index,
+                first_values(problem, name, at_modes),
+                pool,
+                reference_alpha=reference_alpha,
+                level=level,
+            )
         # Of the other modes most lie above the profile.
         around = np.interp(at_modes, curve.values, curve.chi_square)
         known = np.isfinite(at_modes) & (costs <= around)
@@ -132,6 +138,13 @@ def _curves(
         )
         curves[name] = curve.joined(exact)
     return curves
+
+
+def _weighed_anew(problem: Problem, curve: Curve) -> Curve:
+    """A curve with the sums of squares that settled noise gives its fits."""
+    chi_square = np.asarray(costs_at(problem, jnp.asarray(curve.points)))
+    is_possible = np.isfinite(curve.chi_square) & np.isfinite(chi_square)
+    return replace(curve, chi_square=np.where(is_possible, chi_square, np.inf))
 
 
 def _values_at(

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
@@ -20,6 +19,7 @@ from pushfit.fit.noise import Noise, choose_noise
 from pushfit.fit.priors import Prior, default_priors, priors_from_config
 from pushfit.fit.problem import Problem
 from pushfit.fit.pulls import with_pulls
+from pushfit.fit.sweep.curve import Search
 from pushfit.model import Grasp, Pushes
 
 # One compiled program serves every table of up to this many rows, then of twice as
@@ -42,7 +42,7 @@ class Setup:
         rows: Row of the table of each unpadded column of the problem.
         is_calibrated: Whether stiffness comes out in N/m rather than sensor units/m.
         has_direction: Whether azimuths differ enough to ask for a direction.
-        pool: Best data coordinates at values that span θ_c, once they are known.
+        search: Best fits along θ_c, once they are known.
     """
 
     problem: Problem
@@ -50,7 +50,7 @@ class Setup:
     rows: tuple[int, ...]
     is_calibrated: bool
     has_direction: bool
-    pool: Float[np.ndarray, "k q"] | None = None
+    search: Search | None = None
 
 
 def build_problem(table: PeakTable, config: GraspConfig) -> Setup:

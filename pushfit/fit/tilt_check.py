@@ -179,7 +179,7 @@ def tilt_notice(
 
 def _best(problem: Problem) -> Float[Array, " q"]:
     """Best point of a search."""
-    pool = jnp.asarray(search(problem))
+    pool = jnp.asarray(search(problem).curve.points)
     costs = np.asarray(costs_at(problem, pool))
     return pool[int(np.nanargmin(costs))]
 

@@ -27,8 +27,11 @@ THETA_ENDS, PRELOADED_ENDS, AXIS_ENDS = (0.05, 89.95), (-89.0, 89.95), (-90.0, 9
 LOG_OFFSETS = np.geomspace(0.003, 8.0, 13)
 # Distance of an imposed θ_c of tilting mechanics from another crossing [rad].
 SAME_ANGLE = 1e-6
+# Δχ² that a search resolves best, that of 90 %.
+LEVEL = 2.7
 # Values of a curve, and points that starts are chosen from.
-N_VALUES, N_FIRST, N_POOL = 96, 32, 24
+N_VALUES, N_FIRST = 96, 32
+N_POOL, N_PLAIN_POOL = 24, 8
 # Powers of the profile likelihood that place values, and the share each has; the rest
 # gathers where it crosses the level, within so many standard deviations.
 TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
@@ -37,9 +40,9 @@ TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
 # sharpens round by round.
 # Where the object tilts the switch is rounder, and programs are slow to compile: points
 # of the pool are not followed one by one.
-FAMILY_SHARPNESS = (8.0, 64.0, 1024.0)
+FAMILY_SHARPNESS = (16.0, 1024.0)
 SHARPNESS = {
-    "linear": (*(4.0 ** np.arange(1, 9)), 1e6, 1e6),
+    "linear": (16.0, 256.0, 4096.0, 1e6, 1e6, 1e6),
     "tilting": (math.inf,) * 6,
 }
 # θ_c held where a point has none [rad].
@@ -74,30 +77,51 @@ class Curve:
         )
 
 
-def search(problem: Problem) -> Float[np.ndarray, "k q"]:
-    """Best fits along θ_c, or along what else is free, from guesses alone.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """Best fits along one quantity, from guesses alone.
+
+    Args:
+        observed: Heights that were fitted.
+        quantity: Name of the quantity: θ_c, or what else is free.
+        reference_alpha: Azimuth of θ_c [rad].
+        curve: The fits.
+    """
+
+    observed: Float[np.ndarray, "c n"]
+    quantity: str
+    reference_alpha: float
+    curve: Curve
+
+
+def search(problem: Problem, reference_alpha: float | None = None) -> Search:
+    """Look at the whole likelihood before any solver starts, so that no mode is missed.
 
     Args:
         problem: Problem.
-
-    Returns:
-        Data coordinates by rising value.
+        reference_alpha: Azimuth of θ_c [rad]; None for that of the first push, since
+            any will do to tell valleys apart.
     """
-    quantities = imposable(problem)
-    if not quantities:
-        return np.zeros((1, 0))
-    pool = guesses(problem)
+    if reference_alpha is None:
+        reference_alpha = float(np.asarray(problem.pushes.alpha)[0])
+    quantities, pool = imposable(problem), guesses(problem)
     name = "theta_c" if "theta_c" in quantities else quantities[0]
     index = quantities.index(name)
-    return profile_curve(
+    curve = profile_curve(
         problem,
         index,
         first_values(problem, name, pool[:, min(index, pool.shape[1] - 1)]),
         pool,
-        # Any azimuth will do to tell valleys apart.
-        reference_alpha=float(np.asarray(problem.pushes.alpha)[0]),
-        level=1.0,
-    ).points
+        reference_alpha=reference_alpha,
+        level=LEVEL,
+    )
+    observed = np.asarray(problem.observed)
+    return Search(
+        observed=observed,
+        quantity=name,
+        reference_alpha=reference_alpha,
+        curve=curve,
+    )
 
 
 def first_values(
@@ -149,7 +173,8 @@ def profile_curve(
     # What repeats scatter about their mean, no fit can change.
     scatter = float(jnp.sum(jnp.where(means.mask, pooled.scatter / sigma**2, 0.0)))
     sigma = jnp.where(means.mask, sigma / jnp.sqrt(pooled.count), sigma)
-    rows = np.linspace(0, len(pool) - 1, N_POOL).round().astype(int)
+    n_pool = N_POOL if "f1" in problem.data_names else N_PLAIN_POOL
+    rows = np.linspace(0, len(pool) - 1, n_pool).round().astype(int)
     at, points, cost = (
         np.asarray(a)
         for a in _curve(

@@ -33,7 +33,7 @@ WHERE = {
     "1 missing path, folder": (
         (RECORDING, "test_a_missing_path_names_the_nearest_one"),
         (RECORDING, "test_a_folder_is_not_a_recording"),
-        ("test_cli_inputs", "test_all_missing_inputs_are_named_before_any_work"),
+        ("cli/test_inputs", "test_all_missing_inputs_are_named_before_any_work"),
     ),
     "2 empty, header only": ((RECORDING, "empty", "blank_lines_only", "header_only"),),
     "3 no table at all": (
@@ -128,7 +128,7 @@ WHERE = {
     "31 outlying push": (("fit/test_criticism", "test_an_outlying_push_is_named"),),
     "32 the same recording twice": (
         ("data/tables/test_merge", "test_a_recording_named_twice_is_refused"),
-        ("test_cli_inputs", "test_a_recording_named_twice_is_not_counted_twice"),
+        ("cli/test_inputs", "test_a_recording_named_twice_is_not_counted_twice"),
     ),
     "33 labels": (
         (RECORDING, "text_that_is_not_needed"),
