@@ -15,6 +15,7 @@ from pushfit.fit.profile_sets import pieces_below, profile_set, threshold, verdi
 from pushfit.fit.profiles import likelihood_profiles
 from pushfit.fit.results import Verdict
 from pushfit.fit.setup import build_problem
+from tests.fit.kinds import KINDS
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES, PUSH, paper_parameters
 
@@ -308,3 +309,19 @@ def test_a_set_covers_the_whole_valley_of_a_sweep_at_one_elevation():
         # A tenth of what moves the end of a 90 % set.
         assert here < elsewhere + 0.3
     assert profile.verdict is Verdict.ONE_SIDED
+
+
+def test_modes_above_a_profile_do_not_cut_it():
+    """Other minima of χ² lie above the profile, at values that better fits share."""
+    setup = KINDS["paper"].setup(0)
+    fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
+    profiles = likelihood_profiles(
+        setup,
+        fit,
+        reference_alpha=np.pi / 2,
+        prob=0.9,
+        reach=(0.0, np.pi),
+        wanted=("ln_A",),
+    )
+    assert any(mode.chi_square > fit.chi_square + 1 for mode in fit.modes)
+    assert len(profiles["A"].pieces) == 1
