@@ -231,6 +231,9 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
         problem = with_noise_of(problem, jnp.asarray(points[0]))
+    if has_weights:
+        # Other weights have other best fits.
+        setup = replace(setup, search=search(problem, reference_alpha))
     return replace(setup, problem=problem)
 
 

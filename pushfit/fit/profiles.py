@@ -132,7 +132,7 @@ def _curves(
             )
         # Of the other modes most lie above the profile.
         around = np.interp(at_modes, curve.values, curve.chi_square)
-        known = np.isfinite(at_modes) & (costs <= around)
+        known = np.isfinite(at_modes) & ~(costs > around)
         exact = Curve(
             values=at_modes[known], points=modes[known], chi_square=costs[known]
         )

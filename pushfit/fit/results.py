@@ -366,7 +366,7 @@ class Identification:
     Args:
         table: The peak heights.
         used: Rows that entered the fit.
-        config: The configuration in force.
+        config: The configuration as it was given.
         fit: Least squares.
         posterior: Posterior draws.
         theta_c: Critical angle at `reference_alpha_deg` [deg].

@@ -35,11 +35,11 @@ N_POOL, N_PLAIN_POOL = 24, 8
 # Powers of the profile likelihood that place values, and the share each has; the rest
 # gathers where it crosses the level, within so many standard deviations.
 TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
+CROSSING, AT_CROSSING = 0.15, 0.35
 # Sharpness of the transition in each round, for each point of the pool and afterwards.
 # Across the hard switch the other branch has no slope: a soft one leads there, and
-# sharpens round by round.
-# Where the object tilts the switch is rounder, and programs are slow to compile: points
-# of the pool are not followed one by one.
+# sharpens round by round. Where the object tilts the switch is rounder, and programs
+# are slow to compile: points of the pool are not followed one by one.
 FAMILY_SHARPNESS = (16.0, 1024.0)
 SHARPNESS = {
     "linear": (16.0, 256.0, 4096.0, 1e6, 1e6, 1e6),
@@ -47,7 +47,6 @@ SHARPNESS = {
 }
 # θ_c held where a point has none [rad].
 SOME_ANGLE = 0.1
-CROSSING, AT_CROSSING = 0.15, 0.35
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,18 +105,16 @@ def search(problem: Problem, reference_alpha: float | None = None) -> Search:
         reference_alpha = float(np.asarray(problem.pushes.alpha)[0])
     quantities, pool = imposable(problem), guesses(problem)
     name = "theta_c" if "theta_c" in quantities else quantities[0]
-    index = quantities.index(name)
     curve = profile_curve(
         problem,
-        index,
-        first_values(problem, name, pool[:, min(index, pool.shape[1] - 1)]),
+        quantities.index(name),
+        first_values(problem, name, pool[:, 0]),
         pool,
         reference_alpha=reference_alpha,
         level=LEVEL,
     )
-    observed = np.asarray(problem.observed)
     return Search(
-        observed=observed,
+        observed=np.asarray(problem.observed),
         quantity=name,
         reference_alpha=reference_alpha,
         curve=curve,
@@ -192,8 +189,7 @@ def profile_curve(
         angles = np.asarray(critical_angles(problem, jnp.asarray(points), alpha))
         is_other = ~(np.abs(angles - at) < SAME_ANGLE)
         chi_square = np.where(is_other, np.inf, chi_square)
-    nothing = Curve(values=at[:0], points=points[:0], chi_square=chi_square[:0])
-    return Curve(values=at, points=points, chi_square=chi_square).joined(nothing)
+    return Curve(values=at, points=points, chi_square=chi_square)
 
 
 @compiled
