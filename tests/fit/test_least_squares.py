@@ -8,6 +8,7 @@ from scipy.optimize import least_squares
 from pushfit.fit.least_squares import (
     MAX_ROUNDS,
     STALLED_DELTA_CHI_SQUARE,
+    costs_at,
     fit_least_squares,
     polish,
     restarted,
@@ -196,3 +197,14 @@ def test_padding_changes_nothing():
     weights = 1 / table.sd("height")
     residuals = (fit.predicted - table.heights("height")) * weights
     np.testing.assert_allclose(np.sum(residuals**2), fit.chi_square, rtol=1e-12)
+
+
+def test_a_search_has_the_weights_that_noise_settles_at():
+    """Its curve becomes a profile, so that other weights would narrow the set."""
+    channels = ("height_normal", "height_tangential")
+    table = case_table(CASES["firm"], noise=0.02, channels=channels)
+    setup = setup_of(table, '[noise]\nsigma = "sampled"\n')
+    curve = setup.search.curve
+    is_possible = np.isfinite(curve.chi_square)
+    costs = costs_at(setup.problem, jnp.asarray(curve.points[is_possible]))
+    np.testing.assert_allclose(costs, curve.chi_square[is_possible], rtol=1e-4)
