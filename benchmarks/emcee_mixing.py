@@ -18,13 +18,15 @@ import numpy as np
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.chains import Densities, advance, in_chunks
+from pushfit.fit.chains import Densities, advance
 from pushfit.fit.diagnostics import autocorr_time
+from pushfit.fit.encoding import encode
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.mixture import fit_mixture
 from pushfit.fit.moves import DifferenceMove, IndependenceMove
+from pushfit.fit.programs import in_chunks
 from pushfit.fit.setup import build_problem
-from pushfit.fit.starts import encode, starting_points
+from pushfit.fit.starts import starting_points
 from pushfit.model import Grasp, Parameters
 
 NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")

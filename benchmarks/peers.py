@@ -20,9 +20,9 @@ from benchmarks.tables import NAMES, PUSH_LENGTH
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.derived import samples_mapping
 from pushfit.fit.diagnostics import autocorr_time
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.priors import default_priors
 from pushfit.fit.problem import Problem
-from pushfit.fit.starts import prior_x_samples
 
 N_WALKERS = 64
 # Chains of NUTS, and steps of each.

@@ -19,11 +19,11 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError, FitError
 from pushfit.fit.derived import HALF_TURN, equal_tailed_interval, samples_mapping
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.identify import Fitted, fit_table, identify_table, reach_of
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitStatus, Identification, Piece, Verdict
-from pushfit.fit.starts import prior_x_samples
 from pushfit.model import Channels, Pushes, forward
 
 LEVELS = (0.5, 0.9, 0.95)

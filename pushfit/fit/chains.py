@@ -21,7 +21,7 @@ from pushfit.errors import ConvergenceError
 from pushfit.fit import checkpoint
 from pushfit.fit.mixture import Mixture
 from pushfit.fit.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs import compiled, in_chunks
 
 # Rows per call of the compiled density, the usual number of walkers. A difference move
 # asks for half of them; one program with idle rows is still faster than two calls.
@@ -146,27 +146,6 @@ def _log_densities(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n 
         return jnp.stack([problem.log_prior(x), log_likelihood])
 
     return jax.vmap(one)(x)
-
-
-def in_chunks(
-    function: Callable[[Array], Array], x: Float[np.ndarray, "n p"], size: int
-) -> np.ndarray:
-    """Function of rows, evaluated at one shape: every new one would be compiled.
-
-    Args:
-        function: Function of `size` points at a time.
-        x: Points, as many as there are.
-        size: Rows per call.
-
-    Returns:
-        Values of all points.
-    """
-    n = len(x)
-    padded = np.concatenate([x, np.repeat(x[-1:], -n % size, axis=0)])
-    # All calls are sent off before the first is waited for.
-    starts = range(0, len(padded), size)
-    parts = [function(jnp.asarray(padded[i : i + size])) for i in starts]
-    return np.concatenate([np.asarray(part) for part in parts])[:n]
 
 
 def keep(run: Run, path: Path, *, question: str) -> None:

@@ -19,17 +19,18 @@ from emcee.moves import Move
 from jaxtyping import Array, Float
 
 from pushfit.errors import FitError
-from pushfit.fit.chains import Densities, Run, in_chunks, keep, resume
+from pushfit.fit.chains import Densities, Run, keep, resume
 from pushfit.fit.checkpoint import fingerprint
 from pushfit.fit.derived import samples_mapping
 from pushfit.fit.diagnostics import MIN_AUTOCORR_TIMES, diagnose
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.mixture import fit_mixture
 from pushfit.fit.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import Diagnostics, FitResult, FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup
-from pushfit.fit.starts import prior_x_samples, starting_points
+from pushfit.fit.starts import starting_points
 from pushfit.mechanics.directions import critical_angle
 
 Progress = Callable[[str, float], None]

@@ -20,11 +20,11 @@ from jaxtyping import Array, Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.criticism import Directions, pushed_directions
+from pushfit.fit.encoding import encode
 from pushfit.fit.problem import STUDENT_DOF, Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitStatus, PosteriorResult, PredictiveCheck
 from pushfit.fit.setup import Setup
-from pushfit.fit.starts import encode
 
 # Simulated tables: enough to see a share of 1e-3, fewer of large tables so that all
 # their heights take 32 MB.

@@ -19,9 +19,11 @@ from typing import Any, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import export
 from jax.core import Tracer
+from jaxtyping import Array, Float
 
 from pushfit.atomic import atomic_path
 from pushfit.cache import programs_folder
@@ -166,3 +168,24 @@ def _trace(
         with contextlib.suppress(OSError), atomic_path(path) as temporary:
             temporary.write_bytes(hashlib.sha256(program).digest() + program)
     return jax.jit(traced.call)
+
+
+def in_chunks(
+    function: Callable[[Array], Array], x: Float[np.ndarray, "n p"], size: int
+) -> np.ndarray:
+    """Function of rows, evaluated at one shape: every new one would be compiled.
+
+    Args:
+        function: Function of `size` points at a time.
+        x: Points, as many as there are.
+        size: Rows per call.
+
+    Returns:
+        Values of all points.
+    """
+    n = len(x)
+    padded = np.concatenate([x, np.repeat(x[-1:], -n % size, axis=0)])
+    # All calls are sent off before the first is waited for.
+    starts = range(0, len(padded), size)
+    parts = [function(jnp.asarray(padded[i : i + size])) for i in starts]
+    return np.concatenate([np.asarray(part) for part in parts])[:n]

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.problem import Problem
-from pushfit.fit.starts import prior_x_samples
 
 # Draws from the prior whose moments the residuals have: good to 2 % of each sd.
 N_DRAWS = 4000

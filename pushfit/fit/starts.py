@@ -6,26 +6,21 @@ covariance that flat valleys do not have. Every mode of least squares is checked
 against the outcome, and populated where it matters. Excluded: judging convergence.
 """
 
-import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from pushfit.errors import FitError
-from pushfit.fit.chains import advance, in_chunks
+from pushfit.fit.chains import advance
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.mixture import fit_mixture
 from pushfit.fit.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.priors import POSITIVE, UNITS
 from pushfit.fit.problem import Problem
-from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult
-from pushfit.mechanics.coordinates import Coordinates, coordinates
-from pushfit.model import Parameters
 
-PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "e1", "e2")
 # Share of the points that a step of the cooling may leave without weight, and steps of
 # the walkers after each, whose proposals are fitted to so many points: mode weights
 # are then right within a factor of a few, which the chain settles.
@@ -33,59 +28,12 @@ KEPT_SHARE = 0.3
 STEPS_PER_STAGE, N_MIXTURE_POINTS = 6, 4096
 # No table needs more than some 60: each stage multiplies the information by a factor.
 MAX_STAGES = 500
-# Rows per call of the change of coordinates.
-CHUNK = 1024
 # Prior draws of the fibre tried for each mode.
 N_MODE_DRAWS = 128
 
 LogDensities = Callable[
     [np.ndarray], tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
 ]
-
-
-def encode(
-    problem: Problem, values: Mapping[str, Float[np.ndarray, " n"]]
-) -> Float[np.ndarray, "n p"]:
-    """Sampling coordinates of physical values; inverse of `Problem.state`.
-
-    Args:
-        problem: Problem whose coordinates are wanted.
-        values: Value of every free parameter, of F_0 and of sigma_<channel> where they
-            are sampled [as in `priors.UNITS`, sigma in table units].
-
-    Returns:
-        Points, in the order of `problem.names`.
-    """
-    n = len(next(iter(values.values())))
-    fixed = {name: float(value) for name, value in problem.fixed.items()}
-    params = [values.get(name, np.full(n, fixed.get(name, 0.0))) for name in PARAMETERS]
-    coords = in_chunks(_coordinates, np.stack(params, axis=1), CHUNK)
-    order = [field.name for field in dataclasses.fields(Coordinates)]
-    points = []
-    for name in problem.names:
-        if name in order:
-            points.append(coords[:, order.index(name)])
-        elif name.startswith("ln_"):
-            points.append(np.log(values[name.removeprefix("ln_")]))
-        else:
-            points.append(np.asarray(values[name]))
-    return np.stack(points, axis=1)
-
-
-def prior_x_samples(
-    problem: Problem, rng: np.random.Generator, n: int
-) -> Float[np.ndarray, "n p"]:
-    """Independent draws from the prior, in sampling coordinates.
-
-    Args:
-        problem: Problem with its priors.
-        rng: Source of randomness.
-        n: Number of draws.
-
-    Returns:
-        Points, in the order of `problem.names`.
-    """
-    return encode(problem, _physical(problem, rng, n))
 
 
 def starting_points(
@@ -120,24 +68,6 @@ def starting_points(
     # First in line: the caller starts walkers at the first points of each ensemble.
     points.reshape(n_ensembles, n_points, -1)[:, : len(missed)] = missed
     return points
-
-
-@compiled
-def _coordinates(params: Float[Array, "n 8"]) -> Float[Array, "n 8"]:
-    """Rows of `PARAMETERS` as rows of the fields of `Coordinates`."""
-    coords = jax.vmap(lambda row: coordinates(Parameters(*row)))(params)
-    return jnp.stack(jax.tree.leaves(coords), axis=1)
-
-
-def _physical(
-    problem: Problem, rng: np.random.Generator, n: int
-) -> dict[str, Float[np.ndarray, " n"]]:
-    """Prior draws of every free parameter and sampled sigma, as physical values."""
-    draws = {}
-    for name, prior in problem.priors.items():
-        u = prior.sample(rng, n)
-        draws[name] = np.exp(u) if prior.is_positive else u
-    return draws
 
 
 def _check_finite(

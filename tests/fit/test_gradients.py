@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.mechanics.directions import critical_angle
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES

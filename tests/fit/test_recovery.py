@@ -10,10 +10,10 @@ import pytest
 
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.derived import samples_mapping
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from pushfit.fit.setup import build_problem
-from pushfit.fit.starts import prior_x_samples
 from tests.fit.tables import case_table, config, setup_of
 from tests.problems import CASES, PLAIN, sweep
 

@@ -10,10 +10,11 @@ from scipy import stats
 
 from pushfit.errors import FitError
 from pushfit.fit.chains import Densities
+from pushfit.fit.encoding import encode, prior_x_samples
 from pushfit.fit.least_squares import fit_least_squares
 from pushfit.fit.results import Mode
 from pushfit.fit.setup import build_problem
-from pushfit.fit.starts import encode, prior_x_samples, starting_points
+from pushfit.fit.starts import starting_points
 from tests.fit.tables import case_table, config, setup_of
 from tests.problems import CASES
 

@@ -12,12 +12,12 @@ from pushfit.errors import ConfigError
 from pushfit.fit.advice import measurements
 from pushfit.fit.comparison import rival_configs
 from pushfit.fit.data_point import tilting_point
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.identify import fit_table, identify_table, reach_of
 from pushfit.fit.profiles import likelihood_profiles
 from pushfit.fit.pulls import held_names, held_values
 from pushfit.fit.results import FitStatus, Verdict
 from pushfit.fit.setup import build_problem
-from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.tilt_check import fit_tilting
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters, Pushes, contact, forward

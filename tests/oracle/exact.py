@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.derived import samples_mapping
+from pushfit.fit.encoding import encode, prior_x_samples
 from pushfit.fit.fibre import Fibre, make_fibre
 from pushfit.fit.log_density import LogDensity, Table, make_table
 from pushfit.fit.problem import Problem
@@ -21,7 +22,6 @@ from pushfit.fit.programs import compiled
 from pushfit.fit.quadrature import draw_from_nodes
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup
-from pushfit.fit.starts import encode, prior_x_samples
 from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.integrand import Inner, Integrand, Strip
 from tests.oracle.noise_grid import make_noise_grid

@@ -12,6 +12,7 @@ from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
 from pushfit.fit.derived import samples_mapping
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.identify import (
     draw_posterior,
     fit_table,
@@ -21,7 +22,6 @@ from pushfit.fit.identify import (
 )
 from pushfit.fit.results import FitStatus
 from pushfit.fit.setup import Setup, build_problem, n_azimuths
-from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Median A of the default priors [N/m]: the height of a push that nobody has made yet.

@@ -12,11 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from pushfit.fit.encoding import prior_x_samples
 from pushfit.fit.fibre import SCORES, make_fibre
 from pushfit.fit.priors import Prior
 from pushfit.fit.problem import Problem
 from pushfit.fit.programs import compiled
-from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.sweep.repeats import pool_repeats
 from pushfit.fit.sweep.roles import roles_of
 from pushfit.fit.sweep.target import QuantileTable, Target
