@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pushfit.fit.encoding import encode
+from pushfit.fit.problem.encoding import encode
 from pushfit.fit.setup import build_problem
 
 pytest.importorskip("lmfit", reason="the peers of the extra bench")

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from pushfit.fit import identify
-from pushfit.fit.encoding import prior_x_samples
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sweep import posterior as engine
 from pushfit.fit.sweep.prior import make_target
