@@ -29,7 +29,7 @@ _SIGNIFICANT = 6.0
 _BEYOND_NOISE = 9.0
 # A hump below the first share of the largest is a brush; below the second it is one if
 # the next larger hump is so many times higher.
-_BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.1, 4.0
+_BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 5.0
 # A rest of fewer bins of the trace shows no wander; at the ends it may be but the edge
 # of one.
 _FEWEST_BINS, _FEWEST_AT_ENDS = 6, 15

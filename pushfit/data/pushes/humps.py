@@ -149,23 +149,24 @@ class Humps:
         """Whether the signal rests between two humps, and beside one of them as well.
 
         One flat valley may be that of a push with two tops; a level that is come back
-        to is a rest. With `is_near` the valley is so deep that it need only be flat.
+        to is a rest. With `is_near` the valley is so deep that it need only be as long
+        as the smaller hump is wide.
         """
         a, b = (int(k) for k in self.peaks[pair : pair + 2])
         low = float(self.y[self.valleys[pair + 1]])
         height = min(self.y[a], self.y[b]) - low
-        least = _HELD * min(
-            self._width_over(pair, low), self._width_over(pair + 1, low)
-        )
+        width = min(self._width_over(pair, low), self._width_over(pair + 1, low))
 
-        def held(first: int, last: int) -> bool:
+        def held(first: int, last: int, *, widths: float = _HELD) -> bool:
             inside = np.abs(self.y[first : last + 1] - low) <= _LEVEL * height
-            return longest_run(inside) >= max(least, 2)
+            return longest_run(inside) >= max(widths * width, 2)
 
         outer_left = int(self.peaks[pair - 1]) if pair > 0 else 0
         is_last = pair + 2 >= len(self.peaks)
         outer_right = len(self.y) - 1 if is_last else int(self.peaks[pair + 2])
-        return held(a, b) and (is_near or held(outer_left, a) or held(b, outer_right))
+        if is_near and held(a, b, widths=1.0):
+            return True
+        return held(a, b) and (held(outer_left, a) or held(b, outer_right))
 
     def _width_over(self, k: int, low: float) -> int:
         """Bins around a top that stay above half of its height over a level."""

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 # Samples that the noise is judged by; more would only cost time.
-_NOISE_SAMPLES = 100_000
+_NOISE_SAMPLES = 20_000
 # Even steps that differ by this much are equal but for rounding.
 _EQUAL = 1.01
 
