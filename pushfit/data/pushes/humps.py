@@ -22,8 +22,9 @@ _FOOTLESS = 0.2
 _LEVEL, _HELD = 0.15, 0.6
 # Valleys that are higher than a rest by so little are nearly one: smoothing fills them.
 _NEARLY = 1.1
-# A hump on a step has fallen from its top to this share of it at least.
-_FALLEN = 0.7
+# A hump on a step has fallen from its top to this share of it at least; the
+# step is held for so many times as long as the hump, or is a part of a push.
+_FALLEN, _SHELF = 0.7, 2
 # Humps lower than this share of the whole are wiggles of a plateau.
 _ON_TOP = 0.2
 
@@ -91,7 +92,7 @@ class Humps:
             top - level >= ON_STEP * (level - inner)
             and outer - level <= _FALLEN * (top - level)
             and longest_run(np.abs(part - level) <= _LEVEL * (top - level))
-            >= self._width(end)
+            >= _SHELF * self._width(end)
             for level in (outer, shelf)
         )
 
