@@ -1,7 +1,8 @@
 """What may be said of θ_c and α*: the words, the values to mark and the sentence.
 
 Text, page and figures take the two answers from here, so they cannot disagree. The
-rule beside those of `pushfit.fit.quoting`: all pieces of a set, never their hull.
+rule beside those of `pushfit.fit.assess.reporting_rules`: all pieces of a set, never
+their hull.
 """
 
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.quoting import Pieces, is_trusted, pieces_for, quoted
+from pushfit.fit.assess.reporting_rules import Pieces, is_trusted, pieces_for, quoted
 from pushfit.fit.results import (
     FitStatus,
     Identification,
@@ -124,7 +125,7 @@ def _draws(identification: Identification, name: str) -> Float[np.ndarray, " n"]
 def _theta_c_subject(identification: Identification) -> str:
     """The critical angle with the circumstances that it depends on."""
     config, circumstances = identification.config, []
-    if config.grasp.mechanics == "tilting":
+    if identification.mechanics == "tilting":
         circumstances.append(f"of {config.push.length_mm:g} mm")
     if np.unique(identification.table.alpha).size > 1:
         circumstances.append(f"at α = {identification.reference_alpha_deg:g}°")
