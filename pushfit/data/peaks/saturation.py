@@ -66,7 +66,7 @@ def _ceiling(
     def near(band: float | Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
         return highest > largest - band
 
-    for top in (tops[k] for k in np.flatnonzero(highest == largest)):
+    for top in (tops[k] for k in np.flatnonzero(highest == largest).tolist()):
         n_at = np.count_nonzero(top >= largest)
         if n_at < _MIN_SAMPLES:
             continue
@@ -74,12 +74,13 @@ def _ceiling(
         if n_at > 2 * np.count_nonzero(just_below):
             return largest
     bands = _BAND_SIGMAS * sigma
-    for k in np.flatnonzero((bands <= _MAX_BAND * np.array(heights)) & near(bands)):
+    is_narrow = bands <= _MAX_BAND * np.array(heights)
+    for k in np.flatnonzero(is_narrow & near(bands)).tolist():
         if _piles_up(tops[k], largest, float(bands[k]), _MIN_SAMPLES):
             return largest - float(bands[k])
     for share in _BANDS:
         band = share * max(heights)
-        pointed = np.flatnonzero((sigma > 0) & near(band))
+        pointed = np.flatnonzero((sigma > 0) & near(band)).tolist()
         at_end = [k for k in pointed if _piles_up(tops[k], largest, band, _MIN_NEAR)]
         if len(at_end) >= _MIN_PUSHES:
             return largest - band
