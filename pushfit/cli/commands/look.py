@@ -54,7 +54,7 @@ def look(
     browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
     force: options.Force = False,
 ) -> None:
-    """Click pushes away or in, name their directions, save what identify needs."""
+    """Click which humps are pushes, and name their directions."""
     save = Saver(session, recording, out, force=force)
     if export is None:
         save.refuse_taken()
