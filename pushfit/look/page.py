@@ -160,6 +160,7 @@ class Page:
         theta = TextInput(title="θ of a plan [deg]", placeholder="0:90:15")
         alpha = TextInput(title="α of a plan [deg]", placeholder="0, 30, 60")
         repeats = Spinner(title="repeats", low=1, value=1, step=1, mode="int")
+        repeats.name = "repeats"
         fill, keep = Button(label="Fill in"), Button(label="Save")
         keep.button_type = "primary"
         fill.on_click(
@@ -344,7 +345,8 @@ def _put(source: ColumnDataSource, columns: Columns) -> None:
     shown = dict(source.data)
     lengths = {name: len(own) for name, own in columns.items()}
     if {name: len(own) for name, own in shown.items()} != lengths:
-        source.data = dict(columns)
+        # Copies, because a patch changes them in place.
+        source.data = {name: list(own) for name, own in columns.items()}
         return
     patches: dict[str, list[Any]] = {
         # As text, because NaN is not equal to itself.

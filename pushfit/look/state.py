@@ -239,9 +239,13 @@ class Look:
 
     def settled(self) -> GraspConfig:
         """Settings by which every command finds these pushes and no others."""
+        out = [not counts for counts in self.counts]
+        small = [
+            hump.is_brush and not o for hump, o in zip(self.humps, out, strict=True)
+        ]
         windows = {
-            "exclude": self._windows("exclude", brush=False),
-            "include": self._windows("include", brush=True),
+            "exclude": self._windows("exclude", out),
+            "include": self._windows("include", small),
         }
         update: dict[str, object] = {key: own for key, own in windows.items() if own}
         # Windows that are not needed any more must not come back from the file.
@@ -252,23 +256,16 @@ class Look:
         peaks = self.config.peaks.model_copy(update=update)
         return self.config.model_copy(update={"peaks": peaks})
 
-    def _windows(self, key: str, *, brush: bool) -> tuple[Window, ...]:
-        """Windows around the humps that are not what they would be taken for.
-
-        Those of the settings stay where no hump is, for there they concern dips.
-        """
+    def _windows(self, key: str, chosen: Sequence[bool]) -> tuple[Window, ...]:
+        """Windows around some humps, with those of the settings in which none is."""
         tops = [hump.t_peak for hump in self.humps]
         kept = [
             (first, last)
             for first, last in getattr(self.config.peaks, key)
             if not any(first <= top <= last for top in tops)
         ]
-        turned = [
-            self._window(k)
-            for k, hump in enumerate(self.humps)
-            if hump.is_brush == brush and self.counts[k] == brush
-        ]
-        return tuple(sorted([*kept, *turned]))
+        own = [self._window(k) for k, is_chosen in enumerate(chosen) if is_chosen]
+        return tuple(sorted([*kept, *own]))
 
     def _window(self, k: int) -> Window:
         """Times around the top of a hump that hold no other top."""

@@ -45,7 +45,7 @@ FIELD = """
   return [box.left + box.width / 2, box.top + box.height / 2];"""
 WORDS = """
   return views.filter(v => v.model.type == 'Div').map(v => v.model.text).join('\\n');"""
-COUNTS, HEIGHT, THETA = 1, 3, 4
+PUSH, COUNTS, HEIGHT, THETA = 0, 1, 3, 4
 
 
 @pytest.fixture
@@ -88,6 +88,8 @@ def test_a_push_is_clicked_away_angles_are_typed_and_what_is_saved_is_used(tab, 
         tab.click(*view(tab, POINT, HUMPS[TOUCH][0]))
         wait_for(tab, "4 pushes count")
         assert view(tab, CELL, TOUCH, COUNTS)[2] == "no"
+        numbers = [view(tab, CELL, k, PUSH)[2] for k in range(len(HUMPS))]
+        assert numbers == ["1", "2", "–", "3", "–", "4"]
 
         # Enter leads to the next line, as in any table.
         tab.click(*view(tab, CELL, 0, THETA)[:2])

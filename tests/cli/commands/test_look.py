@@ -100,7 +100,7 @@ def test_the_settings_in_force_are_saved_with_the_windows(place):
     saved = read_config(save.config)
     assert saved == look.settled()
     assert (saved.push.length_mm, saved.peaks.split) == (4.0, 0.3)
-    assert len(saved.peaks.exclude) == 1
+    assert len(saved.peaks.exclude) == 2
 
 
 @pytest.mark.parametrize("taken", TARGETS)
