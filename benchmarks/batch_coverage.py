@@ -22,7 +22,7 @@ import pandas as pd
 from scipy import stats
 
 from benchmarks.coverage_one_sweep import LIMITS_PROB, PUSH_LENGTH, is_held, pushes
-from pushfit.fit.calibration import simulate_tables
+from pushfit.fit.coverage import simulate_tables
 
 PROB = 0.9
 

@@ -17,11 +17,11 @@ from scipy import stats
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.derived import equal_tailed_interval
-from pushfit.fit.least_squares import fit_least_squares
-from pushfit.fit.posterior import Budget, sample_posterior
-from pushfit.fit.priors import default_priors
+from pushfit.fit.likelihood.least_squares import fit_least_squares
+from pushfit.fit.problem.derived import equal_tailed_interval
+from pushfit.fit.problem.priors import default_priors
 from pushfit.fit.results import FitStatus
+from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
 from pushfit.fit.setup import build_problem
 from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.model import Grasp, Parameters, Pushes, forward

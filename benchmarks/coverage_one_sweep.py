@@ -21,10 +21,10 @@ from scipy import stats
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.calibration import LEVELS, simulate_tables
-from pushfit.fit.derived import equal_tailed_interval
+from pushfit.fit.coverage import LEVELS, simulate_tables
 from pushfit.fit.identify import Fitted, fit_table, identify_table
-from pushfit.fit.profile_sets import profile_set
+from pushfit.fit.likelihood.profile_sets import profile_set
+from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.results import FitStatus, Identification, Piece
 from pushfit.model import Grasp, Parameters
 

@@ -17,8 +17,8 @@ import numpy as np
 from scipy import stats
 
 from pushfit.cache import enable_compile_cache
-from pushfit.fit.derived import equal_tailed_interval, samples_mapping
-from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.problem.derived import equal_tailed_interval, samples_mapping
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.sweep.posterior import N_REFINED, N_RETURNED, weighted_draws
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS

@@ -18,13 +18,15 @@ import numpy as np
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.chains import Densities, advance, in_chunks
-from pushfit.fit.diagnostics import autocorr_time
-from pushfit.fit.least_squares import fit_least_squares
-from pushfit.fit.mixture import fit_mixture
-from pushfit.fit.moves import DifferenceMove, IndependenceMove
+from pushfit.fit.likelihood.least_squares import fit_least_squares
+from pushfit.fit.problem.encoding import encode
+from pushfit.fit.programs import in_chunks
+from pushfit.fit.sampler.chains import Densities, advance
+from pushfit.fit.sampler.diagnostics import autocorr_time
+from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
+from pushfit.fit.sampler.starts import starting_points
 from pushfit.fit.setup import build_problem
-from pushfit.fit.starts import encode, starting_points
+from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.model import Grasp, Parameters
 
 NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")

@@ -22,9 +22,9 @@ from scipy import optimize, stats
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.reporting_rules import pieces_for, quoted
 from pushfit.fit.identify import identify_table
-from pushfit.fit.priors import default_priors
-from pushfit.fit.quoting import pieces_for, quoted
+from pushfit.fit.problem.priors import default_priors
 from pushfit.fit.results import FitStatus, Verdict
 from pushfit.model import Grasp, Parameters
 

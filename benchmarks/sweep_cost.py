@@ -20,7 +20,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
-from pushfit.fit.many import ItemResult, identify_many
+from pushfit.fit.population.many import ItemResult, identify_many
 from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.posterior import N_REFINED, WeightedDraws, weighted_draws
 from pushfit.fit.sweep.prior import make_target

@@ -12,7 +12,7 @@ import numpy as np
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.priors import default_priors
+from pushfit.fit.problem.priors import default_priors
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.model import Grasp, Parameters, Pushes, forward
 

@@ -22,9 +22,9 @@ import pandas as pd
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.tilt_check import WORTH_OF_WIDTH
 from pushfit.fit.identify import fit_table
-from pushfit.fit.profiles import likelihood_profiles
-from pushfit.fit.tilt_check import WORTH_OF_WIDTH
+from pushfit.fit.likelihood.profiles import likelihood_profiles
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters
 

@@ -17,10 +17,10 @@ import numpy as np
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.problem import Problem
+from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.slopes import jacobian
 from pushfit.fit.setup import Setup, build_problem
-from pushfit.fit.slopes import jacobian
-from pushfit.fit.starts import prior_x_samples
 from pushfit.model import Grasp, Parameters, Vector, forward
 
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))

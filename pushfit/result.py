@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from pushfit.fit.quoting import quoted
+from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import quantity_cells, verdict_word

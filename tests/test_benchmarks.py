@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from pushfit.fit.problem.encoding import encode
 from pushfit.fit.setup import build_problem
-from pushfit.fit.starts import encode
 
 pytest.importorskip("lmfit", reason="the peers of the extra bench")
 pytest.importorskip("numpyro", reason="the peers of the extra bench")

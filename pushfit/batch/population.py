@@ -1,7 +1,8 @@
 """What the items of a batch have in common: one row for each quantity.
 
 All items of the batch are one population; equal content counts once. A and B are
-pooled where their units agree. Excluded: the statistics, in `pushfit.fit.pooling`.
+pooled where their units agree. Excluded: the statistics
+(`pushfit.fit.population.pooling`).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -10,9 +11,9 @@ from dataclasses import dataclass
 from pushfit.batch.items import Item
 from pushfit.batch.rows import Row
 from pushfit.batch.store import Finished
-from pushfit.fit.flat import LOG_PRIOR, Cell
-from pushfit.fit.item_likelihoods import ItemDraws
-from pushfit.fit.pooling import Population, pool
+from pushfit.fit.population.item_likelihoods import ItemDraws
+from pushfit.fit.population.pooling import Population, pool
+from pushfit.fit.population.result_row import LOG_PRIOR, Cell
 
 COLUMNS = (
     "quantity",

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from pushfit.batch.items import Failure, Item, Plan
 from pushfit.batch.store import Finished
-from pushfit.fit.flat import Cell
+from pushfit.fit.population.result_row import Cell
 
 FAILED = "failed"
 # What a row says besides the values of the result, in this order.

@@ -21,7 +21,7 @@ from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.work import IdentifyMany, identify_chunk, write_folder
 from pushfit.errors import DataError
-from pushfit.fit.many import identify_many
+from pushfit.fit.population.many import identify_many
 
 Progress = Callable[[str, float], None]
 

@@ -23,7 +23,7 @@ from pushfit.data.text.files import sha256_of
 from pushfit.errors import DataError, PushfitError
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
-from pushfit.fit.many import ItemResult, identify_many
+from pushfit.fit.population.many import ItemResult, identify_many
 from pushfit.fit.results import Recipe
 from pushfit.report.store.folder import write_result_folder
 

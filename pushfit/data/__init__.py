@@ -1,1 +1,1 @@
-"""data layer."""
+"""From recordings to peak heights: files, pushes, plans, tables, simulation."""

@@ -1,1 +1,1 @@
-"""fit layer."""
+"""From a peak table to what may be said of the grasp, with its uncertainty."""

@@ -20,15 +20,14 @@ from jaxtyping import Array, Float
 from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.chains import in_chunks
-from pushfit.fit.criticism import goodness_of_fit
+from pushfit.fit.assess.model_checking import goodness_of_fit
 from pushfit.fit.identify import Fitted, draw_posterior, fit_table
-from pushfit.fit.least_squares import fit_least_squares, settle_noise
-from pushfit.fit.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.problem.encoding import encode
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import build_problem
-from pushfit.fit.starts import encode
 
 # Sharpness of the soft model where the configuration names none: at θ_c the tangential
 # force then lies 8 % below the hard switch, at half and at twice the ratio of the two

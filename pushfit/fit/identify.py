@@ -13,14 +13,12 @@ import numpy as np
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.advice import measurements
-from pushfit.fit.bands import prediction_bands
-from pushfit.fit.criticism import goodness_of_fit
-from pushfit.fit.environment import environment
-from pushfit.fit.identifiability import identifiability
-from pushfit.fit.least_squares import fit_least_squares, settle_noise
-from pushfit.fit.model_free import model_free_direction
-from pushfit.fit.notices import (
+from pushfit.fit.assess.advice import measurements
+from pushfit.fit.assess.bands import prediction_bands
+from pushfit.fit.assess.identifiability import identifiability
+from pushfit.fit.assess.model_checking import goodness_of_fit
+from pushfit.fit.assess.model_free import model_free_direction
+from pushfit.fit.assess.notices import (
     contact_notice,
     contradiction_notice,
     handover_notices,
@@ -29,14 +27,16 @@ from pushfit.fit.notices import (
     scatter_notice,
     table_notices,
 )
-from pushfit.fit.posterior import sample_posterior
-from pushfit.fit.predictive import predictive_checks
-from pushfit.fit.profiles import likelihood_profiles
-from pushfit.fit.quantities import (
+from pushfit.fit.assess.predictive import predictive_checks
+from pushfit.fit.assess.quantities import (
     angle_quantity,
     combination_quantities,
     parameter_quantities,
 )
+from pushfit.fit.assess.tilt_check import tilt_notice
+from pushfit.fit.environment import environment
+from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.likelihood.profiles import likelihood_profiles
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -45,9 +45,9 @@ from pushfit.fit.results import (
     Notice,
     PosteriorResult,
 )
+from pushfit.fit.sampler.emcee_posterior import sample_posterior
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import sweep_posterior
-from pushfit.fit.tilt_check import tilt_notice
 
 Progress = Callable[[str, float], None]
 ENGINES = ("auto", "sweep", "emcee")

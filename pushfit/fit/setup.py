@@ -14,12 +14,12 @@ from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
-from pushfit.fit.data_point import data_names
-from pushfit.fit.noise import Noise, choose_noise
-from pushfit.fit.priors import Prior, default_priors, priors_from_config
-from pushfit.fit.problem import Problem
-from pushfit.fit.pulls import with_pulls
-from pushfit.fit.sweep.curve import Search
+from pushfit.fit.likelihood.curve import Search
+from pushfit.fit.problem.constraint_terms import with_constraints
+from pushfit.fit.problem.data_coordinates import data_names
+from pushfit.fit.problem.noise import Noise, choose_noise
+from pushfit.fit.problem.priors import Prior, default_priors, priors_from_config
+from pushfit.fit.problem.problem import Problem
 from pushfit.model import Grasp, Pushes
 
 # One compiled program serves every table of up to this many rows, then of twice as
@@ -122,7 +122,7 @@ def bucket(n: int) -> int:
 def sampling_names(
     priors: Mapping[str, Prior], fixed: Mapping[str, float]
 ) -> tuple[str, ...]:
-    """Names of the sampling coordinates: what data meet first, then the fibre."""
+    """Names of the sampling coordinates: what data meet first, then the rest."""
     free = set(priors)
     names = []
     if {"K_sn", "K_dn"} <= free:
@@ -177,4 +177,4 @@ def _assemble(
         data_names=data_names(priors, fixed, grasp),
         likelihood=config.noise.likelihood,
     )
-    return with_pulls(problem) if grasp.mechanics == "tilting" else problem
+    return with_constraints(problem) if grasp.mechanics == "tilting" else problem

@@ -2,7 +2,7 @@
 
 All six parameters are positive, and linear forces depend on three combinations of them
 (five with a stiffness ellipse). Rotating the logs so that these come first leaves the
-likelihood to the first coordinates and the prior alone to the rest, the fibre.
+likelihood to the first coordinates and the prior alone to the rest.
 Excluded: priors and data.
 """
 

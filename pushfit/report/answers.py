@@ -1,7 +1,8 @@
 """What may be said of θ_c and α*: the words, the values to mark and the sentence.
 
 Text, page and figures take the two answers from here, so they cannot disagree. The
-rule beside those of `pushfit.fit.quoting`: all pieces of a set, never their hull.
+rule beside those of `pushfit.fit.assess.reporting_rules`: all pieces of a set, never
+their hull.
 """
 
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.quoting import Pieces, is_trusted, pieces_for, quoted
+from pushfit.fit.assess.reporting_rules import Pieces, is_trusted, pieces_for, quoted
 from pushfit.fit.results import (
     FitStatus,
     Identification,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pushfit.fit.quoting import is_trusted, pieces_for, quoted
+from pushfit.fit.assess.reporting_rules import is_trusted, pieces_for, quoted
 from pushfit.fit.results import Identification, PredictiveCheck, Quantity, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pushfit.fit.quoting import STIFFNESSES, is_trusted, quoted
+from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted, quoted
 from pushfit.fit.results import Identification, Verdict
 
 # Weaker correlations change no reading of the intervals.

@@ -3,7 +3,7 @@
 import numpy as np
 from arviz_stats.base.array import array_stats
 
-from pushfit.fit.derived import samples_mapping
+from pushfit.fit.problem.derived import samples_mapping
 
 # θ_c in degrees, the others as logs: what heights see, and what they do not.
 LOGS = ("A", "B", "C_rr", "K_sn", "C_d", "L")

@@ -8,8 +8,8 @@ import pytest
 from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import read_table
 from pushfit.errors import ConfigError, DataError
+from pushfit.fit.assess.quantities import angle_quantity
 from pushfit.fit.identify import fit_table, identify_table
-from pushfit.fit.quantities import angle_quantity
 from pushfit.fit.results import FitStatus, Verdict
 from tests.fit.tables import case_table, config
 from tests.problems import CASES

@@ -1,6 +1,6 @@
 """What must not matter to a result does not, and what must matter does so exactly.
 
-A run killed and resumed is in tests/fit/test_posterior.py.
+A run killed and resumed is in tests/fit/sampler/test_emcee_posterior.py.
 """
 
 import dataclasses
@@ -15,8 +15,8 @@ from pushfit.data.tables.peak_table import (
     write_table,
 )
 from pushfit.fit import setup as setups
-from pushfit.fit.least_squares import fit_least_squares
-from pushfit.fit.profiles import likelihood_profiles
+from pushfit.fit.likelihood.least_squares import fit_least_squares
+from pushfit.fit.likelihood.profiles import likelihood_profiles
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES
 

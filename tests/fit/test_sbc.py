@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.fit.derived import samples_mapping
-from pushfit.fit.least_squares import fit_least_squares, settle_noise
-from pushfit.fit.posterior import Budget, sample_posterior
+from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.problem.derived import samples_mapping
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.results import FitStatus
+from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
 from pushfit.fit.setup import Setup, build_problem
-from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.sweep.posterior import weighted_draws
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.tables import case_table, config

@@ -9,16 +9,16 @@ import pytest
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording, simulate_table
 from pushfit.errors import ConfigError
-from pushfit.fit.advice import measurements
+from pushfit.fit.assess.advice import measurements
+from pushfit.fit.assess.tilt_check import fit_tilting
 from pushfit.fit.comparison import rival_configs
-from pushfit.fit.data_point import tilting_point
 from pushfit.fit.identify import fit_table, identify_table, reach_of
-from pushfit.fit.profiles import likelihood_profiles
-from pushfit.fit.pulls import held_names, held_values
+from pushfit.fit.likelihood.profiles import likelihood_profiles
+from pushfit.fit.problem.constraint_terms import held_names, held_values
+from pushfit.fit.problem.data_coordinates import tilting_point
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.results import FitStatus, Verdict
 from pushfit.fit.setup import build_problem
-from pushfit.fit.starts import prior_x_samples
-from pushfit.fit.tilt_check import fit_tilting
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters, Pushes, contact, forward
 from tests.fit.tables import config
@@ -104,14 +104,14 @@ def test_what_is_known_of_L_and_s_holds_them_and_nothing_else():
     text = MECHANICS + "[parameters.L]\nlognormal = { median = 0.04, sd_log = 0.05 }\n"
     problem = build_problem(pushed(noise=0.1, repeats=1), config(text)).problem
     assert held_names(problem.data_names) == ("ln_L", "ln_s")
-    pull = np.asarray(problem.pull)
+    pull = np.asarray(problem.constraint)
     on_L = dict(zip(problem.data_names, pull[0], strict=True))
     # 4000 draws know a standard deviation to 1.1 %.
     np.testing.assert_allclose(on_L["ln_L"], 1 / 0.05, rtol=0.05)
     assert all(on_L[name] == 0 for name in ("ln_A", "ln_B", "ln_C_rr", "ln_s"))
     points = held_values(problem, np.random.default_rng(0).normal(size=(4, 5)))
     np.testing.assert_allclose(
-        points @ pull.T - np.asarray(problem.pull_offset), 0.0, atol=1e-9
+        points @ pull.T - np.asarray(problem.constraint_offset), 0.0, atol=1e-9
     )
 
 

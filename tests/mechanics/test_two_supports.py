@@ -12,7 +12,7 @@ from scipy import optimize
 
 from benchmarks import tilting_cost
 from pushfit import model
-from pushfit.fit.starts import prior_x_samples
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.mechanics.critical_tilt import critical_friction, critical_tilt
 from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.mechanics.two_supports import equilibrium, make_frame

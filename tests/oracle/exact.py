@@ -13,15 +13,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.derived import samples_mapping
-from pushfit.fit.fibre import Fibre, make_fibre
-from pushfit.fit.log_density import LogDensity, Table, make_table
-from pushfit.fit.problem import Problem
+from pushfit.fit.problem.conditional_prior import (
+    ConditionalPrior,
+    make_conditional_prior,
+)
+from pushfit.fit.problem.derived import samples_mapping
+from pushfit.fit.problem.encoding import encode, prior_x_samples
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.quadrature import draw_from_nodes
+from pushfit.fit.problem.tabulated_density import LogDensity, Table, make_table
 from pushfit.fit.programs import compiled
-from pushfit.fit.quadrature import draw_from_nodes
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup
-from pushfit.fit.starts import encode, prior_x_samples
 from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.integrand import Inner, Integrand, Strip
 from tests.oracle.noise_grid import make_noise_grid
@@ -54,7 +57,7 @@ class ExactGrid:
     """
 
     integrand: Integrand
-    fibre: Fibre
+    fibre: ConditionalPrior
     axis: OuterAxis | None
     cells: Cells | None
     log_evidence: float
@@ -180,7 +183,7 @@ def exact_grid(setup: Setup, fit: FitResult, *, rtol: float = RTOL) -> ExactGrid
         Nodes, evidence and error bound.
     """
     problem = setup.problem
-    fibre = make_fibre(problem.priors, problem.fixed)
+    fibre = make_conditional_prior(problem.priors, problem.fixed)
     tables = {
         "prior_A": _table(fibre.normal.density()),
         "prior_B": _table(fibre.tangential.density()),

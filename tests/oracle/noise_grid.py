@@ -1,6 +1,6 @@
 """Noise inside quadrature: known, or summed over values of sigma.
 
-Excluded: where sigma comes from, which `pushfit.fit.noise` decides.
+Excluded: where sigma comes from, which `pushfit.fit.problem.noise` decides.
 """
 
 import equinox as eqx
@@ -9,8 +9,8 @@ import numpy as np
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
-from pushfit.fit.priors import log_prior_at
-from pushfit.fit.problem import Problem
+from pushfit.fit.problem.priors import log_prior_at
+from pushfit.fit.problem.problem import Problem
 from pushfit.model import Scalar
 
 # Grid of a sampled sigma: steps of one conditional standard deviation integrate a bell

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem import Problem
+from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult
 from tests.oracle.integrand import Integrand, Strip

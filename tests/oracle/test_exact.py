@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pushfit.fit.least_squares import fit_least_squares
+from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.oracle.cells import Cells, cell_nodes

@@ -28,7 +28,7 @@ def calibrate(
     """Measure how often intervals hold the truth for these pushes."""
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
-    from pushfit.fit.calibration import calibrate as measure
+    from pushfit.fit.coverage import calibrate as measure
     from pushfit.report.figures import save_figure
     from pushfit.report.text.coverage import (
         calibration_dict,

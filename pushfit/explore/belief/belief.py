@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.problem import STUDENT_DOF
+from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.model import Grasp
 
 # Draws of a belief, always as many: programs are compiled for one shape. A gain from

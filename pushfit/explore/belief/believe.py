@@ -11,7 +11,6 @@ from jaxtyping import Float
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
-from pushfit.fit.derived import samples_mapping
 from pushfit.fit.identify import (
     draw_posterior,
     fit_table,
@@ -19,9 +18,10 @@ from pushfit.fit.identify import (
     reach_of,
     reference_azimuth,
 )
+from pushfit.fit.problem.derived import samples_mapping
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.results import FitStatus
 from pushfit.fit.setup import Setup, build_problem, n_azimuths
-from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Median A of the default priors [N/m]: the height of a push that nobody has made yet.

@@ -14,7 +14,7 @@ from jax.scipy.special import logsumexp
 from jax.scipy.stats import t as student_t
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem import STUDENT_DOF
+from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.sweep.repeats import Pooled
 from pushfit.fit.sweep.segments import Segments, make_segments
 from pushfit.model import Scalar

@@ -15,12 +15,12 @@ from jaxtyping import Array, Float
 from scipy.stats import qmc
 
 from pushfit.errors import FitError
-from pushfit.fit.derived import samples_mapping
-from pushfit.fit.mixture import fit_mixture
+from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.draws import Draw, draw, n_uniforms
+from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.fit.sweep.outer import outer_nodes
 from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet

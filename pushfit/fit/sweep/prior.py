@@ -12,11 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.fibre import SCORES, make_fibre
-from pushfit.fit.priors import Prior
-from pushfit.fit.problem import Problem
+from pushfit.fit.problem.conditional_prior import SCORES, make_conditional_prior
+from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.priors import Prior
+from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled
-from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.sweep.repeats import pool_repeats
 from pushfit.fit.sweep.roles import roles_of
 from pushfit.fit.sweep.target import QuantileTable, Target
@@ -170,8 +170,8 @@ def _shape(question: _Question) -> PriorShape:
     if roles.inner is not None:
         columns[1] = draws[roles.inner]
     y = np.stack([*columns, *(draws[name] for name in roles.others)], axis=1)
-    fibre = make_fibre(noiseless, problem.fixed)
-    pairs = {"ln_r": fibre.normal, "ln_s": fibre.tangential, "ln_L": fibre.rotation}
+    given = make_conditional_prior(noiseless, problem.fixed)
+    pairs = {"ln_r": given.normal, "ln_s": given.tangential, "ln_L": given.rotation}
     tables = {}
     for name in roles.conditional:
         rows, values = pairs[name].quantiles

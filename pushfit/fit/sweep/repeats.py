@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem import Problem
+from pushfit.fit.problem.problem import Problem
 from pushfit.model import Pushes
 
 # Pushes closer than this in both angles, and in the log of their sd, are repeats.

@@ -7,7 +7,7 @@ are swept; the others are Gaussian given them, or follow from the prior.
 
 from dataclasses import dataclass
 
-from pushfit.fit.problem import Problem
+from pushfit.fit.problem.problem import Problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

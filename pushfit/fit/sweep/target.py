@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem import State
+from pushfit.fit.problem.problem import State
 from pushfit.fit.sweep.noise import log_likelihood, noise_terms
 from pushfit.fit.sweep.repeats import Pooled
 from pushfit.fit.sweep.roles import Roles

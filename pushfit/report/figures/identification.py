@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushfit.errors import ConfigError
-from pushfit.fit.profile_sets import threshold
-from pushfit.fit.quoting import STIFFNESSES, is_trusted, quoted
+from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted, quoted
+from pushfit.fit.likelihood.profile_sets import threshold
 from pushfit.fit.results import (
     FitStatus,
     Identification,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pushfit.fit.quoting import Pieces, is_trusted
+from pushfit.fit.assess.reporting_rules import Pieces, is_trusted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.report.answers import (
     HALF_TURN,

@@ -4,7 +4,7 @@ import base64
 import html
 from collections.abc import Sequence
 
-from pushfit.fit.quoting import quoted
+from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.report.answers import Answer, alpha_star_answer, theta_c_answer
 from pushfit.report.facts import quantity_cells

@@ -11,7 +11,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from pushfit.fit.quoting import quoted
+from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from pushfit.fit.quoting import quoted
+from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import (
     Diagnostics,
     FitResult,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.errors import DataError
-from pushfit.fit.quoting import is_trusted, quoted
+from pushfit.fit.assess.reporting_rules import is_trusted, quoted
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.report.facts import quantity_cells, verdict_word
 from pushfit.report.plain import Json, json_safe

@@ -19,7 +19,7 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import BIOTAC, simulate_recording, simulate_table
 from pushfit.errors import DataError
-from pushfit.fit.notices import table_notices
+from pushfit.fit.assess.notices import table_notices
 from pushfit.model import Grasp, Parameters
 
 TESTS = Path(__file__).parents[2]

@@ -10,8 +10,8 @@ import pytest
 from scipy import stats
 
 from pushfit.fit import identify
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.results import FitStatus
-from pushfit.fit.starts import prior_x_samples
 from pushfit.fit.sweep import posterior as engine
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from pushfit.fit.calibration import Calibration, Coverage
+from pushfit.fit.coverage import Calibration, Coverage
 from pushfit.fit.results import Verdict
 from pushfit.report.text.coverage import (
     calibration_dict,

@@ -1,0 +1,1 @@
+"""What may be said of a result: verdicts, checks of the model, warnings, advice."""

@@ -1,0 +1,122 @@
+"""What the data fix, what only the prior does, and which measurement would help.
+
+The Jacobian of the weighted residuals against the logs of the free parameters is taken
+on the user's own pushes; its singular vectors are the combinations that these data can
+and cannot tell apart.
+"""
+
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from pushfit.fit.problem.problem import Problem, State
+from pushfit.fit.programs import compiled
+from pushfit.fit.results import Combination, IdentifiabilityResult
+from pushfit.model import Parameters, as_float
+
+LOG_PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0")
+# Singular values below this share of the largest are rounding.
+RANK_TOLERANCE = 1e-8
+# A direction counts as fixed by the data when they remove this share of its prior
+# variance: the error bar is then less than half of the prior's.
+MIN_CONTRACTION = 0.75
+# Exponents smaller than this are left out of a formula.
+SMALLEST_EXPONENT = 0.1
+
+
+def identifiability(
+    problem: Problem,
+    samples: Mapping[str, Float[np.ndarray, " n"]],
+    prior_samples: Mapping[str, Float[np.ndarray, " m"]],
+    *,
+    advice: tuple[str, ...],
+) -> IdentifiabilityResult:
+    """Directions in parameter space by how well the data fix them.
+
+        J = ∂ residuals / ∂ (logs of the free parameters) = U S Vᵀ
+
+    Args:
+        problem: Problem with weighted residuals.
+        samples: Posterior draws; J is taken at their medians.
+        prior_samples: Draws from the prior, which give the prior spread along V.
+        advice: Sentences on what would help.
+
+    Returns:
+        One combination per free parameter, best determined first.
+    """
+    names = free_parameters(problem)
+    middle = np.array([np.median(_scaled(n, samples[n])) for n in names])
+    jacobian = np.asarray(_log_jacobian(problem, jnp.asarray(middle), names))
+    _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=True)
+    singular_values = np.pad(singular_values, (0, len(names) - singular_values.size))
+    spread = np.array([np.var(_scaled(n, prior_samples[n])) for n in names])
+    combinations = []
+    for value, direction in zip(singular_values, directions, strict=True):
+        prior_variance = float(direction**2 @ spread)
+        removed = 1 - 1 / (1 + value**2 * prior_variance)
+        combinations.append(
+            Combination(
+                formula=power_product(names, direction),
+                singular_value=float(value),
+                is_determined=bool(removed > MIN_CONTRACTION),
+            )
+        )
+    floor = RANK_TOLERANCE * max(singular_values.max(initial=0.0), 1e-300)
+    return IdentifiabilityResult(
+        combinations=tuple(combinations),
+        rank=int(np.sum(singular_values > floor)),
+        n_parameters=len(names),
+        advice=advice,
+    )
+
+
+def free_parameters(problem: Problem) -> tuple[str, ...]:
+    """Names of the free parameters that forces may depend on, logs first."""
+    names = (*LOG_PARAMETERS, "e1", "e2")
+    return tuple(name for name in names if name in problem.priors)
+
+
+def power_product(names: tuple[str, ...], direction: Float[np.ndarray, " p"]) -> str:
+    """A direction in the logs as a product of powers.
+
+    Args:
+        names: Parameter names.
+        direction: Components along their logs (along e1 and e2 themselves).
+
+    Returns:
+        The product with the largest exponent scaled to 1.
+    """
+    scaled = direction / direction[np.argmax(np.abs(direction))]
+    terms = []
+    for name, exponent in zip(names, scaled, strict=True):
+        if abs(exponent) < SMALLEST_EXPONENT:
+            continue
+        if name in ("e1", "e2"):
+            terms.append(f"exp({exponent:.2g} {name})")
+        else:
+            is_one = abs(exponent - 1) < SMALLEST_EXPONENT / 2
+            terms.append(name if is_one else f"{name}^{exponent:.2g}")
+    return " · ".join(terms)
+
+
+def _scaled(name: str, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    return values if name in ("e1", "e2") else np.log(values)
+
+
+@compiled
+def _log_jacobian(
+    problem: Problem, u: Float[Array, " p"], names: tuple[str, ...]
+) -> Float[Array, "m p"]:
+    def residuals(values: Float[Array, " p"]) -> Float[Array, " m"]:
+        point = dict(problem.fixed)
+        for name, value in zip(names, values, strict=True):
+            point[name] = value if name in ("e1", "e2") else jnp.exp(value)
+        preload = point.pop("F_0", problem.grasp.preload)
+        n_channels = len(problem.channels)
+        state = State(Parameters(**point), preload, jnp.zeros(n_channels), as_float(0))
+        return problem.residuals(state)
+
+    return jax.jacfwd(residuals)(u)

@@ -1,0 +1,253 @@
+"""Whether the model describes the data at all, said before any parameter is quoted.
+
+Three questions that fail apart: is the scatter about the fit larger than the noise, do
+residuals follow their neighbours in direction, and does the fit explain the heights.
+The same is asked of heights simulated from the posterior (`predictive`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy import stats
+from scipy.spatial import KDTree
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.problem.noise import Noise
+from pushfit.fit.results import FitResult, GoodnessOfFit, PredictiveCheck
+
+# Chance of faulting a model that is right, per test.
+LEVEL = 1e-3
+# A fit that explains less of the heights' variance than this describes them badly
+# whatever sigma is assumed.
+MIN_R_SQUARED = 0.8
+OUTLIER_SIGMA = 5.0
+N_PERMUTATIONS = 4999
+# With fewer directions a pattern cannot be told from chance.
+MIN_DIRECTIONS = 8
+# What simulated heights lack, by the feature of a predictive check.
+MISSED = {
+    "scatter": "as much scatter",
+    "largest": "as large a residual",
+    "pattern": "residuals that follow their neighbours as much",
+}
+
+
+def goodness_of_fit(
+    table: PeakTable,
+    fit: FitResult,
+    noise: Noise,
+    *,
+    seed: int,
+    predictive: tuple[PredictiveCheck, ...] = (),
+) -> GoodnessOfFit:
+    """Compare the residuals of a fit with the noise, with repeats and with each other.
+
+    Args:
+        table: Peak heights.
+        fit: Best fit.
+        noise: Noise model of the fit.
+        seed: Seed of the permutation test.
+        predictive: Posterior predictive checks of the same fit.
+
+    Returns:
+        Tests and a sentence.
+    """
+    rows = np.asarray(fit.row)
+    heights = {name: table.heights(name) for name in table.channels}
+    observed = np.array(
+        [heights[c][r] for c, r in zip(fit.channel, fit.row, strict=True)]
+    )
+    residuals = (fit.predicted - observed) / fit.sigma
+    r_squared = _r_squared(observed, fit.predicted, np.asarray(fit.channel))
+    p_value = _chi_square_p_value(fit, noise)
+    lack_of_fit = _lack_of_fit_p_value(table, fit, residuals)
+    pattern = _pattern_p_value(table, fit, residuals, seed=seed)
+    outliers = np.unique(rows[np.abs(residuals) > OUTLIER_SIGMA])
+    failed = _failed(p_value, lack_of_fit, pattern, predictive)
+    # Repeats or given standard deviations judge a fit better than its share of the
+    # variation, which is small for noisy heights of a perfect model too.
+    n_directions = np.unique(table.groups[rows]).size
+    has_no_other_judge = p_value is None and lack_of_fit is None
+    if r_squared < MIN_R_SQUARED and has_no_other_judge and n_directions > fit.n_free:
+        failed.insert(0, f"it explains only {max(r_squared, 0):.0%} of the variation")
+    return GoodnessOfFit(
+        chi_square=fit.chi_square,
+        degrees_of_freedom=fit.degrees_of_freedom,
+        p_value=p_value,
+        r_squared=r_squared,
+        lack_of_fit_p_value=lack_of_fit,
+        pattern_p_value=pattern,
+        outliers=tuple(label(table, int(row)) for row in outliers),
+        is_adequate=not failed,
+        sentence=_sentence(failed, r_squared),
+        predictive=predictive,
+    )
+
+
+def _failed(
+    p_value: float | None,
+    lack_of_fit: float | None,
+    pattern: float | None,
+    predictive: tuple[PredictiveCheck, ...],
+) -> list[str]:
+    """What each failed test says."""
+    tests = {
+        "the scatter about the fit exceeds the noise": p_value,
+        "the fit misses the means of repeated pushes": lack_of_fit,
+        "residuals follow their neighbours in direction": pattern,
+    }
+    failed = [name for name, p in tests.items() if p is not None and p < LEVEL]
+    missed = [MISSED[check.feature] for check in predictive if check.p_value < LEVEL]
+    if missed:
+        features = " or ".join(missed)
+        failed.append(f"heights simulated from it almost never show {features}")
+    return failed
+
+
+def label(table: PeakTable, row: int) -> str:
+    """Name of a push by its number and direction."""
+    push = table.frame["push"].iloc[row]
+    theta, alpha = np.degrees(table.theta[row]), np.degrees(table.alpha[row])
+    return f"push {push} (θ = {theta:g}°, α = {alpha:g}°)"
+
+
+def _sentence(failed: list[str], r_squared: float) -> str:
+    if not failed:
+        return "The model describes the heights within their noise."
+    reasons = "; ".join(failed)
+    if r_squared < MIN_R_SQUARED:
+        return f"The model does not describe these heights: {reasons}."
+    return (
+        f"The model does not describe these heights within their noise: {reasons}. "
+        f"It still explains {r_squared:.1%} of their variation."
+    )
+
+
+def _r_squared(
+    observed: Float[np.ndarray, " n"],
+    predicted: Float[np.ndarray, " n"],
+    channel: np.ndarray,
+) -> float:
+    """1 - SSE / SST about each channel's mean; 1 for heights that do not vary."""
+    total = 0.0
+    for name in np.unique(channel):
+        values = observed[channel == name]
+        total += float(np.sum((values - values.mean()) ** 2))
+    errors = float(np.sum((observed - predicted) ** 2))
+    return 1.0 - errors / total if total > 0 else 1.0
+
+
+def _chi_square_p_value(fit: FitResult, noise: Noise) -> float | None:
+    """Chance of a larger chi-square; None where sigma was made to fit it."""
+    if noise.kind != "given" or fit.degrees_of_freedom < 1:
+        return None
+    return float(stats.chi2.sf(fit.chi_square, fit.degrees_of_freedom))
+
+
+def _lack_of_fit_p_value(
+    table: PeakTable, fit: FitResult, residuals: Float[np.ndarray, " n"]
+) -> float | None:
+    """F test of the group means of repeated pushes against their own scatter."""
+    group = table.groups[np.asarray(fit.row)]
+    keys = np.unique(np.asarray(fit.channel), return_inverse=True)[1]
+    _, inverse, counts = np.unique(
+        np.stack([keys, group]), axis=1, return_inverse=True, return_counts=True
+    )
+    means = np.bincount(inverse.ravel(), residuals) / counts
+    pure = float(np.sum((residuals - means[inverse.ravel()]) ** 2))
+    pure_dof = residuals.size - counts.size
+    lack_dof = counts.size - fit.n_free
+    if pure_dof < 1 or lack_dof < 1 or pure == 0:
+        return None
+    lack = float(np.sum(counts * means**2))
+    return float(stats.f.sf(lack / lack_dof / (pure / pure_dof), lack_dof, pure_dof))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Directions:
+    """Directions that were pushed, each with the nearest other one on the sphere.
+
+    Args:
+        order: Pushes, sorted by direction.
+        first: Where each direction begins in this order.
+        counts: Pushes of each direction.
+        nearest: Nearest other direction of each.
+    """
+
+    order: Int[np.ndarray, " n"]
+    first: Int[np.ndarray, " g"]
+    counts: Int[np.ndarray, " g"]
+    nearest: Int[np.ndarray, " g"]
+
+    def pooled(self, residuals: Float[np.ndarray, "*m n"]) -> Float[np.ndarray, "*m g"]:
+        """Residuals of each direction, summed and over the root of their number.
+
+        Args:
+            residuals: Residual of every push.
+
+        Returns:
+            Of unit variance where the residuals are.
+        """
+        sums = np.add.reduceat(residuals[..., self.order], self.first, axis=-1)
+        return sums / np.sqrt(self.counts)
+
+
+def pushed_directions(
+    table: PeakTable, rows: Int[np.ndarray, " n"]
+) -> Directions | None:
+    """Directions of some pushes of a table.
+
+    Args:
+        table: Peak heights.
+        rows: Rows of the table.
+
+    Returns:
+        Directions; None where they are too few to show a pattern.
+    """
+    group, inverse = np.unique(table.groups[rows], return_inverse=True)
+    if group.size < MIN_DIRECTIONS:
+        return None
+    counts = np.bincount(inverse)
+    theta, alpha = table.theta[rows], table.alpha[rows]
+    vectors = np.stack(
+        [np.cos(theta) * np.cos(alpha), np.cos(theta) * np.sin(alpha), np.sin(theta)]
+    )
+    points = np.stack([np.bincount(inverse, v) / counts for v in vectors], axis=1)
+    _, nearest = KDTree(points).query(points, k=2)
+    return Directions(
+        order=np.argsort(inverse, kind="stable"),
+        first=np.cumsum(counts) - counts,
+        counts=counts,
+        nearest=np.asarray(nearest)[:, 1],
+    )
+
+
+def _pattern_p_value(
+    table: PeakTable, fit: FitResult, residuals: Float[np.ndarray, " n"], *, seed: int
+) -> float | None:
+    """Permutation test of residuals against the nearest other direction.
+
+    The mean residual of each direction is multiplied by that of its nearest neighbour
+    on the sphere; a model that misses a trend makes the products positive.
+    """
+    channel = np.asarray(fit.channel)
+    is_first = channel == channel[0]
+    directions = pushed_directions(table, np.asarray(fit.row)[is_first])
+    if directions is None:
+        return None
+    means = directions.pooled(residuals[is_first])
+    neighbour = directions.nearest
+    rng = np.random.default_rng(seed)
+
+    observed = float(means @ means[neighbour])
+    # In blocks: all permutations of a large table at once would fill the memory.
+    block = max(1, 2_000_000 // means.size)
+    n_larger, n_done = 0, 0
+    while n_done < N_PERMUTATIONS:
+        n = min(block, N_PERMUTATIONS - n_done)
+        shuffled = rng.permuted(np.tile(means, (n, 1)), axis=1)
+        products = np.sum(shuffled * shuffled[:, neighbour], axis=1)
+        n_larger += int(np.sum(products >= observed))
+        n_done += n
+    return (n_larger + 1) / (N_PERMUTATIONS + 1)

@@ -1,0 +1,112 @@
+"""The best push direction without a push model: a cosine through the heights.
+
+    height = c0 + c1 cos 2α + s1 sin 2α   (+ a level for each elevation)
+
+Its minimum is an estimate of α* that no mechanics can bias; where it disagrees with the
+model's, one of the two assumptions fails.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.problem.derived import (
+    equal_tailed_interval,
+    highest_density_set,
+    median,
+)
+from pushfit.fit.results import Quantity, Verdict
+
+# Below three azimuths per elevation a cosine passes through any heights.
+MIN_AZIMUTHS = 3
+N_DRAWS = 4000
+
+
+def model_free_direction(
+    table: PeakTable, *, prob: float, seed: int
+) -> Quantity | None:
+    """Direction of least height by a cosine of period 180°.
+
+    Args:
+        table: Peak heights; the first channel present is used.
+        prob: Probability of the interval.
+        seed: Seed of the draws.
+
+    Returns:
+        The direction [deg]; None without an elevation pushed in three azimuths and
+        rows to spare. NOT_DETERMINED where the amplitude may be zero.
+    """
+    rows = _sweep_rows(table)
+    if rows is None:
+        return None
+    heights = table.heights(table.channels[0])[rows]
+    design, n_levels = _design(table.theta[rows], table.alpha[rows])
+    dof = heights.size - design.shape[1]
+    if dof < 1 or np.linalg.matrix_rank(design) < design.shape[1]:
+        return None
+    coefficients, *_ = np.linalg.lstsq(design, heights, rcond=None)
+    residuals = heights - design @ coefficients
+    covariance = np.linalg.inv(design.T @ design) * (residuals @ residuals / dof)
+    wave, spread = coefficients[n_levels:], covariance[n_levels:, n_levels:]
+    rng = np.random.default_rng(seed)
+    # Multivariate t: sigma is known only from the residuals.
+    scale = np.sqrt(dof / rng.chisquare(dof, N_DRAWS))
+    noise = rng.multivariate_normal(np.zeros(2), spread, N_DRAWS) * scale[:, None]
+    draws = _minimum(wave + noise)
+    is_round = _amplitude_may_vanish(wave, spread, dof, prob)
+    interval = equal_tailed_interval(draws, prob, is_axis=True)
+    return Quantity(
+        name="alpha_star_model_free",
+        unit="deg",
+        estimate=None if is_round else median(_minimum(wave[None]), is_axis=True),
+        interval=None if is_round else interval,
+        prob=prob,
+        sets=() if is_round else highest_density_set(draws, prob, is_axis=True),
+        likelihood_sets=(),
+        verdict=Verdict.NOT_DETERMINED if is_round else Verdict.DETERMINED,
+        contraction=None,
+        note="minimum of c0 + c1 cos 2α + s1 sin 2α",
+    )
+
+
+def _sweep_rows(table: PeakTable) -> np.ndarray | None:
+    """Used rows at elevations that were pushed in enough azimuths."""
+    used = np.flatnonzero(table.is_used)
+    theta = np.round(np.degrees(table.theta[used]), 3)
+    axis = np.round(np.mod(np.degrees(table.alpha[used]), 180.0), 3)
+    kept = []
+    for level in np.unique(theta):
+        same = theta == level
+        if np.unique(axis[same]).size >= MIN_AZIMUTHS:
+            kept.append(used[same])
+    return np.concatenate(kept) if kept else None
+
+
+def _design(
+    theta: Float[np.ndarray, " n"], alpha: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, "n k"], int]:
+    """One level per elevation, then the two waves."""
+    levels = np.unique(np.round(theta, 6))
+    indicator = (np.round(theta, 6)[:, None] == levels).astype(float)
+    waves = np.stack([np.cos(2 * alpha), np.sin(2 * alpha)], axis=1)
+    return np.concatenate([indicator, waves], axis=1), levels.size
+
+
+def _minimum(wave: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+    """Azimuth of the minimum of each wave, in [0, 180) [deg]."""
+    peak = np.degrees(np.arctan2(wave[:, 1], wave[:, 0])) / 2
+    return np.mod(peak + 90.0, 180.0)
+
+
+def _amplitude_may_vanish(
+    wave: Float[np.ndarray, " 2"],
+    covariance: Float[np.ndarray, "2 2"],
+    dof: int,
+    prob: float,
+) -> bool:
+    """Whether the joint confidence region of (c1, s1) holds the origin (F test)."""
+    if np.linalg.matrix_rank(covariance) < 2:
+        return not np.any(wave)
+    distance = float(wave @ np.linalg.solve(covariance, wave)) / 2
+    return bool(distance < stats.f.ppf(prob, 2, dof))

@@ -1,0 +1,250 @@
+"""Warnings that travel with a result: each has a stable code and a sentence."""
+
+from collections.abc import Iterator
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy import stats
+
+from pushfit.config import GraspConfig
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.model_checking import LEVEL, label
+from pushfit.fit.problem.derived import in_contact
+from pushfit.fit.results import (
+    FitResult,
+    FitStatus,
+    GoodnessOfFit,
+    Notice,
+    PosteriorResult,
+    Quantity,
+    Verdict,
+)
+from pushfit.fit.setup import Setup
+from pushfit.model import contact
+
+
+def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
+    """What the table and the configuration already say.
+
+    Args:
+        table: Peak heights.
+        config: Configuration in force.
+
+    Yields:
+        Warnings.
+    """
+    if not config.push.length_known:
+        yield Notice(
+            code="push_length_unknown",
+            text="the push length was not controlled or not stated, so stiffness is "
+            "not quoted; θ_c and α* assume that all pushes were equally long, and "
+            "unequal pushes make them wrong",
+        )
+    excluded = np.flatnonzero(~table.is_used)
+    if excluded.size:
+        names = "; ".join(
+            f"{label(table, int(i))}: {', '.join(sorted(table.flags[i]))}"
+            for i in excluded
+        )
+        yield Notice(code="pushes_excluded", text=f"left out of the fit: {names}")
+    n_elevations = np.unique(np.round(table.theta[table.is_used], 6)).size
+    if n_elevations < 3:
+        yield Notice(
+            code="few_elevations",
+            text=f"pushes have only {n_elevations} distinct "
+            f"{'elevation' if n_elevations == 1 else 'elevations'}; the critical angle "
+            "needs several on both sides of it",
+        )
+    if "definition" in table.frame:
+        definitions = set(table.frame["definition"][table.is_used]) - {""}
+        if len(definitions) > 1:
+            yield Notice(
+                code="mixed_definitions",
+                text="some heights were read at the apex of a push, others at its "
+                "plateau, and one push has two heights by the two; set [peaks] height "
+                "to the one that all should have",
+            )
+
+
+def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
+    """Rows of the table whose push lifted the finger off, by the best fit.
+
+    Args:
+        setup: Problem.
+        fit: Best fit.
+
+    Returns:
+        Rows; by linear mechanics none without a preload, which are even in θ then.
+    """
+    problem = setup.problem
+    is_held = np.asarray(in_contact(problem, jnp.asarray(fit.estimate)))
+    is_lost = ~is_held[: len(setup.rows)]
+    return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
+
+
+def contact_notice(table: PeakTable, rows: tuple[int, ...]) -> Notice:
+    """Say which pushes were left out because the finger lifted off."""
+    names = ", ".join(label(table, row) for row in rows)
+    return Notice(
+        code="lost_contact",
+        text=f"these pushes lifted the finger off and were left out: {names}",
+    )
+
+
+def scatter_notice(setup: Setup, fit: FitResult) -> Notice | None:
+    """Say that given standard deviations do not explain the scatter about the fit.
+
+    Args:
+        setup: Problem.
+        fit: Best fit.
+
+    Returns:
+        A warning; None where they do, or where sigma was not given.
+    """
+    if setup.noise.kind != "given" or fit.degrees_of_freedom < 1:
+        return None
+    if stats.chi2.sf(fit.chi_square, fit.degrees_of_freedom) > LEVEL:
+        return None
+    ratio = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
+    return Notice(
+        code="scatter_exceeds_sd",
+        text=f"heights scatter {ratio:.1f} times as much about the fit as their "
+        "standard deviations say; either these are too small or the model misses "
+        "something. The extra scatter is estimated and widens every interval",
+    )
+
+
+def result_notices(
+    setup: Setup,
+    posterior: PosteriorResult,
+    criticism: GoodnessOfFit,
+    quantities: tuple[Quantity, Quantity],
+    model_free: Quantity | None,
+) -> Iterator[Notice]:
+    """What the finished result says.
+
+    Args:
+        setup: Problem.
+        posterior: Draws.
+        criticism: Goodness of fit.
+        quantities: θ_c and α*.
+        model_free: α* without the model.
+
+    Yields:
+        Warnings.
+    """
+    theta_c, alpha_star = quantities
+    if not criticism.is_adequate:
+        yield Notice(code="model_inadequate", text=criticism.sentence)
+    if criticism.outliers:
+        names = ", ".join(criticism.outliers)
+        yield Notice(code="outliers", text=f"more than 5 sigma from the fit: {names}")
+    scatter = [c.p_value for c in criticism.predictive if c.feature == "scatter"]
+    if setup.noise.kind == "given" and max(scatter, default=0.0) > 1 - LEVEL:
+        yield Notice(
+            code="scatter_below_sd",
+            text="heights simulated with the given standard deviations scatter more "
+            "than these do; if the deviations are too large, so are the intervals",
+        )
+    if posterior.status is not FitStatus.OK:
+        problems = posterior.diagnostics.problems if posterior.diagnostics else ()
+        yield Notice(
+            code=posterior.status.name.lower(),
+            text="; ".join([posterior.status.value, *problems]),
+        )
+    for quantity, symbol in ((theta_c, "θ_c"), (alpha_star, "α*")):
+        is_asked = quantity.name in posterior.samples
+        if is_asked and quantity.verdict is not Verdict.DETERMINED:
+            words = quantity.verdict.value.replace("_", " ")
+            yield Notice(
+                code=f"{quantity.name}_{quantity.verdict.value}",
+                text=f"{symbol}: {words} by these data",
+            )
+    yield from _disagreement(alpha_star, model_free)
+    yield from _bounds(setup, posterior)
+
+
+def _disagreement(
+    alpha_star: Quantity, model_free: Quantity | None
+) -> Iterator[Notice]:
+    """Model and cosine point in different directions."""
+    if model_free is None:
+        return
+    if alpha_star.interval is None or model_free.interval is None:
+        return
+    (low, high), (other_low, other_high) = alpha_star.interval, model_free.interval
+    gap = (other_low + other_high - low - high) / 2
+    distance = abs((gap + 90.0) % 180.0 - 90.0)
+    if distance > (high - low + other_high - other_low) / 2:
+        yield Notice(
+            code="alpha_star_disagreement",
+            text=f"α* is {alpha_star.estimate:.0f}° by the model but "
+            f"{model_free.estimate:.0f}° by a cosine through the heights; do not trust "
+            "either without looking at the figure",
+        )
+
+
+def _bounds(setup: Setup, posterior: PosteriorResult) -> Iterator[Notice]:
+    """Posterior pressed against the bound of a uniform prior."""
+    for name, prior in setup.problem.priors.items():
+        if prior.kind != "uniform" or name not in posterior.samples:
+            continue
+        low, high = float(prior.first), float(prior.second)
+        draws = posterior.samples[name]
+        # A density that does not fall off towards the bound puts this share within a
+        # twentieth of the range of it.
+        edge = 0.05 * (high - low)
+        for bound, share in (
+            (low, np.mean(draws < low + edge)),
+            (high, np.mean(draws > high - edge)),
+        ):
+            if bound > 0 and share > 0.1:
+                yield Notice(
+                    code="bound_touched",
+                    text=f"{name} presses against its bound {bound:g}; its interval is "
+                    "one of the prior, so widen the bound or accept one side",
+                )
+
+
+def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:
+    """Say that fixed parameters cannot give the stiffness that the heights show.
+
+    Args:
+        setup: Problem.
+        fit: Best fit.
+
+    Returns:
+        A warning; None where they can.
+    """
+    fixed = {name: float(value) for name, value in setup.problem.fixed.items()}
+    if not {"K_sn", "K_dn", "K_st"} & set(fixed):
+        return None
+    group = contact(setup.problem.data_state(jnp.asarray(fit.estimate)).params)
+    A, B = (float(value) for value in jax.tree.leaves((group.A, group.B)))
+    for name, found in (("K_sn", A), ("K_dn", A), ("K_st", B)):
+        if name in fixed and fixed[name] < found:
+            symbol = "A" if found == A else "B"
+            return Notice(
+                code="fixed_value_contradicted",
+                text=f"{name} is fixed at {fixed[name]:g}, but the heights want a "
+                f"series stiffness {symbol} of {found:.3g}, which cannot exceed it; "
+                "check the fixed value, the push length and the calibration",
+            )
+    return None
+
+
+def handover_notices(posterior: PosteriorResult) -> tuple[Notice, ...]:
+    """What to know where the sweep left a posterior to emcee.
+
+    Args:
+        posterior: Draws.
+    """
+    if posterior.engine != "emcee" or posterior.pareto_k is None:
+        return ()
+    text = (
+        f"the weighted draws of the sweep were not to be trusted (effective draws "
+        f"{posterior.ess or 0:.0f}, Pareto k {posterior.pareto_k:.2f}); these are from "
+        "emcee, which gives no evidence"
+    )
+    return (Notice(code="handed_to_emcee", text=text),)

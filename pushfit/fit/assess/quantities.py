@@ -1,0 +1,295 @@
+"""What may be said of each quantity: its draws and its profile, with a verdict.
+
+Two rules keep reports honest. An end that the likelihood leaves open is open in every
+set that is printed. An estimate with a ± is given only for what the data determine, and
+never from a sampler that has not converged.
+"""
+
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.fit.problem.derived import (
+    PARAMETERS,
+    contraction,
+    equal_tailed_interval,
+    highest_density_set,
+    median,
+)
+from pushfit.fit.problem.priors import UNITS
+from pushfit.fit.results import (
+    FitStatus,
+    LikelihoodProfile,
+    Piece,
+    PosteriorResult,
+    Quantity,
+    Verdict,
+)
+from pushfit.fit.setup import Setup
+
+# Contraction above the first is learned from the data, below the second assumed: the
+# data then shrink the prior's standard deviation by less than a tenth.
+LEARNED, ASSUMED = 0.8, 0.2
+FORMULAS = {
+    "A": "K_sn K_dn/(K_sn + K_dn)",
+    "B": "K_st C_d/(L² K_st + C_d)",
+    "f1": "log ratio of the axes of B, part along x",
+    "f2": "log ratio of the axes of B, part at 45°",
+}
+LOG_QUANTITIES = ("A", "B", *PARAMETERS, "F_0")
+
+
+def angle_quantity(
+    name: str,
+    posterior: PosteriorResult,
+    profile: LikelihoodProfile | None,
+    *,
+    prob: float,
+) -> Quantity:
+    """θ_c or α*, as far as the data determine it.
+
+    Args:
+        name: "theta_c" or "alpha_star".
+        posterior: Draws.
+        profile: Likelihood profile; None where the question was not asked.
+        prob: Probability of interval and sets.
+
+    Returns:
+        The quantity. Estimate and interval are None unless the verdict is DETERMINED;
+        with several modes the interval is kept, which covers them all. Where the data
+        hardly narrow the prior nothing is determined, however sharp the profile: a few
+        pushes can be fitted perfectly by a model that knows nothing.
+    """
+    is_axis = name == "alpha_star"
+    verdict = Verdict.NOT_DETERMINED if profile is None else profile.verdict
+    draws = posterior.samples.get(name)
+    found: tuple[Piece, ...] = ()
+    if draws is not None:
+        found = highest_density_set(draws, prob, is_axis=is_axis)
+        before = _width_before(posterior.prior_samples[name].tobytes(), prob, is_axis)
+        if before > 0 and 1 - _width(found) / before < ASSUMED:
+            verdict = Verdict.NOT_DETERMINED
+    is_quotable = posterior.status is FitStatus.OK and draws is not None
+    sets, interval, estimate, note = (), None, None, ""
+    if draws is not None:
+        never = float(np.mean(np.isnan(draws)))
+        if never > 0:
+            note = f"{never:.1%} of the posterior never rolls"
+            # Draws without a critical angle are no part of any interval for it.
+            is_quotable = is_quotable and never < (1 - prob) / 2
+    if is_quotable and draws is not None and verdict is not Verdict.NOT_DETERMINED:
+        sets = _with_open_ends(found, () if profile is None else profile.pieces)
+        if verdict in (Verdict.DETERMINED, Verdict.SEVERAL_MODES):
+            interval = equal_tailed_interval(draws, prob, is_axis=is_axis)
+        if verdict is Verdict.DETERMINED:
+            estimate = median(draws, is_axis=is_axis)
+    return Quantity(
+        name=name,
+        unit="deg",
+        estimate=estimate,
+        interval=interval,
+        prob=prob,
+        sets=sets,
+        likelihood_sets=() if profile is None else profile.pieces,
+        verdict=verdict,
+        contraction=_contraction(name, posterior),
+        note=note,
+    )
+
+
+def parameter_quantities(
+    setup: Setup,
+    posterior: PosteriorResult,
+    profiles: Mapping[str, LikelihoodProfile],
+    *,
+    prob: float,
+    unit: str,
+    is_length_known: bool,
+    with_sets: bool = True,
+) -> tuple[Quantity, ...]:
+    """The parameters with what the data added to their priors.
+
+    Args:
+        setup: Problem.
+        posterior: Draws.
+        profiles: Likelihood profiles by name.
+        prob: Probability of intervals and sets.
+        unit: Unit of the heights.
+        is_length_known: Whether stiffness may be quoted.
+        with_sets: Whether to look for highest-density sets, the slowest part.
+
+    Returns:
+        The six parameters, e1, e2, F_0 and sigmas, as far as they exist.
+    """
+    names = [*PARAMETERS, "e1", "e2", "F_0"]
+    names = [n for n in names if n in posterior.samples]
+    names += [n for n in posterior.samples if n.startswith("sigma_")]
+    quantities = []
+    for name in names:
+        parameter_unit = unit_of(name, setup, unit)
+        prior = setup.problem.priors.get(name)
+        quantities.append(
+            _quantity(
+                name,
+                parameter_unit,
+                posterior,
+                profiles.get(name),
+                prob=prob,
+                verdict=_parameter_verdict(name, setup, posterior),
+                note="fixed" if prior is None else prior.describe(),
+                is_quoted=is_length_known or not _needs_length(name),
+                with_sets=with_sets,
+            )
+        )
+    return tuple(quantities)
+
+
+def combination_quantities(
+    setup: Setup,
+    posterior: PosteriorResult,
+    profiles: Mapping[str, LikelihoodProfile],
+    *,
+    prob: float,
+    unit: str,
+    is_length_known: bool,
+    with_sets: bool = True,
+) -> tuple[Quantity, ...]:
+    """A, B and the shape of B: what linear forces depend on beside C_rr.
+
+    Args:
+        setup: Problem.
+        posterior: Draws.
+        profiles: Likelihood profiles by name.
+        prob: Probability of intervals and sets.
+        unit: Unit of the heights.
+        is_length_known: Whether stiffness may be quoted.
+        with_sets: Whether to look for highest-density sets, the slowest part.
+
+    Returns:
+        The combinations that were sampled.
+    """
+    quantities = []
+    for name in ("A", "B", "f1", "f2"):
+        if name not in posterior.samples:
+            continue
+        profile = profiles.get(name)
+        verdict = (
+            profile.verdict if profile else _parameter_verdict(name, setup, posterior)
+        )
+        quantities.append(
+            _quantity(
+                name,
+                unit_of(name, setup, unit),
+                posterior,
+                profile,
+                prob=prob,
+                verdict=verdict,
+                note=FORMULAS[name],
+                is_quoted=is_length_known or not _needs_length(name),
+                with_sets=with_sets,
+            )
+        )
+    return tuple(quantities)
+
+
+def unit_of(name: str, setup: Setup, unit: str) -> str:
+    """Unit of a parameter, in the sensor's own unit of force without a calibration."""
+    if name.startswith("sigma_"):
+        return unit
+    plain = UNITS.get(name, "N/m" if name in ("A", "B") else "1")
+    return plain if setup.is_calibrated else plain.replace("N", unit)
+
+
+def _quantity(
+    name: str,
+    unit: str,
+    posterior: PosteriorResult,
+    profile: LikelihoodProfile | None,
+    *,
+    prob: float,
+    verdict: Verdict,
+    note: str,
+    is_quoted: bool,
+    with_sets: bool,
+) -> Quantity:
+    """A parameter or combination; its interval is a posterior one, prior included."""
+    draws = posterior.samples[name]
+    pieces: tuple[Piece, ...] = () if profile is None else profile.pieces
+    if not is_quoted:
+        note = "not quoted: the push length is not known"
+    is_fixed = verdict is Verdict.FIXED
+    is_quotable = is_quoted and (posterior.status is FitStatus.OK or is_fixed)
+    has_spread = is_quotable and not is_fixed
+    return Quantity(
+        name=name,
+        unit=unit,
+        estimate=median(draws) if is_quotable else None,
+        interval=equal_tailed_interval(draws, prob) if has_spread else None,
+        prob=prob,
+        sets=highest_density_set(draws, prob) if has_spread and with_sets else (),
+        likelihood_sets=pieces if is_quoted else (),
+        verdict=verdict,
+        contraction=None if is_fixed else _contraction(name, posterior),
+        note=note,
+    )
+
+
+def _parameter_verdict(name: str, setup: Setup, posterior: PosteriorResult) -> Verdict:
+    """Learned, partly or assumed, by how far the data shrink the prior."""
+    if name in setup.problem.fixed:
+        return Verdict.FIXED
+    share = _contraction(name, posterior)
+    if share is None or share < ASSUMED:
+        return Verdict.ASSUMED
+    return Verdict.LEARNED if share >= LEARNED else Verdict.PARTLY
+
+
+def _contraction(name: str, posterior: PosteriorResult) -> float | None:
+    """1 - var_posterior / var_prior on the prior's own scale."""
+    draws, before = posterior.samples.get(name), posterior.prior_samples.get(name)
+    if draws is None or before is None or name == "alpha_star":
+        return None
+    if name in LOG_QUANTITIES or name.startswith("sigma_"):
+        draws, before = np.log(draws), np.log(before)
+    draws, before = _finite(draws), _finite(before)
+    if draws.size == 0 or before.size == 0 or np.var(before) == 0:
+        return None
+    return contraction(draws, before)
+
+
+@functools.lru_cache(maxsize=256)
+def _width_before(draws: bytes, prob: float, is_axis: bool) -> float:
+    """Width of the prior's set of an angle; many tables share their prior's draws."""
+    values = np.frombuffer(draws, dtype=float)
+    return _width(highest_density_set(values, prob, is_axis=is_axis))
+
+
+def _width(pieces: tuple[Piece, ...]) -> float:
+    return sum(
+        high - low for low, high in pieces if low is not None and high is not None
+    )
+
+
+def _finite(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+    return values[np.isfinite(values)]
+
+
+def _needs_length(name: str) -> bool:
+    """Whether a quantity scales with the push length."""
+    return name in ("K_sn", "K_dn", "K_st", "C_d", "A", "B")
+
+
+def _with_open_ends(
+    sets: tuple[Piece, ...], likelihood_sets: tuple[Piece, ...]
+) -> tuple[Piece, ...]:
+    """Posterior pieces whose outer ends are open where the likelihood's are."""
+    if not sets or not likelihood_sets:
+        return sets
+    pieces = [list(piece) for piece in sets]
+    if likelihood_sets[0][0] is None:
+        pieces[0][0] = None
+    if likelihood_sets[-1][1] is None:
+        pieces[-1][1] = None
+    return tuple((low, high) for low, high in pieces)

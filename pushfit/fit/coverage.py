@@ -1,0 +1,283 @@
+"""How often the intervals that a user sees hold the truth, for the user's own pushes.
+
+Truths are drawn from the priors and pushed in the user's directions, with the user's
+repeats, channels and noise; each simulated table then goes through the whole
+identification. What is counted is therefore what would be printed, verdicts included.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy import stats
+
+from pushfit.config import GraspConfig
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import ConfigError, DataError, FitError
+from pushfit.fit.identify import Fitted, fit_table, identify_table, reach_of
+from pushfit.fit.problem.derived import (
+    HALF_TURN,
+    equal_tailed_interval,
+    samples_mapping,
+)
+from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.programs import compiled
+from pushfit.fit.results import FitStatus, Identification, Piece, Verdict
+from pushfit.model import Channels, Pushes, forward
+
+LEVELS = (0.5, 0.9, 0.95)
+ANGLES = ("theta_c", "alpha_star")
+QUANTITIES = (*ANGLES, "A", "B", "C_rr")
+# Probability of the binomial limits.
+LIMITS_PROB = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coverage:
+    """How often one kind of interval held the truth.
+
+    Args:
+        name: Quantity.
+        kind: "interval" (equal-tailed) or "set" (as quoted, pieces and open ends).
+        prob: Probability that it claims.
+        n_held: Tables in which it held the truth.
+        n_tables: Tables in which there was one, and a truth to hold.
+    """
+
+    name: str
+    kind: str
+    prob: float
+    n_held: int
+    n_tables: int
+
+    @property
+    def share(self) -> float:
+        """Measured coverage; NaN without tables."""
+        return self.n_held / self.n_tables if self.n_tables else float("nan")
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Coverages that this count is compatible with (Clopper and Pearson, 95 %)."""
+        if not self.n_tables:
+            return 0.0, 1.0
+        test = stats.binomtest(self.n_held, self.n_tables)
+        low, high = test.proportion_ci(LIMITS_PROB, method="exact")
+        return float(low), float(high)
+
+    @property
+    def is_compatible(self) -> bool:
+        """Whether the claimed probability lies inside the limits."""
+        low, high = self.limits
+        return low <= self.prob <= high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """Measured coverage for one design.
+
+    Args:
+        coverages: One per quantity, kind and probability.
+        verdicts: How often each verdict was given, by angle.
+        n_tables: Tables simulated.
+        n_failed: Tables that gave no trusted result.
+        n_pushes: Pushes of each table.
+        engine: Engines of the posteriors.
+        seed: Seed of truths, noise and draws.
+    """
+
+    coverages: tuple[Coverage, ...]
+    verdicts: Mapping[str, Mapping[Verdict, int]]
+    n_tables: int
+    n_failed: int
+    n_pushes: int
+    engine: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulation:
+    """Tables with known truth.
+
+    Args:
+        tables: Peak heights.
+        truths: True values by quantity, one per table, as in `samples_mapping`.
+    """
+
+    tables: tuple[PeakTable, ...]
+    truths: Mapping[str, Float[np.ndarray, " n"]]
+
+
+def calibrate(
+    table: PeakTable,
+    config: GraspConfig,
+    *,
+    n_tables: int,
+    seed: int,
+    progress: Callable[[str, float], None] | None = None,
+) -> Calibration:
+    """Measure the coverage of intervals and sets for the pushes of a table.
+
+    Args:
+        table: Peak heights whose directions, repeats, channels and noise are taken.
+        config: Configuration in force; truths are drawn from its priors.
+        n_tables: Tables to simulate.
+        seed: Seed of truths, noise and draws.
+        progress: Called with a stage and the share of it that is done.
+
+    Returns:
+        Coverage of each quantity that the configuration leaves free.
+
+    Raises:
+        ConfigError: If nothing is left to infer.
+        DataError: If no usable push is left.
+        FitError: If no start gives finite residuals.
+    """
+    fitted = fit_table(table, config)
+    problem = fitted.setup.problem
+    if not problem.names:
+        raise ConfigError(
+            "every parameter is fixed, so there is no interval to calibrate; "
+            "leave one free in [parameters]",
+            code="nothing_free",
+        )
+    simulation = simulate_tables(fitted, n_tables, np.random.default_rng(seed))
+    found = []
+    for index, simulated in enumerate(simulation.tables):
+        if progress is not None:
+            progress(f"table {index + 1} of {n_tables}", index / n_tables)
+        found.append(_identified(simulated, config, seed + index))
+    trusted = [
+        (index, result)
+        for index, result in enumerate(found)
+        if result is not None and result.status is FitStatus.OK
+    ]
+    asked = [name for name in QUANTITIES if name in simulation.truths]
+    asked = [name for name in asked if np.ptp(simulation.truths[name]) > 0]
+    coverages = []
+    for name in asked:
+        truths = simulation.truths[name]
+        pairs = [(result, float(truths[index])) for index, result in trusted]
+        pairs = [(result, truth) for result, truth in pairs if np.isfinite(truth)]
+        coverages += _coverages(name, pairs, prob=config.report.prob)
+    return Calibration(
+        coverages=tuple(coverages),
+        verdicts={
+            name: Counter(getattr(result, name).verdict for _, result in trusted)
+            for name in ANGLES
+            if name in asked
+        },
+        n_tables=n_tables,
+        n_failed=n_tables - len(trusted),
+        n_pushes=len(fitted.setup.rows),
+        engine=" and ".join(sorted({r.posterior.engine for _, r in trusted})),
+        seed=seed,
+    )
+
+
+def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulation:
+    """Tables of the same pushes from truths drawn from the priors.
+
+    Args:
+        fitted: A table with its noise settled.
+        n: Number of tables.
+        rng: Source of truths and noise.
+
+    Returns:
+        Tables, each with the unit, channels and stated standard deviations of the
+        original; pushes that lift the finger off are flagged `lost_contact`.
+    """
+    table, setup = fitted.table, fitted.setup
+    problem, rows = setup.problem, np.array(setup.rows)
+    x = prior_x_samples(problem, rng, n)
+    clean, in_contact = _forward(
+        problem, jax.numpy.asarray(x), Pushes(table.theta[rows], table.alpha[rows])
+    )
+    sigma = np.asarray(problem.reference_sigma)[:, : rows.size]
+    heights = np.asarray(clean) + sigma * rng.standard_normal(clean.shape)
+    sds = {c: sd[rows] for c in table.channels if (sd := table.sd(c)) is not None}
+    tables = [
+        PeakTable.from_arrays(
+            theta=table.theta[rows],
+            alpha=table.alpha[rows],
+            heights=dict(zip(table.channels, values, strict=True)),
+            unit=table.unit,
+            sd=sds,
+            repeat=table.frame["repeat"].to_numpy()[rows],
+            flags=tuple("" if c else "lost_contact" for c in contact),
+        )
+        for values, contact in zip(heights, np.asarray(in_contact), strict=True)
+    ]
+    truths = samples_mapping(
+        problem, x, fitted.reference_alpha, reach_of(fitted.config)
+    )
+    return Simulation(tables=tuple(tables), truths=truths)
+
+
+@compiled
+def _forward(
+    problem: Problem, x: Float[Array, "k p"], pushes: Pushes
+) -> tuple[Float[Array, "k c n"], Bool[Array, "k n"]]:
+    """Noise-free heights of many truths, and which pushes keep in touch."""
+
+    def one(x: Float[Array, " p"]) -> Channels:
+        state = problem.state(x)
+        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+        return forward(state.params, pushes, grasp)
+
+    channels = jax.vmap(one)(x)
+    heights = [getattr(channels, name) for name in problem.channels]
+    return jax.numpy.stack(heights, axis=1), channels.in_contact
+
+
+def _identified(
+    table: PeakTable, config: GraspConfig, seed: int
+) -> Identification | None:
+    """What a user would get of one table; None where that is an error."""
+    try:
+        return identify_table(table, config, seed=seed)
+    except (DataError, FitError):
+        return None
+
+
+def _coverages(
+    name: str, pairs: list[tuple[Identification, float]], *, prob: float
+) -> list[Coverage]:
+    """Coverage of a quantity's intervals, and of its sets as quoted if an angle."""
+    is_axis = name == "alpha_star"
+    held = {}
+    for level in LEVELS:
+        held["interval", level] = [
+            _holds(
+                (equal_tailed_interval(draws, level, is_axis=is_axis),), truth, is_axis
+            )
+            for result, truth in pairs
+            for draws in [result.posterior.samples[name]]
+        ]
+    if name in ANGLES:
+        held["set", prob] = [
+            _holds(pieces, truth, is_axis)
+            for result, truth in pairs
+            if (pieces := getattr(result, name).sets)
+        ]
+    return [
+        Coverage(name=name, kind=kind, prob=level, n_held=sum(hits), n_tables=len(hits))
+        for (kind, level), hits in held.items()
+    ]
+
+
+def _holds(pieces: tuple[Piece, ...], truth: float, is_axis: bool) -> bool:
+    """Whether a set holds a value; an open end holds everything beyond."""
+    for low, high in pieces:
+        start = -np.inf if low is None else low
+        end = np.inf if high is None else high
+        value = truth
+        if is_axis and np.isfinite(start):
+            value = start + (truth - start) % HALF_TURN
+        if start <= value <= end:
+            return True
+    return False

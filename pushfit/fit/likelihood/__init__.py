@@ -1,0 +1,1 @@
+"""What the data alone say: least squares, modes and likelihood sets."""

@@ -1,0 +1,242 @@
+"""The least sum of squares for every value of a quantity: its profile likelihood.
+
+One program serves every quantity of a problem, however it is imposed.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from pushfit.fit.likelihood.guesses import guesses
+from pushfit.fit.likelihood.held import Likelihood, imposable
+from pushfit.fit.problem.derived import critical_angle_at, critical_angles
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.programs import compiled
+from pushfit.fit.sweep.outer import follow, tempered
+from pushfit.fit.sweep.repeats import pool_repeats
+from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion
+
+# Ends of the range of θ_c, without and with a preload, and of the soft axis [deg].
+THETA_ENDS, PRELOADED_ENDS, AXIS_ENDS = (0.05, 89.95), (-89.0, 89.95), (-90.0, 90.0)
+# Distances from where a log is expected at which it is tried; the last is a factor 3000
+# and stands for the end of the range.
+LOG_OFFSETS = np.geomspace(0.003, 8.0, 13)
+# Distance of an imposed θ_c of tilting mechanics from another crossing [rad].
+SAME_ANGLE = 1e-6
+# Δχ² that a search resolves best, that of 90 %.
+LEVEL = 2.7
+# Values of a curve, and points that starts are chosen from.
+N_VALUES, N_FIRST = 96, 32
+N_POOL, N_PLAIN_POOL = 24, 8
+# Powers of the profile likelihood that place values, and the share each has; the rest
+# gathers where it crosses the level, within so many standard deviations.
+TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
+CROSSING, AT_CROSSING = 0.15, 0.35
+# Sharpness of the transition in each round, for each point of the pool and afterwards.
+# Across the hard switch the other branch has no slope: a soft one leads there, and
+# sharpens round by round. Where the object tilts the switch is rounder, and programs
+# are slow to compile: points of the pool are not followed one by one.
+FAMILY_SHARPNESS = (16.0, 1024.0)
+SHARPNESS = {
+    "linear": (16.0, 256.0, 4096.0, 1e6, 1e6, 1e6),
+    "tilting": (math.inf,) * 6,
+}
+# θ_c held where a point has none [rad].
+SOME_ANGLE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """Profile of one quantity.
+
+    Args:
+        values: Values, ascending [ln unit, or rad].
+        points: Data coordinates of the best fit at each value.
+        chi_square: Its sum of squared residuals; infinite where it is impossible.
+    """
+
+    values: Float[np.ndarray, " g"]
+    points: Float[np.ndarray, "g q"]
+    chi_square: Float[np.ndarray, " g"]
+
+    def joined(self, other: "Curve") -> "Curve":
+        """Both curves as one; of equal values the better fit stays."""
+        values = np.concatenate([self.values, other.values])
+        chi_square = np.concatenate([self.chi_square, other.chi_square])
+        points = np.concatenate([self.points, other.points])
+        order = np.lexsort((chi_square, values))
+        is_first = np.diff(values[order], prepend=-np.inf) > 0
+        kept = order[is_first]
+        return Curve(
+            values=values[kept], points=points[kept], chi_square=chi_square[kept]
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """Best fits along one quantity, from guesses alone.
+
+    Args:
+        observed: Heights that were fitted.
+        quantity: Name of the quantity: θ_c, or what else is free.
+        reference_alpha: Azimuth of θ_c [rad].
+        curve: The fits.
+    """
+
+    observed: Float[np.ndarray, "c n"]
+    quantity: str
+    reference_alpha: float
+    curve: Curve
+
+
+def search(problem: Problem, reference_alpha: float | None = None) -> Search:
+    """Look at the whole likelihood before any solver starts, so that no mode is missed.
+
+    Args:
+        problem: Problem.
+        reference_alpha: Azimuth of θ_c [rad]; None for that of the first push, since
+            any will do to tell valleys apart.
+    """
+    if reference_alpha is None:
+        reference_alpha = float(np.asarray(problem.pushes.alpha)[0])
+    quantities, pool = imposable(problem), guesses(problem)
+    name = "theta_c" if "theta_c" in quantities else quantities[0]
+    curve = profile_curve(
+        problem,
+        quantities.index(name),
+        first_values(problem, name, pool[:, 0]),
+        pool,
+        reference_alpha=reference_alpha,
+        level=LEVEL,
+    )
+    return Search(
+        observed=np.asarray(problem.observed),
+        quantity=name,
+        reference_alpha=reference_alpha,
+        curve=curve,
+    )
+
+
+def first_values(
+    problem: Problem, name: str, near: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, " g"]:
+    """Values that a profile begins with, from end to end.
+
+    Args:
+        problem: Problem.
+        name: Name of the quantity.
+        near: Where a log is expected.
+    """
+    if name == "theta_c":
+        is_preloaded = (
+            "ln_F_0" in problem.data_names or float(problem.grasp.preload) > 0
+        )
+        low, high = np.radians(PRELOADED_ENDS if is_preloaded else THETA_ENDS)
+    elif name == "alpha_star":
+        low, high = np.radians(AXIS_ENDS)
+    else:
+        low, high = np.min(near), np.max(near)
+        between = np.linspace(low, high, N_FIRST - 2 * LOG_OFFSETS.size)
+        return np.r_[low - LOG_OFFSETS[::-1], between, high + LOG_OFFSETS]
+    return np.linspace(low, high, N_FIRST)
+
+
+def profile_curve(
+    problem: Problem,
+    index: int,
+    values: Float[np.ndarray, " g"],
+    pool: Float[np.ndarray, "p q"],
+    *,
+    reference_alpha: float,
+    level: float,
+) -> Curve:
+    """Best fits along a quantity, dense where they matter.
+
+    Args:
+        problem: Problem.
+        index: Which of the imposable quantities.
+        values: Range to begin with, `N_FIRST` of them, ascending.
+        pool: Data coordinates from which solutions are sought, of every basin.
+        reference_alpha: Azimuth of θ_c [rad].
+        level: Δχ² at the ends of the set that is wanted.
+    """
+    pooled = pool_repeats(problem)
+    means = pooled.problem
+    sigma = means.reference_sigma
+    # What repeats scatter about their mean, no fit can change.
+    scatter = float(jnp.sum(jnp.where(means.mask, pooled.scatter / sigma**2, 0.0)))
+    sigma = jnp.where(means.mask, sigma / jnp.sqrt(pooled.count), sigma)
+    n_pool = N_POOL if "f1" in problem.data_names else N_PLAIN_POOL
+    rows = np.linspace(0, len(pool) - 1, n_pool).round().astype(int)
+    at, points, cost = (
+        np.asarray(a)
+        for a in _curve(
+            replace(means, reference_sigma=sigma),
+            jnp.asarray(index),
+            jnp.asarray(values),
+            jnp.asarray(pool[rows]),
+            jnp.asarray(reference_alpha),
+            jnp.asarray(level),
+        )
+    )
+    chi_square = np.where(cost < IMPOSSIBLE, 2 * cost + scatter, np.inf)
+    if imposable(problem)[index] == "theta_c" and problem.grasp.mechanics == "tilting":
+        alpha = jnp.asarray(reference_alpha)
+        angles = np.asarray(critical_angles(problem, jnp.asarray(points), alpha))
+        is_other = ~(np.abs(angles - at) < SAME_ANGLE)
+        chi_square = np.where(is_other, np.inf, chi_square)
+    return Curve(values=at, points=points, chi_square=chi_square)
+
+
+@compiled
+def _curve(
+    problem: Problem,
+    index: Int[Array, ""],
+    values: Float[Array, " m"],
+    pool: Float[Array, "p q"],
+    reference_alpha: Float[Array, ""],
+    level: Float[Array, ""],
+) -> tuple[Float[Array, " g"], Float[Array, "g q"], Float[Array, " g"]]:
+    target = Likelihood(problem, index, reference_alpha)
+
+    def family(y: Float[Array, " q"]) -> tuple[Array, Array]:
+        """Best fits along the values with θ_c as it is, where it can be held."""
+        if problem.grasp.mechanics == "tilting":
+            w = jax.vmap(lambda value: target.start(value, y))(values)
+            return w, jax.vmap(target.cost)(w)
+        angle = critical_angle_at(problem, y, reference_alpha)
+        held = replace(target, angle=jnp.where(jnp.isnan(angle), SOME_ANGLE, angle))
+        nodes = follow(
+            held.softened,
+            jnp.asarray(FAMILY_SHARPNESS),
+            jax.vmap(lambda value: held.start(value, y))(values),
+            held.is_free,
+            None,
+        )
+        w = jax.vmap(lambda w: target.at(w[0], held.point(w)))(nodes.y)
+        return w, nodes.cost
+
+    w, costs = jax.vmap(family)(pool)
+    best = jnp.argmin(costs, axis=0)
+
+    def placing(nodes: Expansion) -> Float[Array, " g"]:
+        u = nodes.y[:, 0]
+        delta = nodes.cost - jnp.min(nodes.cost)
+        miss = (jnp.sqrt(2 * delta) - jnp.sqrt(level)) / CROSSING
+        at_level = tempered(u, -(miss**2) / 2, ((1.0, AT_CROSSING),))
+        return tempered(u, -delta, TEMPERS) + at_level
+
+    starts = w[best, jnp.arange(values.size)]
+    extra = jnp.arange(N_VALUES) % values.size
+    nodes = follow(
+        target.softened,
+        jnp.asarray(SHARPNESS[problem.grasp.mechanics]),
+        starts[jnp.sort(extra)],
+        target.is_free,
+        placing,
+    )
+    return nodes.y[:, 0], jax.vmap(target.point)(nodes.y), nodes.cost

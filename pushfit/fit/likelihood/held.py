@@ -1,0 +1,265 @@
+"""Sums of squares with one quantity held at a value.
+
+A quantity is a data coordinate, θ_c or α*. Each is imposed by elimination, so that what
+follows it meets an ordinary least-squares problem, and every quantity shares one
+compiled program. Excluded: which values are tried.
+"""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from pushfit.fit.problem.problem import Problem, State
+from pushfit.fit.sweep.target import IMPOSSIBLE, STEP, Expansion, finite
+from pushfit.mechanics.critical_tilt import critical_friction
+from pushfit.mechanics.numerics import norm2
+from pushfit.model import (
+    Contact,
+    Grasp,
+    Scalar,
+    rolling_limits,
+    tangential_stiffness,
+    unit_vector,
+)
+
+# Coordinates that θ_c replaces, first choice first. Where the object tilts only C_rr
+# follows from the angle without a search: it is what the unrolled push needs there.
+PIVOTS = {"linear": ("ln_B", "ln_C_rr", "ln_A"), "tilting": ("ln_C_rr",)}
+# Least factor on forces by which a guess is brought to the heights, and the largest.
+SCALES = (1e-3, 1e3)
+# Least information on any coordinate: steps stay finite where heights say nothing.
+LEAST_INFORMATION = 1e-6
+
+
+class Likelihood(eqx.Module):
+    """Half the sum of squares of a problem, for a value of a quantity and all else.
+
+    Its coordinates are the value [ln unit, or rad], followed by those of `chart`.
+
+    Args:
+        problem: Problem.
+        index: Which of `quantities` has the value.
+        reference_alpha: Azimuth of θ_c [rad].
+        angle: θ_c where it is held, too [rad]; None where it is free.
+    """
+
+    problem: Problem
+    index: Int[Array, ""]
+    reference_alpha: Scalar
+    angle: Scalar | None = None
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Names of what may be imposed."""
+        return imposable(self.problem)
+
+    @property
+    def mean(self) -> Float[Array, " w"]:
+        """No prior acts: it has next to no precision."""
+        return jnp.zeros(len(self.problem.data_names) + 1)
+
+    @property
+    def precision(self) -> Float[Array, "w w"]:
+        """Next to nothing, which keeps steps finite."""
+        return LEAST_INFORMATION * jnp.eye(self.mean.size)
+
+    @property
+    def is_free(self) -> Bool[Array, " w"]:
+        """Coordinates that are neither the value nor what it replaces."""
+        names = self.problem.data_names
+        replaced = {"theta_c": pivot_name(self.problem), "alpha_star": "f2"}
+        slots = [names.index(str(replaced.get(q, q))) for q in self.quantities]
+        at = jnp.arange(-1, len(names))
+        is_free = (at >= 0) & (at != jnp.asarray(slots)[self.index])
+        if self.angle is None:
+            return is_free
+        for is_used, pivot in self._second_pivots():
+            is_free = is_free & ~(is_used & (at == names.index(pivot)))
+        return is_free
+
+    def _second_pivots(self) -> list[tuple[Array, str]]:
+        """Coordinates that may keep θ_c while another quantity is held, and when."""
+        names = self.problem.data_names
+        is_left = self.index != len(names)
+        is_linear = self.problem.grasp.mechanics == "linear"
+        if "theta_c" not in self.quantities or not is_linear:
+            return []
+        found = []
+        for pivot in PIVOTS[self.problem.grasp.mechanics]:
+            if pivot in names:
+                is_other = self.index != names.index(pivot)
+                found.append((is_left & is_other, pivot))
+                is_left = is_left & ~is_other
+        return found
+
+    def softened(self, sharpness: Scalar) -> "Likelihood":
+        """The same with a transition that is at most so sharp.
+
+        Where the object tilts it stays as it is: a soft one costs three searches for
+        the tilt, and the tilt rounds the switch by itself.
+        """
+        if self.problem.grasp.mechanics == "tilting":
+            return self
+        grasp = self.problem.grasp
+        softer = jnp.minimum(sharpness, grasp.sharpness)
+        grasp = replace(grasp, sharpness=softer)
+        return replace(self, problem=replace(self.problem, grasp=grasp))
+
+    def point(self, w: Float[Array, " w"]) -> Float[Array, " q"]:
+        """Data coordinates."""
+        y = self.impose(w[0], w[1:])
+        if self.angle is None:
+            return y
+        for is_used, pivot in self._second_pivots():
+            at = self.problem.data_names.index(pivot)
+            value = self._pivot_value(pivot, self.angle, y)
+            y = y.at[at].set(jnp.where(is_used, value, y[at]))
+        return y
+
+    def cost(self, w: Float[Array, " w"]) -> Scalar:
+        """Half the sum of squares; very large where the value is impossible."""
+        y = self.point(w)
+        cost = finite(jnp.sum(self.problem.data_residuals(y) ** 2) / 2)
+        return jnp.where(self.is_possible(w[0], y), cost, IMPOSSIBLE)
+
+    def expand(self, w: Float[Array, " w"]) -> Expansion:
+        """Second-order expansion by Gauss-Newton."""
+        points = jnp.concatenate([w[None], w[None] + STEP * jnp.eye(w.size)])
+        values = jax.vmap(lambda w: self.problem.data_residuals(self.point(w)))(points)
+        residuals, jacobian = values[0], (values[1:] - values[:1]) / STEP
+        cost = finite(jnp.sum(residuals**2) / 2)
+        cost = jnp.where(self.is_possible(w[0], self.point(w)), cost, IMPOSSIBLE)
+        return Expansion(
+            y=w,
+            misfit=cost,
+            cost=cost,
+            gradient=jacobian @ residuals,
+            hessian=jacobian @ jacobian.T,
+        )
+
+    def at(self, value: Scalar, y: Float[Array, " q"]) -> Float[Array, " w"]:
+        """Coordinates of data coordinates that have the value."""
+        return jnp.concatenate([value[None], self.chart(y)])
+
+    def start(self, value: Scalar, y: Float[Array, " q"]) -> Float[Array, " w"]:
+        """Coordinates near data coordinates, stiffness scaled to the heights."""
+        problem, z = self.problem, self.chart(y)
+        predicted = problem.predict(problem.data_state(self.impose(value, z)))
+        weight = jnp.where(problem.mask, problem.reference_sigma**-2, 0.0)
+        scale = jnp.sum(weight * predicted * problem.observed)
+        scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
+        # Forces are proportional to these together.
+        is_scaled = np.isin(problem.data_names, ["ln_A", "ln_B", "ln_F_0"])
+        shift = jnp.where(is_scaled, jnp.log(jnp.clip(scale, *SCALES)), 0.0)
+        return jnp.concatenate([value[None], z + shift])
+
+    def impose(self, value: Scalar, z: Float[Array, " q"]) -> Float[Array, " q"]:
+        """Data coordinates near z at which the quantity has the value.
+
+        For α* the place of f1 holds ln |f|, so that the ellipse cannot turn by 90°.
+        """
+        names = self.quantities
+        y = jnp.where(jnp.arange(z.size) == self.index, value, z)
+        if "theta_c" in names:
+            pivot = str(pivot_name(self.problem))
+            at = self.problem.data_names.index(pivot)
+            at_angle = z.at[at].set(self._pivot_value(pivot, value, z))
+            y = jnp.where(self.index == names.index("theta_c"), at_angle, y)
+        if "alpha_star" in names:
+            f1 = self.problem.data_names.index("f1")
+            # The soft axis lies across the stiff one, hence the sign.
+            shape = -jnp.exp(z[f1]) * jnp.stack(
+                [jnp.cos(2 * value), jnp.sin(2 * value)]
+            )
+            turned = z.at[f1].set(shape[0]).at[f1 + 1].set(shape[1])
+            y = jnp.where(self.index == names.index("alpha_star"), turned, y)
+        return y
+
+    def chart(self, y: Float[Array, " q"]) -> Float[Array, " q"]:
+        """The z from which `impose` returns to y, if y has the value."""
+        if "alpha_star" not in self.quantities:
+            return y
+        f1 = self.problem.data_names.index("f1")
+        size = jnp.maximum(norm2(y[f1], y[f1 + 1]), 1e-2)
+        is_axis = self.index == self.quantities.index("alpha_star")
+        return jnp.where(is_axis, y.at[f1].set(jnp.log(size)), y)
+
+    def is_possible(self, value: Scalar, y: Float[Array, " q"]) -> Array:
+        """Whether θ_c of the model at y is the angle imposed: not beyond lift-off.
+
+        Where the object tilts that takes a search of its own, and is left to others.
+        """
+        is_linear = self.problem.grasp.mechanics == "linear"
+        if "theta_c" not in self.quantities or not is_linear:
+            return jnp.asarray(True)
+        state = self.problem.data_state(y)
+        A, F = state.params.A, state.preload / self.problem.grasp.push_length
+        sine = jnp.sin(value)
+        # Below the second bound the angle is the lower end of the rolling range.
+        is_switch = (F + A * sine > 0) & (A + F * sine >= 0)
+        return is_switch | (self.index != self.quantities.index("theta_c"))
+
+    def _grasp(self, state: State) -> Grasp:
+        """The grasp with the preload of a point."""
+        return eqx.tree_at(lambda g: g.preload, self.problem.grasp, state.preload)
+
+    def _pivot_value(self, pivot: str, angle: Scalar, z: Float[Array, " q"]) -> Scalar:
+        """Log of the pivot that puts the critical angle at an angle.
+
+        B |u_e| cos θ_c = limit (F_0/S_p + A sin θ_c)
+        """
+        grasp = self.problem.grasp
+        state = self.problem.data_state(z)
+        group: Contact = state.params  # pyright: ignore[reportAssignmentType]
+        if grasp.mechanics == "tilting":
+            direction = (angle, self.reference_alpha)
+            friction = critical_friction(group, self._grasp(state), direction)
+            return _safe_log(jnp.where(jnp.isnan(friction), 0.0, friction))
+        preload = state.preload / grasp.push_length
+        sine, cosine = jnp.sin(angle), jnp.cos(angle)
+        unit = eqx.tree_at(lambda c: c.B, group, jnp.ones_like(group.B))
+        x, y = tangential_stiffness(unit, unit_vector(self.reference_alpha))
+        if pivot == "ln_A":
+            ratio = group.B * norm2(x, y) * cosine / group.C_rr
+            return _safe_log((ratio - preload) / sine)
+        pressed = (preload + group.A * sine) / cosine
+        if grasp.support_span is None:
+            size = norm2(x, y)
+            if pivot == "ln_B":
+                return _safe_log(pressed * group.C_rr / size)
+            return _safe_log(group.B * size / pressed)
+        x, y = jnp.abs(x), jnp.abs(y)
+        limit_x, limit_y = rolling_limits(group, grasp.support_span)
+        if pivot == "ln_B":
+            # θ_c is the larger of the angles about both axes.
+            return _safe_log(pressed * jnp.minimum(limit_x / x, limit_y / y))
+        needed = group.B / pressed
+        return _safe_log(jnp.maximum(needed * x - (limit_x - group.C_rr), needed * y))
+
+
+def imposable(problem: Problem) -> tuple[str, ...]:
+    """Names of the quantities that a value may be imposed on."""
+    names = list(problem.data_names)
+    span = problem.grasp.support_span
+    pivot = pivot_name(problem)
+    if pivot is not None and not (pivot == "ln_A" and span is not None):
+        names.append("theta_c")
+    # With two supports the best direction is not the soft axis.
+    if "f1" in names and span is None:
+        names.append("alpha_star")
+    return tuple(names)
+
+
+def pivot_name(problem: Problem) -> str | None:
+    """Data coordinate that θ_c replaces; None where nothing is free to move it."""
+    pivots = PIVOTS[problem.grasp.mechanics]
+    return next((name for name in pivots if name in problem.data_names), None)
+
+
+def _safe_log(value: Scalar) -> Scalar:
+    """Log that stays finite on the wrong side, where `is_possible` rejects."""
+    return jnp.log(jnp.maximum(value, 1e-12))

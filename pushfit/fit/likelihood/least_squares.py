@@ -1,0 +1,395 @@
+"""Least squares: every valley of the sweep, polished by Levenberg-Marquardt.
+
+The solver is optimistix; what decides whether its answer may be used is here: finite
+residuals, the rank of the Jacobian, the best of all modes rather than the first.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Bool, Float
+from scipy import optimize
+
+from pushfit.errors import FitError
+from pushfit.fit.likelihood.curve import search
+from pushfit.fit.problem.derived import critical_angles
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.slopes import linearised
+from pushfit.fit.programs import compiled
+from pushfit.fit.results import FitResult, FitStatus, Mode
+from pushfit.fit.setup import Setup
+
+# Points, sums of squares, and whether the solver arrived, best first.
+Optima = tuple[
+    Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]
+]
+
+# Far below any standard error that real heights allow, and above rounding.
+RTOL = ATOL = 1e-10
+MAX_STEPS = 200
+# Valleys that are followed to their bottom.
+N_STARTS = 8
+# On a kink of the hard switch steps shrink to nothing short of the optimum; started
+# again from there with a full step, the solver mostly gets across.
+MAX_ROUNDS = 6
+# Modes closer than this in every coordinate are one mode found twice [log units].
+SAME_MODE = 1e-3
+# Modes worse than the best by more than this never matter to a 99.9 % set.
+KEPT_DELTA_CHI_SQUARE = 30.0
+# A thousandth of a standard error, squared.
+FLAT_DELTA_CHI_SQUARE = 1e-6
+# Where no finite ellipse fits best, chi-square falls towards its infimum for ever: all
+# steps of a last round then gain less than a thirtieth of a standard error, squared.
+STALLED_DELTA_CHI_SQUARE = 1e-3
+# Below this ratio a singular value is rounding, not information.
+RANK_TOLERANCE = 1e-8
+# An optimum on a kink lies within 1e-10 of it; so far to either side [log units] a
+# smooth likelihood has the same standard errors, and one with a kink others.
+BESIDE = 1e-8
+SAME_ERRORS = 0.01
+
+
+def fit_least_squares(
+    setup: Setup, *, reference_alpha: float, throw: bool = True
+) -> FitResult:
+    """Best fit of the data coordinates, with every other mode beside it.
+
+        minimise Σ ((prediction - height) / sigma)²   over (ln A, ln B, ln C_rr, ...)
+
+    Args:
+        setup: Problem and its provenance, its noise settled.
+        reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
+        throw: Raise instead of returning a result whose status is not OK.
+
+    Returns:
+        Fit with all modes.
+
+    Raises:
+        FitError: If no start has finite residuals and `throw` is set.
+    """
+    setup = searched(setup, reference_alpha)
+    found = polish(setup.problem, _starts(setup))
+    return fit_result(setup, found, reference_alpha=reference_alpha, throw=throw)
+
+
+def fit_result(
+    setup: Setup, found: Optima, *, reference_alpha: float, throw: bool = True
+) -> FitResult:
+    """What optima say, however they were found.
+
+    Args:
+        setup: Problem and its provenance, its noise settled.
+        found: Points, sums of squares, and whether the solver arrived; best first.
+        reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
+        throw: Raise instead of returning a result whose status is not OK.
+
+    Returns:
+        Fit with all modes.
+
+    Raises:
+        FitError: If the best has no finite residuals and `throw` is set.
+    """
+    problem, (points, costs, is_done) = setup.problem, found
+    best = jnp.asarray(points[0])
+    mask = np.asarray(problem.mask)
+    is_data = np.r_[mask.ravel(), np.ones(problem.n_constraints, bool)]
+    jacobians = np.asarray(_jacobians(problem, best))[:, is_data]
+    jacobian = jacobians[0]
+    residuals = np.asarray(_residuals(problem, best))[is_data]
+    if not np.isfinite(costs[0]):
+        status = FitStatus.NO_FINITE_START
+    elif is_done[0] or _is_flat(jacobian, residuals):
+        status = FitStatus.OK
+    else:
+        status = FitStatus.MAX_STEPS
+    if throw and status is not FitStatus.OK:
+        raise FitError(status.value, code=status.name.lower())
+    channel_index, column = np.nonzero(mask)
+    predicted = np.asarray(_predicted(problem, best))
+    return FitResult(
+        names=problem.data_names,
+        estimate=points[0],
+        covariance=_covariance(jacobians),
+        jacobian=jacobian,
+        singular_values=np.linalg.svd(jacobian, compute_uv=False),
+        modes=_modes(problem, points, costs, reference_alpha),
+        chi_square=float(costs[0]),
+        n_data=int(mask.sum()),
+        n_free=len(problem.data_names) - problem.n_constraints,
+        sigma=np.asarray(problem.reference_sigma)[mask],
+        predicted=predicted[mask],
+        channel=tuple(problem.channels[i] for i in channel_index),
+        row=tuple(setup.rows[i] for i in column),
+        status=status,
+    )
+
+
+def searched(setup: Setup, reference_alpha: float | None = None) -> Setup:
+    """The setup with best fits along its leading quantity, unless it has them.
+
+    Args:
+        setup: Problem and its provenance.
+        reference_alpha: Azimuth of θ_c [rad]; see `search`.
+    """
+    problem, found = setup.problem, setup.search
+    is_own = found is not None and np.array_equal(found.observed, problem.observed)
+    if is_own or not problem.data_names:
+        return setup
+    return replace(setup, search=search(problem, reference_alpha))
+
+
+def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
+    """The lowest valleys of the search; always as many, the lowest repeated."""
+    if setup.search is None:
+        return np.zeros((N_STARTS, 0))
+    pool = setup.search.curve.points
+    costs = np.asarray(costs_at(setup.problem, jnp.asarray(pool)))
+    padded = np.r_[np.inf, np.where(np.isfinite(costs), costs, np.inf), np.inf]
+    is_low = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
+    valleys = np.flatnonzero(is_low)
+    valleys = valleys[np.argsort(padded[1:-1][valleys], kind="stable")]
+    return pool[np.resize(valleys[:N_STARTS], N_STARTS)]
+
+
+def polish(
+    problem: Problem, starts: Float[np.ndarray, "k q"]
+) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
+    """Local optima reached from each start, best first.
+
+    Args:
+        problem: Problem.
+        starts: Data coordinates.
+
+    Returns:
+        Points, sums of squared residuals, and whether the solver met its tolerance.
+    """
+    return restarted(lambda points: _polish(problem, points), starts)
+
+
+def restarted(
+    minimiser: Callable[
+        [Float[Array, "k q"]],
+        tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]],
+    ],
+    starts: Float[np.ndarray, "k q"],
+) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
+    """Minima reached from each start, the minimiser restarted while that helps.
+
+    Args:
+        minimiser: Points, sums of squares and success from starts.
+        starts: Coordinates.
+
+    Returns:
+        Points, sums of squares, and whether each has arrived, best first.
+    """
+    points = np.asarray(starts)
+    costs = np.full(len(points), np.inf)
+    is_done = np.zeros(len(points), dtype=bool)
+    for _ in range(MAX_ROUNDS):
+        found, found_costs, found_done = (
+            np.asarray(a) for a in minimiser(jnp.asarray(points))
+        )
+        gain = costs - found_costs
+        is_better = np.isfinite(found_costs) & ~(gain <= 0)
+        points = np.where(is_better[:, None], found, points)
+        costs = np.where(is_better, found_costs, costs)
+        # A restart that gains next to nothing has arrived, whatever the solver says of
+        # its steps: on a kink they never meet its tolerance.
+        has_arrived = found_done | (gain <= STALLED_DELTA_CHI_SQUARE)
+        is_done = np.where(np.isfinite(found_costs), has_arrived, is_done)
+        if not np.any(gain[is_better] > FLAT_DELTA_CHI_SQUARE):
+            break
+    order = np.argsort(costs, kind="stable")
+    return points[order], costs[order], is_done[order]
+
+
+def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
+    """The setup searched, with sigma estimated where it is sampled.
+
+    Args:
+        setup: Problem and its provenance.
+        reference_alpha: Azimuth of θ_c [rad]; see `search`.
+
+    Returns:
+        The setup with weights for least squares: unchanged where sigma was given or
+        pooled, otherwise each channel's sigma solves Σ r² / (sd² + sigma²) = n - p at
+        the best fit.
+    """
+    setup = searched(setup, reference_alpha)
+    problem = setup.problem
+    if setup.noise.kind != "sampled" or not problem.data_names:
+        return setup
+    points = _starts(setup)
+    # Sigma and the fit depend on each other only through the relative weights of
+    # channels and rows; three rounds settle that far below sigma's own error.
+    has_weights = len(problem.channels) > 1 or bool(np.any(problem.sd > 0))
+    for _ in range(3 if has_weights else 1):
+        points, _, _ = polish(problem, points)
+        problem = with_noise_of(problem, jnp.asarray(points[0]))
+    if has_weights:
+        # Other weights have other best fits.
+        setup = replace(setup, search=search(problem, reference_alpha))
+    return replace(setup, problem=problem)
+
+
+def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
+    """The problem with sigma of each channel estimated from the residuals at y.
+
+    Args:
+        problem: Problem whose noise is sampled.
+        y: Data coordinates of a fit.
+
+    Returns:
+        The problem with other weights.
+    """
+    mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
+    errors = np.asarray(_predicted(problem, y) - problem.observed)
+    n_free = len(problem.data_names) - problem.n_constraints
+    share = max(1.0 - n_free / mask.sum(), 1.0 / mask.sum())
+    sigma = np.array(problem.reference_sigma)
+    for c in range(len(problem.channels)):
+        r, s = errors[c, mask[c]], sd[c, mask[c]]
+        target = share * r.size
+        # Noise-free heights: keep weights finite at a sigma too small to matter.
+        floor = 1e-9 * np.max(np.abs(problem.observed[c]))
+        high = np.sqrt(np.sum(r**2) / target) + floor
+
+        def excess(extra: float, r=r, s=s, target=target) -> float:
+            return float(np.sum(r**2 / (s**2 + extra**2)) - target)
+
+        extra = high
+        if excess(floor) <= 0:
+            extra = floor
+        elif excess(high) < 0:
+            extra = float(np.asarray(optimize.brentq(excess, floor, high)))
+        sigma[c, mask[c]] = np.hypot(s, extra)
+    return eqx.tree_at(lambda p: p.reference_sigma, problem, jnp.asarray(sigma))
+
+
+@compiled
+def _polish(
+    problem: Problem, starts: Float[Array, "k q"]
+) -> tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]:
+    return jax.vmap(lambda start: minimise(problem.data_residuals, start))(starts)
+
+
+def minimise(
+    residuals: Callable[[Float[Array, " q"]], Float[Array, " m"]],
+    start: Float[Array, " q"],
+) -> tuple[Float[Array, " q"], Float[Array, ""], Bool[Array, ""]]:
+    """Local minimum of a sum of squares, by Levenberg-Marquardt.
+
+    Args:
+        residuals: Function of the coordinates.
+        start: Where to begin.
+
+    Returns:
+        Coordinates, sum of squares there, and whether the solver met its tolerance.
+    """
+    solution = optx.least_squares(
+        lambda y, _: linearised(residuals)(y),
+        optx.LevenbergMarquardt(rtol=RTOL, atol=ATOL),
+        start,
+        options={"jac": "fwd"},
+        max_steps=MAX_STEPS,
+        throw=False,
+    )
+    cost = jnp.sum(residuals(solution.value) ** 2)
+    is_done = solution.result == optx.RESULTS.successful
+    return solution.value, cost, is_done
+
+
+@compiled
+def _jacobians(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "k m q"]:
+    """Jacobians at y, and beside it along every coordinate."""
+    step = BESIDE * jnp.eye(y.size)
+    beside = jnp.concatenate([jnp.zeros((1, y.size)), step, -step])
+    slopes = jax.jacfwd(linearised(problem.data_residuals))
+    return jax.vmap(lambda shift: slopes(y + shift))(beside)
+
+
+def _is_flat(
+    jacobian: Float[np.ndarray, "n p"], residuals: Float[np.ndarray, " n"]
+) -> bool:
+    """Whether even a full Gauss-Newton step would not lower chi-square noticeably.
+
+    Along a direction that the data do not see the solver walks until its steps run out;
+    where it has walked to is as good as any other place there.
+    """
+    step, *_ = np.linalg.lstsq(jacobian, residuals, rcond=RANK_TOLERANCE)
+    return float(np.sum((jacobian @ step) ** 2)) < FLAT_DELTA_CHI_SQUARE
+
+
+def _covariance(jacobians: Float[np.ndarray, "k n p"]) -> Float[np.ndarray, "p p"]:
+    """Inverse of JᵀJ at the first, or NaN throughout where that is no covariance.
+
+    On a kink χ² is no parabola: J there mixes the two sides, and may have full rank
+    where either side leaves a continuum.
+    """
+    inverses = np.array([_inverse_information(jacobian) for jacobian in jacobians])
+    errors = np.sqrt(np.diagonal(inverses, axis1=1, axis2=2))
+    # NaN compares as false.
+    is_same = np.abs(errors - errors[0]) <= SAME_ERRORS * errors[0]
+    return inverses[0] if np.all(is_same) else np.full_like(inverses[0], np.nan)
+
+
+def _inverse_information(
+    jacobian: Float[np.ndarray, "n p"],
+) -> Float[np.ndarray, "p p"]:
+    """Inverse of JᵀJ, or NaN throughout: a pseudo-inverse would print small errors."""
+    n, p = jacobian.shape
+    nothing = np.full((p, p), np.nan)
+    if n < p or not np.all(np.isfinite(jacobian)):
+        return nothing
+    _, singular_values, axes = np.linalg.svd(jacobian, full_matrices=False)
+    if singular_values[-1] <= RANK_TOLERANCE * singular_values[0]:
+        return nothing
+    return (axes.T / singular_values**2) @ axes
+
+
+def _modes(
+    problem: Problem,
+    points: Float[np.ndarray, "k q"],
+    costs: Float[np.ndarray, " k"],
+    reference_alpha: float,
+) -> tuple[Mode, ...]:
+    """Distinct optima that could matter, best first."""
+    modes, kept = [], []
+    angles = np.asarray(
+        critical_angles(problem, jnp.asarray(points), jnp.asarray(reference_alpha))
+    )
+    for point, cost, angle in zip(points, costs, angles, strict=True):
+        if not cost <= costs[0] + KEPT_DELTA_CHI_SQUARE:
+            continue
+        if any(np.max(np.abs(point - other)) < SAME_MODE for other in kept):
+            continue
+        kept.append(point)
+        modes.append(
+            Mode(
+                coordinates=dict(zip(problem.data_names, point.tolist(), strict=True)),
+                theta_c_deg=None if np.isnan(angle) else float(np.degrees(angle)),
+                chi_square=float(cost),
+            )
+        )
+    return tuple(modes)
+
+
+@compiled
+def _predicted(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
+    return problem.predict(problem.data_state(y))
+
+
+@compiled
+def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
+    return problem.data_residuals(y)
+
+
+@compiled
+def costs_at(problem: Problem, points: Float[Array, "k q"]) -> Float[Array, " k"]:
+    """Sum of squared residuals at points."""
+    return jax.vmap(lambda y: jnp.sum(problem.data_residuals(y) ** 2))(points)

@@ -1,0 +1,213 @@
+"""Likelihood sets of every quantity, in as many pieces and as open as they are.
+
+The profile likelihood of a quantity is the best fit that each of its values allows. No
+standard error enters: sets come from thresholds on the profile alone, so two separate
+critical angles stay two, and an end that no push bounds stays open.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.fit.likelihood.curve import Curve, first_values, profile_curve
+from pushfit.fit.likelihood.derived_profiles import implied_profiles
+from pushfit.fit.likelihood.held import imposable
+from pushfit.fit.likelihood.least_squares import costs_at, searched
+from pushfit.fit.likelihood.profile_sets import pieces_below, threshold, verdict_of
+from pushfit.fit.problem.derived import critical_angles
+from pushfit.fit.problem.priors import UNITS
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.results import FitResult, LikelihoodProfile
+from pushfit.fit.setup import Setup
+
+# The ellipse is reported by its axis; s and L are bounded by their priors alone.
+UNPROFILED = ("f1", "f2", "ln_s", "ln_L")
+# Distance from the end of the reach that stands for none [deg].
+JUMP = 1e-6
+
+
+def likelihood_profiles(
+    setup: Setup,
+    fit: FitResult,
+    *,
+    reference_alpha: float,
+    prob: float,
+    reach: tuple[float, float],
+    wanted: Sequence[str] | None = None,
+) -> dict[str, LikelihoodProfile]:
+    """Profile likelihood of everything that the data may tell.
+
+        Δχ²(v) = min over all else of χ² given the value v, minus the least χ²
+
+    Thresholds are those of one quantity: chi-square where sigma is known, F where it
+    was estimated.
+
+    Args:
+        setup: Problem with its noise weights settled.
+        fit: Least squares of it.
+        reference_alpha: Azimuth of θ_c [rad].
+        prob: Level of the sets.
+        reach: Lowest and highest azimuth for α* [rad].
+        wanted: Names of the quantities, as `imposable` names them; None for all.
+
+    Returns:
+        Profiles of theta_c [deg], alpha_star [deg], A, B, C_rr, F_0 and of the free
+        parameters of the six, as far as each exists.
+    """
+    dof = degrees_of_freedom(setup, fit)
+    level = threshold(prob, dof)
+    curves = _curves(setup, fit, reference_alpha, level, wanted)
+    words = {"prob": prob, "degrees_of_freedom": dof}
+    profiles = {}
+    for name, curve in curves.items():
+        delta = curve.chi_square - np.min(curve.chi_square)
+        if name == "alpha_star":
+            profiles[name] = _axis_profile(curve.values, delta, reach, level, words)
+            continue
+        is_angle = name == "theta_c"
+        short = name.removeprefix("ln_")
+        values = np.degrees(curve.values) if is_angle else np.exp(curve.values)
+        pieces = pieces_below(values, delta, level)
+        profiles[short] = LikelihoodProfile(
+            name=short,
+            unit="deg" if is_angle else _unit(short, setup),
+            values=values,
+            delta_chi_square=delta,
+            pieces=pieces,
+            verdict=verdict_of(pieces),
+            **words,
+        )
+    return profiles | implied_profiles(
+        setup.problem, profiles, unit=lambda name: _unit(name, setup)
+    )
+
+
+def degrees_of_freedom(setup: Setup, fit: FitResult) -> float:
+    """Degrees of freedom of the sigma behind Δχ²; infinite where it was given."""
+    if setup.noise.kind == "sampled":
+        return float(max(fit.degrees_of_freedom, 1))
+    return float(setup.noise.degrees_of_freedom)
+
+
+def _unit(name: str, setup: Setup) -> str:
+    plain = UNITS.get(name, "N/m")
+    return plain if setup.is_calibrated else plain.replace("N", "sensor unit")
+
+
+def _curves(
+    setup: Setup,
+    fit: FitResult,
+    reference_alpha: float,
+    level: float,
+    wanted: Sequence[str] | None,
+) -> dict[str, Curve]:
+    """Profiles of all quantities, through the modes of the fit."""
+    setup = searched(setup, reference_alpha)
+    problem, search = setup.problem, setup.search
+    if search is None:
+        return {}
+    modes = np.array([list(mode.coordinates.values()) for mode in fit.modes])
+    pool = np.concatenate([search.curve.points, modes[:1]])
+    costs = np.array([mode.chi_square for mode in fit.modes])
+    curves = {}
+    for index, name in enumerate(imposable(problem)):
+        if name in UNPROFILED or (wanted is not None and name not in wanted):
+            continue
+        at_modes = _values_at(problem, name, modes, reference_alpha)
+        # With an ellipse guesses are few beside its shapes: another look pays.
+        is_found = "f1" not in problem.data_names and name == search.quantity
+        if is_found and reference_alpha == search.reference_alpha:
+            curve = _weighed_anew(problem, search.curve)
+        else:
+            curve = profile_curve(
+                problem,
+                index,
+                first_values(problem, name, at_modes),
+                pool,
+                reference_alpha=reference_alpha,
+                level=level,
+            )
+        # Of the other modes most lie above the profile.
+        around = np.interp(at_modes, curve.values, curve.chi_square)
+        known = np.isfinite(at_modes) & ~(costs > around)
+        exact = Curve(
+            values=at_modes[known], points=modes[known], chi_square=costs[known]
+        )
+        curves[name] = curve.joined(exact)
+    return curves
+
+
+def _weighed_anew(problem: Problem, curve: Curve) -> Curve:
+    """A curve with the sums of squares that settled noise gives its fits."""
+    chi_square = np.asarray(costs_at(problem, jnp.asarray(curve.points)))
+    is_possible = np.isfinite(curve.chi_square) & np.isfinite(chi_square)
+    return replace(curve, chi_square=np.where(is_possible, chi_square, np.inf))
+
+
+def _values_at(
+    problem: Problem,
+    name: str,
+    modes: Float[np.ndarray, "m q"],
+    reference_alpha: float,
+) -> Float[np.ndarray, " m"]:
+    """Value of a quantity at each mode; NaN where it has none."""
+    if name in problem.data_names:
+        return modes[:, problem.data_names.index(name)]
+    if name == "alpha_star":
+        f1 = problem.data_names.index("f1")
+        axis = np.arctan2(-modes[:, f1 + 1], -modes[:, f1]) / 2
+        return np.mod(axis + np.pi / 2, np.pi) - np.pi / 2
+    alpha = jnp.asarray(reference_alpha)
+    return np.asarray(critical_angles(problem, jnp.asarray(modes), alpha))
+
+
+def _axis_profile(
+    values: Float[np.ndarray, " g"],
+    delta: Float[np.ndarray, " g"],
+    reach: tuple[float, float],
+    level: float,
+    words: Mapping[str, float],
+) -> LikelihoodProfile:
+    """Profile of α* from that of the soft axis: unreachable axes count at the ends."""
+    low, high = np.degrees(reach[0]), np.degrees(reach[1])
+    axis = np.degrees(values)
+    if high - low >= 180.0:
+        # Cut the circle where the data like it least.
+        low, high = float(axis[np.argmax(delta)] % 180.0), np.inf
+    angle = low + np.mod(axis - low, 180.0)
+    if not np.isinf(high):
+        # What is beyond an end counts at it: the profile jumps there, so the axis that
+        # just reaches the end needs a value of its own.
+        order = np.argsort(angle)
+        inside = np.array([low + JUMP, high - JUMP])
+        at_ends = np.interp(inside, angle[order], delta[order], period=180.0)
+        angle = np.concatenate([angle, inside])
+        delta = np.concatenate([delta, at_ends])
+        to_low = low + 180.0 - angle < angle - high
+        angle = np.where(angle <= high, angle, np.where(to_low, low, high))
+    order = np.lexsort((delta, angle))
+    kept = order[np.diff(angle[order], prepend=-np.inf) > 0]
+    angle, delta = angle[kept], delta[kept]
+    pieces = pieces_below(angle, delta, level)
+    if pieces != ((None, None),):
+        # The ends of the reach are answers, not ends of knowledge.
+        pieces = tuple(
+            (angle[0] if a is None else a, angle[-1] if b is None else b)
+            for a, b in pieces
+        )
+        pieces = tuple(
+            (float(np.mod(a, 180.0)), float(b - a + np.mod(a, 180.0)))
+            for a, b in pieces
+        )
+    return LikelihoodProfile(
+        name="alpha_star",
+        unit="deg",
+        values=angle,
+        delta_chi_square=delta,
+        pieces=pieces,
+        verdict=verdict_of(pieces),
+        **words,
+    )

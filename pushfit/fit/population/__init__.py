@@ -1,0 +1,1 @@
+"""Many tables: each as a row, and what they have in common."""

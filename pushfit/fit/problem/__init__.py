@@ -1,0 +1,1 @@
+"""The question that a table poses: data, priors, noise and coordinates, as arrays."""

@@ -1,0 +1,236 @@
+"""From points in sampling coordinates to everything that is reported of them.
+
+θ_c and α* are functions of the parameters, so their posterior is that of the draws:
+no propagated standard error ever stands in for it. Angles leave here in degrees.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from arviz_stats.base.array import array_stats
+from jaxtyping import Array, Bool, Float
+from scipy import stats
+
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.programs import compiled
+from pushfit.fit.results import Piece
+from pushfit.mechanics.directions import best_direction, critical_angle
+from pushfit.model import as_float, contact, forward
+
+PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
+# Period of an axis: pushing along α and along α + 180° is the same line [deg].
+HALF_TURN = 180.0
+# A density estimate has fewer bumps than this.
+MAX_PIECES = 100
+
+
+def samples_mapping(
+    problem: Problem,
+    x_samples: Float[np.ndarray, "n p"],
+    reference_alpha: float,
+    reach: tuple[float, float],
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Every reported quantity at each point.
+
+    Args:
+        problem: Problem whose coordinates the points are in.
+        x_samples: Points, in the order of `problem.names`.
+        reference_alpha: Azimuth at which θ_c is taken [rad].
+        reach: Lowest and highest azimuth for α* [rad].
+
+    Returns:
+        The six parameters, A and B; e1, e2, f1, f2 and alpha_star [deg] where the
+        ellipse is free; F_0 and sigma_<channel> where sampled; theta_c [deg], NaN where
+        the contact never rolls.
+    """
+    x, alpha = jnp.asarray(x_samples), as_float(reference_alpha)
+    columns = _quantities(problem, x, alpha, reach)
+    return {name: np.asarray(values) for name, values in columns.items()}
+
+
+@compiled
+def in_contact(problem: Problem, y: Float[Array, " q"]) -> Bool[Array, " n"]:
+    """Which pushes keep the finger on the object at data coordinates.
+
+    Args:
+        problem: Problem.
+        y: Data coordinates.
+
+    Returns:
+        One entry for each row of the problem, padding included.
+    """
+    state = problem.data_state(y)
+    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+    return forward(state.params, problem.pushes, grasp).in_contact
+
+
+@compiled
+@compiled
+def critical_angles(
+    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
+) -> Float[Array, " k"]:
+    """θ_c at many data coordinates [rad]; see `critical_angle_at`."""
+    return jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(points)
+
+
+def critical_angle_at(
+    problem: Problem,
+    y: Float[Array, " q"],
+    reference_alpha: Float[Array, ""],
+) -> Float[Array, ""]:
+    """θ_c at data coordinates.
+
+    Args:
+        problem: Problem.
+        y: Data coordinates.
+        reference_alpha: Azimuth of θ_c [rad].
+
+    Returns:
+        θ_c; NaN where the contact never rolls [rad].
+    """
+    state = problem.data_state(y)
+    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+    return critical_angle(state.params, grasp, reference_alpha)
+
+
+@compiled
+def _quantities(
+    problem: Problem,
+    x_samples: Float[Array, "n p"],
+    reference_alpha: Float[Array, ""],
+    reach: tuple[float, float],
+) -> dict[str, Float[Array, " n"]]:
+    theta = _middle_elevation(problem)
+
+    def one(x: Float[Array, " p"]) -> dict[str, Float[Array, ""]]:
+        state = problem.state(x)
+        p, group = state.params, contact(state.params)
+        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+        angle = critical_angle(p, grasp, reference_alpha)
+        values = {name: getattr(p, name) for name in PARAMETERS}
+        values |= {"A": group.A, "B": group.B, "theta_c": jnp.degrees(angle)}
+        if "e1" in problem.priors:
+            direction = best_direction(p, grasp, theta, reach=reach)
+            values |= {"e1": p.e1, "e2": p.e2, "f1": group.f1, "f2": group.f2}
+            values["alpha_star"] = jnp.degrees(direction)
+        if "F_0" in problem.priors:
+            values["F_0"] = state.preload
+        for channel, sigma in zip(problem.channels, state.sigma, strict=True):
+            if f"sigma_{channel}" in problem.priors:
+                values[f"sigma_{channel}"] = sigma
+        return values
+
+    return jax.vmap(one)(x_samples)
+
+
+def _middle_elevation(problem: Problem) -> Float[Array, ""]:
+    """Median |θ| of the pushes: where α* is asked for with two supports."""
+    used = jnp.any(problem.mask, axis=0)
+    return jnp.nanmedian(jnp.where(used, jnp.abs(problem.pushes.theta), jnp.nan))
+
+
+def median(samples: Float[np.ndarray, " n"], *, is_axis: bool = False) -> float:
+    """Middle of the draws; of an axis, the middle seen from its circular mean.
+
+    Args:
+        samples: Draws; NaN is left out.
+        is_axis: Whether the draws are azimuths of period 180° [deg].
+
+    Returns:
+        Median; in [0, 180) for an axis; NaN without a finite draw.
+    """
+    finite = samples[np.isfinite(samples)]
+    if finite.size == 0:
+        return float("nan")
+    if not is_axis:
+        return float(np.median(finite))
+    centre, offsets = _unwrapped(finite)
+    return float(np.mod(centre + np.median(offsets), HALF_TURN))
+
+
+def equal_tailed_interval(
+    samples: Float[np.ndarray, " n"], prob: float, *, is_axis: bool = False
+) -> tuple[float, float]:
+    """Interval that leaves (1 - prob) / 2 of the draws on either side.
+
+    Args:
+        samples: Draws; NaN is left out.
+        prob: Probability inside.
+        is_axis: Whether the draws are azimuths of period 180° [deg].
+
+    Returns:
+        Lower and upper end. For an axis the lower lies in [0, 180) and the upper may
+        exceed 180, so that upper - lower is always the width.
+    """
+    finite = samples[np.isfinite(samples)]
+    if finite.size == 0:
+        return float("nan"), float("nan")
+    tails = [(1 - prob) / 2, (1 + prob) / 2]
+    if not is_axis:
+        low, high = np.quantile(finite, tails)
+        return float(low), float(high)
+    centre, offsets = _unwrapped(finite)
+    low, high = np.quantile(offsets, tails)
+    start = float(np.mod(centre + low, HALF_TURN))
+    return start, start + float(high - low)
+
+
+def highest_density_set(
+    samples: Float[np.ndarray, " n"], prob: float, *, is_axis: bool = False
+) -> tuple[Piece, ...]:
+    """Smallest set with the given probability, in as many pieces as it needs.
+
+    Args:
+        samples: Draws; NaN is left out.
+        prob: Probability of the set.
+        is_axis: Whether the draws are azimuths of period 180° [deg].
+
+    Returns:
+        Pieces, ascending; for an axis each as in `equal_tailed_interval`.
+    """
+    finite = samples[np.isfinite(samples)]
+    if finite.size == 0 or np.ptp(finite) == 0:
+        return ()
+    if is_axis:
+        centre, finite = _unwrapped(finite)
+    pieces = array_stats.hdi(
+        finite, prob=prob, method="multimodal", max_modes=MAX_PIECES
+    )
+    pieces = np.asarray(pieces).reshape(-1, 2)
+    # Unused places are NaN, and a single bin of the density has no width.
+    pieces = pieces[pieces[:, 0] < pieces[:, 1]]
+    if not is_axis:
+        return tuple((float(low), float(high)) for low, high in pieces)
+    starts = np.mod(centre + pieces[:, 0], HALF_TURN)
+    widths = pieces[:, 1] - pieces[:, 0]
+    return tuple(
+        (float(start), float(start + width))
+        for start, width in sorted(zip(starts, widths, strict=True))
+    )
+
+
+def _unwrapped(
+    degrees: Float[np.ndarray, " n"],
+) -> tuple[float, Float[np.ndarray, " n"]]:
+    """Circular mean of axes and the signed distance of each from it [deg]."""
+    centre = float(stats.circmean(degrees, high=HALF_TURN, low=0))
+    half = HALF_TURN / 2
+    return centre, np.mod(degrees - centre + half, HALF_TURN) - half
+
+
+def contraction(
+    posterior: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
+) -> float:
+    """Share of the prior variance that the data removed.
+
+        1 - var_posterior / var_prior
+
+    Args:
+        posterior: Draws on the scale of the prior.
+        prior: Draws from the prior on the same scale.
+
+    Returns:
+        At most 1; negative where the data contradict the prior.
+    """
+    return 1.0 - float(np.var(posterior) / np.var(prior))

@@ -1,0 +1,278 @@
+"""One table with its grasp, noise model and priors: the only place of its densities.
+
+Least squares, profiles, quadrature and emcee all take residuals and log densities from
+`Problem`, so they cannot disagree about the noise model. Two coordinate systems meet
+here: `y`, the few combinations that the data see, and `x`, all that is sampled.
+Excluded: searching and sampling.
+"""
+
+from collections.abc import Mapping
+from typing import Generic, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from pushfit.fit.problem.data_coordinates import POINTS
+from pushfit.fit.problem.priors import Prior
+from pushfit.mechanics.coordinates import Coordinates, log_volume, parameters
+from pushfit.mechanics.numerics import norm2
+from pushfit.model import (
+    Contact,
+    Grasp,
+    Parameters,
+    Pushes,
+    Scalar,
+    as_float,
+    forward,
+)
+
+# Degrees of freedom of the Student-t likelihood: heavy tails with a finite variance.
+STUDENT_DOF = 4.0
+
+
+P = TypeVar("P", Parameters, Contact)
+
+
+class State(eqx.Module, Generic[P]):
+    """A point at which the model can be evaluated.
+
+    Args:
+        params: The parameters, or the combinations alone where these are unknown.
+        preload: F_0 [N].
+        sigma: Sampled noise of each channel [table unit]; 0 where it is not sampled.
+        log_volume: Log |det| of the map from the coordinates to the prior's scale.
+    """
+
+    params: P
+    preload: Scalar
+    sigma: Float[Array, " c"]
+    log_volume: Scalar
+
+
+class Problem(eqx.Module):
+    """Data, grasp, noise and priors.
+
+    Rows may be padded: `mask` says which entries are data, and the padding cannot
+    reach any result or gradient.
+
+    Args:
+        pushes: Directions of the rows.
+        observed: Heights by channel and row [table unit].
+        sd: Known noise of each height, 0 where unknown [table unit].
+        reference_sigma: Noise that weights the residuals of least squares.
+        mask: Which entries of `observed` are data.
+        grasp: Grasp and sensor.
+        priors: Prior of every free parameter and of every sampled sigma.
+        fixed: Values of the fixed parameters.
+        channels: Names of the rows of `observed`.
+        names: Names of the entries of x.
+        data_names: Names of the entries of y.
+        likelihood: "normal" or "student_t".
+        constraint: What is known beforehand of data coordinates that heights hardly
+            see, as residuals constraint · y - constraint_offset of unit variance; no
+            rows where heights see all of them.
+        constraint_offset: See `constraint`.
+    """
+
+    pushes: Pushes
+    observed: Float[Array, "c n"] = eqx.field(converter=as_float)
+    sd: Float[Array, "c n"] = eqx.field(converter=as_float)
+    reference_sigma: Float[Array, "c n"] = eqx.field(converter=as_float)
+    mask: Bool[Array, "c n"]
+    grasp: Grasp
+    priors: Mapping[str, Prior]
+    fixed: Mapping[str, Scalar]
+    channels: tuple[str, ...] = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
+    data_names: tuple[str, ...] = eqx.field(static=True)
+    likelihood: str = eqx.field(static=True, default="normal")
+    constraint: Float[Array, "k q"] | None = None
+    constraint_offset: Float[Array, " k"] | None = None
+
+    @property
+    def n_constraints(self) -> int:
+        """Data coordinates that what is known beforehand holds in place."""
+        return 0 if self.constraint is None else self.constraint.shape[0]
+
+    def predict(self, state: State) -> Float[Array, "c n"]:
+        """Noise-free heights of every channel and row [table unit]."""
+        grasp = eqx.tree_at(lambda g: g.preload, self.grasp, state.preload)
+        channels = forward(state.params, self.pushes, grasp)
+        return jnp.stack([getattr(channels, name) for name in self.channels])
+
+    def residuals(self, state: State) -> Float[Array, " m"]:
+        """(prediction - observation) / reference sigma, 0 for padding.
+
+        With the Student-t likelihood each residual r becomes the signed root of its
+        deviance (ν + 1) ln(1 + r²/ν), so that half the sum of squares stays the
+        negative log likelihood up to a constant.
+        """
+        difference = (self.predict(state) - self.observed) / self.reference_sigma
+        difference = jnp.where(self.mask, difference, 0.0)
+        if self.likelihood == "student_t":
+            difference = _signed_root_deviance(difference)
+        return difference.ravel()
+
+    def data_residuals(self, y: Float[Array, " q"]) -> Float[Array, " m"]:
+        """`residuals` at data coordinates, followed by those of `constraint`."""
+        residuals = self.residuals(self.data_state(y))
+        if self.constraint is None or self.constraint_offset is None:
+            return residuals
+        return jnp.concatenate(
+            [residuals, self.constraint @ y - self.constraint_offset]
+        )
+
+    def noise(self, state: State) -> Float[Array, "c n"]:
+        """Scale of the noise of every entry; 1 for padding [table unit].
+
+        sqrt(sd² + sigma²) where sigma is sampled, else the reference sigma.
+        """
+        is_sampled = jnp.asarray(
+            [f"ln_sigma_{channel}" in self.names for channel in self.channels]
+        )
+        sampled = norm2(self.sd, jnp.broadcast_to(state.sigma[:, None], self.sd.shape))
+        sigma = jnp.where(is_sampled[:, None], sampled, self.reference_sigma)
+        return jnp.where(self.mask, sigma, 1.0)
+
+    def log_likelihoods(self, state: State) -> Float[Array, "c n"]:
+        """Normalised log density of every entry; 0 for padding."""
+        sigma = self.noise(state)
+        scaled = jnp.where(
+            self.mask, (self.predict(state) - self.observed) / sigma, 0.0
+        )
+        if self.likelihood == "student_t":
+            density = jax.scipy.stats.t.logpdf(scaled, STUDENT_DOF)
+        else:
+            density = jax.scipy.stats.norm.logpdf(scaled)
+        return jnp.where(self.mask, density - jnp.log(sigma), 0.0)
+
+    def log_likelihood(self, state: State) -> Scalar:
+        """Normalised log density of the data."""
+        return jnp.sum(self.log_likelihoods(state))
+
+    def log_prior(self, x: Float[Array, " p"]) -> Scalar:
+        """Normalised log density of x before the data."""
+        state = self.state(x)
+        values = _prior_scale(state, self.channels)
+        densities = [
+            prior.log_prob(values[name]) for name, prior in self.priors.items()
+        ]
+        return jnp.sum(jnp.stack(densities)) + state.log_volume
+
+    def log_prob(self, x: Float[Array, " p"]) -> Scalar:
+        """Unnormalised log posterior density of x; -inf wherever it is not finite."""
+        value = self.log_prior(x) + self.log_likelihood(self.state(x))
+        return jnp.where(jnp.isnan(value), -jnp.inf, value)
+
+    def state(self, x: Float[Array, " p"]) -> State[Parameters]:
+        """The point that a vector of sampling coordinates names.
+
+        Args:
+            x: Values in the order of `names`.
+
+        Returns:
+            Parameters, preload, noise and volume ratio.
+        """
+        z = dict(zip(self.names, x, strict=True))
+        K_sn, K_dn = _normal_pair(z, self.fixed)
+        K_st, C_d, L, e1, e2, volume = _tangential_group(z, self.fixed)
+        C_rr = jnp.exp(z["ln_C_rr"]) if "ln_C_rr" in z else self.fixed["C_rr"]
+        preload = jnp.exp(z["ln_F_0"]) if "ln_F_0" in z else self.grasp.preload
+        sigma = [z.get(f"ln_sigma_{c}", jnp.asarray(-jnp.inf)) for c in self.channels]
+        return State(
+            Parameters(K_sn, K_dn, K_st, C_rr, C_d, L, e1, e2),
+            preload,
+            jnp.exp(jnp.stack(sigma)),
+            volume,
+        )
+
+    def data_state(self, y: Float[Array, " q"]) -> State[Contact]:
+        """The point that a vector of data coordinates names; its sigma is 0.
+
+        Args:
+            y: Values in the order of `data_names`.
+
+        Returns:
+            Contact combinations and preload.
+        """
+        w = dict(zip(self.data_names, y, strict=True))
+        group = POINTS[self.grasp.mechanics](w, self.fixed)
+        preload = jnp.exp(w["ln_F_0"]) if "ln_F_0" in w else self.grasp.preload
+        return State(group, preload, jnp.zeros(len(self.channels)), jnp.zeros(()))
+
+
+def _normal_pair(
+    z: Mapping[str, Scalar], fixed: Mapping[str, Scalar]
+) -> tuple[Scalar, Scalar]:
+    """K_sn and K_dn from ln A and ln r, or from whichever of them is fixed."""
+    if "ln_r" not in z:
+        return fixed["K_sn"], fixed["K_dn"]
+    r = jnp.exp(z["ln_r"])
+    if "K_sn" in fixed:
+        return fixed["K_sn"], fixed["K_sn"] / r
+    if "K_dn" in fixed:
+        return fixed["K_dn"] * r, fixed["K_dn"]
+    A = jnp.exp(z["ln_A"])
+    return A * (1 + r), A * (1 + 1 / r)
+
+
+def _tangential_group(
+    z: Mapping[str, Scalar], fixed: Mapping[str, Scalar]
+) -> tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]:
+    """K_st, C_d, L, e1, e2 and the log volume, from whichever are coordinates.
+
+    With K_st or C_d fixed, ln s takes the place of ln B; every such map of the free
+    logs has |det| = 1. Only the step from f to e changes volume.
+    """
+    L = jnp.exp(z["ln_L"]) if "ln_L" in z else fixed["L"]
+    zero = jnp.zeros(())
+    e1, e2 = z.get("e1", fixed.get("e1", zero)), z.get("e2", fixed.get("e2", zero))
+    if "ln_s" not in z:
+        return fixed["K_st"], fixed["C_d"], L, e1, e2, zero
+    s = jnp.exp(z["ln_s"])
+    if "K_st" in fixed:
+        return fixed["K_st"], fixed["K_st"] * L**2 / s, L, e1, e2, zero
+    if "C_d" in fixed:
+        return s * fixed["C_d"] / L**2, fixed["C_d"], L, e1, e2, zero
+    if "f1" in z:
+        coords = Coordinates(
+            ln_A=zero,
+            ln_B=z["ln_B"],
+            ln_C_rr=zero,
+            f1=z["f1"],
+            f2=z["f2"],
+            ln_r=zero,
+            ln_s=z["ln_s"],
+            ln_L=jnp.log(L),
+        )
+        p = parameters(coords)
+        return p.K_st, p.C_d, L, p.e1, p.e2, log_volume(coords)
+    mean = jnp.cosh(norm2(as_float(e1), as_float(e2)) / 2)
+    K_st = jnp.exp(z["ln_B"]) * jnp.sqrt(1 + 2 * s * mean + s * s)
+    return K_st, K_st * L**2 / s, L, as_float(e1), as_float(e2), zero
+
+
+def _prior_scale(
+    state: State[Parameters], channels: tuple[str, ...]
+) -> dict[str, Scalar]:
+    """Every quantity that may have a prior, on the scale of that prior."""
+    p = state.params
+    scale = {
+        name: jnp.log(getattr(p, name))
+        for name in ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
+    }
+    scale |= {"e1": p.e1, "e2": p.e2, "F_0": jnp.log(state.preload)}
+    for channel, sigma in zip(channels, state.sigma, strict=True):
+        scale[f"sigma_{channel}"] = jnp.log(sigma)
+    return scale
+
+
+def _signed_root_deviance(r: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Sign(r) sqrt((ν + 1) ln(1 + r²/ν)), smooth through 0."""
+    q = r * r / STUDENT_DOF
+    is_small = q < 1e-8
+    safe = jnp.where(is_small, 1.0, q)
+    ratio = jnp.where(is_small, 1 - q / 2, jnp.log1p(safe) / safe)
+    return r * jnp.sqrt((STUDENT_DOF + 1) / STUDENT_DOF * ratio)

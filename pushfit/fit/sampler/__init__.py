@@ -1,0 +1,1 @@
+"""Draws from the posterior by emcee, run until they may be believed."""

@@ -1,0 +1,125 @@
+"""Goodness of fit: quiet on data of the model, loud on data of another."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.model_checking import LEVEL, goodness_of_fit
+from pushfit.fit.problem.noise import Noise
+from pushfit.fit.results import FitResult, FitStatus, PredictiveCheck
+
+SIGMA = 0.1
+THETA_DEG = np.repeat(np.linspace(5.0, 85.0, 17), 3)
+
+
+def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG, **checks):
+    """Goodness of fit of a prediction, taken as a fit with three coordinates."""
+    table = PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.zeros(theta_deg.size),
+        heights={"height": observed},
+        unit="n",
+    )
+    n = observed.size
+    residuals = (predicted - observed) / SIGMA
+    fit = FitResult(
+        names=("ln_A", "ln_B", "ln_C_rr"),
+        estimate=np.zeros(3),
+        covariance=np.eye(3),
+        jacobian=np.zeros((n, 3)),
+        singular_values=np.ones(3),
+        modes=(),
+        chi_square=float(residuals @ residuals),
+        n_data=n,
+        n_free=3,
+        sigma=np.full(n, SIGMA),
+        predicted=predicted,
+        channel=("height",) * n,
+        row=tuple(range(n)),
+        status=FitStatus.OK,
+    )
+    sd = {"height": np.full(n, SIGMA)}
+    noise = Noise(kind=kind, sd=sd, sigma=sd, degrees_of_freedom=np.inf)
+    return goodness_of_fit(table, fit, noise, seed=0, **checks)
+
+
+def curve() -> np.ndarray:
+    return 1.0 + 2.0 * np.sin(np.radians(THETA_DEG))
+
+
+def noisy(seed: int, values: np.ndarray) -> np.ndarray:
+    return values + np.random.default_rng(seed).normal(0, SIGMA, values.size)
+
+
+def test_noise_alone_is_not_faulted():
+    """60 tables of three tests at level 1e-3: more than two alarms is 1 in 10³."""
+    found = [criticise(curve(), noisy(seed, curve())) for seed in range(60)]
+    assert sum(not f.is_adequate for f in found) <= 2
+    p_values = [f.pattern_p_value for f in found]
+    assert stats.kstest(p_values, "uniform").pvalue > 1e-3
+
+
+def test_chi_square_and_its_p_value_are_scipys():
+    found = criticise(curve(), noisy(1, curve()))
+    residuals = (noisy(1, curve()) - curve()) / SIGMA
+    expected = stats.chi2.sf(np.sum(residuals**2), residuals.size - 3)
+    np.testing.assert_allclose(found.p_value, expected, rtol=1e-10)
+
+
+def test_lack_of_fit_is_the_one_way_f_test():
+    """With no coordinate fitted it is SciPy's f_oneway on residuals about zero mean."""
+    observed = noisy(2, curve())
+    found = criticise(curve(), observed)
+    groups = ((observed - curve()) / SIGMA).reshape(17, 3)
+    within = np.sum((groups - groups.mean(axis=1, keepdims=True)) ** 2) / 34
+    between = 3 * np.sum(groups.mean(axis=1) ** 2) / (17 - 3)
+    expected = stats.f.sf(between / within, 14, 34)
+    np.testing.assert_allclose(found.lack_of_fit_p_value, expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("kind", ["given", "sampled"])
+def test_a_missed_trend_is_faulted(kind):
+    bent = curve() + 0.3 * np.sin(np.radians(4 * THETA_DEG))
+    found = criticise(curve(), noisy(3, bent), kind=kind)
+    assert not found.is_adequate
+    assert found.pattern_p_value < LEVEL
+    assert (found.p_value is None) == (kind == "sampled")
+
+
+def test_heights_that_the_model_does_not_explain_are_called_so():
+    observed = np.random.default_rng(4).normal(2.0, 1.0, THETA_DEG.size)
+    flat = np.full(THETA_DEG.size, 2.0)
+    once = np.linspace(5.0, 85.0, THETA_DEG.size)
+    found = criticise(flat, observed, kind="sampled", theta_deg=once)
+    assert found.r_squared < 0.1
+    assert "does not describe" in found.sentence
+
+
+def test_repeats_of_one_direction_do_not_fault_the_model():
+    """Heights that vary by noise alone leave nothing to explain."""
+    same = np.full(THETA_DEG.size, 30.0)
+    observed = noisy(6, np.full(THETA_DEG.size, 2.0))
+    found = criticise(
+        np.full(THETA_DEG.size, 2.0), observed, kind="sampled", theta_deg=same
+    )
+    assert found.r_squared < 0.1
+    assert found.is_adequate
+
+
+def test_an_outlying_push_is_named():
+    observed = noisy(5, curve())
+    observed[7] += 10 * SIGMA
+    found = criticise(curve(), observed)
+    assert found.outliers == ("push 8 (θ = 15°, α = 0°)",)
+
+
+@pytest.mark.parametrize(("p_value", "is_adequate"), [(0.2, True), (LEVEL / 2, False)])
+def test_data_that_simulated_heights_never_resemble_are_not_described(
+    p_value, is_adequate
+):
+    check = PredictiveCheck(feature="largest", p_value=p_value)
+    found = criticise(curve(), noisy(1, curve()), predictive=(check,))
+    assert found.is_adequate == is_adequate
+    assert ("almost never show as large a residual" in found.sentence) != is_adequate
+    assert found.predictive == (check,)

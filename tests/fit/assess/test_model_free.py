@@ -1,0 +1,59 @@
+"""The cosine through the heights: known minima, a seam, and no minimum at all."""
+
+import numpy as np
+import pytest
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.model_free import model_free_direction
+from pushfit.fit.results import Verdict
+
+ALPHA_DEG = np.tile(np.arange(0.0, 180.0, 30.0), 3)
+
+
+def wave_table(axis_deg: float, amplitude: float, noise: float, seed: int = 0):
+    rng = np.random.default_rng(seed)
+    wave = -amplitude * np.cos(2 * np.radians(ALPHA_DEG - axis_deg))
+    heights = 5.0 + wave + rng.normal(0, noise, ALPHA_DEG.size)
+    return PeakTable.from_arrays(
+        theta=np.full(ALPHA_DEG.size, np.radians(15.0)),
+        alpha=np.radians(ALPHA_DEG),
+        heights={"height": heights},
+        unit="n",
+    )
+
+
+@pytest.mark.parametrize("axis_deg", [65.0, 1.0, 179.0])
+def test_minimum_of_a_pure_wave_is_exact(axis_deg):
+    found = model_free_direction(wave_table(axis_deg, 1.0, 1e-9), prob=0.9, seed=0)
+    assert found is not None
+    np.testing.assert_allclose(found.estimate, axis_deg, atol=1e-6)
+
+
+def test_interval_covers_the_axis_as_often_as_it_says():
+    n_tables, n_covered = 300, 0
+    for seed in range(n_tables):
+        found = model_free_direction(wave_table(65.0, 1.0, 0.3, seed), prob=0.9, seed=1)
+        assert found is not None
+        if found.interval is not None:
+            low, high = found.interval
+            n_covered += (65.0 - low) % 180.0 <= high - low
+    # Binomial sd of 300 at 0.9 is 5.2: four of them.
+    assert abs(n_covered - 270) < 21
+
+
+def test_round_heights_have_no_direction():
+    found = model_free_direction(wave_table(65.0, 0.0, 0.3), prob=0.9, seed=0)
+    assert found is not None
+    assert found.verdict is Verdict.NOT_DETERMINED
+    assert found.estimate is None
+    assert found.interval is None
+
+
+def test_two_azimuths_are_no_sweep():
+    table = PeakTable.from_arrays(
+        theta=np.full(6, 0.3),
+        alpha=np.radians([0.0, 90.0] * 3),
+        heights={"height": np.arange(6.0) + 1},
+        unit="n",
+    )
+    assert model_free_direction(table, prob=0.9, seed=0) is None

@@ -1,0 +1,210 @@
+"""Least squares against truth, against SciPy, and where there is no answer."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from pushfit.fit.likelihood.guesses import guesses
+from pushfit.fit.likelihood.least_squares import (
+    MAX_ROUNDS,
+    STALLED_DELTA_CHI_SQUARE,
+    costs_at,
+    fit_least_squares,
+    polish,
+    restarted,
+)
+from pushfit.fit.setup import build_problem
+from tests.fit.tables import (
+    case_table,
+    config,
+    log_contact,
+    setup_of,
+    tables_of_the_prior,
+)
+from tests.problems import CASES
+
+# The solver's relative tolerance is 1e-10; ten times that.
+EXACT_DATA = 1e-9
+# Both solvers stop at a gradient of rounding; SciPy at its ftol of 1e-12.
+TWO_SOLVERS = 1e-6
+COMPONENTS = ("height_normal", "height_tangential")
+ISOTROPIC = ("paper", "firm", "soft", "preload", "blind_magnitude")
+
+
+def table_config(case) -> str:
+    sharpness = float(case.grasp.sharpness)
+    text = f"[grasp]\npreload_n = {float(case.grasp.preload)!r}\n"
+    return text + (f"[transition]\nsharpness = {sharpness}\n" if sharpness < 99 else "")
+
+
+def fit_of(table, text=""):
+    return fit_least_squares(setup_of(table, text), reference_alpha=np.pi / 2)
+
+
+@pytest.mark.parametrize("name", ISOTROPIC)
+def test_noise_free_heights_give_the_truth(name):
+    case = CASES[name]
+    fit = fit_of(case_table(case), table_config(case))
+    truth = log_contact(case.params)
+    expected = [truth[n] for n in fit.names]
+    np.testing.assert_allclose(fit.estimate, expected, rtol=0, atol=EXACT_DATA)
+    best = fit.modes[0].theta_c_deg
+    np.testing.assert_allclose(best, case.critical_angle_deg, rtol=EXACT_DATA)
+
+
+def test_noise_free_heights_over_azimuths_give_the_ellipse():
+    case = CASES["ellipse"]
+    fit = fit_of(case_table(case))
+    stiff = {"ln_A": case.A, "ln_B": case.B, "ln_C_rr": float(case.params.C_rr)}
+    found = dict(zip(fit.names, fit.estimate, strict=True))
+    for name, value in stiff.items():
+        np.testing.assert_allclose(found[name], np.log(value), atol=EXACT_DATA, rtol=0)
+    axis = np.degrees(np.arctan2(found["f2"], found["f1"])) / 2 % 180
+    np.testing.assert_allclose((axis + 90) % 180, case.soft_axis_deg, rtol=EXACT_DATA)
+
+
+@pytest.mark.parametrize(
+    "channels", [("height",), ("height_normal", "height_tangential")]
+)
+@pytest.mark.parametrize("name", ["paper", "soft"])
+def test_scipy_finds_the_same_optimum(name, channels):
+    case = CASES[name]
+    # No push at 45°, θ_c of the case: on that kink of the hard switch both solvers
+    # crawl, and stop a thousandth of a unit of chi-square apart.
+    theta_deg = np.arange(7.0, 88.0, 5.0)
+    table = case_table(case, noise=0.03, channels=channels, seed=3, theta_deg=theta_deg)
+    setup = setup_of(table, table_config(case))
+    fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
+    problem = setup.problem
+
+    def residuals(y):
+        return np.asarray(problem.data_residuals(jnp.asarray(y)))
+
+    # From guesses and from our optimum, where it must find nothing better.
+    starts = [fit.estimate, *guesses(problem)[:5]]
+    runs = [
+        least_squares(residuals, start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        for start in starts
+    ]
+    other = min(runs, key=lambda run: run.cost)
+    np.testing.assert_allclose(fit.chi_square, 2 * other.cost, rtol=TWO_SOLVERS)
+    np.testing.assert_allclose(fit.estimate, other.x, atol=100 * TWO_SOLVERS, rtol=0)
+
+
+def test_no_random_start_finds_a_better_optimum():
+    """The best of 100 random starts per table, on a smooth likelihood."""
+    case = CASES["blind_magnitude"]
+    for seed in range(6):
+        table = case_table(case, noise=0.05, seed=seed)
+        setup = setup_of(table, "[transition]\nsharpness = 12.0\n")
+        fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
+        rng = np.random.default_rng(seed)
+        starts = rng.uniform(fit.estimate - 3, fit.estimate + 3, (100, 3))
+        _, costs, _ = polish(setup.problem, starts)
+        assert fit.chi_square <= costs[0] * (1 + TWO_SOLVERS), f"seed {seed}"
+
+
+def test_covariance_is_nan_where_the_data_do_not_determine_every_coordinate():
+    """At one elevation A, B and C_rr cannot be told apart."""
+    case = CASES["paper"]
+    table = case_table(case, noise=0.02, theta_deg=np.array([30.0]), repeats=30)
+    fit = fit_of(table)
+    assert np.all(np.isnan(fit.covariance))
+    assert np.all(np.isnan(fit.standard_error))
+
+
+def is_on_kink(fit):
+    """Whether θ_c is an elevation of the sweep; no solver gets as close by chance."""
+    distance = np.abs(fit.modes[0].theta_c_deg - np.arange(5.0, 90.0, 5.0))
+    return np.min(distance) < 1e-6
+
+
+@pytest.mark.parametrize(("seed", "expected"), [(0, True), (3, True), (5, False)])
+def test_an_optimum_on_a_pushed_elevation_has_no_standard_error(seed, expected):
+    """There χ² has two slopes and no curvature; beside it the error is finite."""
+    fit = fit_of(case_table(CASES["paper"], noise=0.03, seed=seed))
+    assert is_on_kink(fit) == expected
+    assert np.all(np.isnan(fit.standard_error) == expected)
+
+
+@pytest.mark.slow
+def test_standard_errors_are_missing_on_kinks_all_over_the_prior():
+    fits = [fit_of(table) for table in tables_of_the_prior(100)]
+    on_kink = np.array([is_on_kink(fit) for fit in fits])
+    has_none = np.array([np.all(np.isnan(fit.standard_error)) for fit in fits])
+    print(f"{on_kink.sum()} of {len(fits)} optima lie on a kink")
+    assert np.all(has_none[on_kink])
+    # Beyond the pushes C_rr or B may be out of sight as well.
+    assert np.mean(has_none[~on_kink]) < 0.1
+
+
+@pytest.mark.parametrize(("share", "is_done"), [(0.5, True), (2.0, False)])
+def test_a_walk_that_gains_next_to_nothing_has_arrived(share, is_done):
+    """A solver that never meets its tolerance, as where no finite ellipse fits best."""
+    gain, n_calls = share * STALLED_DELTA_CHI_SQUARE, 0
+
+    def minimiser(points):
+        nonlocal n_calls
+        n_calls += 1
+        return points + 1, jnp.array([10.0 - n_calls * gain]), jnp.array([False])
+
+    _, costs, found = restarted(minimiser, np.zeros((1, 2)))
+    assert found[0] == is_done
+    np.testing.assert_allclose(costs, 10.0 - MAX_ROUNDS * gain, rtol=TWO_SOLVERS)
+
+
+def test_standard_errors_scatter_as_they_say_where_the_likelihood_is_normal():
+    """Components determine all three coordinates: pulls have unit variance."""
+    case = CASES["firm"]
+    n_tables = 60
+    truth = log_contact(case.params)
+    pulls = []
+    for seed in range(n_tables):
+        # No push at 30°, θ_c of the case: on that kink there is no standard error.
+        table = case_table(
+            case,
+            noise=0.02,
+            seed=seed,
+            channels=COMPONENTS,
+            theta_deg=np.arange(7.5, 88.0, 5.0),
+        )
+        fit = fit_of(table)
+        expected = np.array([truth[n] for n in fit.names])
+        pulls.append((fit.estimate - expected) / fit.standard_error)
+    # n mean(pull²) is chi-square with n degrees of freedom; five of its sd.
+    tolerance = 5 * np.sqrt(2 / n_tables)
+    np.testing.assert_allclose(np.mean(np.square(pulls), axis=0), 1, atol=tolerance)
+
+
+def test_sampled_sigma_is_the_scatter_about_the_fit():
+    case = CASES["paper"]
+    table = case_table(case, noise=0.05, repeats=20, seed=1)
+    setup = setup_of(table, '[noise]\nsigma = "sampled"\n')
+    fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
+    # sd of a standard deviation from 337 degrees of freedom is 4 %; given sds are in
+    # the table, so the total must be what was simulated.
+    np.testing.assert_allclose(np.median(fit.sigma), 0.05, rtol=0.16)
+
+
+def test_padding_changes_nothing():
+    case = CASES["paper"]
+    table = case_table(case, noise=0.03, repeats=1)
+    setup = build_problem(table, config())
+    assert setup.problem.observed.shape == (1, 32)
+    fit = fit_least_squares(setup, reference_alpha=0.0)
+    assert fit.n_data == table.n_pushes
+    weights = 1 / table.sd("height")
+    residuals = (fit.predicted - table.heights("height")) * weights
+    np.testing.assert_allclose(np.sum(residuals**2), fit.chi_square, rtol=1e-12)
+
+
+def test_a_search_has_the_weights_that_noise_settles_at():
+    """Its curve becomes a profile, so that other weights would narrow the set."""
+    channels = ("height_normal", "height_tangential")
+    table = case_table(CASES["firm"], noise=0.02, channels=channels)
+    setup = setup_of(table, '[noise]\nsigma = "sampled"\n')
+    curve = setup.search.curve
+    is_possible = np.isfinite(curve.chi_square)
+    costs = costs_at(setup.problem, jnp.asarray(curve.points[is_possible]))
+    np.testing.assert_allclose(costs, curve.chi_square[is_possible], rtol=1e-4)

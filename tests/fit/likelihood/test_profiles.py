@@ -1,0 +1,332 @@
+"""Likelihood sets: against closed forms, brute force, and what no push can tell."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+from pushfit.config import parse_config
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.likelihood.least_squares import fit_least_squares
+from pushfit.fit.likelihood.profile_sets import (
+    pieces_below,
+    profile_set,
+    threshold,
+    verdict_of,
+)
+from pushfit.fit.likelihood.profiles import likelihood_profiles
+from pushfit.fit.results import Verdict
+from pushfit.fit.setup import build_problem
+from tests.fit.kinds import KINDS
+from tests.fit.tables import case_table, setup_of
+from tests.problems import CASES, PUSH, paper_parameters
+
+ALPHA = np.pi / 2
+FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
+FRICTION_ONLY = "".join(f"[parameters.{n}]\nfixed = {v}\n" for n, v in FIXED.items())
+CHANNEL = {
+    "channels": ("height_tangential",),
+    "theta_deg": np.array([10.0, 20.0, 30.0]),
+}
+FIVE = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
+# Ends are placed where Δχ² meets its threshold to 0.2 %, so to 0.1 % of the half width.
+END = 3e-3
+# A profile found by another solver, from many starts.
+SAME_PROFILE = 1e-3
+
+
+def profiles_of(setup, *, prob=0.9, alpha=ALPHA, reach=(0.0, np.pi)):
+    fit = fit_least_squares(setup, reference_alpha=alpha)
+    return likelihood_profiles(
+        setup, fit, reference_alpha=alpha, prob=prob, reach=reach
+    )
+
+
+def small_setup(name="firm", *, noise, seed=0, text=""):
+    return setup_of(
+        case_table(CASES[name], noise=noise, seed=seed, theta_deg=FIVE), text
+    )
+
+
+# Three pushes at 15° in each azimuth, in a grasp that squeezes with 12 kPa.
+AZIMUTHS = np.repeat([0.0, 30.0, 60.0, 90.0, 120.0, 150.0], 3)
+HEIGHTS = np.array(
+    [
+        [5.96, 5.94, 5.90, 5.76, 5.80, 5.79, 4.33, 4.32, 4.41],
+        [5.09, 5.09, 4.97, 5.95, 5.89, 5.87, 5.78, 5.89, 5.99],
+    ]
+).ravel()
+FOAM = """
+[push]
+length_mm = 5.0
+[grasp]
+preload_kpa = 12.0
+[parameters.L]
+normal = { mean = 0.04, sd = 0.001 }
+"""
+
+
+@pytest.fixture(scope="module")
+def firm():
+    setup = small_setup(noise=0.05)
+    return setup, profiles_of(setup)
+
+
+def friction_estimate(table):
+    """C_rr and Σ slope² of the tangential heights A C_rr S_p sin θ."""
+    slope = 400 * PUSH * np.sin(table.theta)
+    heights = table.heights("height_tangential")
+    return np.sum(slope * heights) / np.sum(slope**2), slope, heights
+
+
+def test_linear_model_has_the_normal_interval():
+    sigma = 0.01
+    table = case_table(CASES["paper"], noise=sigma, **CHANNEL)
+    estimate, slope, _ = friction_estimate(table)
+    half = stats.norm.ppf(0.95) * sigma / np.sqrt(np.sum(slope**2))
+    ((low, high),) = profiles_of(setup_of(table, FRICTION_ONLY))["C_rr"].pieces
+    expected = [estimate - half, estimate + half]
+    np.testing.assert_allclose([low, high], expected, rtol=0, atol=END * half)
+
+
+def test_noise_estimated_from_residuals_gives_the_t_interval():
+    table = case_table(CASES["paper"], noise=0.01, **CHANNEL)
+    setup = setup_of(table, FRICTION_ONLY)
+    noise = dataclasses.replace(setup.noise, kind="sampled")
+    estimate, slope, heights = friction_estimate(table)
+    dof = table.n_pushes - 1
+    sigma = np.sqrt(np.sum((heights - estimate * slope) ** 2) / dof)
+    known = jnp.full_like(setup.problem.reference_sigma, sigma)
+    problem = eqx.tree_at(lambda p: p.reference_sigma, setup.problem, known)
+    setup = dataclasses.replace(setup, noise=noise, problem=problem)
+    half = stats.t.ppf(0.95, dof) * sigma / np.sqrt(np.sum(slope**2))
+    ((low, high),) = profiles_of(setup)["C_rr"].pieces
+    expected = [estimate - half, estimate + half]
+    np.testing.assert_allclose([low, high], expected, rtol=0, atol=END * half)
+
+
+def test_profile_of_the_critical_angle_is_that_of_another_solver(firm):
+    """SciPy's Nelder-Mead from many starts, heights by the printed equations."""
+    setup, profiles = firm
+    problem = setup.problem
+    used = np.asarray(problem.mask)[0]
+    theta = np.asarray(problem.pushes.theta)[used]
+    heights = np.asarray(problem.observed)[0, used]
+    sigma = np.asarray(problem.reference_sigma)[0, used]
+
+    def chi_square(z, angle):
+        A, C_rr = np.exp(z)
+        normal = A * PUSH * np.sin(theta)
+        unrolled = A * C_rr * np.tan(angle) * PUSH * np.cos(theta)
+        height = np.hypot(normal, np.minimum(C_rr * normal, unrolled))
+        return np.sum(((height - heights) / sigma) ** 2)
+
+    def best(angle):
+        starts = [np.log([520, c]) for c in (0.05, 0.2, 0.5, 1.2, 3.0)]
+        options = {"xatol": 1e-9, "fatol": 1e-9, "maxiter": 2000}
+        runs = [
+            optimize.minimize(chi_square, s, (angle,), "Nelder-Mead", options=options)
+            for s in starts
+        ]
+        return min(run.fun for run in runs)
+
+    profile = profiles["theta_c"]
+    chosen = np.linspace(5, profile.values.size - 5, 12).astype(int)
+    expected = np.array([best(np.radians(profile.values[i])) for i in chosen])
+    least = best(np.radians(profile.values[np.argmin(profile.delta_chi_square)]))
+    np.testing.assert_allclose(
+        profile.delta_chi_square[chosen], expected - least, rtol=0, atol=SAME_PROFILE
+    )
+
+
+def test_noise_free_heights_determine_the_critical_angle():
+    profile = profiles_of(small_setup("paper", noise=1e-6))["theta_c"]
+    ((low, high),) = profile.pieces
+    assert profile.verdict is Verdict.DETERMINED
+    assert low < 45.0 < high
+    assert high - low < 1e-2
+
+
+BELOW = np.arange(10.0, 61.0, 12.5)
+
+
+def test_pushes_on_one_side_leave_the_other_end_open():
+    """θ_c = 72° and no push above 60°: components tell that all have rolled."""
+    channels = ("height_normal", "height_tangential")
+    table = case_table(
+        CASES["one_sided"], noise=0.01, theta_deg=BELOW, channels=channels
+    )
+    profile = profiles_of(setup_of(table))["theta_c"]
+    assert profile.verdict is Verdict.ONE_SIDED
+    ((low, high),) = profile.pieces
+    assert high is None
+    assert low is not None
+    assert 45 < low < 72
+
+
+def test_magnitudes_of_rolled_pushes_alone_bound_nothing():
+    """Heights ∝ sin θ are also those of an object that never resists sideways."""
+    table = case_table(CASES["one_sided"], noise=1e-3, theta_deg=BELOW, seed=1)
+    profile = profiles_of(setup_of(table))["theta_c"]
+    assert profile.verdict is Verdict.NOT_DETERMINED
+
+
+def test_one_elevation_determines_no_angle():
+    table = case_table(CASES["paper"], noise=0.05, theta_deg=np.full(5, 40.0))
+    profile = profiles_of(setup_of(table))["theta_c"]
+    assert profile.verdict is Verdict.NOT_DETERMINED
+    assert profile.pieces == ((None, None),)
+
+
+def test_stiffnesses_in_series_are_bounded_by_the_whole(firm):
+    """Any K_sn > A goes with some K_dn; C_d without L has no bound at all."""
+    _, profiles = firm
+    assert profiles["K_sn"].pieces == ((profiles["A"].pieces[0][0], None),)
+    assert profiles["K_sn"].verdict is Verdict.ONE_SIDED
+    assert profiles["C_d"].verdict is Verdict.NOT_DETERMINED
+
+
+def test_a_fixed_partner_makes_the_parameter_a_function():
+    """1/K_sn = 1/A - 1/K_dn."""
+    text = "[parameters.K_dn]\nfixed = 866.6666666666666\n"
+    profiles = profiles_of(small_setup(noise=0.02, text=text))
+    (A,) = profiles["A"].pieces
+    (K_sn,) = profiles["K_sn"].pieces
+    expected = [1 / (1 / a - 3 / 2600) for a in A]
+    np.testing.assert_allclose(K_sn, expected, rtol=END)
+
+
+def test_soft_axis_of_noise_free_heights_is_found():
+    table = case_table(CASES["ellipse"], noise=1e-3)
+    profile = profiles_of(setup_of(table), alpha=np.radians(30))["alpha_star"]
+    ((low, high),) = profile.pieces
+    assert low < 120 < high
+    assert high - low < 2
+
+
+def test_unreachable_soft_axis_counts_at_the_end_of_the_reach():
+    """The soft axis is at 120°; a finger that ends at 90° does best there."""
+    table = case_table(CASES["ellipse"], noise=1e-3)
+    reach = (np.radians(40), np.radians(90))
+    profiles = profiles_of(setup_of(table), alpha=np.radians(30), reach=reach)
+    # The end itself and the step that stands for the jump of the profile at it.
+    np.testing.assert_allclose(
+        profiles["alpha_star"].pieces, ((90.0, 90.0),), atol=2e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("delta", "pieces", "verdict"),
+    [
+        ([9, 0, 9], ((2 / 3, 4 / 3),), Verdict.DETERMINED),
+        ([0, 0, 9], ((None, 4 / 3),), Verdict.ONE_SIDED),
+        ([np.inf, 0, 9], ((None, 4 / 3),), Verdict.ONE_SIDED),
+        ([0, 0, 0], ((None, None),), Verdict.NOT_DETERMINED),
+        ([0, 9, 0], ((None, 1 / 3), (5 / 3, None)), Verdict.SEVERAL_MODES),
+    ],
+)
+def test_sets_have_the_shape_of_the_profile(delta, pieces, verdict):
+    """sqrt(Δχ²) is 3 at 9, so the level 1 is met a third of the way up."""
+    found = pieces_below(np.arange(3.0), np.array(delta, dtype=float), 1.0)
+    assert verdict_of(found) is verdict
+    for one, other in zip(found, pieces, strict=True):
+        for a, b in zip(one, other, strict=True):
+            assert (a is None) == (b is None)
+            assert a is None or abs(a - b) < 1e-12
+
+
+def test_sets_of_higher_levels_contain_those_of_lower(firm):
+    _, profiles = firm
+    profile = profiles["theta_c"]
+    (inner,), (outer,) = profile_set(profile, 0.5), profile_set(profile, 0.9)
+    assert outer[0] < inner[0] < inner[1] < outer[1]
+    assert profile_set(profile, 0.9) == profile.pieces
+
+
+def test_threshold_is_that_of_one_parameter():
+    assert threshold(0.95, np.inf) == pytest.approx(1.959963984540054**2)
+    assert threshold(0.95, 5.0) == pytest.approx(2.570581835636197**2)
+
+
+N_TABLES = 120
+# Binomial bounds of 99.9 % around the nominal level; θ_c may be over-covered where the
+# set is open, so only the lower bound is that tight.
+LEVELS = (0.5, 0.9, 0.95)
+
+
+@pytest.mark.slow
+def test_sets_of_the_critical_angle_cover_as_often_as_they_say():
+    rng = np.random.default_rng(3)
+    hits = {level: 0 for level in LEVELS}
+    for seed in range(N_TABLES):
+        values = {
+            "K_sn": 800 * np.exp(0.8 * rng.normal()),
+            "K_dn": 2000 * np.exp(0.8 * rng.normal()),
+            "K_st": 400 * np.exp(0.8 * rng.normal()),
+            "C_rr": 0.3 * np.exp(0.8 * rng.normal()),
+            "C_d": 0.5 * np.exp(0.8 * rng.normal()),
+            "L": 0.04 * np.exp(0.3 * rng.normal()),
+        }
+        A = 1 / (1 / values["K_sn"] + 1 / values["K_dn"])
+        B = 1 / (1 / values["K_st"] + values["L"] ** 2 / values["C_d"])
+        truth = np.degrees(np.arctan2(B, A * values["C_rr"]))
+        case = dataclasses.replace(CASES["paper"], params=paper_parameters(**values))
+        noise = 0.03 * A * PUSH
+        table = case_table(case, noise=noise, seed=seed)
+        profile = profiles_of(setup_of(table), prob=0.95)["theta_c"]
+        for level in LEVELS:
+            hits[level] += any(
+                (a is None or a <= truth) and (b is None or truth <= b)
+                for a, b in profile_set(profile, level)
+            )
+    for level in LEVELS:
+        low, high = stats.binom.interval(0.999, N_TABLES, level)
+        assert low <= hits[level] <= high, (level, hits)
+
+
+@pytest.mark.slow
+def test_a_set_covers_the_whole_valley_of_a_sweep_at_one_elevation():
+    table = PeakTable.from_arrays(
+        theta=np.full(AZIMUTHS.size, np.radians(15.0)),
+        alpha=np.radians(AZIMUTHS),
+        heights={"height": HEIGHTS},
+        sd={"height": np.full(AZIMUTHS.size, 0.097)},
+        unit="kpa",
+    )
+    setup = build_problem(table, parse_config(FOAM, path="grasp.toml"))
+    profile = profiles_of(setup)["A"]
+    least = fit_least_squares(setup, reference_alpha=ALPHA).chi_square
+    assert setup.problem.data_names == ("ln_A", "ln_B", "ln_C_rr", "f1", "f2")
+    residuals = eqx.filter_jit(setup.problem.data_residuals)
+    rng = np.random.default_rng(0)
+    for A in (300.0, 1000.0, 2000.0):
+
+        def imposed(rest, A=A):
+            return np.asarray(residuals(jnp.r_[np.log(A), rest]))
+
+        starts = rng.normal([np.log(1000), -1.0, 0, 0], [1.5, 1.0, 1, 1], (60, 4))
+        found = [optimize.least_squares(imposed, x, max_nfev=200) for x in starts]
+        elsewhere = 2 * min(solution.cost for solution in found) - least
+        here = np.interp(A, profile.values, profile.delta_chi_square)
+        # A tenth of what moves the end of a 90 % set.
+        assert here < elsewhere + 0.3
+    assert profile.verdict is Verdict.ONE_SIDED
+
+
+def test_modes_above_a_profile_do_not_cut_it():
+    """Other minima of χ² lie above the profile, at values that better fits share."""
+    setup = KINDS["paper"].setup(0)
+    fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
+    profiles = likelihood_profiles(
+        setup,
+        fit,
+        reference_alpha=np.pi / 2,
+        prob=0.9,
+        reach=(0.0, np.pi),
+        wanted=("ln_A",),
+    )
+    assert any(mode.chi_square > fit.chi_square + 1 for mode in fit.modes)
+    assert len(profiles["A"].pieces) == 1

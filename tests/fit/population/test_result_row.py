@@ -1,0 +1,55 @@
+"""Prior densities that travel with the draws."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pushfit.fit.population.result_row import prior_of_angle, tabulated_prior
+from pushfit.fit.problem.prior_tables import prior_tables
+from pushfit.fit.problem.priors import default_priors
+from pushfit.fit.setup import build_problem
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+
+@pytest.fixture(scope="module")
+def tables():
+    table = case_table(CASES["firm"], noise=0.02)
+    return prior_tables(build_problem(table, config()).problem)
+
+
+@pytest.mark.parametrize("name", ["A", "C_rr"])
+def test_tables_of_priors_are_densities_of_the_log(name, tables):
+    """Against draws of the parameters behind them."""
+    rng, n = np.random.default_rng(0), 200_000
+    priors = {
+        k: np.exp(p.sample(rng, n))
+        for k, p in default_priors(None).items()
+        if k in ("K_sn", "K_dn", "C_rr")
+    }
+    series = 1 / (1 / priors["K_sn"] + 1 / priors["K_dn"])
+    draws = np.log(series if name == "A" else priors["C_rr"])
+    low, high = np.quantile(draws, [0.1, 0.9])
+    grid = np.linspace(low, high, 401)
+    mass = np.trapezoid(np.exp(tabulated_prior(tables[name], grid)), grid)
+    # Four standard deviations of the share of 200 000 draws.
+    np.testing.assert_allclose(mass, 0.8, rtol=0, atol=4 * np.sqrt(0.16 / n))
+
+
+def test_the_prior_of_the_angle_is_a_density_in_degrees():
+    """With u = ln tan θ normal, p(θ) = N(u) 2 / sin 2θ per radian."""
+    rng = np.random.default_rng(0)
+    prior = np.degrees(np.arctan(np.exp(0.3 + 1.5 * rng.normal(size=4000))))
+    prior[:100] = np.nan
+    theta = np.linspace(10.0, 85.0, 16)
+    found = prior_of_angle(theta, prior)
+    assert found is not None
+    u = np.log(np.tan(np.radians(theta)))
+    slope = 2 / np.sin(2 * np.radians(theta)) * np.pi / 180
+    expected = stats.norm.logpdf(u, 0.3, 1.5) + np.log(slope)
+    # Four standard errors of a kernel density of 3900 draws, and its bias, in the bulk.
+    np.testing.assert_allclose(found, expected, rtol=0, atol=0.2)
+
+
+def test_a_fixed_angle_has_no_prior():
+    assert prior_of_angle(np.array([45.0]), np.full(4000, 45.0)) is None

@@ -1,0 +1,102 @@
+"""Draws to reported numbers: circular statistics and sets against known targets."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+from pushfit.fit.problem.derived import (
+    PARAMETERS,
+    contraction,
+    equal_tailed_interval,
+    highest_density_set,
+    median,
+    samples_mapping,
+)
+from pushfit.fit.setup import build_problem
+from pushfit.mechanics.directions import best_direction, critical_angle
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+EXACT = 1e-12
+REACH = (0.0, np.pi)
+
+
+def draws_about(centre: float, sd: float, n: int = 20000) -> np.ndarray:
+    return np.random.default_rng(0).normal(centre, sd, n)
+
+
+@pytest.mark.parametrize("name", ["paper", "preload", "ellipse", "never_rolls"])
+def test_each_draw_is_the_model_at_that_draw(name):
+    case = CASES[name]
+    text = f"[grasp]\npreload_n = {float(case.grasp.preload)!r}\n"
+    problem = build_problem(case_table(case), config(text)).problem
+    rng = np.random.default_rng(1)
+    x = rng.normal(0, 0.3, (5, len(problem.names))) + 1.0
+    samples = samples_mapping(problem, x, np.pi / 2, REACH)
+    for i, row in enumerate(x):
+        state = problem.state(jnp.asarray(row))
+        for parameter in PARAMETERS:
+            expected = float(getattr(state.params, parameter))
+            np.testing.assert_allclose(samples[parameter][i], expected, rtol=EXACT)
+        angle = critical_angle(state.params, problem.grasp, jnp.asarray(np.pi / 2))
+        np.testing.assert_allclose(samples["theta_c"][i], np.degrees(angle), rtol=1e-10)
+        if "alpha_star" in samples:
+            axis = best_direction(state.params, problem.grasp, 0.3, reach=REACH)
+            expected = np.degrees(float(axis))
+            np.testing.assert_allclose(samples["alpha_star"][i], expected, rtol=1e-10)
+
+
+def test_interval_of_an_axis_does_not_notice_the_seam():
+    """Draws about 178° spread over 0°: the interval is that of draws about 90°."""
+    away = draws_about(90.0, 5.0)
+    across = np.mod(away + 88.0, 180.0)
+    low, high = equal_tailed_interval(away, 0.9)
+    seam_low, seam_high = equal_tailed_interval(across, 0.9, is_axis=True)
+    np.testing.assert_allclose([seam_low, seam_high], [low + 88, high + 88], rtol=1e-9)
+    middle = (np.median(away) + 88.0) % 180
+    np.testing.assert_allclose(median(across, is_axis=True), middle, rtol=1e-9)
+
+
+def test_interval_is_equal_tailed():
+    draws = np.random.default_rng(0).gamma(2.0, size=50000)
+    expected = stats.gamma.ppf([0.05, 0.95], 2.0)
+    # The standard error of these quantiles is 0.4 % and 0.5 %.
+    np.testing.assert_allclose(equal_tailed_interval(draws, 0.9), expected, rtol=0.03)
+
+
+def test_set_of_a_skew_density_is_the_shortest():
+    """Exponential: the highest-density 80 % set is [0, ln 5]."""
+    draws = np.random.default_rng(0).exponential(size=50000)
+    ((low, high),) = highest_density_set(draws, 0.8)
+    assert low < 0.05
+    # Kernel smoothing widens the set by about its bandwidth of 0.05.
+    np.testing.assert_allclose(high, np.log(5), atol=0.1)
+
+
+def test_set_of_two_modes_has_two_pieces():
+    draws = np.concatenate([draws_about(40.0, 1.0), draws_about(56.0, 1.0)])
+    first, second = highest_density_set(draws, 0.9)
+    half = stats.norm.ppf(0.95)
+    np.testing.assert_allclose(first, [40 - half, 40 + half], atol=0.2)
+    np.testing.assert_allclose(second, [56 - half, 56 + half], atol=0.2)
+
+
+def test_set_of_an_axis_crosses_the_seam():
+    ((low, high),) = highest_density_set(
+        np.mod(draws_about(179.0, 3.0), 180), 0.9, is_axis=True
+    )
+    half = 3 * stats.norm.ppf(0.95)
+    np.testing.assert_allclose([low, high], [179 - half, 179 + half], atol=0.5)
+
+
+def test_draws_without_a_critical_angle_are_left_out():
+    draws = np.concatenate([draws_about(20.0, 1.0, 100), np.full(50, np.nan)])
+    assert np.isfinite(equal_tailed_interval(draws, 0.9)).all()
+    assert np.isnan(median(np.full(3, np.nan)))
+
+
+def test_contraction_of_a_conjugate_normal_is_known():
+    """Prior sd 1 and data of sd ½: the posterior variance is 1/5."""
+    prior, posterior = draws_about(0.0, 1.0), draws_about(0.3, np.sqrt(0.2))
+    np.testing.assert_allclose(contraction(posterior, prior), 0.8, atol=1e-9)

@@ -1,0 +1,59 @@
+"""Prior densities that tables share: what scales with the unit of the heights."""
+
+import numpy as np
+import pytest
+
+from pushfit.fit.problem.prior_tables import prior_tables
+from pushfit.fit.setup import build_problem
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+FACTOR = 250.0
+N_DRAWS = 4000
+
+
+@pytest.fixture(scope="module")
+def problems():
+    """Heights in the sensor's own unit, and in one that is smaller by a factor."""
+    table = case_table(CASES["firm"], noise=0.02)
+    found = []
+    for factor in (1.0, FACTOR):
+        frame = table.frame.drop(columns=["push", "repeat"])
+        frame = frame.rename(
+            columns=lambda name: (
+                name.removesuffix("_n") + "_au" if name.startswith("height") else name
+            )
+        )
+        heights = [name for name in frame if name.startswith("height")]
+        frame[heights] *= factor
+        found.append(build_problem(type(table).from_frame(frame), config()).problem)
+    return found
+
+
+def test_another_unit_shifts_the_densities_of_stiffnesses_alone(problems):
+    one, other = (prior_tables(problem) for problem in problems)
+    assert set(one) == {"A", "B", "C_rr"}
+    for name, table in one.items():
+        shift = 0.0 if name == "C_rr" else np.log(FACTOR)
+        assert np.array_equal(table.values, other[name].values)
+        assert float(other[name].start - table.start) == pytest.approx(shift, abs=1e-9)
+
+
+def test_tables_are_densities_of_draws_of_the_parameters(problems):
+    rng = np.random.default_rng(0)
+    draws = {
+        name: np.exp(prior.sample(rng, N_DRAWS))
+        for name, prior in problems[1].priors.items()
+    }
+    wanted = {
+        "A": 1 / (1 / draws["K_sn"] + 1 / draws["K_dn"]),
+        "B": 1 / (1 / draws["K_st"] + draws["L"] ** 2 / draws["C_d"]),
+        "C_rr": draws["C_rr"],
+    }
+    for name, table in prior_tables(problems[1]).items():
+        logs = np.log(wanted[name])
+        # Four standard errors of the mean.
+        assert np.mean(logs) == pytest.approx(
+            float(table.mean), abs=4 * float(table.sd) / np.sqrt(N_DRAWS)
+        )
+        assert np.std(logs) == pytest.approx(float(table.sd), rel=0.06)

@@ -1,0 +1,163 @@
+"""Moves against targets whose moments are known, and against a move that is wrong."""
+
+import emcee
+import numpy as np
+import pytest
+from scipy import special, stats
+
+from pushfit.fit.sampler.chains import advance
+from pushfit.fit.sampler.diagnostics import autocorr_time
+from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
+from pushfit.fit.sweep.mixture import DEGREES_OF_FREEDOM, fit_mixture
+
+N_ENSEMBLES, N_WALKERS, N_DIM = 4, 64, 6
+N_TOTAL = N_ENSEMBLES * N_WALKERS
+# A false alarm once in 16 000 seeds.
+MAX_Z = 4.0
+# Weights and distance of two modes: a jump between them crosses 12 standard deviations.
+RARE, DISTANCE = 0.1, 12.0
+
+
+def normal_log_prob(x):
+    return -0.5 * np.sum(x**2, axis=1)
+
+
+def two_modes_log_prob(x):
+    shifted = x - DISTANCE * np.eye(x.shape[1])[0]
+    pair = [normal_log_prob(x), normal_log_prob(shifted)]
+    return special.logsumexp(np.stack(pair), axis=0, b=np.array([[1 - RARE], [RARE]]))
+
+
+def two_modes_points(rng, n):
+    points = rng.standard_normal((n, N_DIM))
+    points[rng.random(n) < RARE, 0] += DISTANCE
+    return points
+
+
+def z_of_mean(trace, expected, sd):
+    """Deviation of a mean from what is expected, in its Monte-Carlo error."""
+    tau = autocorr_time(trace.reshape(len(trace), N_ENSEMBLES, -1))
+    return (trace.mean() - expected) / (sd * np.sqrt(tau / trace.size))
+
+
+class WrongMove(IndependenceMove):
+    """Forgets that the mixture does not propose evenly."""
+
+    def propose(self, model, state):
+        rows = np.arange(len(state.coords))
+        proposals = self.mixture.sample(model.random, rows.size)
+        log_prob, _ = model.compute_log_prob_fn(proposals)
+        accepted = np.log(model.random.rand(rows.size)) < log_prob - state.log_prob
+        state.coords[accepted] = proposals[accepted]
+        state.log_prob[accepted] = log_prob[accepted]
+        return state, accepted
+
+
+def radius_z(move, seed=0, n_steps=600):
+    """E r² = 6, from a start that is a draw from the target."""
+    rng = np.random.default_rng(seed)
+    start = rng.standard_normal((N_TOTAL, N_DIM))
+    chain, _ = advance(
+        normal_log_prob,
+        start,
+        n_steps,
+        moves=[(move, 1.0)],
+        random=np.random.RandomState(seed),
+    )
+    radius = np.sum(chain**2, axis=-1)
+    return z_of_mean(radius, N_DIM, np.sqrt(2 * N_DIM))
+
+
+@pytest.fixture(scope="module")
+def mixture():
+    rng = np.random.default_rng(1)
+    return fit_mixture(rng.standard_normal((1024, N_DIM)), rng)
+
+
+def test_difference_move_leaves_a_standard_normal_as_it_is():
+    assert abs(radius_z(DifferenceMove(N_ENSEMBLES))) < MAX_Z
+
+
+def test_independence_move_leaves_a_standard_normal_as_it_is(mixture):
+    assert abs(radius_z(IndependenceMove(mixture))) < MAX_Z
+
+
+def test_a_wrong_move_is_noticed(mixture):
+    assert abs(radius_z(WrongMove(mixture))) > 10 * MAX_Z
+
+
+def test_the_snooker_move_of_emcee_stays_out():
+    """E r² = 4.0 instead of 6 in emcee 3.1.6; red once a release mends it."""
+    assert radius_z(emcee.moves.DESnookerMove()) < -10 * MAX_Z
+
+
+def test_moves_together_keep_the_weight_of_a_rare_mode():
+    rng = np.random.default_rng(2)
+    mixture = fit_mixture(two_modes_points(rng, 1024), rng)
+    moves = [(DifferenceMove(N_ENSEMBLES), 0.5), (IndependenceMove(mixture), 0.5)]
+    chain, _ = advance(
+        two_modes_log_prob,
+        two_modes_points(rng, N_TOTAL),
+        1000,
+        moves=moves,
+        random=np.random.RandomState(2),
+    )
+    is_rare = (chain[..., 0] > DISTANCE / 2).astype(float)
+    assert abs(z_of_mean(is_rare, RARE, np.sqrt(RARE * (1 - RARE)))) < MAX_Z
+
+
+def test_no_ensemble_looks_at_another():
+    """Other walkers in the last ensemble change nothing in the first three."""
+    rng = np.random.default_rng(3)
+    one = rng.standard_normal((N_TOTAL, N_DIM))
+    other = one.copy()
+    other[-N_WALKERS:] *= 3
+    chains = [
+        advance(
+            normal_log_prob,
+            start,
+            20,
+            moves=[(DifferenceMove(N_ENSEMBLES), 1.0)],
+            random=np.random.RandomState(3),
+        )[0]
+        for start in (one, other)
+    ]
+    same = chains[0] == chains[1]
+    assert np.all(same[:, :-N_WALKERS])
+    assert not np.all(same[:, -N_WALKERS:])
+
+
+def test_mixture_density_is_that_of_scipy(mixture):
+    x = np.random.default_rng(4).normal(size=(50, N_DIM)) * 2
+    expected = special.logsumexp(
+        [
+            np.log(w) + stats.multivariate_t.logpdf(x, m, L @ L.T, DEGREES_OF_FREEDOM)
+            for w, m, L in zip(
+                mixture.weights, mixture.means, mixture.factors, strict=True
+            )
+        ],
+        axis=0,
+    )
+    # Two implementations in another order of operations.
+    np.testing.assert_allclose(mixture.log_density(x), expected, rtol=1e-10)
+
+
+def test_mixture_draws_what_its_density_says(mixture):
+    """E_g[φ/g] = 1 for a normal density φ, and E_g[x φ/g] = 0."""
+    draws = mixture.sample(np.random.RandomState(5), 20000)
+    log_normal = normal_log_prob(draws) - N_DIM / 2 * np.log(2 * np.pi)
+    ratio = np.exp(log_normal - mixture.log_density(draws))
+    for values, expected in ((ratio, 1.0), (ratio * draws[:, 0], 0.0)):
+        error = values.std() / np.sqrt(values.size)
+        assert abs(values.mean() - expected) < MAX_Z * error
+
+
+def test_mixture_survives_scales_far_apart():
+    """Noise-free heights fix one coordinate to 1e-9 and leave others free."""
+    rng = np.random.default_rng(6)
+    scale = np.array([1e-9, 1e-6, 1.0])
+    points = 5 + rng.standard_normal((512, 3)) * scale
+    mixture = fit_mixture(points, rng)
+    draws = mixture.sample(np.random.RandomState(6), 4000)
+    # Heavy tails and clusters widen by less than a factor 2.
+    assert np.all((draws.std(axis=0) / scale > 0.7) & (draws.std(axis=0) / scale < 2))
