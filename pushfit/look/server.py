@@ -45,10 +45,8 @@ def start_server(
             {path: Application(FunctionHandler(open_page))},
             address=HOST,
             port=port,
-            # A list of pages, or the way from / to the only one, would give the token
-            # away.
+            # At /, a list of pages, or the way to the only one, would tell the token.
             use_index=False,
-            redirect_root=False,
         )
     except OSError as error:
         raise ConfigError(

@@ -1,5 +1,7 @@
 """A recording by hand, without a rhythm, in which the eye knows better than a count."""
 
+import re
+
 import numpy as np
 
 from pushfit.config import read_config
@@ -36,3 +38,9 @@ def a_look(*tops: tuple[float, float], **peaks: object) -> Look:
     """The recording as it is shown, under some settings of `[peaks]`."""
     changes = {"peaks": peaks} if peaks else {}
     return Look(recording(*tops), read_config(None, changes=changes))
+
+
+def markup(page: str) -> str:
+    """Tags of a page, without what stands in its scripts and style sheets."""
+    inside = r"(<(script|style)[^>]*>).*?(</\2>)"
+    return re.sub(inside, r"\1\3", page, flags=re.DOTALL)
