@@ -67,7 +67,9 @@ PICTURE, LINE, NARROW = 320, 25, 150
 # Lines of the table that are seen at once.
 SCREEN = 17
 # What the number of a push takes, as a share of the range of the signal.
-HEADROOM, SHADE = 0.08, 0.25
+HEADROOM, SHADE = 0.1, 0.25
+# More numbers than this stand on end.
+DENSE = 40
 YES, NO, NONE = "yes", "no", "–"
 Save = Callable[[Look], str]
 Columns = Mapping[str, Sequence[object]]
@@ -141,13 +143,15 @@ class Page:
             color="colour",
             line_width=2,
         )
+        is_dense = len(look.humps) > DENSE
         picture.text(
             x="peak",
             y="top",
             text="push",
             source=marks,
-            text_align="center",
-            text_baseline="top",
+            text_align="right" if is_dense else "center",
+            text_baseline="middle" if is_dense else "top",
+            angle=np.pi / 2 if is_dense else 0.0,
             text_color=GREY,
             text_font_size="11px",
         )

@@ -165,6 +165,23 @@ def _is_marks(renderer) -> bool:
     return "rest" in renderer.data_source.data
 
 
+def test_components_are_drawn_by_the_length_of_their_change():
+    look = a_look()
+    forces = look.recording.channels["force"]
+    both = type(look.recording)(
+        time=look.recording.time,
+        channels={"fz": 0.8 * forces, "fx": 0.6 * forces},
+        units={"fz": "n", "fx": "n"},
+    )
+    peaks = look.config.peaks.model_copy(update={"normal": "fz"})
+    look = type(look)(both, look.config.model_copy(update={"peaks": peaks}))
+    page = Page(look, title="a.csv", save=None)
+    (marks,) = {r.data_source for r in one(page, Plot).renderers if _is_marks(r)}
+    assert marks.data["rest"][0] == 0
+    assert marks.data["height"][0] == pytest.approx(HUMPS[0][1], rel=0.02)
+    assert float(cells(page)["height_normal"][0]) == pytest.approx(0.8, rel=0.02)
+
+
 def test_a_page_to_look_at_has_nothing_to_press_and_loads_nothing(look):
     page = Page(look, title="a.csv", save=None)
     assert not list(page.root.select({"type": Button}))

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from hypothesis import strategies as st
 from pushfit.config import parse_config, read_config, template
 from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule, read_schedule, write_schedule
+from pushfit.data.recordings.load import configured_recording
 from pushfit.errors import ConfigError, DataError
 from pushfit.look.state import Look, angles_of
-from tests.look.makers import DIP, FAINT, HUMPS, TIME, TOUCH, a_look, recording
+from tests.look.makers import DIP, FAINT, HUMPS, TIME, TOUCH, a_look, recording, rounded
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "foam_box"
 # A top is found within a few samples of 10 ms.
 NEAR = 0.05
 
@@ -194,6 +197,32 @@ def test_a_schedule_is_where_the_page_begins_and_its_doubts_are_told():
     assert [note.split(",")[0] for note in look.notes] == [
         "push 4 of the schedule has no hump"
     ]
+
+
+def test_a_sweep_to_both_sides_begins_with_its_schedule_and_stays_as_it_is():
+    """Four cycles of 27, dips and humps, in the example."""
+    config = read_config(EXAMPLE / "grasp.toml")
+    sweep = configured_recording(EXAMPLE / "theta_sweep.csv", config)
+    plan = read_schedule(EXAMPLE / "theta_schedule.csv")
+    look = Look(sweep, config, plan)
+    assert look.signed
+    assert len(look.pushes) == 4 * 27
+    as_given = extract_peaks(sweep, plan, settings=config.peaks).frame
+    saved = parse_config(template(look.settled()), path="saved").peaks
+    again = extract_peaks(sweep, look.schedule(), settings=saved).frame
+    same = ["theta_deg", "alpha_deg", "height_kpa", "t_peak_s"]
+    assert again[same].equals(as_given[same])
+
+
+def test_force_components_have_both_heights():
+    """A tenth along the surface, of which noise is a little."""
+    forces = {"fz": rounded(*HUMPS), "fx": 0.1 * rounded(*HUMPS)}
+    both = recording(channels=forces, units={"fz": "n", "fx": "n"})
+    look = Look(both, read_config(None, changes={"peaks": {"normal": "fz"}}))
+    frame, _ = look.measure()
+    names = [f"{height}_n" for height in look.heights]
+    ratio = frame[names[1]] / frame[names[0]]
+    np.testing.assert_allclose(ratio, 0.1, rtol=0.05)
 
 
 def test_dips_are_shown_when_asked_for_and_then_saved_as_pushes():
