@@ -2,10 +2,11 @@
 
 import base64
 import contextlib
+import fcntl
 import json
 import os
 import shutil
-import subprocess
+import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -131,28 +132,31 @@ def chromium(profile: Path) -> Iterator[Tab]:
     """A browser that lasts as long as the block."""
     assert BROWSER is not None
     (read_in, write_in), (read_out, write_out) = os.pipe(), os.pipe()
-
-    def connect() -> None:
-        # The browser reads from 3 and writes to 4; first out of the way.
-        source, sink = os.dup(read_in), os.dup(write_out)
-        os.dup2(source, 3)
-        os.dup2(sink, 4)
-
-    with subprocess.Popen(
+    # Out of the way of 3 and 4, from which the browser reads and to which it writes.
+    source, sink = (
+        fcntl.fcntl(own, fcntl.F_DUPFD_CLOEXEC, 10) for own in (read_in, write_out)
+    )
+    # Not by subprocess, which would have to fork a process in which JAX has threads.
+    browser = os.posix_spawn(
+        BROWSER,
         [
             *(BROWSER, "--headless=new", "--no-sandbox", "--disable-gpu"),
             *("--hide-scrollbars", "--remote-debugging-pipe", "--no-first-run"),
             f"--user-data-dir={profile}",
         ],
-        preexec_fn=connect,
-        close_fds=False,
-        stderr=subprocess.DEVNULL,
-    ) as process:
-        os.close(read_in)
-        os.close(write_out)
-        try:
-            yield Tab(write_in, read_out)
-        finally:
-            process.kill()
-            os.close(write_in)
-            os.close(read_out)
+        os.environ,
+        file_actions=[
+            (os.POSIX_SPAWN_DUP2, source, 3),
+            (os.POSIX_SPAWN_DUP2, sink, 4),
+            (os.POSIX_SPAWN_OPEN, 2, os.devnull, os.O_WRONLY, 0),
+        ],
+    )
+    for own in (read_in, write_out, source, sink):
+        os.close(own)
+    try:
+        yield Tab(write_in, read_out)
+    finally:
+        os.kill(browser, signal.SIGKILL)
+        os.waitpid(browser, 0)
+        os.close(write_in)
+        os.close(read_out)
