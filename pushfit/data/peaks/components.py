@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.heights import Height
-from pushfit.data.peaks.rests import baselines, rest_noise
+from pushfit.data.peaks.rests import rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.dips import rest_curve
@@ -81,6 +81,7 @@ def measure_components(
     settings: PeakSettings,
     time: Float[np.ndarray, " n"],
     length: Float[np.ndarray, " n"],
+    left_out: Sequence[Extent] = (),
 ) -> tuple[dict[str, list[float]], Bool[np.ndarray, " p"]]:
     """Heights along the normal and across it.
 
@@ -97,6 +98,7 @@ def measure_components(
         settings: Which channel is along the normal, and where the sensor ends.
         time: Times of `length` [s].
         length: Length of the change of force, as `push_signal` gives it.
+        left_out: Humps that are not measured: no pushes, and no rests either.
 
     Returns:
         Columns of a peak table, and which pushes reach the end of a channel's range.
@@ -110,7 +112,7 @@ def measure_components(
     changes, sds = {}, {}
     is_cut = np.zeros(len(extents), dtype=bool)
     for channel, samples in recording.channels.items():
-        change, sd = _changes(time, samples[known], extents, heights)
+        change, sd = _changes(time, samples[known], extents, heights, left_out)
         signs = np.where(change < 0, -1, 1).tolist()
         at_end = saturated_pushes(
             samples[known],
@@ -156,10 +158,10 @@ def _changes(
     samples: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
     heights: Sequence[Height],
+    left_out: Sequence[Extent],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Mean change of one channel around the top of each push, and its sd."""
-    noise = rest_noise(time, samples, extents)
-    base = baselines(time, samples, extents, noise)
+    noise, base = rests_of(time, samples, extents, left_out)
     parts = [_around_top(time, e, h) for e, h in zip(extents, heights, strict=True)]
     top = np.array([samples[part].mean() for part in parts])
     n_top = np.array([part.stop - part.start for part in parts])

@@ -147,6 +147,7 @@ def _trace(recording: Recording, settings: PeakSettings, *, table: PeakTable) ->
         signal=signal,
         first_row=0,
         n_rows=table.n_pushes,
+        sign=-1 if settings.invert else 1,
     )
 
 
@@ -187,6 +188,7 @@ def _measured(
     chosen: Found = paired.chosen
     turned = -1.0 if settings.invert else 1.0
     is_force = settings.normal is not None
+    left_out = paired.left_out
     heights = measure_heights(
         time,
         signal,
@@ -196,6 +198,7 @@ def _measured(
         limit=None if settings.limit is None or is_force else turned * settings.limit,
         signs=chosen.signs,
         is_missing=paired.is_missing,
+        left_out=left_out,
     )
     words = [set(h.flags) for h in heights]
     if settings.use_missing:
@@ -214,6 +217,7 @@ def _measured(
             settings=settings,
             time=time,
             length=signal,
+            left_out=left_out,
         )
         for own, cut in zip(words, is_cut, strict=True):
             own |= {"saturated"} if cut else set()

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.apex import N_BINS, fit_apex
-from pushfit.data.peaks.rests import Baselines, RestNoise, baselines, rest_noise
+from pushfit.data.peaks.rests import Baselines, RestNoise, rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.peaks.shape import (
     PROFILE_BINS,
@@ -111,6 +111,7 @@ def measure_heights(
     limit: float | None,
     signs: Sequence[int] | None = None,
     is_missing: Sequence[bool] = (),
+    left_out: Sequence[Extent] = (),
 ) -> tuple[Height, ...]:
     """Measure pushes, each by itself.
 
@@ -124,13 +125,13 @@ def measure_heights(
             negative; None if all go up.
         is_missing: Whether each push has no hump, so that only its moment is measured;
             none where empty.
+        left_out: Humps that are not measured: no pushes, and no rests either.
 
     Returns:
         Heights in the same order.
     """
     signs = [1] * len(extents) if signs is None else signs
-    noise = rest_noise(time, signal, extents)
-    base = baselines(time, signal, extents, noise)
+    noise, base = rests_of(time, signal, extents, left_out)
     course = Course.of(time, _upright(signal, extents, base.level, signs))
     profile = profiles(course, extents)
     calm = calmed(profile, base.level, extents, noise)

@@ -1,7 +1,7 @@
 """The rests between pushes: their level, their drift and their noise."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
@@ -105,6 +105,10 @@ class Baselines:
     sd_after: Float[np.ndarray, " p"]
     time_after: Float[np.ndarray, " p"]
 
+    def of(self, rows: Int[np.ndarray, " r"]) -> "Baselines":
+        """Baselines under some of the pushes."""
+        return Baselines(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
     def drift(self, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
         """Change of the level since `time` [unit].
 
@@ -128,6 +132,31 @@ class Baselines:
         share = np.nan_to_num(share)
         own, after = (1 - share) * self.sd, share * np.nan_to_num(self.sd_after)
         return np.sqrt(own**2 + after**2 + (self.doubt * since) ** 2)
+
+
+def rests_of(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    extents: Sequence[Extent],
+    left_out: Sequence[Extent],
+) -> tuple[RestNoise, Baselines]:
+    """Noise and rest levels beside pushes, among all humps of the signal.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples [unit].
+        extents: Pushes.
+        left_out: Humps that are not measured, and are no rests either; they may be
+            among the pushes as well.
+
+    Returns:
+        Noise and baselines of the pushes.
+    """
+    humps = sorted({*extents, *left_out}, key=lambda hump: hump.t_peak)
+    place = {hump: k for k, hump in enumerate(humps)}
+    rows = np.array([place[extent] for extent in extents])
+    noise = rest_noise(time, signal, humps)
+    return noise.of(rows), baselines(time, signal, humps, noise).of(rows)
 
 
 def rest_windows(

@@ -6,6 +6,7 @@ that it felt next to nothing is a result. Excluded: which hump is which push
 (`pushfit.data.plans.mismatch`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,11 @@ class Paired:
     plan: PushSchedule | None
     schedule: PushSchedule | None
     alignment: Alignment | None
+
+    @property
+    def left_out(self) -> tuple[Extent, ...]:
+        """Humps that are no rows."""
+        return self.found.beside(self.chosen.extents)
 
     @property
     def n_odd(self) -> float:
@@ -120,6 +126,7 @@ def pair(
         span=span,
     )
     plan = schedule.repeated(alignment.n_cycles)
+    left_out = found.beside([found.extents[j] for j in alignment.hump if j >= 0])
     rows, extents, signs = [], [], []
     for i, hump in enumerate(alignment.hump.tolist()):
         when = float(alignment.expected[i])
@@ -127,7 +134,7 @@ def pair(
             extents.append(found.extents[hump])
             signs.append(found.signs[hump])
         elif span[0] < when < span[1]:
-            extents.append(_where_it_was_to_be(when, found, pushes))
+            extents.append(_where_it_was_to_be(when, found, pushes, left_out))
             signs.append(1)
         else:
             continue
@@ -143,11 +150,16 @@ def pair(
     )
 
 
-def _where_it_was_to_be(when: float, found: Found, pushes: list[int]) -> Extent:
-    """Extent of a push that is missing, as long as the others."""
+def _where_it_was_to_be(
+    when: float, found: Found, pushes: list[int], left_out: Sequence[Extent]
+) -> Extent:
+    """Extent of a push that is missing: of what is left out there, or as the others."""
     others = [found.extents[k] for k in pushes]
     before = float(np.median([e.t_peak - e.t_start for e in others]))
     after = float(np.median([e.t_end - e.t_peak for e in others]))
+    there = [e for e in left_out if when - before < e.t_peak < when + after]
+    if there:
+        return min(there, key=lambda e: abs(e.t_peak - when))
     half = float(np.median([e.width for e in others])) / 2
     feet = Feet(
         start=when - before,

@@ -6,7 +6,7 @@ baselines and heights (`pushfit.data.peaks.heights`) and which push is which
 (`pushfit.data.plans.alignment`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
@@ -57,6 +57,7 @@ class Extent:
         feet: Its course in time.
         is_brush: Whether it is so small among the others that it may be no push.
         is_cut: Whether the signal begins or ends inside the push.
+        is_low: Whether it is lower than the smallest push asked for.
     """
 
     start: int
@@ -64,6 +65,7 @@ class Extent:
     feet: Feet[float]
     is_brush: bool
     is_cut: bool
+    is_low: bool = False
 
     @property
     def t_start(self) -> float:
@@ -108,8 +110,8 @@ def find_extents(
         noise: How the samples scatter.
         split: Two humps are two pushes if the valley between them is lower than this
             share of the lower hump.
-        min_height: Smallest height of a push; None judges by the noise, and by the
-            other pushes what is a brush [unit].
+        min_height: Smallest height of a push, lower humps are marked; None judges by
+            the noise, and by the other pushes what is a brush [unit].
         smoothing: Averaging time; None takes it from the pushes [s].
 
     Returns:
@@ -118,16 +120,16 @@ def find_extents(
     if noise.sigma == 0.0 or len(signal) < 5:
         return ()
     tau = smoothing or _FIRST_SMOOTHING
-    found = _detect(time, signal, noise, tau, split, min_height)
-    if smoothing is None and found.start.size:
-        wider = float(np.median(found.width)) / WIDTH_PER_SMOOTHING
+    found, is_low = _detect(time, signal, noise, tau, split, min_height)
+    if smoothing is None and not is_low.all():
+        wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found = _detect(time, signal, noise, wider, split, min_height)
+            found, is_low = _detect(time, signal, noise, wider, split, min_height)
     if found.start.size == 0:
         return ()
     feet = trace_feet(time, signal, found, sigma=noise.sigma, smoothing=smoothing)
     is_cut = are_cut(time, feet)
-    is_push = ~_are_trends(feet, is_cut, time)
+    is_push = ~_are_trends(feet, is_cut, time, is_low)
     smallest = 0.0 if min_height is not None else _smallest_push(feet.height[is_push])
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
@@ -139,6 +141,7 @@ def find_extents(
             feet=own,
             is_brush=own.height < smallest,
             is_cut=bool(is_cut[k]),
+            is_low=bool(is_low[k]),
         )
         for k, own in enumerate(feet.apart())
         if is_push[k]
@@ -158,10 +161,11 @@ def _are_trends(
     feet: Feet[np.ndarray],
     is_cut: Bool[np.ndarray, " p"],
     time: Float[np.ndarray, " n"],
+    is_low: Bool[np.ndarray, " p"],
 ) -> Bool[np.ndarray, " p"]:
     """What begins before the signal or never ends, unless it is as short as a push."""
     length = feet.end - feet.start
-    whole = length[~is_cut]
+    whole = length[~is_cut & ~is_low]
     duration = float(time[-1] - time[0])
     longest = _CUT_LENGTHS * whole.max() if whole.size else _MAX_CUT * duration
     slack = 2 * float(np.median(feet.step))
@@ -195,20 +199,23 @@ def _detect(
     tau: float,
     split: float,
     min_height: float | None,
-) -> Feet[np.ndarray]:
-    """One pass at one smoothing time: where the humps are, roughly."""
+) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"]]:
+    """One pass at one smoothing time: where the humps are, roughly, and which are low.
+
+    A hump that is too low for a push stays one, so that it is no rest of the others.
+    """
     trace = _reduce(time, signal, noise, tau)
     significant = _SIGNIFICANT * trace.noise
     humps = Humps.between(trace.y, _maxima(trace.y, significant))
     humps.join(split)
-    if min_height is None:
-        large = _LARGE * float(humps.heights.max(initial=0.0))
-        noise_alone = _BEYOND_NOISE * trace.noise
-        wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
-        humps.drop_below(max(noise_alone, wander))
-    else:
-        humps.drop_below(min_height)
-    return _coarse(humps, trace)
+    large = _LARGE * float(humps.heights.max(initial=0.0))
+    wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
+    by_noise = max(_BEYOND_NOISE * trace.noise, wander)
+    smallest = by_noise if min_height is None else min_height
+    humps.drop_below(min(by_noise, smallest))
+    pushes = replace(humps)
+    pushes.drop_below(smallest)
+    return _coarse(humps, trace), ~np.isin(humps.peaks, pushes.peaks)
 
 
 def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:

@@ -32,7 +32,7 @@ class Found:
         extents: The humps in order; brushes are marked.
         signs: 1 for a hump, -1 for a dip.
         dips: Dips that are not asked for; only where all humps go up.
-        excluded: Humps that the user left out.
+        excluded: Humps that the user left out, by their time or their height.
     """
 
     extents: tuple[Extent, ...]
@@ -50,6 +50,15 @@ class Found:
             tuple(self.extents[k] for k in keep), tuple(self.signs[k] for k in keep)
         )
 
+    def beside(self, taken: Sequence[Extent]) -> tuple[Extent, ...]:
+        """Humps besides some of them, also those that the user left out.
+
+        Args:
+            taken: Those that are left aside.
+        """
+        known = set(taken)
+        return tuple(e for e in (*self.extents, *self.excluded) if e not in known)
+
 
 def find_pushes(
     recording: Recording, *, settings: PeakSettings = DEFAULTS
@@ -65,8 +74,9 @@ def find_pushes(
 
     Raises:
         ConfigError: The channel to look in is not named, or not there.
-        DataError: The channel has hardly any samples.
+        DataError: The channel has hardly any samples, or none in the part to look at.
     """
+    recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
     found = find(time, signal, settings, signed=bool(settings.signed))
     return tuple(extent for extent in found.extents if not extent.is_brush)
@@ -101,9 +111,12 @@ def find(
             smoothing=settings.smoothing,
         )
 
+    def deep_enough(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
+        return tuple(dip for dip in extents_of(picture) if not dip.is_low)
+
     if not signed:
         # A return from a dip to rest would look like a hump.
-        filled, dips = without_dips(time, signal, extents_of)
+        filled, dips = without_dips(time, signal, deep_enough)
         extents = tuple(_beside(dips, hump) for hump in extents_of(filled))
         return _as_told(Found(extents, (1,) * len(extents), dips), settings)
     extents = extents_of(np.abs(signal - rest_curve(time, signal)))
@@ -112,8 +125,8 @@ def find(
 
 
 def _as_told(found: Found, settings: PeakSettings) -> Found:
-    """Leave out and take in the humps that the user names by their time."""
-    out = [_is_in(e, settings.exclude) for e in found.extents]
+    """Leave out and take in the humps that the user names by their time or height."""
+    out = [e.is_low or _is_in(e, settings.exclude) for e in found.extents]
     stated = [
         replace(e, is_brush=e.is_brush and not _is_in(e, settings.include))
         for e in found.extents
@@ -179,7 +192,15 @@ def no_pushes(
         what = f"no hump stands out of the noise, all readings lie within {spread:g}"
     turn = "it is inverted already" if settings.invert else "try --invert"
     dips = f"; pushes may go down ({turn})" if n_dips else ""
-    out = f"; --exclude leaves out {n_out}" if n_out else ""
+    by = [
+        option
+        for option, stated in (
+            ("--exclude", settings.exclude),
+            ("--min-height", settings.min_height),
+        )
+        if stated
+    ]
+    out = f"; {' or '.join(by)} leaves out {n_out}" if n_out else ""
     return DataError(
         f"no pushes found: {what}{dips}{out}; check the channel"
         f"{f' {settings.channel!r}' if settings.channel else ''}, or state the "

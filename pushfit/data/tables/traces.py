@@ -25,6 +25,8 @@ class Trace:
         signal: Samples, pushes going up [unit].
         first_row: First row of the peak table that was measured in it.
         n_rows: Number of its rows.
+        sign: -1 where the channel is turned, so that pushes go up; baselines of the
+            table are those of the channel.
     """
 
     path: str
@@ -34,6 +36,7 @@ class Trace:
     signal: Float[np.ndarray, " n"]
     first_row: int
     n_rows: int
+    sign: int = 1
 
 
 def envelope(

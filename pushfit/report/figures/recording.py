@@ -278,7 +278,7 @@ def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
     return recording_figure(
         trace.time,
         trace.signal,
-        marks_of(table, rows),
+        marks_of(table, rows, sign=trace.sign),
         unit=trace.unit,
         channel=trace.name,
     )
@@ -286,6 +286,7 @@ def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
 
 def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
     """A recording with its pushes numbered: what a schedule has to name."""
+    recording = recording.between(settings.begin, settings.end)
     extents = find_pushes(recording, settings=settings)
     numbers = np.arange(1, len(extents) + 1)
     unknown = np.full(numbers.size, np.nan)
@@ -307,12 +308,13 @@ def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
     )
 
 
-def marks_of(table: PeakTable, rows: Sequence[int]) -> PushMarks:
+def marks_of(table: PeakTable, rows: Sequence[int], *, sign: int = 1) -> PushMarks:
     """Where some pushes of a table were measured.
 
     Args:
         table: Peaks, with their times where these are known.
         rows: Which of them.
+        sign: Of the signal to draw them in, that of its `Trace`.
     """
     frame = table.frame.iloc[list(rows)]
     unknown = np.full(len(frame), np.nan)
@@ -321,7 +323,7 @@ def marks_of(table: PeakTable, rows: Sequence[int]) -> PushMarks:
         return frame[name].to_numpy(dtype=float) if name in frame else unknown
 
     heights = [column(f"{channel}_{table.unit}") for channel in table.channels]
-    baseline = column(f"baseline_{table.unit}")
+    baseline = sign * column(f"baseline_{table.unit}")
     if len(heights) > 1:
         # Of components the signal is the length of their change, which rests at zero.
         baseline = np.zeros(len(frame))

@@ -286,6 +286,7 @@ def _traces(identification: Identification) -> "Dataset":
                     "name": json_safe(trace.name),
                     "first_row": trace.first_row,
                     "n_rows": trace.n_rows,
+                    "sign": trace.sign,
                 },
             )
             for index, trace in traces.items()

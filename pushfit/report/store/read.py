@@ -312,6 +312,8 @@ def _traces(groups: Groups) -> tuple[Trace, ...]:
                 signal=_array(stored, f"trace_{index}"),
                 first_row=int(attributes["first_row"]),
                 n_rows=int(attributes["n_rows"]),
+                # Results of before baselines were turned do not say it.
+                sign=int(attributes.get("sign", 1)),
             )
         )
     return tuple(traces)

@@ -100,6 +100,7 @@ def test_arrays_come_back_to_the_last_bit(result, determined):
         assert (before.swept, before.rows) == (after.swept, after.rows)
     (before,), (after,) = determined.table.traces, again.table.traces
     np.testing.assert_array_equal(before.signal, after.signal)
+    assert before.sign == after.sign
     profile = again.profiles["theta_c"]
     assert profile.pieces == determined.profiles["theta_c"].pieces
     assert np.isinf(profile.degrees_of_freedom)

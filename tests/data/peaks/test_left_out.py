@@ -1,0 +1,111 @@
+"""What is left out is no push, and no rest either: the others keep their heights."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.extract import extract_peaks, measure_pushes
+from pushfit.data.plans.schedule import read_schedule
+from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.records import Recording
+
+SWEEP = Path(__file__).parents[3] / "examples/foam_box"
+SAME = 1e-9
+NUMBERS = ["height_kpa", "height_sd_kpa", "baseline_kpa", "t_start_s", "t_end_s"]
+
+
+@pytest.fixture(scope="module")
+def sweep() -> Recording:
+    return read_recording(SWEEP / "alpha_sweep.csv")
+
+
+@pytest.fixture(scope="module")
+def whole(sweep) -> pd.DataFrame:
+    return measure_pushes(sweep).frame
+
+
+def window_of(frame: pd.DataFrame, row: int) -> tuple[float, float]:
+    start, end = frame[["t_start_s", "t_end_s"]].to_numpy()[row]
+    return float(start), float(end)
+
+
+def assert_kept(frame: pd.DataFrame, whole: pd.DataFrame) -> None:
+    np.testing.assert_allclose(frame[NUMBERS], whole[NUMBERS], rtol=0, atol=SAME)
+    assert frame["flags"].tolist() == whole["flags"].tolist()
+
+
+@pytest.mark.parametrize("out", range(18))
+def test_a_push_left_out_by_a_window_changes_no_other(sweep, whole, out):
+    settings = PeakSettings(exclude=(window_of(whole, out),))
+    frame = measure_pushes(sweep, settings=settings).frame
+    assert_kept(frame, whole.drop(index=out))
+
+
+@pytest.mark.parametrize("out", [0, 6, 11, 17])
+def test_a_planned_push_left_out_by_a_window_changes_no_other(sweep, whole, out):
+    """Its row stays, flagged, at the hump that the user does not trust."""
+    schedule = read_schedule(SWEEP / "alpha_schedule.csv")
+    settings = PeakSettings(exclude=(window_of(whole, out),), allow_missing=True)
+    frame = extract_peaks(sweep, schedule, settings=settings).frame
+    there = frame.drop(index=np.flatnonzero(frame["flags"] == "missing"))
+    assert_kept(there, whole.drop(index=out))
+
+
+@pytest.mark.parametrize("gap", [0.3, 0.8])
+@pytest.mark.parametrize(
+    ("low", "by"), [(30.0, "window"), (30.0, "height"), (5.0, "height"), (5.0, "size")]
+)
+def test_a_small_hump_is_no_rest_by_whatever_it_is_left_out(low, by, gap):
+    """It lies in the rest before the second push, and need not be measured to count.
+
+    Heights are the same to a tenth of their sd: pushes alone choose the smoothing that
+    humps are looked for with.
+    """
+    time = np.arange(0.0, 16.0, 0.01)
+    when = 4.75 - gap
+    y = 0.3 * np.random.default_rng(5).standard_normal(time.size)
+    for top, height, half in ((2, 100, 1), (when, low, 0.25), (6, 90, 1), (10, 80, 1)):
+        y += height * np.clip(1 - np.abs(time - top) / half, 0, None)
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    window = ((when - 0.25, when + 0.25),)
+    left_out = {
+        "window": PeakSettings(exclude=window),
+        "height": PeakSettings(min_height=40.0),
+        "size": PeakSettings(),
+    }
+    every = measure_pushes(recording, settings=PeakSettings(include=window)).frame
+    assert len(every) == 4
+    others = every.drop(index=1)
+    measured = measure_pushes(recording, settings=left_out[by])
+    assert len(measured.frame) == 3
+    pulls = (measured.frame["height_n"].to_numpy() - others["height_n"].to_numpy()) / (
+        others["height_sd_n"].to_numpy()
+    )
+    assert np.abs(pulls).max() < 0.1
+    assert any("left out" in note for note in measured.notes)
+
+
+@pytest.mark.parametrize("out", range(4))
+@pytest.mark.parametrize(
+    "settings", [PeakSettings(normal="fz"), PeakSettings(channel="fx", signed=True)]
+)
+def test_a_force_or_a_dip_left_out_changes_no_other(settings, out):
+    """The rests of each component are those of the whole push."""
+    time = np.arange(0.0, 13.0, 0.01)
+    shares = np.clip(1 - np.abs(time[:, None] - 2.0 - 2.6 * np.arange(4)), 0, None)
+    noise = 0.02 * np.random.default_rng(6).standard_normal((2, time.size))
+    forces = np.array([[2.0, -2.0, 3.0, -2.5], [8.0, 9.0, 7.0, 8.0]]) @ shares.T
+    fx, fz = forces + noise
+    recording = Recording(
+        time=time, channels={"fx": fx, "fz": fz}, units={"fx": "n", "fz": "n"}
+    )
+    whole = measure_pushes(recording, settings=settings).frame
+    assert len(whole) == 4
+    told = settings.model_copy(update={"exclude": (window_of(whole, out),)})
+    frame = measure_pushes(recording, settings=told).frame
+    columns = [column for column in whole if str(column).startswith("height")]
+    others = whole.drop(index=out)
+    np.testing.assert_allclose(frame[columns], others[columns], rtol=0, atol=SAME)
