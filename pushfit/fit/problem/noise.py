@@ -23,6 +23,9 @@ MIN_POOLED_DOF = 20
 CONTRADICTION_LEVEL = 1e-3
 # Heights so close to noise-free that sigma would be 0: this share of the tallest.
 SMALLEST_SHARE = 1e-9
+# Heights that are all the same were rounded, by a step that they do not show: as much
+# as that of a sensor of 12 bits. Without it sigma falls to 0 and no draw counts.
+ROUNDED_SHARE = 2.0**-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,10 +85,12 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         )
     if choice == "auto":
         choice = "pooled" if dof >= MIN_POOLED_DOF else "sampled"
-    no_sd = {n: np.zeros(table.n_pushes) for n in table.channels}
-    known = no_sd if sds is None else sds
     used = table.is_used
+    step = {n: _step(table.heights(n)[used]) for n in table.channels}
+    no_sd = {n: np.full(table.n_pushes, s) for n, s in step.items()}
+    known = no_sd if sds is None else sds
     floor = {n: SMALLEST_SHARE * np.max(np.abs(table.heights(n)[used])) for n in known}
+    floor = {n: max(floor[n], step[n]) for n in known}
     constant = {
         n: np.full(table.n_pushes, max(p[0] if p[1] else 0.0, floor[n]))
         for n, p in pooled.items()
@@ -102,6 +107,12 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     return Noise(
         kind=choice, sd=known, sigma=first, degrees_of_freedom=np.nan, notices=notices
     )
+
+
+def _step(heights: Float[np.ndarray, " n"]) -> float:
+    """Rounding of heights that are all the same; 0 where they differ [table unit]."""
+    tallest = float(np.max(np.abs(heights)))
+    return ROUNDED_SHARE * tallest if np.ptp(heights) == 0 else 0.0
 
 
 def _given(table: PeakTable) -> dict[str, Float[np.ndarray, " n"]] | None:
