@@ -170,6 +170,11 @@ class ReportSection(Section):
     prob: Probability = Field(
         default=0.9, description="probability of the intervals and sets"
     )
+    wanted_width_deg: Positive = Field(
+        default=30.0,
+        description="widest interval of theta_c and alpha* that counts as determined "
+        "[deg]",
+    )
 
 
 class GraspConfig(Section):

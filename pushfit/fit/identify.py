@@ -33,7 +33,9 @@ from pushfit.fit.assess.quantities import (
     combination_quantities,
     parameter_quantities,
 )
+from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.tilt_check import tilt_notice
+from pushfit.fit.assess.violations import violation_notices, violations
 from pushfit.fit.environment import environment
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.likelihood.profiles import likelihood_profiles
@@ -121,9 +123,7 @@ def identify_table(
     posterior = draw_posterior(
         fitted, seed=seed, engine=engine, progress=progress, checkpoint=checkpoint
     )
-    return conclude(
-        fitted, profiles, posterior, config=config, seed=seed, is_brief=is_brief
-    )
+    return conclude(fitted, profiles, posterior, seed=seed, is_brief=is_brief)
 
 
 def conclude(
@@ -131,7 +131,6 @@ def conclude(
     profiles: Mapping[str, LikelihoodProfile],
     posterior: PosteriorResult,
     *,
-    config: GraspConfig,
     seed: int,
     is_brief: bool = False,
 ) -> Identification:
@@ -141,7 +140,6 @@ def conclude(
         fitted: A table with its noise settled.
         profiles: Likelihood profiles by name, as far as there are any.
         posterior: Draws.
-        config: Configuration as it was given.
         seed: Seed of tests by permutation and simulation.
         is_brief: Whether to leave out what one row of a table has no place for:
             highest-density sets of parameters and combinations, advice, and bands.
@@ -149,15 +147,10 @@ def conclude(
     Returns:
         The identification.
     """
-    prob = config.report.prob
-    theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
-    alpha_star = angle_quantity(
-        "alpha_star", posterior, profiles.get("alpha_star"), prob=prob
-    )
+    prob = fitted.config.report.prob
     words = {
         "prob": prob,
         "unit": fitted.table.unit,
-        "is_length_known": config.push.length_known,
         "with_sets": not is_brief,
     }
     problem = fitted.setup.problem
@@ -168,25 +161,20 @@ def conclude(
         seed=seed,
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
     )
-    tilt = tilt_notice(
-        fitted.setup,
-        fitted.fit,
-        posterior,
-        theta_c,
-        config=config,
-        reference_alpha=fitted.reference_alpha,
-    )
-    model_free = model_free_direction(fitted.table, prob=prob, seed=seed)
-    return Identification(
+    found = Identification(
         table=fitted.table,
         used=fitted.table.is_used,
-        config=config,
+        config=fitted.config,
         fit=fitted.fit,
         posterior=posterior,
-        theta_c=theta_c,
+        theta_c=angle_quantity(
+            "theta_c", posterior, profiles.get("theta_c"), prob=prob
+        ),
         reference_alpha_deg=float(np.degrees(fitted.reference_alpha)),
-        alpha_star=alpha_star,
-        alpha_star_model_free=model_free,
+        alpha_star=angle_quantity(
+            "alpha_star", posterior, profiles.get("alpha_star"), prob=prob
+        ),
+        alpha_star_model_free=model_free_direction(fitted.table, prob=prob, seed=seed),
         parameters=parameter_quantities(fitted.setup, posterior, profiles, **words),
         combinations=combination_quantities(fitted.setup, posterior, profiles, **words),
         profiles=profiles,
@@ -194,14 +182,6 @@ def conclude(
             problem,
             posterior.samples,
             posterior.prior_samples,
-            advice=()
-            if is_brief
-            else measurements(
-                problem,
-                verdicts={q.name: q.verdict for q in (theta_c, alpha_star)},
-                is_calibrated=fitted.setup.is_calibrated,
-                has_direction=fitted.setup.has_direction,
-            ),
         ),
         goodness_of_fit=criticism,
         bands=()
@@ -209,17 +189,46 @@ def conclude(
         else prediction_bands(
             fitted.table, problem, fitted.fit, posterior.samples, prob=prob
         ),
-        warnings=(
-            *fitted.notices,
-            *handover_notices(posterior),
-            *result_notices(
-                fitted.setup, posterior, criticism, (theta_c, alpha_star), model_free
-            ),
-            *([] if tilt is None else [tilt]),
-        ),
+        warnings=(*fitted.notices, *handover_notices(posterior)),
         status=posterior.status,
         seed=seed,
         versions=environment(),
+    )
+    return _with_words(fitted, reported(found), is_brief=is_brief)
+
+
+def _with_words(
+    fitted: Fitted, found: Identification, *, is_brief: bool
+) -> Identification:
+    """The result with what its verdicts warn of and call for."""
+    setup = fitted.setup
+    tilt = tilt_notice(
+        setup,
+        fitted.fit,
+        found.posterior,
+        found.theta_c,
+        config=fitted.config,
+        reference_alpha=fitted.reference_alpha,
+    )
+    advice = measurements(
+        setup.problem,
+        verdicts={q.name: q.verdict for q in (found.theta_c, found.alpha_star)},
+        is_calibrated=setup.is_calibrated,
+        has_direction=setup.has_direction,
+    )
+    told = replace(found.identifiability, advice=() if is_brief else advice)
+    return replace(
+        found,
+        identifiability=told,
+        warnings=(
+            *found.warnings,
+            *result_notices(setup, found),
+            *violation_notices(
+                violations(fitted.table, setup, fitted.fit),
+                is_adequate=found.goodness_of_fit.is_adequate,
+            ),
+            *([] if tilt is None else [tilt]),
+        ),
     )
 
 
@@ -253,7 +262,7 @@ def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:
         setup, fit = _fit(table, config, reference_alpha)
     return Fitted(
         table=table,
-        config=config,
+        config=with_sigma(config, setup.noise.kind),
         setup=setup,
         fit=fit,
         reference_alpha=reference_alpha,

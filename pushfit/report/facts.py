@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pushfit.fit.assess.reporting_rules import is_trusted, pieces_for, quoted
+from pushfit.fit.assess.reporting_rules import is_trusted, pieces_for
 from pushfit.fit.results import Identification, PredictiveCheck, Quantity, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
@@ -42,6 +42,7 @@ WORDS = {
     Verdict.SEVERAL_MODES: "several modes",
     Verdict.ONE_SIDED: "one-sided",
     Verdict.NOT_DETERMINED: "not determined",
+    Verdict.UNKNOWN: "not known",
 }
 
 
@@ -111,7 +112,7 @@ def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
     """Value, interval, unit, verdict and note of a quantity, as printed.
 
     Args:
-        quantity: Already without what is not to be quoted.
+        quantity: As reported.
     """
     interval, spread = "", None
     if quantity.interval is not None:
@@ -209,7 +210,7 @@ def angle_rows(identification: Identification) -> list[tuple[str, str]]:
         (identification.alpha_star, alpha_star_answer(identification)),
     ):
         text = answer.short
-        sets = quoted(quantity, identification).likelihood_sets
+        sets = quantity.likelihood_sets
         if sets and is_trusted(identification):
             ranges = join_or([format_range(*piece, "deg") for piece in sets])
             text += f"; likelihood alone: {ranges}"
