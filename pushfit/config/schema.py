@@ -162,6 +162,13 @@ class NoiseSection(Section):
         default="normal",
         description='"normal" or "student_t" (outlying pushes weigh less)',
     )
+    theta_sd_deg: NotNegative = Field(
+        default=0.0,
+        description="error of every elevation, drawn anew for each push, 1 sd [deg]",
+    )
+    alpha_sd_deg: NotNegative = Field(
+        default=0.0, description="the same of every azimuth"
+    )
 
 
 class ReportSection(Section):

@@ -12,18 +12,17 @@ References:
 
 from dataclasses import dataclass, replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.likelihood.angle_errors import angle_slopes
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, Notice
 from pushfit.fit.setup import Setup
-from pushfit.model import Pushes
 
 # Chance of naming an assumption that holds, per alternative.
 LEVEL = 1e-3
@@ -76,13 +75,14 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     # Rows of the Jacobian beyond the data are what is known beforehand.
     basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
     free = residuals - basis @ (basis.T @ residuals)
-    at_best = _alternatives(problem, jnp.asarray(fit.estimate))
-    softened, slope = (np.asarray(part)[mask] for part in at_best)
+    best = jnp.asarray(fit.estimate)
+    slope = np.asarray(angle_slopes(problem, best))[0][mask]
     found = [_steep(free, slope / fit.sigma), _tall(free, fit.predicted)]
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
     if np.isinf(float(problem.grasp.sharpness)):
+        softened = np.asarray(_softened(problem, best))[mask]
         found.append(_soft(free, basis, (softened - fit.predicted) / fit.sigma))
     kept = [v for v in found if v is not None and np.isfinite(v.p_value)]
     return tuple(sorted(kept, key=lambda v: v.p_value))
@@ -195,17 +195,7 @@ def _scatter_follows(
 
 
 @compiled
-def _alternatives(
-    problem: Problem, y: Float[Array, " q"]
-) -> tuple[Float[Array, "c n"], Float[Array, "c n"]]:
-    """Heights with a soft transition, and the slope of heights in θ [1/rad]."""
-    state = problem.data_state(y)
+def _softened(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
+    """Heights with a soft transition [table unit]."""
     soft = replace(problem, grasp=replace(problem.grasp, sharpness=SOFT))
-
-    theta, alpha = problem.pushes.theta, problem.pushes.alpha
-
-    def heights(theta: Float[Array, " n"]) -> Float[Array, "c n"]:
-        return replace(problem, pushes=Pushes(theta, alpha)).predict(state)
-
-    _, slope = jax.jvp(heights, (theta,), (jnp.ones_like(theta),))
-    return soft.predict(state), slope
+    return soft.predict(problem.data_state(y))

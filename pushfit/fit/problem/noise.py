@@ -39,6 +39,8 @@ class Noise:
             is sampled [table unit].
         degrees_of_freedom: Of the estimate of sigma; infinite where it was given, NaN
             where it is sampled and the residuals will tell.
+        angle_sd: Standard deviations of θ and α of every push, which its height
+            scatters by as well [rad].
         notices: What the user should know.
     """
 
@@ -46,6 +48,7 @@ class Noise:
     sd: Mapping[str, Float[np.ndarray, " n"]]
     sigma: Mapping[str, Float[np.ndarray, " n"]]
     degrees_of_freedom: float
+    angle_sd: tuple[float, float] = (0.0, 0.0)
     notices: tuple[Notice, ...] = ()
 
 
@@ -61,9 +64,11 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
 
     Raises:
         ConfigError: If "given" is asked for without sd columns, or "pooled" without
-            repeats.
+            repeats or with errors of the angles.
     """
     choice, sds = config.noise.sigma, _given(table)
+    stated = (config.noise.theta_sd_deg, config.noise.alpha_sd_deg)
+    angle_sd = (float(np.radians(stated[0])), float(np.radians(stated[1])))
     notices: tuple[Notice, ...] = ()
     if choice == "given" and sds is None:
         raise ConfigError(
@@ -72,9 +77,16 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             code="no_given_sigma",
         )
     if choice == "auto" and sds is not None:
-        choice, notices = _believed(table, sds)
+        # Angles make repeats scatter beyond the sd of their heights.
+        choice, notices = ("given", ()) if any(angle_sd) else _believed(table, sds)
     if choice == "given" and sds is not None:
-        return Noise(kind=choice, sd=sds, sigma=sds, degrees_of_freedom=np.inf)
+        return Noise(
+            kind=choice,
+            sd=sds,
+            sigma=sds,
+            degrees_of_freedom=np.inf,
+            angle_sd=angle_sd,
+        )
     pooled = {name: table.pooled_sd(name) for name in table.channels}
     dof = min(int(p[1]) for p in pooled.values())
     if choice == "pooled" and dof < 1:
@@ -83,8 +95,16 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             'or set sigma = "sampled"',
             code="no_repeats",
         )
+    if choice == "pooled" and any(angle_sd):
+        raise ConfigError(
+            '[noise] sigma = "pooled" with theta_sd_deg or alpha_sd_deg: the scatter '
+            'of repeats holds that of their angles already; set sigma = "auto"',
+            code="pooled_with_angles",
+        )
     if choice == "auto":
-        choice = "pooled" if dof >= MIN_POOLED_DOF else "sampled"
+        # Repeats scatter by their angles, too, and differently in every direction.
+        is_even = dof >= MIN_POOLED_DOF and not any(angle_sd)
+        choice = "pooled" if is_even else "sampled"
     used = table.is_used
     step = {n: _step(table.heights(n)[used]) for n in table.channels}
     no_sd = {n: np.full(table.n_pushes, s) for n, s in step.items()}
@@ -105,7 +125,12 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         )
     first = {n: np.hypot(constant[n], known[n]) for n in known}
     return Noise(
-        kind=choice, sd=known, sigma=first, degrees_of_freedom=np.nan, notices=notices
+        kind=choice,
+        sd=known,
+        sigma=first,
+        degrees_of_freedom=np.nan,
+        angle_sd=angle_sd,
+        notices=notices,
     )
 
 
