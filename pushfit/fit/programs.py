@@ -35,6 +35,10 @@ TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
 # Calls whose form may change with the version of jaxlib, which is part of the
 # fingerprint: LAPACK's solver by QR.
 UNGUARANTEED = (export.DisabledSafetyCheck.custom_call("lapack_dormqr_ffi"),)
+# XLA's newer code for fused loops takes twice as long to make and is no faster here.
+jit = functools.partial(
+    jax.jit, compiler_options={"xla_cpu_use_fusion_emitters": False}
+)
 # What names a function only within one process.
 ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
@@ -124,7 +128,7 @@ def _program(
 ) -> Callable[..., R]:
     """A function of arrays compiled, from its file if there is one."""
     if folder is None or ADDRESS in text:
-        return jax.jit(function)
+        return jit(function)
     path = folder / f"{_fingerprint(text)}-traced"
     return _load(path) or _trace(function, arrays, path)
 
@@ -144,14 +148,14 @@ def _load(path: Path) -> Callable[..., Any] | None:
     digest, program = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
     if hashlib.sha256(program).digest() != digest:
         return None
-    return jax.jit(export.deserialize(bytearray(program)).call)
+    return jit(export.deserialize(bytearray(program)).call)
 
 
 def _trace(
     function: Callable[..., R], arrays: list[jax.Array | np.ndarray], path: Path
 ) -> Callable[..., R]:
     """Trace a function of arrays and keep the program, if it can be."""
-    jitted = jax.jit(function)
+    jitted = jit(function)
     shapes = [jax.ShapeDtypeStruct(array.shape, array.dtype) for array in arrays]
     try:
         traced = export.export(jitted, disabled_checks=UNGUARANTEED)(*shapes)
@@ -167,7 +171,7 @@ def _trace(
     if _origin(PACKAGE) == ORIGIN:
         with contextlib.suppress(OSError), atomic_path(path) as temporary:
             temporary.write_bytes(hashlib.sha256(program).digest() + program)
-    return jax.jit(traced.call)
+    return jit(traced.call)
 
 
 def in_chunks(
