@@ -76,41 +76,53 @@ def _reported(quantity: Quantity, found: Identification) -> Quantity:
     verdict = quantity.verdict
     if verdict is Verdict.FIXED:
         return replace(nothing, estimate=quantity.estimate, contraction=None)
-    likelihood_sets = quantity.likelihood_sets
     if found.fit.status is not FitStatus.OK:
-        likelihood_sets = ()
+        quantity = replace(quantity, likelihood_sets=())
     if not is_trusted(found):
-        return replace(
-            nothing,
-            likelihood_sets=likelihood_sets,
-            contraction=None,
-            verdict=Verdict.UNKNOWN,
-        )
+        sets = quantity.likelihood_sets
+        unknown = replace(nothing, likelihood_sets=sets, verdict=Verdict.UNKNOWN)
+        return replace(unknown, contraction=None)
     is_rejected = not found.goodness_of_fit.is_adequate
     if is_rejected and verdict not in UNTOUCHED and quantity.name != MODEL_FREE:
-        middle = quantity.estimate if verdict in MIDDLED else None
-        return replace(
-            nothing,
-            estimate=middle if middle is not None and np.isfinite(middle) else None,
-            verdict=Verdict.PROVISIONAL,
-        )
+        estimate = _finite(quantity.estimate) if verdict in MIDDLED else None
+        return replace(nothing, estimate=estimate, verdict=Verdict.PROVISIONAL)
+    return within_verdict(
+        quantity, wanted_width_deg=found.config.report.wanted_width_deg
+    )
+
+
+def within_verdict(quantity: Quantity, *, wanted_width_deg: float) -> Quantity:
+    """A quantity of trusted numerics and a model that fits, as its verdict allows.
+
+    Args:
+        quantity: With all its numbers.
+        wanted_width_deg: Widest interval of an angle that counts as determined [deg].
+
+    Returns:
+        The same without the numbers that the verdict forbids, an interval of no width,
+        and what is not finite; WIDE where it was called determined and is not.
+    """
+    verdict, interval = quantity.verdict, quantity.interval
     is_open = verdict in (Verdict.NOT_DETERMINED, Verdict.ONE_SIDED)
-    low, high = quantity.interval or (np.nan, np.nan)
-    has_width = bool(np.isfinite([low, high]).all() and low < high)
+    if is_open or not interval or not np.isfinite(interval).all():
+        interval = None
+    width = 0.0 if interval is None else interval[1] - interval[0]
     is_pinned = quantity.name in ANGLES and verdict is Verdict.DETERMINED
-    if is_pinned and high - low > found.config.report.wanted_width_deg:
+    if is_pinned and width > wanted_width_deg:
         verdict = Verdict.WIDE
     # With several modes the interval covers them all; a middle would lie between.
     has_middle = verdict in MIDDLED or verdict is Verdict.ASSUMED
-    estimate = np.nan if quantity.estimate is None else quantity.estimate
     return replace(
         quantity,
-        estimate=float(estimate) if has_middle and np.isfinite(estimate) else None,
-        interval=(low, high) if has_width and not is_open else None,
+        estimate=_finite(quantity.estimate) if has_middle else None,
+        interval=interval if width > 0 else None,
         sets=() if verdict is Verdict.NOT_DETERMINED else quantity.sets,
-        likelihood_sets=likelihood_sets,
         verdict=verdict,
     )
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None
 
 
 def pieces_for(quantity: Quantity) -> Pieces:
