@@ -166,11 +166,12 @@ def _angle_answer(
         sentence = f"{subject} is {short}: {reason}."
     elif quantity.interval is None:
         values, short = (estimate,), format_angle(estimate)
-        more = {
-            Verdict.FIXED: ", as configured",
-            Verdict.PROVISIONAL: ", if it held, and no interval can be given",
-        }.get(verdict, "")
-        sentence = f"{subject} is {short}{more}."
+        is_fixed = verdict is Verdict.FIXED
+        sentence = f"{subject} is {short}{', as configured' if is_fixed else ''}."
+        if verdict is Verdict.PROVISIONAL:
+            # What comes before says that the model does not fit.
+            sentence = f"{subject} would be {short} if it did; no interval holds."
+            short = f"{short}, provisional"
     else:
         values, pieces = (estimate,), (quantity.interval,)  # drawn as it is said
         spread = spread_of(estimate, quantity.interval)

@@ -25,8 +25,8 @@ def check_informative(table: PeakTable, config: GraspConfig) -> None:
     for channel in table.channels:
         if not np.any(table.heights(channel)[used]):
             raise DataError(
-                f"the column {channel} holds only zeros, which show no stiffness and no "
-                "critical angle; push further or with a more sensitive sensor, until "
+                f"the column {channel} holds only zeros, which show no stiffness and "
+                "no critical angle; push further or with a more sensitive sensor, until "
                 "the heights rise above their noise, or leave the column out",
                 code="no_height",
             )

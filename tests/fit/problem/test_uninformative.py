@@ -21,7 +21,9 @@ def pushes(theta_deg, heights) -> PeakTable:
 
 
 def test_heights_that_are_all_zero_show_no_stiffness():
-    with pytest.raises(DataError, match=r"height holds only zeros.*push further") as caught:
+    with pytest.raises(
+        DataError, match=r"height holds only zeros.*push further"
+    ) as caught:
         build_problem(pushes(np.arange(5.0, 86.0, 5.0), np.zeros(17)), config())
     assert caught.value.code == "no_height"
 

@@ -165,7 +165,11 @@ def test_an_inadequate_model_is_the_first_thing_said(inadequate):
     assert render_text(inadequate).startswith(
         "The model does not describe these heights"
     )
-    assert "not to be relied on" in sentence_theta_c(inadequate).lower()
+    sentence = sentence_theta_c(inadequate)
+    assert sentence.startswith("Not to be relied on, because the model does not fit")
+    assert "would be 40° if it did" in sentence
+    assert not INTERVAL.search(sentence)
+    assert theta_c_answer(inadequate).pieces == ()
 
 
 def test_no_parameter_is_quoted_before_the_model_is_said_not_to_describe(inadequate):
