@@ -55,9 +55,13 @@ def reported(found: Identification) -> Identification:
     if not found.config.push.length_known:
         # Stiffnesses are among the coordinates.
         fit = replace(fit, modes=tuple(replace(m, coordinates={}) for m in fit.modes))
+    answers = [
+        replace(a, theta_c=_reported(a.theta_c, found)) for a in found.by_mechanics
+    ]
     return replace(
         found,
         fit=fit,
+        by_mechanics=tuple(answers),
         theta_c=_reported(found.theta_c, found),
         alpha_star=_reported(found.alpha_star, found),
         alpha_star_model_free=None if free is None else _reported(free, found),
@@ -79,15 +83,25 @@ def _reported(quantity: Quantity, found: Identification) -> Quantity:
     if found.fit.status is not FitStatus.OK:
         quantity = replace(quantity, likelihood_sets=())
     if not is_trusted(found):
-        sets = quantity.likelihood_sets
-        unknown = replace(nothing, likelihood_sets=sets, verdict=Verdict.UNKNOWN)
-        return replace(unknown, contraction=None)
+        return unknown(quantity)
     is_rejected = not found.goodness_of_fit.is_adequate
     if is_rejected and verdict not in UNTOUCHED and quantity.name != MODEL_FREE:
         estimate = _finite(quantity.estimate) if verdict in MIDDLED else None
         return replace(nothing, estimate=estimate, verdict=Verdict.PROVISIONAL)
     return within_verdict(
         quantity, wanted_width_deg=found.config.report.wanted_width_deg
+    )
+
+
+def unknown(quantity: Quantity) -> Quantity:
+    """A quantity whose numerics are not to be trusted: the likelihood's sets alone."""
+    return replace(
+        quantity,
+        estimate=None,
+        interval=None,
+        sets=(),
+        contraction=None,
+        verdict=Verdict.UNKNOWN,
     )
 
 

@@ -3,8 +3,8 @@
 Each alternative says where residuals exceed noise: with one sign around θ_c where the
 transition is soft, where heights are steep if angles err, where they are tall if noise
 is in proportion, in the tails if it is heavy-tailed. These are score tests: nothing is
-fitted again. Excluded: whether the model is adequate (`model_checking`), and mechanics
-that tilt (`tilt_check`).
+fitted again. Excluded: whether the model is adequate (`model_checking`), mechanics that
+tilt (`tilt_check`), and soft transitions of these, as they take seconds to compile.
 
 References:
     Koenker (1981), doi:10.1016/0304-4076(81)90062-2, on scatter that follows a size.
@@ -81,7 +81,8 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
-    if np.isinf(float(problem.grasp.sharpness)):
+    is_hard = np.isinf(float(problem.grasp.sharpness))
+    if is_hard and problem.grasp.mechanics == "linear":
         softened = np.asarray(_softened(problem, best))[mask]
         found.append(_soft(free, basis, (softened - fit.predicted) / fit.sigma))
     kept = [v for v in found if v is not None and np.isfinite(v.p_value)]

@@ -26,8 +26,8 @@ def check_informative(table: PeakTable, config: GraspConfig) -> None:
         if not np.any(table.heights(channel)[used]):
             raise DataError(
                 f"the column {channel} holds only zeros, which show no stiffness and "
-                "no critical angle; push further or with a more sensitive sensor, until "
-                "the heights rise above their noise, or leave the column out",
+                "no critical angle; push further or with a more sensitive sensor, "
+                "until the heights rise above their noise, or leave the column out",
                 code="no_height",
             )
     value, _ = config.grasp.preload

@@ -36,6 +36,7 @@ def summary_dict(identification: Identification) -> dict[str, Json]:
     entries = [content[angle] for angle in ANGLES if content[angle] is not None]
     for group in (content["parameters"], content["combinations"]):
         entries += group.values()
+    entries += [answer["theta_c"] for answer in content["by_mechanics"]]
     for entry in entries:
         del entry["name"]  # the key says it
     return content
@@ -56,6 +57,7 @@ def _summary(identification: Identification) -> Summary:
             theta_c=theta_c_answer(identification).sentence,
             alpha_star=alpha_star_answer(identification).sentence,
         ),
+        by_mechanics=identification.by_mechanics,
         theta_c_deg=identification.theta_c,
         reference_alpha_deg=identification.reference_alpha_deg,
         alpha_star_deg=identification.alpha_star,
