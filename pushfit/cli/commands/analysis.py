@@ -188,6 +188,7 @@ def analyse(
             checkpoint=request.checkpoint,
         )
     recipe = Recipe(
+        config=settings.model_dump(mode="json"),
         recordings=request.recordings,
         schedules=request.schedules,
         table=request.table,
