@@ -45,7 +45,6 @@ from pushfit.fit.results import (
     Notice,
     PosteriorResult,
 )
-from pushfit.fit.sampler.emcee_posterior import sample_posterior
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import sweep_posterior
 
@@ -343,6 +342,11 @@ def draw_posterior(
         swept = sweep_posterior(fitted.setup, **words)
         if engine == "sweep" or swept.status is FitStatus.OK:
             return swept
+    # emcee and what judges its chains are slow to load.
+    from pushfit.fit.sampler.emcee_posterior import (  # noqa: PLC0415
+        sample_posterior,
+    )
+
     chain = sample_posterior(
         fitted.setup, fitted.fit, progress=progress, checkpoint=checkpoint, **words
     )

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
@@ -104,7 +104,7 @@ def scatter_notice(setup: Setup, fit: FitResult) -> Notice | None:
     """
     if setup.noise.kind != "given" or fit.degrees_of_freedom < 1:
         return None
-    if stats.chi2.sf(fit.chi_square, fit.degrees_of_freedom) > LEVEL:
+    if chdtrc(fit.degrees_of_freedom, fit.chi_square) > LEVEL:
         return None
     ratio = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
     return Notice(

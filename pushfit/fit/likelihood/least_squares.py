@@ -11,9 +11,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
+import scipy
 from jaxtyping import Array, Bool, Float
-from scipy import optimize
 
 from pushfit.errors import FitError
 from pushfit.fit.likelihood.curve import search
@@ -266,7 +265,7 @@ def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
         if excess(floor) <= 0:
             extra = floor
         elif excess(high) < 0:
-            extra = float(np.asarray(optimize.brentq(excess, floor, high)))
+            extra = float(np.asarray(scipy.optimize.brentq(excess, floor, high)))
         sigma[c, mask[c]] = np.hypot(s, extra)
     return eqx.tree_at(lambda p: p.reference_sigma, problem, jnp.asarray(sigma))
 
@@ -291,6 +290,8 @@ def minimise(
     Returns:
         Coordinates, sum of squares there, and whether the solver met its tolerance.
     """
+    import optimistix as optx  # noqa: PLC0415 - slow to load, needed only to trace
+
     solution = optx.least_squares(
         lambda y, _: linearised(residuals)(y),
         optx.LevenbergMarquardt(rtol=RTOL, atol=ATOL),

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.interpolate import CubicSpline
 
 from pushfit.fit.problem.priors import Prior, log_prior_at
 
@@ -169,7 +169,7 @@ def _interpolated(
     grid: Float[np.ndarray, " g"], values: Float[np.ndarray, " g"], scale: float
 ) -> LogDensity:
     """Density through given points: each shape of JAX arrays would be compiled anew."""
-    spline = CubicSpline(grid, values, extrapolate=False)
+    spline = scipy.interpolate.CubicSpline(grid, values, extrapolate=False)
     return LogDensity(
         lower=float(grid[0]),
         upper=float(grid[-1]),
