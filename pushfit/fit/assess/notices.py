@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.special import chdtrc
 
@@ -21,7 +20,7 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.fit.setup import Setup
-from pushfit.model import contact
+from pushfit.model import as_float, contact
 
 
 def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
@@ -78,7 +77,7 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
         Rows; by linear mechanics none without a preload, which are even in θ then.
     """
     problem = setup.problem
-    is_held = np.asarray(in_contact(problem, jnp.asarray(fit.estimate)))
+    is_held = np.asarray(in_contact(problem, as_float(fit.estimate)))
     is_lost = ~is_held[: len(setup.rows)]
     return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
 
@@ -220,7 +219,7 @@ def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:
     fixed = {name: float(value) for name, value in setup.problem.fixed.items()}
     if not {"K_sn", "K_dn", "K_st"} & set(fixed):
         return None
-    group = contact(setup.problem.data_state(jnp.asarray(fit.estimate)).params)
+    group = contact(setup.problem.data_state(as_float(fit.estimate)).params)
     A, B = (float(value) for value in jax.tree.leaves((group.A, group.B)))
     for name, found in (("K_sn", A), ("K_dn", A), ("K_st", B)):
         if name in fixed and fixed[name] < found:

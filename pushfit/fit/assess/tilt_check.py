@@ -28,7 +28,7 @@ from pushfit.fit.results import (
 )
 from pushfit.fit.setup import Setup
 from pushfit.mechanics.displacements import displacements
-from pushfit.model import Grasp, Parameters, Pushes
+from pushfit.model import Grasp, Parameters, Pushes, as_float
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
 LARGE_TILT_DEG = 2.0
@@ -100,7 +100,7 @@ def fit_tilting(problem: Problem, *, reference_alpha: float) -> TiltingFit:
         mask = problem.mask & jnp.asarray(is_held)[None]
         problem = eqx.tree_at(lambda p: p.mask, problem, mask)
         y = _best(problem)
-    angle = float(critical_angle_at(problem, y, jnp.asarray(reference_alpha)))
+    angle = float(critical_angle_at(problem, y, as_float(reference_alpha)))
     residuals = np.asarray(_residuals(problem, y))[: np.size(problem.mask)]
     return TiltingFit(
         theta_c_deg=None if np.isnan(angle) else float(np.degrees(angle)),
@@ -159,7 +159,7 @@ def tilt_notice(
         worth = WORTH_OF_WIDTH * (theta_c.interval[1] - theta_c.interval[0])
     if abs(tilting.theta_c_deg - linear) < worth:
         return None
-    at_linear = problem.residuals(problem.data_state(jnp.asarray(fit.estimate)))
+    at_linear = problem.residuals(problem.data_state(as_float(fit.estimate)))
     held = np.tile(tilting.is_held, len(problem.channels))
     chi_square = float(np.sum(np.asarray(at_linear)[held] ** 2))
     remedy = 'use mechanics = "tilting" with L measured'

@@ -19,6 +19,7 @@ from pushfit.fit.programs import compiled
 from pushfit.fit.sweep.outer import follow, tempered
 from pushfit.fit.sweep.repeats import pool_repeats
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion
+from pushfit.model import as_float
 
 # Ends of the range of θ_c, without and with a preload, and of the soft axis [deg].
 THETA_ENDS, PRELOADED_ENDS, AXIS_ENDS = (0.05, 89.95), (-89.0, 89.95), (-90.0, 90.0)
@@ -176,17 +177,17 @@ def profile_curve(
         np.asarray(a)
         for a in _curve(
             replace(means, reference_sigma=sigma),
-            jnp.asarray(index),
-            jnp.asarray(values),
-            jnp.asarray(pool[rows]),
-            jnp.asarray(reference_alpha),
-            jnp.asarray(level),
+            jnp.asarray(index, dtype=int),
+            as_float(values),
+            as_float(pool[rows]),
+            as_float(reference_alpha),
+            as_float(level),
         )
     )
     chi_square = np.where(cost < IMPOSSIBLE, 2 * cost + scatter, np.inf)
     if imposable(problem)[index] == "theta_c" and problem.grasp.mechanics == "tilting":
-        alpha = jnp.asarray(reference_alpha)
-        angles = np.asarray(critical_angles(problem, jnp.asarray(points), alpha))
+        alpha = as_float(reference_alpha)
+        angles = np.asarray(critical_angles(problem, as_float(points), alpha))
         is_other = ~(np.abs(angles - at) < SAME_ANGLE)
         chi_square = np.where(is_other, np.inf, chi_square)
     return Curve(values=at, points=points, chi_square=chi_square)

@@ -22,6 +22,7 @@ from pushfit.fit.problem.slopes import linearised
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.setup import Setup
+from pushfit.model import as_float
 
 # Points, sums of squares, and whether the solver arrived, best first.
 Optima = tuple[
@@ -94,7 +95,7 @@ def fit_result(
         FitError: If the best has no finite residuals and `throw` is set.
     """
     problem, (points, costs, is_done) = setup.problem, found
-    best = jnp.asarray(points[0])
+    best = as_float(points[0])
     mask = np.asarray(problem.mask)
     is_data = np.r_[mask.ravel(), np.ones(problem.n_constraints, bool)]
     jacobians = np.asarray(_jacobians(problem, best))[:, is_data]
@@ -147,7 +148,7 @@ def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
     if setup.search is None:
         return np.zeros((N_STARTS, 0))
     pool = setup.search.curve.points
-    costs = np.asarray(costs_at(setup.problem, jnp.asarray(pool)))
+    costs = np.asarray(costs_at(setup.problem, as_float(pool)))
     padded = np.r_[np.inf, np.where(np.isfinite(costs), costs, np.inf), np.inf]
     is_low = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
     valleys = np.flatnonzero(is_low)
@@ -191,7 +192,7 @@ def restarted(
     is_done = np.zeros(len(points), dtype=bool)
     for _ in range(MAX_ROUNDS):
         found, found_costs, found_done = (
-            np.asarray(a) for a in minimiser(jnp.asarray(points))
+            np.asarray(a) for a in minimiser(as_float(points))
         )
         gain = costs - found_costs
         is_better = np.isfinite(found_costs) & ~(gain <= 0)
@@ -229,7 +230,7 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     has_weights = len(problem.channels) > 1 or bool(np.any(problem.sd > 0))
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
-        problem = with_noise_of(problem, jnp.asarray(points[0]))
+        problem = with_noise_of(problem, as_float(points[0]))
     if has_weights:
         # Other weights have other best fits.
         setup = replace(setup, search=search(problem, reference_alpha))
@@ -267,7 +268,7 @@ def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
         elif excess(high) < 0:
             extra = float(np.asarray(scipy.optimize.brentq(excess, floor, high)))
         sigma[c, mask[c]] = np.hypot(s, extra)
-    return eqx.tree_at(lambda p: p.reference_sigma, problem, jnp.asarray(sigma))
+    return eqx.tree_at(lambda p: p.reference_sigma, problem, as_float(sigma))
 
 
 @compiled
@@ -362,7 +363,7 @@ def _modes(
     """Distinct optima that could matter, best first."""
     modes, kept = [], []
     angles = np.asarray(
-        critical_angles(problem, jnp.asarray(points), jnp.asarray(reference_alpha))
+        critical_angles(problem, as_float(points), as_float(reference_alpha))
     )
     for point, cost, angle in zip(points, costs, angles, strict=True):
         if not cost <= costs[0] + KEPT_DELTA_CHI_SQUARE:

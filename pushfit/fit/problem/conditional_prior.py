@@ -119,7 +119,8 @@ class Pair(abc.ABC):
         density = self.density()
         assert isinstance(density, LogDensity)
         table = make_table(density)
-        rows = np.linspace(float(table.start), float(table.end), N_ROWS)
+        start, step = float(table.start), float(table.step)
+        rows = np.linspace(start, start + step * (table.values.size - 1), N_ROWS)
         t, log_joint, _ = self._joint(rows)
         probs = np.broadcast_to(ndtr(SCORES), (N_ROWS, SCORES.size))
         # The outermost rows may lie outside the range of both.

@@ -42,7 +42,7 @@ def samples_mapping(
         ellipse is free; F_0 and sigma_<channel> where sampled; theta_c [deg], NaN where
         the contact never rolls.
     """
-    x, alpha = jnp.asarray(x_samples), as_float(reference_alpha)
+    x, alpha = as_float(x_samples), as_float(reference_alpha)
     columns = _quantities(problem, x, alpha, reach)
     return {name: np.asarray(values) for name, values in columns.items()}
 

@@ -25,6 +25,7 @@ from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet
 from pushfit.fit.sweep.tail import pareto_smoothed
 from pushfit.fit.sweep.target import Target
+from pushfit.model import as_float
 
 # Draws of one call, and effective draws that are enough: the mean of any quantity is
 # then good to 0.03 of its standard deviation.
@@ -108,9 +109,10 @@ def sweep_posterior(
     weighted = weighted_draws(make_target(problem, reference_alpha), seed=seed)
     x, log_prob = weighted.resampled(N_RETURNED, rng)
     prior = prior_points(problem, reference_alpha, rng)
+    both = samples_mapping(problem, np.concatenate([x, prior]), reference_alpha, reach)
     return PosteriorResult(
-        samples=samples_mapping(problem, x, reference_alpha, reach),
-        prior_samples=samples_mapping(problem, prior, reference_alpha, reach),
+        samples={name: values[:N_RETURNED] for name, values in both.items()},
+        prior_samples={name: values[N_RETURNED:] for name, values in both.items()},
         log_prob=log_prob,
         chain=None,
         chain_names=(),
@@ -149,7 +151,7 @@ def _swept(target: Target, rng: np.random.Generator) -> WeightedDraws:
     sheet = _sheet(target)
     parts: list[Draw] = []
     while True:
-        shift = jnp.asarray(rng.uniform(size=n_uniforms(target)))
+        shift = as_float(rng.uniform(size=n_uniforms(target)))
         parts.append(jax.tree.map(np.asarray, _draws(target, sheet, shift)))
         draws = jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
         order = np.argsort(draws.outer, kind="stable")
@@ -166,7 +168,7 @@ def _refined(
     mixture = fit_mixture(x, rng)
     random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
     x = mixture.sample(random, N_REFINED)
-    log_prob = np.asarray(_log_probs(target, jnp.asarray(x)))
+    log_prob = np.asarray(_log_probs(target, as_float(x)))
     return _weighed(x, log_prob, log_prob - mixture.log_density(x))
 
 
@@ -216,7 +218,7 @@ def _sheet(target: Target) -> Sheet:
 @compiled
 def _draws(target: Target, sheet: Sheet, shift: Float[Array, " n"]) -> Draw:
     # A shift modulo 1 makes every point uniform and keeps them even.
-    uniform = jnp.mod(jnp.asarray(_points(shift.size)) + shift, 1.0)
+    uniform = jnp.mod(jnp.asarray(_points(shift.size)) + shift[None], 1.0)
     return jax.vmap(lambda row: draw(target, sheet, row))(uniform)
 
 
