@@ -7,17 +7,16 @@ what is known of them beforehand. Excluded: intervals by tilting mechanics, for 
 
 from dataclasses import dataclass, replace
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.config import GraspConfig
 from pushfit.fit.likelihood.curve import search
-from pushfit.fit.likelihood.least_squares import costs_at
+from pushfit.fit.likelihood.least_squares import costs_at, residuals_at
 from pushfit.fit.problem.constraint_terms import with_constraints
 from pushfit.fit.problem.data_coordinates import data_names
-from pushfit.fit.problem.derived import PARAMETERS, critical_angle_at, in_contact
+from pushfit.fit.problem.derived import PARAMETERS, critical_angles, in_contact
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import (
@@ -95,13 +94,14 @@ def fit_tilting(problem: Problem, *, reference_alpha: float) -> TiltingFit:
     """
     problem = tilting_problem(problem)
     y = _best(problem)
-    is_held = np.asarray(in_contact(problem, y)) & np.asarray(problem.mask[0])
+    is_held = np.asarray(in_contact(problem, as_float(y))) & np.asarray(problem.mask[0])
     if not np.array_equal(is_held, problem.mask[0]):
-        mask = problem.mask & jnp.asarray(is_held)[None]
-        problem = eqx.tree_at(lambda p: p.mask, problem, mask)
+        mask = np.asarray(problem.mask) & is_held
+        problem = replace(problem, mask=jnp.asarray(mask, dtype=bool))
         y = _best(problem)
-    angle = float(critical_angle_at(problem, y, as_float(reference_alpha)))
-    residuals = np.asarray(_residuals(problem, y))[: np.size(problem.mask)]
+    angle = critical_angles(problem, as_float(y[None]), as_float(reference_alpha))
+    angle = float(np.asarray(angle)[0])
+    residuals = np.asarray(residuals_at(problem, as_float(y)))[: problem.mask.size]
     return TiltingFit(
         theta_c_deg=None if np.isnan(angle) else float(np.degrees(angle)),
         chi_square=float(np.sum(residuals**2)),
@@ -159,7 +159,7 @@ def tilt_notice(
         worth = WORTH_OF_WIDTH * (theta_c.interval[1] - theta_c.interval[0])
     if abs(tilting.theta_c_deg - linear) < worth:
         return None
-    at_linear = problem.residuals(problem.data_state(as_float(fit.estimate)))
+    at_linear = residuals_at(problem, as_float(fit.estimate))
     held = np.tile(tilting.is_held, len(problem.channels))
     chi_square = float(np.sum(np.asarray(at_linear)[held] ** 2))
     remedy = 'use mechanics = "tilting" with L measured'
@@ -177,16 +177,11 @@ def tilt_notice(
     )
 
 
-def _best(problem: Problem) -> Float[Array, " q"]:
+def _best(problem: Problem) -> Float[np.ndarray, " q"]:
     """Best point of a search."""
-    pool = jnp.asarray(search(problem).curve.points)
-    costs = np.asarray(costs_at(problem, pool))
+    pool = search(problem).curve.points
+    costs = np.asarray(costs_at(problem, as_float(pool)))
     return pool[int(np.nanargmin(costs))]
-
-
-@compiled
-def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
-    return problem.data_residuals(y)
 
 
 @compiled

@@ -167,17 +167,17 @@ def profile_curve(
     """
     pooled = pool_repeats(problem)
     means = pooled.problem
-    sigma = means.reference_sigma
+    mask, sigma = np.asarray(means.mask), np.array(means.reference_sigma)
     # What repeats scatter about their mean, no fit can change.
-    scatter = float(jnp.sum(jnp.where(means.mask, pooled.scatter / sigma**2, 0.0)))
-    sigma = jnp.where(means.mask, sigma / jnp.sqrt(pooled.count), sigma)
+    scatter = float(np.sum((np.asarray(pooled.scatter) / sigma**2)[mask]))
+    sigma[mask] /= np.sqrt(np.asarray(pooled.count)[mask])
     n_pool = N_POOL if "f1" in problem.data_names else N_PLAIN_POOL
     rows = np.linspace(0, len(pool) - 1, n_pool).round().astype(int)
     at, points, cost = (
         np.asarray(a)
         for a in _curve(
-            replace(means, reference_sigma=sigma),
-            jnp.asarray(index, dtype=int),
+            replace(means, reference_sigma=as_float(sigma)),
+            jax.device_put(np.asarray(index)),
             as_float(values),
             as_float(pool[rows]),
             as_float(reference_alpha),

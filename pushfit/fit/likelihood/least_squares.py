@@ -11,12 +11,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Bool, Float
 
 from pushfit.errors import FitError
 from pushfit.fit.likelihood.curve import search
-from pushfit.fit.problem.derived import critical_angles
+from pushfit.fit.likelihood.weights import with_noise_of
+from pushfit.fit.problem.derived import critical_angle_at
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import linearised
 from pushfit.fit.programs import compiled
@@ -95,12 +95,12 @@ def fit_result(
         FitError: If the best has no finite residuals and `throw` is set.
     """
     problem, (points, costs, is_done) = setup.problem, found
-    best = as_float(points[0])
+    at = _around(problem, as_float(points), as_float(reference_alpha))
     mask = np.asarray(problem.mask)
     is_data = np.r_[mask.ravel(), np.ones(problem.n_constraints, bool)]
-    jacobians = np.asarray(_jacobians(problem, best))[:, is_data]
+    jacobians = np.asarray(at.jacobians)[:, is_data]
     jacobian = jacobians[0]
-    residuals = np.asarray(_residuals(problem, best))[is_data]
+    residuals = np.asarray(at.residuals)[is_data]
     if not np.isfinite(costs[0]):
         status = FitStatus.NO_FINITE_START
     elif is_done[0] or _is_flat(jacobian, residuals):
@@ -110,14 +110,14 @@ def fit_result(
     if throw and status is not FitStatus.OK:
         raise FitError(status.value, code=status.name.lower())
     channel_index, column = np.nonzero(mask)
-    predicted = np.asarray(_predicted(problem, best))
+    predicted = np.asarray(at.predicted)
     return FitResult(
         names=problem.data_names,
         estimate=points[0],
         covariance=_covariance(jacobians),
         jacobian=jacobian,
         singular_values=np.linalg.svd(jacobian, compute_uv=False),
-        modes=_modes(problem, points, costs, reference_alpha),
+        modes=_modes(problem, points, costs, np.asarray(at.angles)),
         chi_square=float(costs[0]),
         n_data=int(mask.sum()),
         n_free=len(problem.data_names) - problem.n_constraints,
@@ -227,48 +227,15 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     points = _starts(setup)
     # Sigma and the fit depend on each other only through the relative weights of
     # channels and rows; three rounds settle that far below sigma's own error.
-    has_weights = len(problem.channels) > 1 or bool(np.any(problem.sd > 0))
+    has_weights = len(problem.channels) > 1 or bool(np.any(np.asarray(problem.sd) > 0))
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
-        problem = with_noise_of(problem, as_float(points[0]))
+        at = _around(problem, as_float(points), as_float(reference_alpha or 0.0))
+        problem = with_noise_of(problem, np.asarray(at.predicted))
     if has_weights:
         # Other weights have other best fits.
         setup = replace(setup, search=search(problem, reference_alpha))
     return replace(setup, problem=problem)
-
-
-def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
-    """The problem with sigma of each channel estimated from the residuals at y.
-
-    Args:
-        problem: Problem whose noise is sampled.
-        y: Data coordinates of a fit.
-
-    Returns:
-        The problem with other weights.
-    """
-    mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
-    errors = np.asarray(_predicted(problem, y) - problem.observed)
-    n_free = len(problem.data_names) - problem.n_constraints
-    share = max(1.0 - n_free / mask.sum(), 1.0 / mask.sum())
-    sigma = np.array(problem.reference_sigma)
-    for c in range(len(problem.channels)):
-        r, s = errors[c, mask[c]], sd[c, mask[c]]
-        target = share * r.size
-        # Noise-free heights: keep weights finite at a sigma too small to matter.
-        floor = 1e-9 * np.max(np.abs(problem.observed[c]))
-        high = np.sqrt(np.sum(r**2) / target) + floor
-
-        def excess(extra: float, r=r, s=s, target=target) -> float:
-            return float(np.sum(r**2 / (s**2 + extra**2)) - target)
-
-        extra = high
-        if excess(floor) <= 0:
-            extra = floor
-        elif excess(high) < 0:
-            extra = float(np.asarray(scipy.optimize.brentq(excess, floor, high)))
-        sigma[c, mask[c]] = np.hypot(s, extra)
-    return eqx.tree_at(lambda p: p.reference_sigma, problem, as_float(sigma))
 
 
 @compiled
@@ -306,13 +273,38 @@ def minimise(
     return solution.value, cost, is_done
 
 
+class Around(eqx.Module):
+    """What optima are judged by.
+
+    Args:
+        jacobians: At the best, and beside it along every coordinate.
+        residuals: At the best.
+        predicted: Heights at the best [table unit].
+        angles: θ_c of every optimum [rad].
+    """
+
+    jacobians: Float[Array, "s m q"]
+    residuals: Float[Array, " m"]
+    predicted: Float[Array, "c n"]
+    angles: Float[Array, " k"]
+
+
 @compiled
-def _jacobians(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "k m q"]:
-    """Jacobians at y, and beside it along every coordinate."""
+def _around(
+    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
+) -> Around:
+    y = points[0]
     step = BESIDE * jnp.eye(y.size)
     beside = jnp.concatenate([jnp.zeros((1, y.size)), step, -step])
     slopes = jax.jacfwd(linearised(problem.data_residuals))
-    return jax.vmap(lambda shift: slopes(y + shift))(beside)
+    return Around(
+        jacobians=jax.vmap(lambda shift: slopes(y + shift))(beside),
+        residuals=problem.data_residuals(y),
+        predicted=problem.predict(problem.data_state(y)),
+        angles=jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(
+            points
+        ),
+    )
 
 
 def _is_flat(
@@ -358,13 +350,10 @@ def _modes(
     problem: Problem,
     points: Float[np.ndarray, "k q"],
     costs: Float[np.ndarray, " k"],
-    reference_alpha: float,
+    angles: Float[np.ndarray, " k"],
 ) -> tuple[Mode, ...]:
     """Distinct optima that could matter, best first."""
     modes, kept = [], []
-    angles = np.asarray(
-        critical_angles(problem, as_float(points), as_float(reference_alpha))
-    )
     for point, cost, angle in zip(points, costs, angles, strict=True):
         if not cost <= costs[0] + KEPT_DELTA_CHI_SQUARE:
             continue
@@ -382,12 +371,8 @@ def _modes(
 
 
 @compiled
-def _predicted(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
-    return problem.predict(problem.data_state(y))
-
-
-@compiled
-def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
+def residuals_at(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
+    """Residuals at data coordinates."""
     return problem.data_residuals(y)
 
 

@@ -39,7 +39,7 @@ def with_constraints(problem: Problem) -> Problem:
     rows, offsets = zip(*found, strict=True)
     return replace(
         problem,
-        constraint=as_float(rows),
+        constraint=as_float(np.array(rows)),
         constraint_offset=as_float(np.array(offsets)),
     )
 
