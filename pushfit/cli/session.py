@@ -21,6 +21,7 @@ import typer
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli.examples import epilog
+from pushfit.cli.progress import Course, shown_bar
 from pushfit.cli.stop import keep, kept
 from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
@@ -96,23 +97,17 @@ class Session:
         print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
     @contextmanager
-    def progress(self) -> Iterator[Callable[[str, float], None]]:
-        """Show a bar while work is done, on a terminal only.
+    def progress(self) -> Iterator[Course]:
+        """Show how far the work is, as a bar on a terminal, else line by line.
 
         Yields:
-            Function to call with the stage of the work and the share of it done.
+            What to call with the stage of the work and the share of it done.
         """
         if self.is_quiet or not sys.stderr.isatty():
-            yield lambda stage, share: None
+            yield Course(self.say)
             return
-        from rich.console import Console
-        from rich.progress import Progress
-
-        with Progress(console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("", total=1.0)
-            yield lambda stage, share: bar.update(
-                task, description=stage, completed=share
-            )
+        with shown_bar() as bar:
+            yield bar
 
     def run(self, work: Callable[[], int | None]) -> int:
         """Do the work of a command and turn what goes wrong into an exit code.

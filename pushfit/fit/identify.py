@@ -49,9 +49,14 @@ from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 Progress = Callable[[str, float], None]
+# Shares of a warm run after which each stage begins.
+SETS, POSTERIOR, CHECKS = 0.25, 0.5, 0.75
 ENGINES = ("auto", "sweep", "emcee")
 # What one row of a table says of likelihood sets.
 ANGLES = ("theta_c", "alpha_star")
+
+
+FirstAnswer = Callable[["Fitted", Mapping[str, LikelihoodProfile]], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +88,7 @@ def identify_table(
     engine: str = "auto",
     is_brief: bool = False,
     progress: Progress | None = None,
+    first: FirstAnswer | None = None,
     checkpoint: Path | None = None,
 ) -> Identification:
     """Everything that a table of peak heights can tell.
@@ -95,7 +101,9 @@ def identify_table(
             are not to be trusted.
         is_brief: Whether to leave out what one row of a table has no place for: sets
             of parameters and combinations, advice, and bands.
-        progress: Called with a stage and the share of it that is done.
+        progress: Called with a stage and the share of all work that is done.
+        first: Called with the fit as soon as it is known, and once more with the
+            likelihood sets.
         checkpoint: File in which a run of emcee is kept, to be resumed.
 
     Returns:
@@ -106,7 +114,12 @@ def identify_table(
         ConfigError: If the configuration does not fit the table or the engine.
         FitError: If no start gives finite residuals.
     """
+    told = progress or (lambda stage, share: None)
+    told("least squares", 0.0)
     fitted = fit_table(table, config)
+    if first is not None:
+        first(fitted, {})
+    told("likelihood sets", SETS)
     prob = config.report.prob
     reach = reach_of(config)
     profiles = likelihood_profiles(
@@ -117,9 +130,19 @@ def identify_table(
         reach=reach,
         wanted=ANGLES if is_brief else None,
     )
+    if first is not None:
+        first(fitted, profiles)
+    told("posterior", POSTERIOR)
     posterior = draw_posterior(
-        fitted, seed=seed, engine=engine, progress=progress, checkpoint=checkpoint
+        fitted,
+        seed=seed,
+        engine=engine,
+        progress=lambda stage, share: told(
+            stage, POSTERIOR + share * (CHECKS - POSTERIOR)
+        ),
+        checkpoint=checkpoint,
     )
+    told("checks", CHECKS)
     return conclude(
         fitted, profiles, posterior, config=config, seed=seed, is_brief=is_brief
     )
@@ -342,12 +365,9 @@ def draw_posterior(
         swept = sweep_posterior(fitted.setup, **words)
         if engine == "sweep" or swept.status is FitStatus.OK:
             return swept
-    # emcee and what judges its chains are slow to load.
-    from pushfit.fit.sampler.emcee_posterior import (  # noqa: PLC0415
-        sample_posterior,
-    )
+    from pushfit.fit.sampler import emcee_posterior  # noqa: PLC0415 - slow to load
 
-    chain = sample_posterior(
+    chain = emcee_posterior.sample_posterior(
         fitted.setup, fitted.fit, progress=progress, checkpoint=checkpoint, **words
     )
     if swept is None:
