@@ -68,10 +68,12 @@ class PushSection(Section):
 class GraspSection(Section):
     """How the object is held."""
 
-    mechanics: Literal["linear", "tilting"] = Field(
-        default="linear",
+    mechanics: Literal["auto", "linear", "tilting"] = Field(
+        default="auto",
         description='"linear": the equations of the paper, for small tilts; "tilting": '
-        "for pushes of millimetres, needs push.length_mm and parameters.L",
+        "for pushes of millimetres, needs push.length_mm and parameters.L; "
+        '"auto": both where these are given, and the tilting ones lead where the tilt '
+        "matters to θ_c",
     )
     preload_n: Preload = Field(
         default=None,
@@ -198,6 +200,18 @@ class GraspConfig(Section):
         if self.grasp.mechanics == "tilting" and reason is not None:
             raise ValueError(f'grasp.mechanics = "tilting": {reason}')
         return self
+
+    def by_mechanics(self) -> tuple["GraspConfig", ...]:
+        """The configuration for each of the mechanics to compute by, "linear" first."""
+        names = (self.grasp.mechanics,)
+        if names == ("auto",):
+            can_tilt = self.why_not_tilting() is None
+            names = ("linear", "tilting") if can_tilt else ("linear",)
+        return tuple(self._with_mechanics(name) for name in names)
+
+    def _with_mechanics(self, name: str) -> "GraspConfig":
+        grasp = self.grasp.model_copy(update={"mechanics": name})
+        return self.model_copy(update={"grasp": grasp})
 
     def why_not_tilting(self) -> str | None:
         """Why tilting mechanics do not apply, and what to do; None where they do."""

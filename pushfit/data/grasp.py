@@ -27,7 +27,8 @@ def make_grasp(config: GraspConfig, unit: str) -> Grasp:
     """Grasp of the model for heights in one unit.
 
     Args:
-        config: Configuration in force.
+        config: Configuration in force; where it leaves the mechanics open the first of
+            them stands.
         unit: Unit of the heights.
 
     Returns:
@@ -49,5 +50,5 @@ def make_grasp(config: GraspConfig, unit: str) -> Grasp:
         gain=gain,
         sharpness=math.inf if sharpness == "hard" else float(sharpness),
         support_span=None if span is None else span * 1e-3,
-        mechanics=config.grasp.mechanics,
+        mechanics=config.by_mechanics()[0].grasp.mechanics,
     )

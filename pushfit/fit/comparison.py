@@ -230,11 +230,11 @@ def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
         ),
     }
     if config.why_not_tilting() is None:
-        is_linear = config.grasp.mechanics == "linear"
-        other = "tilting" if is_linear else "linear"
-        grasp = config.grasp.model_copy(update={"mechanics": other})
-        rival = config.model_copy(update={"grasp": grasp})
-        configs[other] = with_transition("hard", rival)
+        grasp = config.grasp.model_copy(update={"mechanics": "auto"})
+        own = config.by_mechanics()[0].grasp.mechanics
+        for rival in config.model_copy(update={"grasp": grasp}).by_mechanics():
+            if rival.grasp.mechanics != own:
+                configs[rival.grasp.mechanics] = with_transition("hard", rival)
     return configs
 
 

@@ -4,7 +4,7 @@ This is the only place that knows the order of things; commands, batches and rep
 all start from `identify_table`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, FitError
 from pushfit.fit.assess.advice import measurements
 from pushfit.fit.assess.bands import prediction_bands
 from pushfit.fit.assess.identifiability import identifiability
@@ -33,7 +33,12 @@ from pushfit.fit.assess.quantities import (
     combination_quantities,
     parameter_quantities,
 )
-from pushfit.fit.assess.tilt_check import tilt_notice
+from pushfit.fit.assess.tilt_check import (
+    does_tilt_matter,
+    implied_tilt_deg,
+    is_worse,
+    tilt_notice,
+)
 from pushfit.fit.environment import environment
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.likelihood.profiles import likelihood_profiles
@@ -42,8 +47,10 @@ from pushfit.fit.results import (
     FitStatus,
     Identification,
     LikelihoodProfile,
+    MechanicsAnswer,
     Notice,
     PosteriorResult,
+    Quantity,
 )
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import sweep_posterior
@@ -114,63 +121,52 @@ def identify_table(
         ConfigError: If the configuration does not fit the table or the engine.
         FitError: If no start gives finite residuals.
     """
+    check_engine(engine)
     told = progress or (lambda stage, share: None)
+    hear = first or (lambda fitted, profiles: None)
     told("least squares", 0.0)
-    fitted = fit_table(table, config)
-    if first is not None:
-        first(fitted, {})
+    fits = _fitted_by_all(table, config, hear)
     told("likelihood sets", SETS)
-    prob = config.report.prob
-    reach = reach_of(config)
-    profiles = likelihood_profiles(
-        fitted.setup,
-        fitted.fit,
-        reference_alpha=fitted.reference_alpha,
-        prob=prob,
-        reach=reach,
-        wanted=ANGLES if is_brief else None,
-    )
-    if first is not None:
-        first(fitted, profiles)
+    answers = [_measured(fit, seed, hear) for fit in fits] if len(fits) > 1 else []
+    answers = _leading_first(answers)
+    fitted = answers[0].fitted if answers else fits[0]
+    profiles = _profiles(fitted, ANGLES if is_brief else None)
+    if not answers:
+        hear(fitted, profiles)
     told("posterior", POSTERIOR)
     posterior = draw_posterior(
         fitted,
         seed=seed,
         engine=engine,
+        swept=answers[0].swept if answers else None,
         progress=lambda stage, share: told(
             stage, POSTERIOR + share * (CHECKS - POSTERIOR)
         ),
         checkpoint=checkpoint,
     )
     told("checks", CHECKS)
-    return conclude(
-        fitted, profiles, posterior, config=config, seed=seed, is_brief=is_brief
+    return _conclude(
+        fitted,
+        profiles,
+        posterior,
+        others=tuple(other.answer for other in answers[1:]),
+        config=config,
+        seed=seed,
+        is_brief=is_brief,
     )
 
 
-def conclude(
+def _conclude(
     fitted: Fitted,
     profiles: Mapping[str, LikelihoodProfile],
     posterior: PosteriorResult,
     *,
+    others: tuple[MechanicsAnswer, ...],
     config: GraspConfig,
     seed: int,
-    is_brief: bool = False,
+    is_brief: bool,
 ) -> Identification:
-    """All that fit, profiles and posterior say together.
-
-    Args:
-        fitted: A table with its noise settled.
-        profiles: Likelihood profiles by name, as far as there are any.
-        posterior: Draws.
-        config: Configuration as it was given.
-        seed: Seed of tests by permutation and simulation.
-        is_brief: Whether to leave out what one row of a table has no place for:
-            highest-density sets of parameters and combinations, advice, and bands.
-
-    Returns:
-        The identification.
-    """
+    """All that fit, profiles and posterior say together."""
     prob = config.report.prob
     theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
     alpha_star = angle_quantity(
@@ -190,14 +186,8 @@ def conclude(
         seed=seed,
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
     )
-    tilt = tilt_notice(
-        fitted.setup,
-        fitted.fit,
-        posterior,
-        theta_c,
-        config=config,
-        reference_alpha=fitted.reference_alpha,
-    )
+    answers = (_answer(fitted, posterior, theta_c), *others)
+    tilt = tilt_notice(config, answers, implied_tilt_deg(fitted.setup, posterior))
     model_free = model_free_direction(fitted.table, prob=prob, seed=seed)
     return Identification(
         table=fitted.table,
@@ -205,6 +195,7 @@ def conclude(
         config=config,
         fit=fitted.fit,
         posterior=posterior,
+        by_mechanics=answers,
         theta_c=theta_c,
         reference_alpha_deg=float(np.degrees(fitted.reference_alpha)),
         alpha_star=alpha_star,
@@ -242,6 +233,95 @@ def conclude(
         status=posterior.status,
         seed=seed,
         versions=environment(),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Measured:
+    """One of the mechanics, ready to be compared with the other."""
+
+    fitted: Fitted
+    swept: PosteriorResult
+    answer: MechanicsAnswer
+
+
+def _fitted_by_all(
+    table: PeakTable, config: GraspConfig, hear: FirstAnswer
+) -> list[Fitted]:
+    """Least squares by every mechanics; those that do not fit at all are only said."""
+    first, *others = config.by_mechanics()
+    fits, notices = [fit_table(table, first)], []
+    hear(fits[0], {})
+    for other in others:
+        try:
+            fits.append(fit_table(table, other))
+            hear(fits[-1], {})
+        except FitError as error:
+            text = f"no fit by {other.grasp.mechanics} mechanics: {error}"
+            notices.append(Notice(code="one_mechanics", text=text))
+    return [replace(fit, notices=(*fit.notices, *notices)) for fit in fits]
+
+
+def _measured(fitted: Fitted, seed: int, hear: FirstAnswer) -> _Measured:
+    """Evidence and θ_c of one of the mechanics."""
+    profiles = _profiles(fitted, ("theta_c",))
+    hear(fitted, profiles)
+    swept = _sweep(fitted, seed)
+    prob = fitted.config.report.prob
+    theta_c = angle_quantity("theta_c", swept, profiles.get("theta_c"), prob=prob)
+    return _Measured(fitted=fitted, swept=swept, answer=_answer(fitted, swept, theta_c))
+
+
+def _leading_first(measured: list[_Measured]) -> list[_Measured]:
+    """The mechanics that the table is identified by, before the other."""
+    if len(measured) < 2:
+        return measured
+    linear, tilting = measured
+    tilt = implied_tilt_deg(linear.fitted.setup, linear.swept)
+    if not _is_comparable(linear.fitted, tilting.fitted):
+        unknown = {"log_evidence": None, "log_evidence_error": None}
+        tilting = replace(tilting, answer=replace(tilting.answer, **unknown))
+    if does_tilt_matter(linear.answer, tilting.answer, tilt) and not is_worse(
+        tilting.answer, linear.answer
+    ):
+        return [tilting, linear]
+    return [linear, tilting]
+
+
+def _is_comparable(first: Fitted, second: Fitted) -> bool:
+    """Whether both answer for the same heights with the same noise model."""
+    return (
+        first.setup.rows == second.setup.rows
+        and first.setup.noise.kind == second.setup.noise.kind
+    )
+
+
+def _answer(
+    fitted: Fitted, posterior: PosteriorResult, theta_c: Quantity
+) -> MechanicsAnswer:
+    """What stands beside the other mechanics."""
+    best = fitted.fit.modes[0]
+    return MechanicsAnswer(
+        mechanics=fitted.setup.problem.grasp.mechanics,
+        theta_c=theta_c,
+        best_fit_deg=best.theta_c_deg,
+        chi_square=best.chi_square,
+        log_evidence=posterior.log_evidence,
+        log_evidence_error=posterior.log_evidence_error,
+    )
+
+
+def _profiles(
+    fitted: Fitted, wanted: Sequence[str] | None
+) -> dict[str, LikelihoodProfile]:
+    """Likelihood profiles as the configuration wants them."""
+    return likelihood_profiles(
+        fitted.setup,
+        fitted.fit,
+        reference_alpha=fitted.reference_alpha,
+        prob=fitted.config.report.prob,
+        reach=reach_of(fitted.config),
+        wanted=wanted,
     )
 
 
@@ -324,11 +404,26 @@ def _fit(
     return setup, fit_least_squares(setup, reference_alpha=reference_alpha)
 
 
+def check_engine(engine: str) -> None:
+    """Refuse the name of an engine that is not known.
+
+    Raises:
+        ConfigError: It is not known.
+    """
+    if engine not in ENGINES:
+        raise ConfigError(
+            f"engine = {engine!r} is not known; choose {', '.join(ENGINES[:-1])} or "
+            f"{ENGINES[-1]} (what was called exact is the sweep)",
+            code="unknown_engine",
+        )
+
+
 def draw_posterior(
     fitted: Fitted,
     *,
     seed: int,
     engine: str,
+    swept: PosteriorResult | None = None,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
 ) -> PosteriorResult:
@@ -339,6 +434,7 @@ def draw_posterior(
         seed: Seed of the draws.
         engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
             are not to be trusted.
+        swept: Draws of the sweep, where they are known already.
         progress: Called with a stage and the share of it that is done.
         checkpoint: File in which a run of emcee is kept, to be resumed.
 
@@ -349,30 +445,35 @@ def draw_posterior(
         ConfigError: If the engine is not known.
         FitError: If nothing is free, or no start has a finite density.
     """
-    if engine not in ENGINES:
-        raise ConfigError(
-            f"engine = {engine!r} is not known; choose {', '.join(ENGINES[:-1])} or "
-            f"{ENGINES[-1]} (what was called exact is the sweep)",
-            code="unknown_engine",
-        )
-    words = {
-        "seed": seed,
-        "reference_alpha": fitted.reference_alpha,
-        "reach": reach_of(fitted.config),
-    }
-    swept = None
+    check_engine(engine)
     if engine != "emcee":
-        swept = sweep_posterior(fitted.setup, **words)
+        swept = swept or _sweep(fitted, seed)
         if engine == "sweep" or swept.status is FitStatus.OK:
             return swept
     from pushfit.fit.sampler import emcee_posterior  # noqa: PLC0415 - slow to load
 
     chain = emcee_posterior.sample_posterior(
-        fitted.setup, fitted.fit, progress=progress, checkpoint=checkpoint, **words
+        fitted.setup,
+        fitted.fit,
+        seed=seed,
+        reference_alpha=fitted.reference_alpha,
+        reach=reach_of(fitted.config),
+        progress=progress,
+        checkpoint=checkpoint,
     )
-    if swept is None:
+    if engine == "emcee" or swept is None:
         return chain
     return replace(chain, ess=swept.ess, pareto_k=swept.pareto_k)
+
+
+def _sweep(fitted: Fitted, seed: int) -> PosteriorResult:
+    """Draws by the sweep."""
+    return sweep_posterior(
+        fitted.setup,
+        seed=seed,
+        reference_alpha=fitted.reference_alpha,
+        reach=reach_of(fitted.config),
+    )
 
 
 def reference_azimuth(table: PeakTable, config: GraspConfig) -> float:

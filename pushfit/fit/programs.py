@@ -37,6 +37,10 @@ TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
 # Calls whose form may change with the version of jaxlib, which is part of the
 # fingerprint: LAPACK's solver by QR.
 UNGUARANTEED = (export.DisabledSafetyCheck.custom_call("lapack_dormqr_ffi"),)
+# XLA's newer code for fused loops takes twice as long to make and is no faster here.
+jit = functools.partial(
+    jax.jit, compiler_options={"xla_cpu_use_fusion_emitters": False}
+)
 # What names a function only within one process.
 ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
@@ -128,7 +132,7 @@ def _program(
 ) -> Callable[..., R]:
     """A function of arrays compiled, from its file if there is one."""
     if folder is None or ADDRESS in text:
-        return jax.jit(function)
+        return jit(function)
     path = folder / f"{_fingerprint(text)}-traced"
     return _load(path) or _trace(function, arrays, path)
 
@@ -144,7 +148,7 @@ def _load(path: Path) -> Callable[..., Any] | None:
     program = _read(path)
     if program is None:
         return None
-    return jax.jit(export.deserialize(bytearray(program)).call)
+    return jit(export.deserialize(bytearray(program)).call)
 
 
 def _read(path: Path) -> bytes | None:
@@ -169,7 +173,7 @@ def _trace(
     function: Callable[..., R], arrays: list[jax.Array | np.ndarray], path: Path
 ) -> Callable[..., R]:
     """Trace a function of arrays and keep the program, if it can be."""
-    jitted = jax.jit(function)
+    jitted = jit(function)
     shapes = [jax.ShapeDtypeStruct(array.shape, array.dtype) for array in arrays]
     try:
         traced = export.export(jitted, disabled_checks=UNGUARANTEED)(*shapes)
@@ -181,7 +185,7 @@ def _trace(
             raise
         return jitted
     _write(path, bytes(traced.serialize()))
-    return jax.jit(traced.call)
+    return jit(traced.call)
 
 
 def kept_arrays(

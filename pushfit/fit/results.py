@@ -345,6 +345,28 @@ class Band:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MechanicsAnswer:
+    """What one of the mechanics says, to stand beside the other.
+
+    Args:
+        mechanics: "linear", the equations of the paper, or "tilting".
+        theta_c: Critical angle [deg].
+        best_fit_deg: θ_c of the best fit; None where the contact never rolls [deg].
+        chi_square: Of the best fit.
+        log_evidence: Log marginal likelihood; None where it is not known, or is not of
+            the same pushes and noise as that of the leading mechanics.
+        log_evidence_error: Its standard error.
+    """
+
+    mechanics: str
+    theta_c: Quantity
+    best_fit_deg: float | None
+    chi_square: float
+    log_evidence: float | None
+    log_evidence_error: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
     """Which files became the table: with config, seed and engine, how to do it again.
 
@@ -369,6 +391,8 @@ class Identification:
         config: The configuration as it was given.
         fit: Least squares.
         posterior: Posterior draws.
+        by_mechanics: Answers by all mechanics that the table was identified by; the
+            first one leads, and everything else here is by it.
         theta_c: Critical angle at `reference_alpha_deg` [deg].
         reference_alpha_deg: Azimuth at which θ_c is quoted [deg].
         alpha_star: Best push direction [deg].
@@ -393,6 +417,7 @@ class Identification:
     config: GraspConfig
     fit: FitResult
     posterior: PosteriorResult
+    by_mechanics: tuple[MechanicsAnswer, ...]
     theta_c: Quantity
     reference_alpha_deg: float
     alpha_star: Quantity
@@ -408,3 +433,8 @@ class Identification:
     seed: int
     versions: Mapping[str, str]
     recipe: Recipe | None = None
+
+    @property
+    def mechanics(self) -> str:
+        """The mechanics by which everything here was found."""
+        return self.by_mechanics[0].mechanics

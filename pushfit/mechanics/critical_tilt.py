@@ -20,7 +20,7 @@ from pushfit.mechanics.containers import (
     tangential_stiffness,
     unit_vector,
 )
-from pushfit.mechanics.numerics import norm2, sine, versine
+from pushfit.mechanics.numerics import norm2
 from pushfit.mechanics.roots import falling_root
 from pushfit.mechanics.tilting import (
     MAX_TILT,
@@ -30,6 +30,7 @@ from pushfit.mechanics.tilting import (
     lean_direction,
     make_hold,
     pressed_force,
+    tilted,
     unrolled_tilt,
 )
 
@@ -137,12 +138,12 @@ def critical_friction(
 
 def _unrolled_moments(hold: Hold) -> tuple[tuple[Vector, Vector], Vector]:
     """|C_d q_i| / L of an object that does not roll, and N; N = 0 without contact."""
-    tilt = unrolled_tilt(hold)
+    tilt = tilted(unrolled_tilt(hold))
     tangential = elastic_force(hold, tilt)
     direction = lean_direction(hold, tangential, tilt)
     normal = pressed_force(hold, tilt)
-    across = normal * (1 - versine(tilt)) - tangential * sine(tilt)
-    torque = hold.C_d * tilt / hold.L
+    across = normal * (1 - tilt.versine) - tangential * tilt.sine
+    torque = hold.C_d * tilt.angle / hold.L
     moments = (torque * jnp.abs(direction[0]), torque * jnp.abs(direction[1]))
     return moments, jnp.where(normal > 0, across, 0.0)
 
@@ -219,7 +220,7 @@ def _critical_displacement(
     hold: Hold, lean: Scalar, force: Vector
 ) -> tuple[Vector, Vector]:
     """Displacement along and into the object of a push that ends at the tie."""
-    tilt = force * hold.L * jnp.sin(lean) / hold.C_d
-    along = displacement(hold, force * jnp.sin(lean - tilt), tilt)
-    pressing = (force * jnp.cos(lean - tilt) - hold.preload) / hold.A
-    return along, pressing + hold.L * versine(tilt)
+    tilt = tilted(force * hold.L * jnp.sin(lean) / hold.C_d)
+    along = displacement(hold, force * jnp.sin(lean - tilt.angle), tilt)
+    pressing = (force * jnp.cos(lean - tilt.angle) - hold.preload) / hold.A
+    return along, pressing + hold.L * tilt.versine

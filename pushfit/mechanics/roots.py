@@ -26,7 +26,7 @@ Numbers = Float[Array, " n"]
 
 
 class _Search(eqx.Module):
-    """State of a search: bracket, best guess and where Newton's step leads from it."""
+    """State of a search: bracket, last point and where Newton's step leads from it."""
 
     x: Numbers
     lower: Numbers
@@ -80,11 +80,11 @@ def falling_root(
         return jnp.where(slope < 0, x - value / slope, jnp.where(value == 0, x, out))
 
     def advance(search: _Search) -> _Search:
-        is_below = search.newton > search.x
-        low = jnp.where(is_below, search.x, search.lower)
-        high = jnp.where(is_below, search.upper, search.x)
+        low = jnp.where(search.newton > search.x, search.x, search.lower)
+        high = jnp.where(search.newton < search.x, search.x, search.upper)
         is_inside = (search.newton > low) & (search.newton < high)
-        found = jnp.where(is_inside, search.newton, (low + high) / 2)
+        is_guess = jnp.isnan(search.x)
+        found = jnp.where(is_inside | is_guess, search.newton, (low + high) / 2)
         # Entries that have arrived stay, so that none depends on its neighbours.
         stays = search.has_arrived
         return _Search(
@@ -96,11 +96,12 @@ def falling_root(
         )
 
     guess = jnp.clip(jax.lax.stop_gradient(start), lower, upper)
+    # No step has led to the guess: f stands once in the program, inside the loop.
     first = _Search(
-        x=jnp.where(is_falling, guess, lower),
+        x=jnp.where(is_falling, jnp.nan, lower),
         lower=lower,
         upper=upper,
-        newton=jnp.where(is_falling, newton(guess), lower),
+        newton=jnp.where(is_falling, guess, lower),
         n_steps=jnp.zeros((), int),
     )
     last = jax.lax.while_loop(

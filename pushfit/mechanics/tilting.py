@@ -38,9 +38,8 @@ from pushfit.mechanics.numerics import (
     is_hard,
     norm2,
     positive_part,
-    sine,
+    sine_versine,
     softmin,
-    versine,
 )
 from pushfit.mechanics.roots import falling_root
 
@@ -75,6 +74,26 @@ class Hold(eqx.Module):
     azimuth: tuple[Vector, Vector]
     along: Vector
     into: Vector
+
+
+class Tilt(eqx.Module):
+    """A tilt with what forces need of it.
+
+    Args:
+        angle: γ [rad].
+        sine: sin γ [-].
+        versine: 1 - cos γ [-].
+    """
+
+    angle: Vector
+    sine: Vector
+    versine: Vector
+
+
+def tilted(angle: Vector) -> Tilt:
+    """The tilt of an angle of at most 1.5 rad."""
+    sine, versine = sine_versine(angle)
+    return Tilt(angle=angle, sine=sine, versine=versine)
 
 
 def make_hold(
@@ -125,7 +144,8 @@ def one_support_forces(
     hold = make_hold(
         contact(params), grasp, elevation=pushes.elevation, azimuth=pushes.azimuth
     )
-    tilt, force = equilibrium(hold, grasp.sharpness)
+    angle, force = equilibrium(hold, grasp.sharpness)
+    tilt = tilted(angle)
     lean_x, lean_y = lean_direction(hold, force, tilt)
     pressed = pressed_force(hold, tilt)
     return Forces(
@@ -151,25 +171,45 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
     """
     if is_hard(sharpness):
 
-        def smaller(hold: Hold, tilt: Vector) -> Vector:
+        def smaller(hold: Hold, tilt: Tilt) -> Vector:
             return jnp.minimum(elastic_force(hold, tilt), rolling_force(hold, tilt))
 
         start = jnp.maximum(_unrolled_guess(hold), _rolled_guess(hold))
-        tilt = _tilted_by(smaller, hold, start)
-        return tilt, smaller(hold, tilt)
-    unrolled, rolled = unrolled_tilt(hold), rolled_tilt(hold)
-    elastic, limit = elastic_force(hold, unrolled), rolling_force(hold, rolled)
+        angle = _tilted_by(smaller, hold, start)
+        return angle, smaller(hold, tilted(angle))
+    elastic, limit, start = _both_forces(hold)
     smallest = jnp.minimum(elastic, limit)
     # A force that turns negative is the smaller one by far: nothing is left to soften.
     is_soft = smallest > 0
     a, b = jnp.where(is_soft, elastic, 1.0), jnp.where(is_soft, limit, 1.0)
     force = jnp.where(is_soft, softmin(a, b, sharpness), smallest)
 
-    def given(state: tuple[Hold, Vector], tilt: Vector) -> Vector:
-        return state[0].along - displacement(state[0], state[1], tilt)
+    def given(state: tuple[Hold, Vector], angle: Vector) -> Vector:
+        return state[0].along - displacement(state[0], state[1], tilted(angle))
 
-    start = jnp.maximum(unrolled, rolled)
     return falling_root(given, (hold, force), _bracket(hold), start), force
+
+
+def _both_forces(hold: Hold) -> tuple[Vector, Vector, Vector]:
+    """F_t without and with rolling [N], and the larger of their tilts [rad].
+
+    Both in one search, which then compiles once.
+    """
+    n = hold.into.size
+    twice = eqx.tree_at(
+        lambda h: (*h.azimuth, h.along, h.into),
+        hold,
+        replace_fn=lambda of_each_push: jnp.tile(of_each_push, 2),
+    )
+    rolls = jnp.arange(2 * n) >= n
+
+    def balance(hold: Hold, tilt: Tilt) -> Vector:
+        return jnp.where(rolls, rolling_force(hold, tilt), elastic_force(hold, tilt))
+
+    start = jnp.concatenate([_unrolled_guess(hold), _rolled_guess(hold)])
+    angle = _tilted_by(balance, twice, start)
+    force = balance(twice, tilted(angle))
+    return force[:n], force[n:], jnp.maximum(angle[:n], angle[n:])
 
 
 def unrolled_tilt(hold: Hold) -> Vector:
@@ -183,11 +223,12 @@ def rolled_tilt(hold: Hold) -> Vector:
 
 
 def _tilted_by(
-    balance: Callable[[Hold, Vector], Vector], hold: Hold, start: Vector
+    balance: Callable[[Hold, Tilt], Vector], hold: Hold, start: Vector
 ) -> Vector:
     """Tilt at which the push has just the length that the forces need."""
 
-    def excess(hold: Hold, tilt: Vector) -> Vector:
+    def excess(hold: Hold, angle: Vector) -> Vector:
+        tilt = tilted(angle)
         return hold.along - displacement(hold, balance(hold, tilt), tilt)
 
     return falling_root(excess, hold, _bracket(hold), start)
@@ -248,25 +289,26 @@ def _reached(hold: Hold, displacement: tuple[Vector, ...]) -> Vector:
     return tilt
 
 
-def pressed_force(hold: Hold, tilt: Vector) -> Vector:
+def pressed_force(hold: Hold, tilt: Tilt) -> Vector:
     """F_0 + A (S_p sin θ - L (1 - cos γ)); negative where contact is lost [N]."""
-    return hold.preload + hold.A * (hold.into - hold.L * versine(tilt))
+    return hold.preload + hold.A * (hold.into - hold.L * tilt.versine)
 
 
-def elastic_force(hold: Hold, tilt: Vector) -> Vector:
+def elastic_force(hold: Hold, tilt: Tilt) -> Vector:
     """F_t at which C_d γ balances the moments, (C_d γ/L - F_n sin γ) / cos γ [N]."""
     normal = positive_part(pressed_force(hold, tilt))
-    return (hold.C_d / hold.L * tilt - normal * sine(tilt)) / (1 - versine(tilt))
+    torque = hold.C_d / hold.L * tilt.angle
+    return (torque - normal * tilt.sine) / (1 - tilt.versine)
 
 
-def rolling_force(hold: Hold, tilt: Vector) -> Vector:
+def rolling_force(hold: Hold, tilt: Tilt) -> Vector:
     """F_t at which C_rr L N balances the moments, F_n tan(atan C_rr - γ) [N]."""
     normal = positive_part(pressed_force(hold, tilt))
-    sin, cos = sine(tilt), 1 - versine(tilt)
+    sin, cos = tilt.sine, 1 - tilt.versine
     return normal * (hold.C_rr * cos - sin) / (cos + hold.C_rr * sin)
 
 
-def displacement(hold: Hold, force: Vector, tilt: Vector) -> Vector:
+def displacement(hold: Hold, force: Vector, tilt: Tilt) -> Vector:
     """How far a push must go along its azimuth for a force and a tilt along one line.
 
         S_p cos θ u = (F_t K⁻¹ + L sin γ) n,   |n| = 1
@@ -274,7 +316,7 @@ def displacement(hold: Hold, force: Vector, tilt: Vector) -> Vector:
     Args:
         hold: Springs and pushes.
         force: F_t [N].
-        tilt: γ [rad].
+        tilt: Tilt.
 
     Returns:
         S_p cos θ; F_t / K_st + L sin γ without an ellipse [m].
@@ -288,7 +330,7 @@ def displacement(hold: Hold, force: Vector, tilt: Vector) -> Vector:
     return jnp.where(is_stable, ratio, trace / 2)
 
 
-def lean_direction(hold: Hold, force: Vector, tilt: Vector) -> tuple[Vector, Vector]:
+def lean_direction(hold: Hold, force: Vector, tilt: Tilt) -> tuple[Vector, Vector]:
     """Components of n, the direction in which the object leans [-]."""
     (x, y), _, _ = _solved_lean(hold, force, tilt)
     size = norm2(x, y)
@@ -302,11 +344,11 @@ def lean_direction(hold: Hold, force: Vector, tilt: Vector) -> tuple[Vector, Vec
 
 
 def _solved_lean(
-    hold: Hold, force: Vector, tilt: Vector
+    hold: Hold, force: Vector, tilt: Tilt
 ) -> tuple[tuple[Vector, Vector], Vector, Vector]:
     """Adj(M) u, det M and tr M of M = F_t K⁻¹ + L sin γ."""
     xx, xy, yy = (force * c for c in hold.compliance)
-    leaned = hold.L * sine(tilt)
+    leaned = hold.L * tilt.sine
     xx, yy = xx + leaned, yy + leaned
     u_x, u_y = hold.azimuth
     return (yy * u_x - xy * u_y, xx * u_y - xy * u_x), xx * yy - xy * xy, xx + yy

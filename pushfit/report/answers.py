@@ -125,7 +125,7 @@ def _draws(identification: Identification, name: str) -> Float[np.ndarray, " n"]
 def _theta_c_subject(identification: Identification) -> str:
     """The critical angle with the circumstances that it depends on."""
     config, circumstances = identification.config, []
-    if config.grasp.mechanics == "tilting":
+    if identification.mechanics == "tilting":
         circumstances.append(f"of {config.push.length_mm:g} mm")
     if np.unique(identification.table.alpha).size > 1:
         circumstances.append(f"at α = {identification.reference_alpha_deg:g}°")

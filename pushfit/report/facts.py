@@ -8,7 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from pushfit.fit.assess.reporting_rules import is_trusted, pieces_for, quoted
-from pushfit.fit.results import Identification, PredictiveCheck, Quantity, Verdict
+from pushfit.fit.results import (
+    Identification,
+    MechanicsAnswer,
+    PredictiveCheck,
+    Quantity,
+    Verdict,
+)
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
 from pushfit.report.strings import (
@@ -35,6 +41,7 @@ PREDICTIVE = {
     "largest": "largest residual",
     "pattern": "pattern",
 }
+MECHANICS = {"linear": "θ_c, paper's equations", "tilting": "θ_c, tilting mechanics"}
 WORDS = {
     Verdict.LEARNED: "learned",
     Verdict.PARTLY: "partly learned",
@@ -214,7 +221,26 @@ def angle_rows(identification: Identification) -> list[tuple[str, str]]:
             ranges = join_or([format_range(*piece, "deg") for piece in sets])
             text += f"; likelihood alone: {ranges}"
         rows.append((symbol(answer.name), text))
+    if len(identification.by_mechanics) > 1:
+        rows += [_mechanics_row(a, identification) for a in identification.by_mechanics]
     return rows
+
+
+def _mechanics_row(
+    answer: MechanicsAnswer, identification: Identification
+) -> tuple[str, str]:
+    """θ_c by one of the mechanics with its evidence."""
+    theta_c = quoted(answer.theta_c, identification)
+    ranges = [format_range(*piece, "deg") for piece in pieces_for(theta_c)]
+    text = join_or(ranges) or UNQUOTED
+    if theta_c.estimate is not None and theta_c.interval is not None:
+        spread = spread_of(theta_c.estimate, theta_c.interval)
+        interval = format_range(*theta_c.interval, "deg", spread=spread)
+        text = f"{format_angle(theta_c.estimate, spread=spread)} ({interval})"
+    parts = [text, f"chi-square {format_number(answer.chi_square)}"]
+    if answer.log_evidence is not None:
+        parts.append(f"ln evidence {answer.log_evidence:.1f}")
+    return MECHANICS[answer.mechanics], "; ".join(parts)
 
 
 def correlation_rows(identification: Identification) -> list[tuple[str, str]]:

@@ -10,7 +10,6 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording, simulate_table
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.advice import measurements
-from pushfit.fit.assess.tilt_check import fit_tilting
 from pushfit.fit.comparison import rival_configs
 from pushfit.fit.identify import fit_table, identify_table, reach_of
 from pushfit.fit.likelihood.profiles import likelihood_profiles
@@ -233,34 +232,26 @@ def test_an_identification_by_tilting_mechanics_is_whole():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("push_length", "warns"), [(5e-3, True), (5e-4, False)], ids=["5 mm", "0.5 mm"]
+    ("push_length", "leading"),
+    [(5e-3, "tilting"), (5e-4, "linear")],
+    ids=["5 mm", "0.5 mm"],
 )
-def test_linear_results_warn_where_the_tilt_moves_the_critical_angle(
-    push_length, warns
-):
+def test_the_mechanics_that_lead_are_those_of_the_push(push_length, leading):
+    """By hand: 5 mm tilt this grasp by several degrees, a tenth of them by none."""
     grasp = Grasp(push_length=push_length, mechanics="tilting")
     noise = 0.02 * push_length / PUSH
     table = pushed(grasp=grasp, noise=noise, channels=COMPONENTS)
-    settings = config(LENGTH)
-    push = settings.push.model_copy(update={"length_mm": 1e3 * push_length})
-    settings = settings.model_copy(update={"push": push})
-    result = identify_table(table, settings, seed=1, engine="sweep")
-    texts = [w.text for w in result.warnings if w.code == "large_tilt"]
-    assert bool(texts) is warns
-    if warns:
-        assert f"{result.fit.modes[0].theta_c_deg:.1f}°" in texts[0]
-
-
-@pytest.mark.slow
-def test_the_cheap_fit_of_the_warning_is_the_fit_by_tilting_mechanics():
-    table = pushed(channels=COMPONENTS)
-    cheap = fit_tilting(
-        build_problem(table, config(LENGTH)).problem, reference_alpha=0.0
-    )
-    full = fit_table(table, config(MECHANICS + LENGTH))
-    np.testing.assert_allclose(
-        cheap.theta_c_deg, full.fit.modes[0].theta_c_deg, rtol=1e-4
-    )
+    text = f"[push]\nlength_mm = {1e3 * push_length}\n{LENGTH}"
+    both = identify_table(table, config(text), seed=1, engine="sweep")
+    assert both.mechanics == leading
+    assert {answer.mechanics for answer in both.by_mechanics} == {"linear", "tilting"}
+    low, high = both.theta_c.interval
+    assert low < true_angle(grasp=grasp) < high
+    assert "large_tilt" not in {warning.code for warning in both.warnings}
+    for answer in both.by_mechanics:
+        text_of_one = f'{text}[grasp]\nmechanics = "{answer.mechanics}"\n'
+        alone = identify_table(table, config(text_of_one), seed=1, engine="sweep")
+        assert alone.by_mechanics == (answer,)
 
 
 def test_two_supports_join_the_mechanics_and_their_rivals():

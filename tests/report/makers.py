@@ -18,6 +18,7 @@ from pushfit.fit.results import (
     Diagnostics,
     FitResult,
     FitStatus,
+    MechanicsAnswer,
     Mode,
     PosteriorResult,
     Quantity,
@@ -129,6 +130,27 @@ def make_angle(name: str, estimate: float | None, **changes: object) -> Quantity
         note="",
     )
     return replace(base, **changes)
+
+
+def make_answer(
+    mechanics: str,
+    *,
+    best: float | None = 40.0,
+    width: float | None = 4.0,
+    log_evidence: float | None = -10.0,
+    chi_square: float = 50.0,
+) -> MechanicsAnswer:
+    """What one of the mechanics says: an interval of some width about the best fit."""
+    middle = 40.0 if best is None else best
+    interval = None if width is None else (middle - width / 2, middle + width / 2)
+    return MechanicsAnswer(
+        mechanics=mechanics,
+        theta_c=make_angle("theta_c", best, interval=interval),
+        best_fit_deg=best,
+        chi_square=chi_square,
+        log_evidence=log_evidence,
+        log_evidence_error=None if log_evidence is None else 0.1,
+    )
 
 
 def make_bands(table: PeakTable) -> tuple[Band, ...]:

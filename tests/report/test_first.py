@@ -1,33 +1,40 @@
 """The first lines of an answer: what is known before the posterior."""
 
-from types import SimpleNamespace
-
+import numpy as np
 import pytest
 
+from pushfit.fit.results import FitResult, LikelihoodProfile, Mode, Verdict
 from pushfit.report.text.first import fit_line, set_line
 
 
-def fit(*modes: tuple[float | None, float]):
-    return SimpleNamespace(
-        modes=[
-            SimpleNamespace(theta_c_deg=angle, chi_square=cost) for angle, cost in modes
-        ]
+def fit(*modes: tuple[float | None, float]) -> FitResult:
+    """A fit of which only the modes are known."""
+    result = object.__new__(FitResult)
+    found = tuple(
+        Mode(coordinates={}, theta_c_deg=angle, chi_square=cost)
+        for angle, cost in modes
     )
+    object.__setattr__(result, "modes", found)
+    return result
 
 
 @pytest.mark.parametrize(
     ("modes", "said"),
     [
-        ([(41.26, 50.0)], "best fit: θ_c = 41.3° at α = 90°"),
+        ([(41.26, 50.0)], "θ_c = 41.3° at α = 90°"),
         (
             [(41.26, 50.0), (63.0, 51.5), (None, 51.6), (20.0, 55.0)],
-            "best fit: θ_c = 41.3° at α = 90°; 63.0° fits nearly as well",
+            "θ_c = 41.3° at α = 90°; 63.0° fits nearly as well",
         ),
-        ([(None, 50.0)], "best fit: a contact that never rolls, without a θ_c"),
+        (
+            [(None, 50.0)],
+            "no θ_c, the contact never rolls",
+        ),
     ],
 )
 def test_the_best_fit_is_said_with_what_fits_as_well(modes, said):
-    assert fit_line(fit(*modes), 90.0) == said
+    expected = f"best fit by linear mechanics: {said}"
+    assert fit_line(fit(*modes), 90.0, "linear") == expected
 
 
 @pytest.mark.parametrize(
@@ -39,5 +46,14 @@ def test_the_best_fit_is_said_with_what_fits_as_well(modes, said):
     ],
 )
 def test_the_set_is_said_in_all_its_pieces(pieces, said):
-    profile = SimpleNamespace(pieces=pieces, prob=0.9)
-    assert set_line(profile) == f"likelihood set of θ_c (90 %): {said}"
+    profile = LikelihoodProfile(
+        name="theta_c",
+        unit="deg",
+        values=np.zeros(0),
+        delta_chi_square=np.zeros(0),
+        pieces=pieces,
+        prob=0.9,
+        verdict=Verdict.DETERMINED,
+    )
+    expected = f"likelihood set of θ_c (90 %, tilting): {said}"
+    assert set_line(profile, "tilting") == expected

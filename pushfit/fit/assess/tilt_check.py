@@ -1,33 +1,15 @@
-"""Does tilting matter to θ_c: both mechanics fitted to the same heights.
+"""Does tilting matter to θ_c, and which mechanics leads where both were computed."""
 
-The fit by tilting mechanics is the best point of one search along θ_c. L and s keep
-what is known of them beforehand. Excluded: intervals by tilting mechanics, for which
-`mechanics = "tilting"` is there.
-"""
-
-from dataclasses import dataclass, replace
-
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
-from pushfit.fit.likelihood.curve import search
-from pushfit.fit.likelihood.least_squares import costs_at, residuals_at
-from pushfit.fit.problem.constraint_terms import with_constraints
-from pushfit.fit.problem.data_coordinates import data_names
-from pushfit.fit.problem.derived import PARAMETERS, critical_angles, in_contact
-from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.derived import PARAMETERS
 from pushfit.fit.programs import compiled
-from pushfit.fit.results import (
-    FitResult,
-    Notice,
-    PosteriorResult,
-    Quantity,
-)
+from pushfit.fit.results import MechanicsAnswer, Notice, PosteriorResult
 from pushfit.fit.setup import Setup
 from pushfit.mechanics.displacements import displacements
-from pushfit.model import Grasp, Parameters, Pushes, as_float
+from pushfit.model import Grasp, Parameters, Pushes
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
 LARGE_TILT_DEG = 2.0
@@ -36,23 +18,9 @@ LARGE_TILT_DEG = 2.0
 WORTH_OF_WIDTH = 0.25
 # The same where there is no interval [deg].
 WORTH_DEG = 2.0
-# Tilting mechanics whose chi-square is larger by this are not what the heights say.
-WORSE = 10.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TiltingFit:
-    """Best fit by tilting mechanics.
-
-    Args:
-        theta_c_deg: Critical angle; None where the contact never rolls.
-        chi_square: Sum of squared residuals of the pushes that keep contact.
-        is_held: Which pushes keep contact.
-    """
-
-    theta_c_deg: float | None
-    chi_square: float
-    is_held: Bool[np.ndarray, " n"]
+# Tilting mechanics with a log evidence that is lower by this, or a chi-square that is
+# larger by twice as much, are not what the heights say.
+WORSE = 5.0
 
 
 def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
@@ -73,115 +41,67 @@ def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
     return float(np.degrees(np.max(tilt[: len(setup.rows)])))
 
 
-def tilting_problem(problem: Problem) -> Problem:
-    """The same heights and priors by tilting mechanics.
+def does_tilt_matter(
+    linear: MechanicsAnswer, tilting: MechanicsAnswer, tilt_deg: float
+) -> bool:
+    """Whether the paper's equations move θ_c by a good part of its interval.
 
     Args:
-        problem: Problem by linear mechanics.
+        linear: By the paper's equations.
+        tilting: By tilting mechanics.
+        tilt_deg: Tilt that the first implies [deg].
     """
-    grasp = replace(problem.grasp, mechanics="tilting")
-    fixed = {name: float(value) for name, value in problem.fixed.items()}
-    names = data_names(problem.priors, fixed, grasp)
-    return with_constraints(replace(problem, grasp=grasp, data_names=names))
+    best, other = linear.best_fit_deg, tilting.best_fit_deg
+    if tilt_deg < LARGE_TILT_DEG or best is None or other is None:
+        return False
+    worth = WORTH_DEG
+    if linear.theta_c.interval is not None:
+        worth = WORTH_OF_WIDTH * float(np.ptp(linear.theta_c.interval))
+    return abs(other - best) >= worth
 
 
-def fit_tilting(problem: Problem, *, reference_alpha: float) -> TiltingFit:
-    """Rough fit by tilting mechanics, without the pushes that would lose contact.
+def is_worse(tilting: MechanicsAnswer, linear: MechanicsAnswer) -> bool:
+    """Whether the heights themselves speak against tilting mechanics.
 
     Args:
-        problem: Problem by linear mechanics.
-        reference_alpha: Azimuth of θ_c [rad].
+        tilting: By tilting mechanics.
+        linear: By the paper's equations.
     """
-    problem = tilting_problem(problem)
-    y = _best(problem)
-    is_held = np.asarray(in_contact(problem, as_float(y))) & np.asarray(problem.mask[0])
-    if not np.array_equal(is_held, problem.mask[0]):
-        mask = np.asarray(problem.mask) & is_held
-        problem = replace(problem, mask=jnp.asarray(mask, dtype=bool))
-        y = _best(problem)
-    angle = critical_angles(problem, as_float(y[None]), as_float(reference_alpha))
-    angle = float(np.asarray(angle)[0])
-    residuals = np.asarray(residuals_at(problem, as_float(y)))[: problem.mask.size]
-    return TiltingFit(
-        theta_c_deg=None if np.isnan(angle) else float(np.degrees(angle)),
-        chi_square=float(np.sum(residuals**2)),
-        is_held=is_held,
-    )
+    if tilting.log_evidence is None or linear.log_evidence is None:
+        return tilting.chi_square > linear.chi_square + 2 * WORSE
+    return tilting.log_evidence < linear.log_evidence - WORSE
 
 
 def tilt_notice(
-    setup: Setup,
-    fit: FitResult,
-    posterior: PosteriorResult,
-    theta_c: Quantity,
-    *,
-    config: GraspConfig,
-    reference_alpha: float,
+    config: GraspConfig, answers: tuple[MechanicsAnswer, ...], tilt_deg: float
 ) -> Notice | None:
-    """Warn where linear mechanics move θ_c by a good part of its interval.
-
-    Where tilting mechanics do not apply, for example because L is not stated, the size
-    of the tilt decides alone.
+    """Warn of a large tilt where the paper's equations lead all the same.
 
     Args:
-        setup: Problem.
-        fit: Least squares of it.
-        posterior: Draws.
-        theta_c: θ_c as reported.
-        config: Configuration in force.
-        reference_alpha: Azimuth of θ_c [rad].
-
-    Returns:
-        A warning with θ_c by both mechanics; None where both agree within a quarter of
-        the interval, and by tilting mechanics.
+        config: Configuration as given.
+        answers: By all mechanics, the leading ones first.
+        tilt_deg: Tilt that the leading ones imply [deg].
     """
-    problem = setup.problem
-    if problem.grasp.mechanics == "tilting" or not problem.data_names:
+    leading, *others = answers
+    if leading.mechanics == "tilting" or tilt_deg < LARGE_TILT_DEG:
         return None
-    tilt = implied_tilt_deg(setup, posterior)
-    if tilt < LARGE_TILT_DEG:
-        return None
-    linear = fit.modes[0].theta_c_deg
-    start = f"the fit implies that the object tilts by up to {tilt:.0f}°"
-    reason = config.why_not_tilting()
-    if reason is not None:
-        return Notice(
-            code="large_tilt",
-            text=f"{start}; the paper's equations hold for small tilts, and at 2° and "
-            "more θ_c may be off by several degrees beyond its interval. It is not "
-            f"computed by tilting mechanics: {reason}",
+    start = f"the fit implies that the object tilts by up to {tilt_deg:.0f}°"
+    if others:
+        if not does_tilt_matter(leading, others[0], tilt_deg):
+            return None
+        text = (
+            f"{start}, which the paper's equations leave out; yet the heights prefer "
+            "them to tilting mechanics, so check L, the push length and the unit of "
+            "the heights"
         )
-    tilting = fit_tilting(problem, reference_alpha=reference_alpha)
-    if linear is None or tilting.theta_c_deg is None:
-        return None
-    worth = WORTH_DEG
-    if theta_c.interval is not None:
-        worth = WORTH_OF_WIDTH * (theta_c.interval[1] - theta_c.interval[0])
-    if abs(tilting.theta_c_deg - linear) < worth:
-        return None
-    at_linear = residuals_at(problem, as_float(fit.estimate))
-    held = np.tile(tilting.is_held, len(problem.channels))
-    chi_square = float(np.sum(np.asarray(at_linear)[held] ** 2))
-    remedy = 'use mechanics = "tilting" with L measured'
-    if tilting.chi_square > chi_square + WORSE:
-        remedy = (
-            "the heights themselves prefer the paper's equations, so check L, the push "
-            "length and the unit of the heights first"
+    else:
+        reason = config.why_not_tilting() or 'set grasp.mechanics = "auto"'
+        text = (
+            f"{start}; the paper's equations hold for small tilts, and at 2° and more "
+            "θ_c may be off by several degrees beyond its interval. It is not computed "
+            f"by tilting mechanics: {reason}"
         )
-    return Notice(
-        code="large_tilt",
-        text=f"{start}, which the paper's equations leave out: they put θ_c at "
-        f"{linear:.1f}° (chi-square {chi_square:.0f}), tilting mechanics with the same "
-        f"priors of L and s at {tilting.theta_c_deg:.1f}° (chi-square "
-        f"{tilting.chi_square:.0f}); {remedy}",
-    )
-
-
-def _best(problem: Problem) -> Float[np.ndarray, " q"]:
-    """Best point of a search."""
-    pool = search(problem).curve.points
-    costs = np.asarray(costs_at(problem, as_float(pool)))
-    return pool[int(np.nanargmin(costs))]
+    return Notice(code="large_tilt", text=text)
 
 
 @compiled

@@ -43,7 +43,10 @@ def flat_values(identification: Identification) -> dict[str, Cell]:
         ";".
     """
     found, fit = identification, identification.fit
-    row: dict[str, Cell] = {"status": found.status.name.lower()}
+    row: dict[str, Cell] = {
+        "status": found.status.name.lower(),
+        "mechanics": found.mechanics,
+    }
     for quantity in (found.theta_c, found.alpha_star):
         row |= _angle(quoted(quantity, found))
     row["reference_alpha_deg"] = found.reference_alpha_deg

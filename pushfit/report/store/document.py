@@ -16,6 +16,7 @@ from pushfit.fit.results import (
     Combination,
     FitStatus,
     GoodnessOfFit,
+    MechanicsAnswer,
     Mode,
     Notice,
     Quantity,
@@ -112,6 +113,8 @@ class Summary:
         status: "ok", or why no number is to be trusted.
         status_text: The same in words.
         n_used: Pushes that entered the fit.
+        by_mechanics: Answers of all mechanics computed; the first one leads, and
+            everything else is by it.
         theta_c_deg: At `reference_alpha_deg`.
         recipe: Which inputs are what, for `pushfit verify`; null for a table made in
             Python.
@@ -124,6 +127,7 @@ class Summary:
     n_used: int
     height_unit: HeightUnit
     sentences: Sentences
+    by_mechanics: tuple[MechanicsAnswer, ...]
     theta_c_deg: Quantity
     reference_alpha_deg: float
     alpha_star_deg: Quantity

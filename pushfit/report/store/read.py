@@ -27,6 +27,7 @@ from pushfit.fit.results import (
     IdentifiabilityResult,
     Identification,
     LikelihoodProfile,
+    MechanicsAnswer,
     Mode,
     Notice,
     Piece,
@@ -131,6 +132,13 @@ def _identification(
         config=GraspConfig.model_validate(summary["config"]),
         fit=_fit(summary["fit"], groups),
         posterior=_posterior(summary, groups),
+        by_mechanics=_records(
+            MechanicsAnswer,
+            [
+                answer | {"theta_c": answer["theta_c"] | {"name": "theta_c"}}
+                for answer in summary["by_mechanics"]
+            ],
+        ),
         theta_c=_quantity("theta_c", summary["theta_c_deg"]),
         reference_alpha_deg=float(summary["reference_alpha_deg"]),
         alpha_star=_quantity("alpha_star", summary["alpha_star_deg"]),

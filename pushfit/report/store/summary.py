@@ -38,6 +38,7 @@ def summary_dict(identification: Identification) -> dict[str, Json]:
     entries = [content[angle] for angle in ANGLES if content[angle] is not None]
     for group in (content["parameters"], content["combinations"]):
         entries += group.values()
+    entries += [answer["theta_c"] for answer in content["by_mechanics"]]
     for entry in entries:
         del entry["name"]  # the key says it
     return content
@@ -60,6 +61,10 @@ def _summary(identification: Identification) -> Summary:
         sentences=Sentences(
             theta_c=theta_c_answer(identification).sentence,
             alpha_star=alpha_star_answer(identification).sentence,
+        ),
+        by_mechanics=tuple(
+            replace(answer, theta_c=quoted(answer.theta_c, identification))
+            for answer in identification.by_mechanics
         ),
         theta_c_deg=quoted(identification.theta_c, identification),
         reference_alpha_deg=identification.reference_alpha_deg,

@@ -13,16 +13,17 @@ from pushfit.report.strings import format_angle, format_range, join_or
 ALIKE = 2.7
 
 
-def fit_line(fit: FitResult, reference_alpha_deg: float) -> str:
+def fit_line(fit: FitResult, reference_alpha_deg: float, mechanics: str) -> str:
     """θ_c of the best fit, and of others that fit nearly as well.
 
     Args:
         fit: Least squares.
         reference_alpha_deg: Azimuth of θ_c [deg].
+        mechanics: By which it is.
     """
     best, *others = fit.modes
     if best.theta_c_deg is None:
-        return "best fit: a contact that never rolls, without a θ_c"
+        return f"best fit by {mechanics} mechanics: no θ_c, the contact never rolls"
     near = [
         format_angle(mode.theta_c_deg, spread=1.0)
         for mode in others
@@ -30,17 +31,20 @@ def fit_line(fit: FitResult, reference_alpha_deg: float) -> str:
     ]
     angle = format_angle(best.theta_c_deg, spread=1.0)
     also = f"; {join_or(near)} fits nearly as well" if near else ""
-    return f"best fit: θ_c = {angle} at α = {reference_alpha_deg:g}°{also}"
+    place = f"θ_c = {angle} at α = {reference_alpha_deg:g}°"
+    return f"best fit by {mechanics} mechanics: {place}{also}"
 
 
-def set_line(profile: LikelihoodProfile) -> str:
+def set_line(profile: LikelihoodProfile, mechanics: str) -> str:
     """θ_c as the likelihood confines it.
 
     Args:
         profile: Profile likelihood of θ_c.
+        mechanics: By which it is.
     """
     pieces = join_or([format_range(*piece, "deg") for piece in profile.pieces])
-    return f"likelihood set of θ_c ({100 * profile.prob:g} %): {pieces or 'empty'}"
+    level = f"({100 * profile.prob:g} %, {mechanics})"
+    return f"likelihood set of θ_c {level}: {pieces or 'empty'}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +61,9 @@ class First:
         self, fitted: Fitted, profiles: Mapping[str, LikelihoodProfile]
     ) -> None:
         """Say the fit, and once there are profiles, the set."""
+        mechanics = fitted.setup.problem.grasp.mechanics
         if "theta_c" in profiles:
-            self.tell(set_line(profiles["theta_c"]))
+            self.tell(set_line(profiles["theta_c"], mechanics))
         elif not profiles and fitted.fit.modes:
             alpha = float(np.degrees(fitted.reference_alpha))
-            self.tell(fit_line(fitted.fit, alpha))
+            self.tell(fit_line(fitted.fit, alpha, mechanics))

@@ -15,6 +15,7 @@ from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.text.result import render_text
+from tests.report.makers import make_answer
 
 
 def leave_out_figures(patch):
@@ -52,6 +53,15 @@ def assert_reads_back(identification, folder):
     again = read_result(out)
     assert render_text(again) == render_text(identification)
     assert summary_dict(again) == summary_dict(identification)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_both_mechanics_are_read_as_they_were_written(make_identification, tmp_path):
+    linear = make_answer("linear", best=None, width=None, log_evidence=None)
+    both = (make_answer("tilting"), linear)
+    identification = make_identification(by_mechanics=both)
+    assert_reads_back(identification, tmp_path / "both")
+    assert read_result(tmp_path / "both").by_mechanics == both
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -15,7 +15,7 @@ from pushfit.report.text.result import (
     sentence_alpha_star,
     sentence_theta_c,
 )
-from tests.report.makers import make_angle
+from tests.report.makers import make_angle, make_answer
 
 # "40° to 42°" or "± 2": what must not stand where nothing is determined.
 INTERVAL = re.compile(r"±|\d°? to \d")
@@ -31,13 +31,25 @@ def test_a_determined_angle_is_quoted_with_its_interval(determined):
 def test_the_angle_of_an_object_that_tilts_is_quoted_with_the_push_length(
     make_identification,
 ):
-    config = GraspConfig(
-        push={"length_mm": 5.0},
-        grasp={"mechanics": "tilting"},
-        parameters={"L": {"fixed": 0.04}},
-    )
-    sentence = sentence_theta_c(make_identification(config=config))
+    both = (make_answer("tilting"), make_answer("linear"))
+    sentence = sentence_theta_c(make_identification(by_mechanics=both))
     assert sentence.startswith("The critical angle θ_c for pushes of 5 mm at α = 90°")
+
+
+def test_what_both_mechanics_say_stands_side_by_side(make_identification):
+    linear = make_answer("linear", best=44.0, log_evidence=None, chi_square=61.25)
+    both = (make_answer("tilting", log_evidence=-12.34), linear)
+    text = render_text(make_identification(by_mechanics=both), width=120)
+    lines = text.splitlines()
+    first, second = (line for line in lines if "chi-square" in line and "θ_c" in line)
+    assert "tilting" in first
+    assert "40.0° (38.0° to 42.0°)" in first
+    assert "ln evidence -12.3" in first
+    assert "paper's equations" in second
+    assert "44.0° (42.0° to 46.0°)" in second
+    assert "evidence" not in second
+    alone = render_text(make_identification())
+    assert "tilting" not in alone
 
 
 def test_two_modes_are_named_both_and_never_their_hull(two_modes):

@@ -1,0 +1,108 @@
+"""Which mechanics leads: cases whose answer the rule itself tells."""
+
+import pytest
+
+from pushfit.config import GraspConfig, parse_config
+from pushfit.errors import FitError
+from pushfit.fit import identify
+from pushfit.fit.assess.tilt_check import does_tilt_matter, is_worse, tilt_notice
+from pushfit.fit.setup import build_problem
+from tests.report.makers import make_answer, make_fit, make_table
+
+MEASURED = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"
+
+
+def settings(text: str = "") -> GraspConfig:
+    return parse_config(text, path="grasp.toml")
+
+
+@pytest.mark.parametrize(
+    ("tilt", "shift", "width", "matters"),
+    [
+        (1.9, 30.0, 4.0, False),
+        (2.1, 1.1, 4.0, True),
+        (2.1, 0.9, 4.0, False),
+        (2.1, 2.1, None, True),
+        (2.1, 1.9, None, False),
+        (2.1, None, 4.0, False),
+    ],
+    ids=["upright", "far", "near", "far, open", "near, open", "never rolls"],
+)
+def test_a_tilt_matters_where_it_moves_the_angle_by_a_quarter_of_the_width(
+    tilt, shift, width, matters
+):
+    linear = make_answer("linear", best=40.0, width=width)
+    tilting = make_answer("tilting", best=None if shift is None else 40.0 - shift)
+    assert does_tilt_matter(linear, tilting, tilt) is matters
+
+
+@pytest.mark.parametrize(
+    ("log_evidence", "chi_square", "worse"),
+    [
+        (-16.0, 50.0, True),
+        (-14.0, 90.0, False),
+        (None, 61.0, True),
+        (None, 59.0, False),
+    ],
+)
+def test_evidence_decides_and_where_there_is_none_the_fit(
+    log_evidence, chi_square, worse
+):
+    linear = make_answer("linear", log_evidence=-10.0, chi_square=50.0)
+    tilting = make_answer("tilting", log_evidence=log_evidence, chi_square=chi_square)
+    assert is_worse(tilting, linear) is worse
+
+
+def test_a_large_tilt_is_warned_of_only_where_the_equations_of_the_paper_lead():
+    linear, tilting = (
+        make_answer("linear", best=40.0),
+        make_answer("tilting", best=30.0),
+    )
+    both = settings(MEASURED)
+    assert tilt_notice(both, (tilting, linear), 9.0) is None
+    assert "check L, the push length" in tilt_notice(both, (linear, tilting), 9.0).text
+    assert tilt_notice(both, (linear, tilting), 1.9) is None
+    alone = tilt_notice(settings("[push]\nlength_mm = 5.0\n"), (linear,), 9.0)
+    assert "up to 9°" in alone.text
+    assert "measure it and set parameters.L" in alone.text
+    forced = settings(MEASURED + '[grasp]\nmechanics = "linear"\n')
+    assert 'set grasp.mechanics = "auto"' in tilt_notice(forced, (linear,), 9.0).text
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ["linear"]),
+        ("[push]\nlength_mm = 5.0\n", ["linear"]),
+        (MEASURED, ["linear", "tilting"]),
+        (MEASURED + '[grasp]\nmechanics = "linear"\n', ["linear"]),
+        (MEASURED + '[grasp]\nmechanics = "tilting"\n', ["tilting"]),
+    ],
+)
+def test_both_mechanics_are_computed_where_the_lengths_are_stated(text, expected):
+    found = settings(text).by_mechanics()
+    assert [one.grasp.mechanics for one in found] == expected
+
+
+def test_mechanics_that_cannot_be_fitted_are_said_and_stop_nothing(
+    monkeypatch,
+):
+    table = make_table(with_alpha=False)
+    fitted = identify.Fitted(
+        table=table,
+        config=settings(MEASURED),
+        setup=build_problem(table, settings()),
+        fit=make_fit(table),
+        reference_alpha=0.0,
+        notices=(),
+    )
+
+    def fit_table(_, config):
+        if config.grasp.mechanics == "tilting":
+            raise FitError("no finite start", code="no_finite_start")
+        return fitted
+
+    monkeypatch.setattr(identify, "fit_table", fit_table)
+    (only,) = identify._fitted_by_all(fitted.table, fitted.config)
+    assert [notice.code for notice in only.notices] == ["one_mechanics"]
+    assert "no finite start" in only.notices[0].text
