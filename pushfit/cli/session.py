@@ -32,6 +32,8 @@ INPUTS = (
     *("recordings", "recording", "table", "files", "folder"),
     *("schedules", "schedule", "config", "profile"),
 )
+# XLA logs as an error that a program takes minutes to compile. Failures are raised.
+XLA_LOG, NOTHING_BUT_FATAL = "TF_CPP_MIN_LOG_LEVEL", "3"
 ERROR_SCHEMA = "pushfit.error/1"
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only errors on stderr.")]
@@ -191,6 +193,8 @@ def command(
             def work() -> int | None:
                 existing_files(_inputs(arguments))
                 # Before JAX is imported, which reads the settings once.
+                if not debug:
+                    os.environ.setdefault(XLA_LOG, NOTHING_BUT_FATAL)
                 session.say_more(f"compiled programs: {enable_compile_cache()}")
                 return function(session, **arguments)
 
