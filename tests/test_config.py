@@ -30,6 +30,17 @@ fixed = 0.04
 [parameters.K_sn]
 lognormal = { median = 800.0, sd_log = 0.5 }
 """
+# Names that TOML has to quote, and tables in tables.
+ODD = """
+[peaks]
+exclude = [[1.0, 2.5], [1e9, 1.5e9]]
+[recording]
+map = { "finger tip.x" = "a\\"b" }
+[recording.calibration.pressure]
+name = "biotac_pdc"
+factor = 0.0371
+provenance = "dead weights"
+"""
 
 
 def parse(text: str) -> GraspConfig:
@@ -49,6 +60,13 @@ def test_the_published_contract_is_read():
 
 def test_the_template_means_the_same_as_no_file():
     assert parse(template()) == read_config(None)
+
+
+def test_the_template_of_settings_means_the_same_as_they_do():
+    stated = parse(CONTRACT + ODD)
+    assert parse(template(stated)) == stated
+    # What they leave open is written as for everybody.
+    assert template(stated).count("\n#n_per_kpa = 0.137\n") == 1
 
 
 def test_the_template_names_every_key():

@@ -14,7 +14,7 @@ import pushfit
 PACKAGE = Path(pushfit.__file__).parent
 LAYERS = (
     *("errors", "config", "model", "data", "fit"),
-    *("explore", "report", "batch", "cli"),
+    *("explore", "report", "batch", "look", "cli"),
 )
 # What stands at the top level besides belongs to the model, as its mechanics do.
 MEMBERS = {
@@ -35,6 +35,7 @@ FORBIDDEN = {
     "explore": {"emcee", "optimistix", "matplotlib", "typer", "rich"},
     "report": {"optimistix", "typer"},
     "batch": {"jax", "scipy", "emcee", "optimistix", "matplotlib", "typer", "rich"},
+    "look": {"jax", "scipy", "emcee", "optimistix", "matplotlib", "typer", "rich"},
     "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},
 }
 # Parts of declared libraries that are imported under their own name, or all of one.

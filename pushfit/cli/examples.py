@@ -9,6 +9,10 @@ EXAMPLES = {
         "pushfit peaks sweep.csv -s schedule.csv -o peaks.csv --plot peaks.png",
         "look at the picture, then `pushfit fit peaks.csv`",
     ),
+    "look": (
+        "pushfit look sweep.csv",
+        "click, type, save; it says the `pushfit identify` that comes next",
+    ),
     "identify": (
         "pushfit identify sweep.csv -s schedule.csv -c grasp.toml -o result",
         "open result/report.html; `pushfit verify result` computes it again",

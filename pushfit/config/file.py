@@ -3,6 +3,7 @@
 import difflib
 import inspect
 import json
+import re
 import textwrap
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -136,22 +137,34 @@ def _checked(content: Mapping[str, object], path: str) -> GraspConfig:
         ) from error
 
 
-def template() -> str:
-    """Text of a commented `grasp.toml` that means the same as no file at all.
+def template(config: GraspConfig | None = None) -> str:
+    """Text of a commented `grasp.toml` that means the same as some settings.
+
+    Args:
+        config: The settings; None for no file at all.
 
     Returns:
-        TOML: keys carry their defaults, or stand behind a '#' with an example.
+        TOML: keys carry what was stated or their defaults, or stand behind a '#' with
+        an example.
     """
+    stated = {} if config is None else _stated(config)
     lines = [HEADER]
     for name, section in GraspConfig.model_fields.items():
-        model = _section_of(section.annotation)
+        model, own = _section_of(section.annotation), stated.get(name, {})
         lines += [*_comment(model.__doc__ or ""), f"[{name}]"]
         for key, field in model.model_fields.items():
             lines += _comment(field.description or "")
             value = field.examples[0] if field.examples else field.default
-            lines.append(f"{'#' if field.examples else ''}{key} = {_as_toml(value)}")
+            is_example = field.examples and key not in own
+            value = own.get(key, value)
+            lines.append(f"{'#' if is_example else ''}{key} = {_as_toml(value)}")
         lines.append("")
     return "\n".join(lines)
+
+
+def _stated(config: GraspConfig) -> dict[str, dict[str, object]]:
+    """Keys that a file or an option gave, by section."""
+    return config.model_dump(mode="json", exclude_unset=True, exclude_none=True)
 
 
 def _comment(text: str) -> list[str]:
@@ -249,9 +262,15 @@ def _as_toml(value: object) -> str:
         case str() | bool():
             return json.dumps(value, ensure_ascii=False)
         case Mapping():
-            pairs = (f"{key} = {_as_toml(item)}" for key, item in value.items())
+            pairs = (f"{_key(key)} = {_as_toml(item)}" for key, item in value.items())
             return f"{{ {', '.join(pairs)} }}"
         case list() | tuple():
             return f"[{', '.join(_as_toml(item) for item in value)}]"
         case _:
             return str(value)
+
+
+def _key(name: object) -> str:
+    """A key as TOML writes it; names of channels may hold anything."""
+    text = str(name)
+    return text if re.fullmatch(r"[A-Za-z0-9_-]+", text) else _as_toml(text)

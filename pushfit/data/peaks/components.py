@@ -187,8 +187,8 @@ def _channel(recording: Recording, wanted: str | None) -> str:
         f"channel {wanted!r} is not there" if wanted else "which channel is not said"
     )
     raise ConfigError(
-        f"{found}; the recording has {', '.join(names) or 'none'}: name one as "
-        "peaks.channel, or for force components the one along the contact normal as "
+        f"{found}; the recording has {', '.join(names) or 'none'}: name one by "
+        "--channel, or for force components the one along the contact normal as "
         "peaks.normal",
         code="channel",
     )

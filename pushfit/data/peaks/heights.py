@@ -309,8 +309,9 @@ def _largest_gap(
 ) -> Float[np.ndarray, " p"]:
     """Longest time without a sample in each window [s]."""
     gaps = []
-    for start, end in windows:
-        first, last = np.searchsorted(time, [start, end])
-        inside = np.clip(time[max(0, first - 1) : last + 1], start, end)
+    parts = np.searchsorted(time, windows)
+    for (start, end), (first, last) in zip(windows, parts.tolist(), strict=True):
+        inside = time[max(0, first - 1) : last + 1].copy()
+        inside[0], inside[-1] = max(inside[0], start), min(inside[-1], end)
         gaps.append(np.diff(inside).max(initial=0.0))
     return np.array(gaps)

@@ -276,7 +276,7 @@ def rest_noise(
     Returns:
         The noise; that of all rests beside a push whose own are too short.
     """
-    general = Noise.of(signal)
+    general = Noise.of(time, signal)
     floor = max(general.quantum**2 / 12, 1e-300)
     n = len(extents)
     near, far = (

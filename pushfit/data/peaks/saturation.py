@@ -62,20 +62,25 @@ def _ceiling(
     """
     highest = np.array([float(top.max(initial=-np.inf)) for top in tops])
     largest = float(highest.max())
-    for top in tops:
+
+    def near(band: float | Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
+        return highest > largest - band
+
+    for top in (tops[k] for k in np.flatnonzero(highest == largest).tolist()):
         n_at = np.count_nonzero(top >= largest)
         if n_at < _MIN_SAMPLES:
             continue
         just_below = np.isin(top, np.unique(top)[-4:-1])
         if n_at > 2 * np.count_nonzero(just_below):
             return largest
-    for top, height, own in zip(tops, heights, sigma, strict=True):
-        band = float(_BAND_SIGMAS * own)
-        if band <= _MAX_BAND * height and _piles_up(top, largest, band, _MIN_SAMPLES):
-            return largest - band
-    pointed = [k for k in range(len(tops)) if sigma[k] > 0]
+    bands = _BAND_SIGMAS * sigma
+    is_narrow = bands <= _MAX_BAND * np.array(heights)
+    for k in np.flatnonzero(is_narrow & near(bands)).tolist():
+        if _piles_up(tops[k], largest, float(bands[k]), _MIN_SAMPLES):
+            return largest - float(bands[k])
     for share in _BANDS:
         band = share * max(heights)
+        pointed = np.flatnonzero((sigma > 0) & near(band)).tolist()
         at_end = [k for k in pointed if _piles_up(tops[k], largest, band, _MIN_NEAR)]
         if len(at_end) >= _MIN_PUSHES:
             return largest - band

@@ -26,6 +26,9 @@ _OUTSIDE = 30.0
 _TIMED_SCATTER = 0.05
 # Gaps off by less than this are in time without a search.
 _IN_TIME = 0.15
+# Humps at the stated times that show that the clock is that of the recording: so many,
+# and this share of all.
+_FEWEST, _ON_CLOCK = 3, 0.75
 # How much likelier the best way must be: this many nats.
 _CLEAR = 4.0
 # Nats of rhythm that an assignment with missing or extra pushes needs: some six pairs.
@@ -113,7 +116,8 @@ def align(
         times: Time of every hump, brushes included [s].
         is_brush: Whether a hump is so small that it may be no push.
         n_planned: Pushes in the schedule.
-        planned_times: Their times, from any origin; None for a steady rhythm [s].
+        planned_times: Their times, from any origin, that of the recording where they
+            agree with it; None for a steady rhythm [s].
         span: Begin and end of the recording; unbounded where unknown [s].
 
     Returns:
@@ -133,7 +137,10 @@ def align(
     in_order = np.flatnonzero(~brush)
     if n_pushes == len(planned) and _is_in_rhythm(case):
         return _alignment(case, in_order, None, n_cycles)
-    if case.is_timed:
+    if planned_times is not None:
+        hump = _on_the_clock(case, float(planned_times[0]))
+        if hump is not None:
+            return _alignment(case, hump, None, n_cycles)
         scales = [(1.0, _TIMED_SCATTER)]
     else:
         certain = times[~brush] if n_pushes > 1 else times
@@ -152,6 +159,23 @@ def align(
     if is_shown and not case.brush.all():
         others = [way for way in others if way.cost < best.cost + _CLEAR]
     return _alignment(case, best.hump, others[0].hump if others else None, n_cycles)
+
+
+def _on_the_clock(case: _Case, first: float) -> Int[np.ndarray, " n"] | None:
+    """Humps at the stated times as they are; None if the clock is another.
+
+    What begins before the recording, such as at 0, is no time of its clock.
+    """
+    if len(case.planned) < _FEWEST or not case.span[0] < first < case.span[1]:
+        return None
+    off = np.abs(case.times - first - case.planned[:, None])
+    late = _IN_TIME * float(np.median(np.diff(case.planned)))
+    hump = np.where(off.min(axis=1) < late, off.argmin(axis=1), -1)
+    taken = np.unique(hump[hump >= 0])
+    if len(taken) < np.count_nonzero(hump >= 0):
+        return None
+    n_on, n_pushes = np.count_nonzero(~case.brush[taken]), np.sum(~case.brush)
+    return hump if n_on >= max(_FEWEST, _ON_CLOCK * n_pushes) else None
 
 
 def _rhythm_shown(

@@ -29,7 +29,10 @@ _SIGNIFICANT = 6.0
 _BEYOND_NOISE = 9.0
 # A hump below the first share of the largest is a brush; below the second it is one if
 # the next larger hump is so many times higher.
-_BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 4.0
+_BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 5.0
+# A rest of fewer bins of the trace shows no wander; at the ends it may be but the edge
+# of one.
+_FEWEST_BINS, _FEWEST_AT_ENDS = 6, 15
 # Humps of this share of the largest are pushes beyond doubt.
 _LARGE = 0.25
 # Width of the densest third of a normal distribution [σ].
@@ -262,21 +265,25 @@ def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
     """Slow noise at rest: typical scatter of the smoothed signal between large humps.
 
     Small humps count as rest here, because they may be nothing else. If they are pushes
-    after all, they do not widen the densest third of a rest.
+    after all, they do not widen the densest third of a rest, but for a short one: of
+    a few rests the calmer count. One that the signal begins or ends in may be large.
     """
+    may_be_large = humps.heights >= large
+    may_be_large |= np.isin(humps.peaks, (0, len(trace.y) - 1))
     scatters = []
     start = 0
-    for k in [*np.flatnonzero(humps.heights >= large), None]:
+    for k in [*np.flatnonzero(may_be_large), None]:
         first, last = (
             (len(trace.y), 0) if k is None else _feet(humps, int(k), trace, own=True)
         )
         ordered = np.sort(trace.y[start:first])
         n_third = len(ordered) // 3
-        if n_third > 1:
+        is_inner = start > 0 and k is not None
+        if n_third >= (_FEWEST_BINS if is_inner else _FEWEST_AT_ENDS) // 3:
             densest = np.min(ordered[n_third:] - ordered[: len(ordered) - n_third])
             scatters.append(float(densest) / _NORMAL_THIRD)
         start = last + 1
-    return float(np.median(scatters)) if scatters else 0.0
+    return sorted(scatters)[(len(scatters) - 1) // 3] if scatters else 0.0
 
 
 def _feet(humps: Humps, k: int, trace: _Trace, *, own: bool = False) -> tuple[int, int]:

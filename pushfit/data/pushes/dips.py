@@ -19,6 +19,8 @@ _STRETCH = 30.0
 # Sensors undershoot after a release by a few percent of a push; what falls below rest
 # by more than this share of the highest push is no undershoot.
 _DIP = 0.25
+# Beside such a dip lower ones are dips as well, beyond this share of it.
+_LESSER = 0.4
 # Time at either end of a recording that stands for rest, too short for a push [s].
 _END = 0.2
 # Noise of the ends of a recording that is no difference of level [sigma].
@@ -94,7 +96,7 @@ def without_dips(
     ends = (np.median(signal[: max(5, int(n_first))]), np.median(signal[n_last:]))
     knots = _rest_knots(time, signal)
     n_end = max(5, int(n_first))
-    slack = _SLACK * Noise.of(signal).sigma / n_end**0.5
+    slack = _SLACK * Noise.of(time, signal).sigma / n_end**0.5
 
     def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
         usual = np.interp(when, *knots)
@@ -108,7 +110,9 @@ def without_dips(
         return signal, ()
     rest = rest_at(time)
     depth = np.maximum(rest - signal, 0.0)
-    dips = tuple(dip for dip in extents_of(depth) if dip.height > least)
+    falls = extents_of(depth)
+    has_dips = any(fall.height > least for fall in falls)
+    dips = tuple(f for f in falls if has_dips and f.height > _LESSER * least)
     filled = signal.copy() if dips else signal
     for dip in dips:
         # With its fringe, which would be the foot of whatever comes next.

@@ -42,7 +42,7 @@ _GRID, _FINE = 240, 17
 _ROUNDS, _REACH = 4, 2.0
 # Times that the integral is kept at, for each smoothing time; and steps that the usual
 # one is judged by. More would only cost time.
-_KNOTS, _STEPS = 16, 1000
+_KNOTS, _STEPS = 16, 250
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 _SIGMAS = 3.0
 # Height over the noise that makes feet clear, and the share of the width that may be

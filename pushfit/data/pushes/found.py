@@ -89,7 +89,7 @@ def find(
     """
     # Of the samples as they are: in a picture of them equal readings differ by
     # rounding, and the finest step would be that.
-    noise = Noise.of(signal)
+    noise = Noise.of(time, signal)
 
     def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
         return find_extents(

@@ -20,6 +20,11 @@ _FOOTLESS = 0.2
 # A level is held if the signal stays within the first share of the smaller hump of it
 # for the second share of that hump's width. A sine does so for 0.41 of it only.
 _LEVEL, _HELD = 0.15, 0.6
+# Valleys that are higher than a rest by so little are nearly one: smoothing fills them.
+_NEARLY = 1.1
+# A hump on a step has fallen from its top to this share of it at least; the
+# step is held for so many times as long as the hump, or is a part of a push.
+_FALLEN, _SHELF = 0.7, 2
 # Humps lower than this share of the whole are wiggles of a plateau.
 _ON_TOP = 0.2
 
@@ -70,8 +75,9 @@ class Humps:
     def _is_cut_off(self, end: int, inner: float) -> bool:
         """Whether the signal begins or ends in a push, not at a new rest level.
 
-        What sags a little from its top is a plateau; a hump that is high over a long
-        level stands on a step.
+        What sags a little from its top is a plateau; a hump that is high over a level
+        that is held long, before it or after it, and falls back from there, stands on
+        a step.
         """
         if not np.isfinite(inner):
             return False
@@ -79,10 +85,16 @@ class Humps:
         outer, top = self.y[self.valleys[end]], self.y[peak]
         if outer - inner <= _FOOTLESS * (top - inner):
             return False
-        part = self.y[min(peak, edge) : max(peak, edge) + 1]
-        dwell = longest_run(np.abs(part - outer) <= _LEVEL * (top - outer))
-        is_step = top - outer >= ON_STEP * (outer - inner)
-        return not (is_step and dwell >= self._width(end))
+        foot = int(self.valleys[1 if end == 0 else -2])
+        part = self.y[min(foot, edge) : max(foot, edge) + 1]
+        shelf = float(np.median(part[part - inner > _FOOTLESS * (top - inner)]))
+        return not any(
+            top - level >= ON_STEP * (level - inner)
+            and outer - level <= _FALLEN * (top - level)
+            and longest_run(np.abs(part - level) <= _LEVEL * (top - level))
+            >= _SHELF * self._width(end)
+            for level in (outer, shelf)
+        )
 
     def _width(self, k: int) -> int:
         """Bins of a hump above half of its height over the higher valley."""
@@ -127,32 +139,34 @@ class Humps:
             worst = int(np.argmax(ratio))
             if ratio[worst] <= split:
                 return
-            if ratio[worst] < 1 - _ON_TOP and self._is_level(worst):
+            is_near = bool(ratio[worst] <= _NEARLY * split)
+            if ratio[worst] < 1 - _ON_TOP and self._is_level(worst, is_near=is_near):
                 kept.add(int(self.valleys[worst + 1]))
                 self.rests[worst + 1] = lows[worst + 1]
                 continue
             self._merge(worst, worst + int(tops[worst] >= tops[worst + 1]))
 
-    def _is_level(self, pair: int) -> bool:
+    def _is_level(self, pair: int, *, is_near: bool) -> bool:
         """Whether the signal rests between two humps, and beside one of them as well.
 
         One flat valley may be that of a push with two tops; a level that is come back
-        to is a rest.
+        to is a rest. With `is_near` the valley is so deep that it need only be as long
+        as the smaller hump is wide.
         """
         a, b = (int(k) for k in self.peaks[pair : pair + 2])
         low = float(self.y[self.valleys[pair + 1]])
         height = min(self.y[a], self.y[b]) - low
-        least = _HELD * min(
-            self._width_over(pair, low), self._width_over(pair + 1, low)
-        )
+        width = min(self._width_over(pair, low), self._width_over(pair + 1, low))
 
-        def held(first: int, last: int) -> bool:
+        def held(first: int, last: int, *, widths: float = _HELD) -> bool:
             inside = np.abs(self.y[first : last + 1] - low) <= _LEVEL * height
-            return longest_run(inside) >= max(least, 2)
+            return longest_run(inside) >= max(widths * width, 2)
 
         outer_left = int(self.peaks[pair - 1]) if pair > 0 else 0
         is_last = pair + 2 >= len(self.peaks)
         outer_right = len(self.y) - 1 if is_last else int(self.peaks[pair + 2])
+        if is_near and held(a, b, widths=1.0):
+            return True
         return held(a, b) and (held(outer_left, a) or held(b, outer_right))
 
     def _width_over(self, k: int, low: float) -> int:

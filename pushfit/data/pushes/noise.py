@@ -6,17 +6,20 @@ import numpy as np
 from jaxtyping import Float
 
 # Samples that the noise is judged by; more would only cost time.
-_NOISE_SAMPLES = 100_000
+_NOISE_SAMPLES = 20_000
+# Even steps that differ by this much are equal but for rounding.
+_EQUAL = 1.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
     """How samples scatter about the course of the signal.
 
-        σ = 1.443 mean|y_i - (y_{i-1} + y_{i+1}) / 2| / √1.5
+        σ = 1.443 mean|y_i - (1 - w) y_{i-1} - w y_{i+1}| / √(1 + w² + (1 - w)²)
+        w = (t_i - t_{i-1}) / (t_{i+1} - t_{i-1})
 
     over the middle half of those where the signal moves: bends, because a recording may
-    be on its way most of the time.
+    be on its way most of the time; in time, because its steps may be uneven.
 
     Steps of 0 come from a resolution coarser than the noise or from a sensor at its
     limit, and tell nothing of the noise elsewhere.
@@ -30,21 +33,29 @@ class Noise:
     quantum: float
 
     @classmethod
-    def of(cls, signal: Float[np.ndarray, " n"]) -> "Noise":
+    def of(
+        cls, time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+    ) -> "Noise":
         """Judge a signal by its steps from sample to sample."""
         stride = max(1, (len(signal) - 2) // _NOISE_SAMPLES)
         first = np.arange(0, len(signal) - 2, stride)
         steps = np.abs(signal[first + 1] - signal[first])
-        bends = np.abs(signal[first + 1] - (signal[first] + signal[first + 2]) / 2)
-        moving = bends[steps > 0]
+        whole = np.maximum(time[first + 2] - time[first], 1e-300)
+        share = (time[first + 1] - time[first]) / whole
+        chord = signal[first] + share * (signal[first + 2] - signal[first])
+        spread = np.sqrt(1 + share**2 + (1 - share) ** 2)
+        bends = np.abs(signal[first + 1] - chord) / spread
+        # Of uneven steps the long ones show the course more than the noise.
+        is_short = whole <= _EQUAL * np.median(whole)
+        moving = bends[(steps > 0) & is_short]
         if moving.size == 0:
             return cls(sigma=0.0, quantum=0.0)
         quantum = float(steps[steps > 0].min())
         # A median of steps in counts would be 1 or 2, by what else is in the file.
         ordered = np.sort(moving)
         middle = ordered[moving.size // 4 : moving.size - moving.size // 4]
-        sigma = 1.443 * float(middle.mean()) / np.sqrt(1.5)
-        return cls(sigma=float(sigma), quantum=quantum)
+        sigma = 1.443 * float(middle.mean())
+        return cls(sigma=sigma, quantum=quantum)
 
     def of_mean(self, n_samples: float) -> float:
         """Standard deviation of a mean; what lies below the resolution stays."""

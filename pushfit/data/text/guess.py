@@ -90,6 +90,7 @@ def best_guess(lines: list[str], columns: Sequence[str], path: str) -> Guess:
     guesses = [
         guess
         for delimiter in DELIMITERS
+        if columns or any(delimiter in line for line in lines)
         for decimal in (".," if delimiter != "," else ".")
         if (guess := _guess(lines, delimiter, decimal, columns))
     ]

@@ -54,7 +54,6 @@ def roles_of(problem: Problem) -> Roles:
     names = problem.names
     sigmas = tuple(name for name in names if name.startswith("ln_sigma_"))
     conditional = _conditional(problem)
-    # ln s is both: it is drawn from its prior, and tilting forces depend on it.
     seen = [n for n in names if n not in (*sigmas, *conditional)]
     pivot = next((n for n in ("ln_B", "ln_C_rr", "ln_A") if n in seen), None)
     left = [name for name in seen if name != pivot]
@@ -80,7 +79,8 @@ def _conditional(problem: Problem) -> tuple[str, ...]:
     found = []
     if {"ln_A", "ln_r"} <= set(names):
         found.append("ln_r")
-    if {"ln_B", "ln_s"} <= set(names) and not is_shape_open:
+    # Tilting forces depend on s: there it is one of the others.
+    if is_linear and {"ln_B", "ln_s"} <= set(names) and not is_shape_open:
         found.append("ln_s")
     is_L_unseen = is_linear and problem.grasp.support_span is None
     # With C_d fixed, L and s together make K_st, and B with it.

@@ -140,8 +140,13 @@ class Target(eqx.Module):
         values = jax.vmap(self.differences)(points)
         difference, jacobian = values[0], (values[1:] - values[:1]) / STEP
         terms = noise_terms(self.pooled, difference)
-        weighted = jacobian * terms.weights[None]
         misfit = finite(-terms.log_likelihood)
+        # Where no push can be predicted nothing is known of the slope either, and one
+        # such node must not spoil the sums over all.
+        is_known = (misfit < IMPOSSIBLE) & jnp.all(jnp.isfinite(jacobian))
+        jacobian = jnp.where(is_known, jacobian, 0.0)
+        difference = jnp.where(is_known, difference, 0.0)
+        weighted = jnp.where(is_known, jacobian * terms.weights[None], 0.0)
         return Expansion(
             y=y,
             misfit=misfit,

@@ -82,3 +82,21 @@ def test_planned_times_locate_a_push_in_an_uneven_schedule():
     recorded = np.delete(planned + 100.0, 5)
     result = align(recorded, [False] * 9, n_planned=10, planned_times=planned)
     assert result.missing == (5,)
+
+
+@pytest.mark.parametrize(("origin", "is_plain"), [(3.0, True), (0.0, False)])
+def test_times_of_the_recordings_own_clock_place_what_is_missing_at_its_begin(
+    origin, is_plain
+):
+    """Those that begin at 0 are of another clock, and tell the rhythm only."""
+    planned = 4.0 * np.arange(N)
+    result = align(
+        3.0 + planned[3:],
+        [False] * (N - 3),
+        n_planned=N,
+        planned_times=origin + planned,
+        span=(0.0, 3.0 + planned[-1] + 20.0),
+    )
+    assert result.is_ambiguous is not is_plain
+    if is_plain:
+        np.testing.assert_array_equal(result.missing, [0, 1, 2])

@@ -1,0 +1,182 @@
+"""`pushfit look`: choose the pushes of a recording and name their directions."""
+
+import shlex
+import threading
+import webbrowser
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pushfit.cli import options
+from pushfit.cli.inputs import read_settings
+from pushfit.cli.output import refuse_existing, write_text
+from pushfit.cli.session import Session
+from pushfit.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pushfit.config import GraspConfig
+    from pushfit.look.state import Look
+
+
+def look(
+    session: Session,
+    recording: options.RecordingFile,
+    schedule: options.ScheduleFile = None,
+    config: options.ConfigFile = None,
+    profile: options.Profile = None,
+    format: options.Format = None,
+    map: options.Map = None,
+    unit: options.UnitOf = None,
+    columns: options.Columns = None,
+    rate: options.Rate = None,
+    channel: options.Channel = None,
+    invert: options.Invert = False,
+    height: options.Height = None,
+    min_height: options.MinHeight = None,
+    split: options.Split = None,
+    begin: options.From = None,
+    end: options.To = None,
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="DIR", help="Folder of what is saved."),
+    ] = Path(),
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="page.html", help="Write the page, to look at only, and end."
+        ),
+    ] = None,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the page; 0: a free one.")
+    ] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in a browser.")] = True,
+    force: options.Force = False,
+) -> None:
+    """Click which humps are pushes, and name their directions."""
+    save = Saver(session, recording, out, force=force)
+    if export is None:
+        save.refuse_taken()
+    else:
+        refuse_existing(export, force=force)
+    if find_spec("bokeh") is None:
+        raise ConfigError(
+            "look needs the library Bokeh, which is not installed; pip install bokeh, "
+            "or take `pushfit peaks --plot`",
+            code="look_unavailable",
+        )
+    settings = read_settings(
+        config,
+        profile=profile,
+        format=format,
+        map=map,
+        unit=unit,
+        columns=columns,
+        rate=rate,
+        peaks={
+            "channel": channel,
+            "invert": invert,
+            "height": height,
+            "min_height": min_height,
+            "split": split,
+            "begin": begin,
+            "end": end,
+        },
+    )
+    shown = read_look(session, recording, schedule, settings)
+    if export is not None:
+        from pushfit.look.page import static_page
+
+        write_text(session, static_page(shown, title=str(recording)), export)
+        return
+    from pushfit.look.server import start_server
+
+    server, address = start_server(shown, title=str(recording), save=save, port=port)
+    print(address, flush=True)
+    session.say("the page is on this machine only; Ctrl-C ends it")
+    if browser:
+        # Some browsers return only when they are closed.
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+    server.io_loop.start()
+
+
+def read_look(
+    session: Session, recording: Path, schedule: Path | None, settings: "GraspConfig"
+) -> "Look":
+    """What the page is going to show.
+
+    Args:
+        session: Where notes go.
+        recording: File.
+        schedule: File with the directions to begin with.
+        settings: Settings in force.
+    """
+    from pushfit.data.plans.schedule import read_schedule
+    from pushfit.data.recordings.check import expect_kind
+    from pushfit.data.recordings.load import configured_recording, reader_options
+    from pushfit.look.state import Look
+
+    expect_kind(recording, "recording", **reader_options(settings))
+    plan = None if schedule is None else read_schedule(schedule)
+    samples = configured_recording(recording, settings)
+    for note in samples.notes:
+        session.say_more(f"{recording}: {note}")
+    return Look(samples, settings, plan)
+
+
+class Saver:
+    """Writes what was decided, under names made from that of the recording.
+
+    Args:
+        session: Where the names of the files are said.
+        recording: Recording.
+        out: Folder.
+        force: Whether files that are there may be replaced. Those that were written
+            before by this one always are.
+    """
+
+    def __init__(
+        self, session: Session, recording: Path, out: Path, *, force: bool
+    ) -> None:
+        """Name the files."""
+        self._session, self._recording, self._force = session, recording, force
+        self.schedule = out / f"{recording.stem}_schedule.csv"
+        self.config = out / f"{recording.stem}_grasp.toml"
+
+    def refuse_taken(self) -> None:
+        """Protect files that are there already.
+
+        Raises:
+            ConfigError: One exists and may not be replaced.
+        """
+        for path in (self.schedule, self.config):
+            refuse_existing(path, force=self._force)
+
+    def __call__(self, look: "Look") -> str:
+        """Write both files.
+
+        Args:
+            look: What was decided.
+
+        Returns:
+            What was written, and the command to run next.
+
+        Raises:
+            ConfigError: A file exists and may not be replaced.
+            DataError: A direction is not said, or breaks a rule.
+        """
+        from pushfit.config import template
+        from pushfit.data.plans.schedule import write_schedule
+
+        plan, text = look.schedule(), template(look.settled())
+        self.refuse_taken()
+        write_schedule(plan, self.schedule)
+        self._force = True
+        self._session.wrote(self.schedule, f": {plan.n_pushes} pushes")
+        write_text(self._session, text, self.config)
+        files = ("--schedule", self.schedule, "--config", self.config)
+        words = ("pushfit", "identify", self._recording, *files)
+        command = shlex.join(str(word) for word in words)
+        self._session.say(f"next: {command}")
+        return f"saved; next, in a terminal: {command}"

@@ -1,0 +1,1 @@
+"""A recording looked at before it is analysed: which humps are pushes, and where to."""

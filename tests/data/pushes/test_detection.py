@@ -1,0 +1,129 @@
+"""What counts as a push, a rest or noise, on courses drawn by hand."""
+
+import numpy as np
+import pytest
+
+from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.extract import find_pushes
+from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.pushes.noise import Noise
+from pushfit.data.recordings.records import Recording
+
+RATE = 100.0
+NOISE = 0.5
+
+
+def course(*corners, rate=RATE):
+    """Straight lines between times and levels, with noise."""
+    when, level = np.array(corners, dtype=float).T
+    time = np.arange(when[0], when[-1], 1 / rate)
+    rng = np.random.default_rng(3)
+    return time, np.interp(time, when, level) + NOISE * rng.standard_normal(len(time))
+
+
+def push(start, *, width=2.0, rest=0.0, height=100.0, after=None):
+    """Corners of a triangle."""
+    after = rest if after is None else after
+    return (
+        (start, rest),
+        (start + width / 2, rest + height),
+        (start + width, after),
+    )
+
+
+def found(time, y, **settings):
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    return find_pushes(recording, settings=PeakSettings(**settings))
+
+
+def tops(time, y):
+    return [round(extent.t_peak) for extent in found(time, y)]
+
+
+def test_a_level_that_is_come_back_to_is_a_rest_however_high_it_lies():
+    """Both valleys lie at 3/4 of the lower tops, which a push with two tops has too."""
+    shelf = 300.0
+    corners = (
+        (0.0, 0.0),
+        (2.8, 0.0),
+        (3.0, shelf),
+        *push(5.0, rest=shelf),
+        *push(9.0, rest=shelf),
+        (13.0, shelf),
+    )
+    assert tops(*course(*corners)) == [6, 10]
+
+
+def test_two_tops_over_a_valley_that_is_no_rest_are_one_push():
+    corners = ((0, 0), (2, 0), (3, 100), (4, 60), (5, 100), (6, 0), (8, 0))
+    assert tops(*course(*corners)) in ([3], [5])
+
+
+@pytest.mark.parametrize(
+    ("after", "slope", "end"), [(2.0, 2.0, 8), (12.0, 0.0, 8), (40.0, 0.0, 4.52)]
+)
+def test_a_little_change_of_rest_under_a_push_is_drift_and_a_large_one_a_step(
+    after, slope, end
+):
+    """The rest under the top is half way to that after a drift, unmoved by a step.
+
+    A step shows as a rest that stays where it is, or, where little of it is seen, by
+    its size.
+    """
+    time, y = course((0, 0), *push(2.0, after=after), (end, after))
+    extents = found(time, y)
+    height = measure_heights(time, y, extents, definition="apex", limit=None)[0]
+    # The top lies 100 above the rest before; half of the drift has passed by then.
+    np.testing.assert_allclose(height.height, 100.0 - slope / 2, rtol=0, atol=0.45)
+    np.testing.assert_allclose(height.baseline, slope / 2, rtol=0, atol=0.45)
+
+
+@pytest.mark.parametrize(("valley", "n_pushes"), [(42.5, 2), (50.0, 1)])
+def test_a_valley_that_is_nearly_low_enough_separates_if_it_is_held(valley, n_pushes):
+    """Longer than the push before it is wide, though not come back to."""
+    corners = ((1, 0), (1.5, 100), (2, valley), (4, valley), (5, 200), (6, 0))
+    assert len(found(*course((0, 0), *corners, (8, 0)))) == n_pushes
+
+
+def test_brief_pushes_with_brief_rests_are_told_apart():
+    """0.2 s wide with 0.1 s of rest between them, as a fast robot taps."""
+    taps = [corner for k in range(6) for corner in push(1 + 0.3 * k, width=0.2)]
+    time, y = course((0, 0), *taps, (4, 0), rate=1000.0)
+    extents = found(time, y)
+    np.testing.assert_allclose(
+        [extent.t_peak for extent in extents], 1.1 + 0.3 * np.arange(6), atol=0.02
+    )
+    # Half of a triangle's base is above half of its height.
+    np.testing.assert_allclose([e.width for e in extents], 0.1, rtol=0, atol=0.015)
+
+
+@pytest.mark.parametrize("shown", [0.15, 0.4, 1.0])
+def test_a_push_on_a_grip_is_found_however_little_follows_it(shown):
+    grip = 300.0
+    corners = ((0, 0), (2.0, 0), (2.2, grip), *push(6.0, rest=grip, height=130.0))
+    time, y = course(*corners, (8.0 + shown, grip))
+    (extent,) = found(time, y)
+    np.testing.assert_allclose(extent.t_peak, 7.0, atol=0.1)
+    np.testing.assert_allclose(extent.height, 130.0, rtol=0.05)
+
+
+def test_a_push_on_a_grip_is_found_if_the_next_one_is_cut_as_it_begins():
+    grip = 300.0
+    corners = ((0, 0), (2, 0), (2.2, grip), *push(6.0, rest=grip, height=130.0))
+    time, y = course(*corners, (9.0, grip), (9.3, grip + 30.0))
+    assert any(abs(extent.t_peak - 7.0) < 0.1 for extent in found(time, y))
+
+
+def test_the_noise_of_uneven_steps_is_that_of_the_samples():
+    """On the flanks of pushes, where neighbours in number are far apart in time."""
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.choice([0.01, 0.3], size=4000, p=[0.7, 0.3]))
+    flanks = 200.0 * np.abs(time % 4.0 - 2.0)
+    noise = Noise.of(time, flanks + 2.0 * rng.standard_normal(len(time)))
+    np.testing.assert_allclose(noise.sigma, 2.0, rtol=0.1)
+
+
+def test_a_small_push_is_found_beside_the_edge_of_a_large_one():
+    """Where nothing else shows how the rest wanders."""
+    corners = (*push(1.0, height=600.0), *push(4.0, height=80.0), (6.3, 0), (6.8, 120))
+    assert 5 in tops(*course((0, 0), *corners))
