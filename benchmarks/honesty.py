@@ -22,7 +22,7 @@ from scipy import optimize, stats
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.reporting_rules import pieces_for, quoted
+from pushfit.fit.assess.reporting_rules import pieces_for
 from pushfit.fit.identify import identify_table
 from pushfit.fit.problem.priors import default_priors
 from pushfit.fit.results import FitStatus, Verdict
@@ -138,10 +138,9 @@ def by_pushfit(table: PeakTable, seed: int) -> Answer:
     text = f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n[report]\nprob = {PROB}\n"
     config = parse_config(text, path="grasp.toml")
     found = identify_table(table, config, seed=seed, engine="sweep")
-    shown = quoted(found.theta_c, found)
     pieces = [
         (0.0 if low is None else low, 90.0 if high is None else high)
-        for low, high in pieces_for(shown)
+        for low, high in pieces_for(found.theta_c)
     ]
     (K_sn,) = (q for q in found.parameters if q.name == "K_sn")
     return Answer(

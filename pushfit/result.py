@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import quantity_cells, verdict_word
@@ -47,7 +46,7 @@ class Value(Quantity):
         """The same quantity as a value.
 
         Args:
-            quantity: Already without what may not be quoted.
+            quantity: As reported.
         """
         return cls(**{f.name: getattr(quantity, f.name) for f in fields(quantity)})
 
@@ -100,9 +99,7 @@ class Result(Identification):
             return identification
 
         def value(quantity: Quantity | None) -> Value | None:
-            if quantity is None:
-                return None
-            return Value.of(quoted(quantity, identification))
+            return None if quantity is None else Value.of(quantity)
 
         own = {f.name: getattr(identification, f.name) for f in fields(identification)}
         for name in ("theta_c", "alpha_star", "alpha_star_model_free"):

@@ -229,14 +229,16 @@ def recipe_of(
     Args:
         sources: As given.
         plans: As given.
-        config: Settings in force.
+        config: Settings as given.
     """
     if not all(isinstance(given, str | Path) for given in (*sources, *plans)):
         return None
+    given = config.model_dump(mode="json")
     names = tuple(str(source) for source in sources)
     if len(names) == 1 and file_kind(names[0], **reader_options(config)) == "table":
-        return Recipe(table=names[0])
-    return Recipe(recordings=names, schedules=tuple(str(plan) for plan in plans))
+        return Recipe(config=given, table=names[0])
+    plan_names = tuple(str(plan) for plan in plans)
+    return Recipe(config=given, recordings=names, schedules=plan_names)
 
 
 def _several(given: object) -> list:

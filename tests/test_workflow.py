@@ -106,9 +106,12 @@ def test_a_table_goes_with_nothing_else(table):
 
 def test_only_files_can_be_verified_later(table):
     config = workflow.as_config(None)
-    assert workflow.recipe_of([table], [], config) == Recipe(table=str(table))
+    given = config.model_dump(mode="json")
+    assert workflow.recipe_of([table], [], config) == Recipe(
+        config=given, table=str(table)
+    )
     assert workflow.recipe_of([SWEEP], [PLAN], config) == Recipe(
-        recordings=(str(SWEEP),), schedules=(str(PLAN),)
+        config=given, recordings=(str(SWEEP),), schedules=(str(PLAN),)
     )
     assert workflow.recipe_of([pd.DataFrame()], [], config) is None
 

@@ -107,9 +107,10 @@ def _write_folder(item: Item, engine: str, folder: Path) -> str | Failure:
         return found
     kind, table = found
     plan = (item.schedule,) if item.schedule is not None else ()
-    recipe = Recipe(recordings=(item.path,), schedules=plan)
+    given = item.config.model_dump(mode="json")
+    recipe = Recipe(config=given, recordings=(item.path,), schedules=plan)
     if kind == "table":
-        recipe = Recipe(table=item.path)
+        recipe = Recipe(config=given, table=item.path)
     try:
         result = identify_table(table, item.config, seed=item.seed, engine=engine)
         # Rows of a long table are no file that could be read again by itself.

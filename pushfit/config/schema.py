@@ -164,6 +164,13 @@ class NoiseSection(Section):
         default="normal",
         description='"normal" or "student_t" (outlying pushes weigh less)',
     )
+    theta_sd_deg: NotNegative = Field(
+        default=0.0,
+        description="error of every elevation, drawn anew for each push, 1 sd [deg]",
+    )
+    alpha_sd_deg: NotNegative = Field(
+        default=0.0, description="the same of every azimuth"
+    )
 
 
 class ReportSection(Section):
@@ -171,6 +178,11 @@ class ReportSection(Section):
 
     prob: Probability = Field(
         default=0.9, description="probability of the intervals and sets"
+    )
+    wanted_width_deg: Positive = Field(
+        default=30.0,
+        description="widest interval of theta_c and alpha* that counts as determined "
+        "[deg]",
     )
 
 

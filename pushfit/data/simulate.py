@@ -17,6 +17,7 @@ from jaxtyping import Float
 from pushfit.atomic import atomic_path
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
+from pushfit.data.recordings.units import in_degrees
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
 
@@ -234,7 +235,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     for name in ("theta", "alpha"):
         angle = getattr(recording, name)
         if angle is not None:
-            columns[f"{name}_deg"] = np.degrees(angle)
+            columns[f"{name}_deg"] = in_degrees(angle)
     with atomic_path(path) as temporary:
         pd.DataFrame(columns).to_csv(temporary, index=False, lineterminator="\n")
 

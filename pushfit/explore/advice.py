@@ -15,7 +15,6 @@ from pushfit.explore.decide.intervals import Target
 from pushfit.explore.decide.survey import Surveyor
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import SYMBOLS
-from pushfit.fit.identify import prepared
 from pushfit.fit.results import Identification, Verdict
 from pushfit.fit.setup import build_problem
 
@@ -60,7 +59,7 @@ def _sentence(found: Identification, angle: str) -> str | None:
         sigma=None,
         reference_alpha=float(np.radians(found.reference_alpha_deg)),
     )
-    setup = build_problem(table, prepared(table, question.settings)[0])
+    setup = build_problem(table, question.settings)
     belief = belief_from(setup, found.posterior.samples, seed=found.seed)
     survey = Surveyor(question, limits).survey(belief, undecided=question.ask)
     # A push shorter than the others would make no row of the table.

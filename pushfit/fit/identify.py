@@ -33,12 +33,18 @@ from pushfit.fit.assess.quantities import (
     combination_quantities,
     parameter_quantities,
 )
+from pushfit.fit.assess.reporting_rules import (
+    reported,
+    unknown,
+    within_verdict,
+)
 from pushfit.fit.assess.tilt_check import (
     does_tilt_matter,
     implied_tilt_deg,
     is_worse,
     tilt_notice,
 )
+from pushfit.fit.assess.violations import violation_notices, violations
 from pushfit.fit.environment import environment
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.likelihood.profiles import likelihood_profiles
@@ -150,7 +156,6 @@ def identify_table(
         profiles,
         posterior,
         others=tuple(other.answer for other in answers[1:]),
-        config=config,
         seed=seed,
         is_brief=is_brief,
     )
@@ -162,20 +167,15 @@ def _conclude(
     posterior: PosteriorResult,
     *,
     others: tuple[MechanicsAnswer, ...],
-    config: GraspConfig,
     seed: int,
     is_brief: bool,
 ) -> Identification:
     """All that fit, profiles and posterior say together."""
-    prob = config.report.prob
+    prob = fitted.config.report.prob
     theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
-    alpha_star = angle_quantity(
-        "alpha_star", posterior, profiles.get("alpha_star"), prob=prob
-    )
     words = {
         "prob": prob,
         "unit": fitted.table.unit,
-        "is_length_known": config.push.length_known,
         "with_sets": not is_brief,
     }
     problem = fitted.setup.problem
@@ -186,20 +186,19 @@ def _conclude(
         seed=seed,
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
     )
-    answers = (_answer(fitted, posterior, theta_c), *others)
-    tilt = tilt_notice(config, answers, implied_tilt_deg(fitted.setup, posterior))
-    model_free = model_free_direction(fitted.table, prob=prob, seed=seed)
-    return Identification(
+    found = Identification(
         table=fitted.table,
         used=fitted.table.is_used,
-        config=config,
+        config=fitted.config,
         fit=fitted.fit,
         posterior=posterior,
-        by_mechanics=answers,
+        by_mechanics=(_answer(fitted, posterior, theta_c), *others),
         theta_c=theta_c,
         reference_alpha_deg=float(np.degrees(fitted.reference_alpha)),
-        alpha_star=alpha_star,
-        alpha_star_model_free=model_free,
+        alpha_star=angle_quantity(
+            "alpha_star", posterior, profiles.get("alpha_star"), prob=prob
+        ),
+        alpha_star_model_free=model_free_direction(fitted.table, prob=prob, seed=seed),
         parameters=parameter_quantities(fitted.setup, posterior, profiles, **words),
         combinations=combination_quantities(fitted.setup, posterior, profiles, **words),
         profiles=profiles,
@@ -207,14 +206,6 @@ def _conclude(
             problem,
             posterior.samples,
             posterior.prior_samples,
-            advice=()
-            if is_brief
-            else measurements(
-                problem,
-                verdicts={q.name: q.verdict for q in (theta_c, alpha_star)},
-                is_calibrated=fitted.setup.is_calibrated,
-                has_direction=fitted.setup.has_direction,
-            ),
         ),
         goodness_of_fit=criticism,
         bands=()
@@ -222,17 +213,40 @@ def _conclude(
         else prediction_bands(
             fitted.table, problem, fitted.fit, posterior.samples, prob=prob
         ),
-        warnings=(
-            *fitted.notices,
-            *handover_notices(posterior),
-            *result_notices(
-                fitted.setup, posterior, criticism, (theta_c, alpha_star), model_free
-            ),
-            *([] if tilt is None else [tilt]),
-        ),
+        warnings=(*fitted.notices, *handover_notices(posterior)),
         status=posterior.status,
         seed=seed,
         versions=environment(),
+    )
+    return _with_words(fitted, reported(found), is_brief=is_brief)
+
+
+def _with_words(
+    fitted: Fitted, found: Identification, *, is_brief: bool
+) -> Identification:
+    """The result with what its verdicts warn of and call for."""
+    setup = fitted.setup
+    tilt_deg = implied_tilt_deg(setup, found.posterior)
+    tilt = tilt_notice(fitted.config, found.by_mechanics, tilt_deg)
+    advice = measurements(
+        setup.problem,
+        verdicts={q.name: q.verdict for q in (found.theta_c, found.alpha_star)},
+        is_calibrated=setup.is_calibrated,
+        has_direction=setup.has_direction,
+    )
+    told = replace(found.identifiability, advice=() if is_brief else advice)
+    return replace(
+        found,
+        identifiability=told,
+        warnings=(
+            *found.warnings,
+            *result_notices(setup, found),
+            *violation_notices(
+                violations(fitted.table, setup, fitted.fit),
+                is_adequate=found.goodness_of_fit.is_adequate,
+            ),
+            *([] if tilt is None else [tilt]),
+        ),
     )
 
 
@@ -300,10 +314,13 @@ def _answer(
     fitted: Fitted, posterior: PosteriorResult, theta_c: Quantity
 ) -> MechanicsAnswer:
     """What stands beside the other mechanics."""
-    best = fitted.fit.modes[0]
+    best, wanted = fitted.fit.modes[0], fitted.config.report.wanted_width_deg
+    is_trusted = posterior.status is FitStatus.OK
     return MechanicsAnswer(
         mechanics=fitted.setup.problem.grasp.mechanics,
-        theta_c=theta_c,
+        theta_c=within_verdict(theta_c, wanted_width_deg=wanted)
+        if is_trusted
+        else unknown(theta_c),
         best_fit_deg=best.theta_c_deg,
         chi_square=best.chi_square,
         log_evidence=posterior.log_evidence,
@@ -355,7 +372,7 @@ def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:
         setup, fit = _fit(table, config, reference_alpha)
     return Fitted(
         table=table,
-        config=config,
+        config=with_sigma(config, setup.noise.kind),
         setup=setup,
         fit=fit,
         reference_alpha=reference_alpha,

@@ -8,6 +8,7 @@ import enum
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -22,6 +23,7 @@ class Verdict(enum.Enum):
     """What may be said of a quantity; the value is the word in every output."""
 
     DETERMINED = "determined"
+    WIDE = "wide"
     ONE_SIDED = "one_sided"
     SEVERAL_MODES = "several_modes"
     NOT_DETERMINED = "not_determined"
@@ -29,6 +31,8 @@ class Verdict(enum.Enum):
     PARTLY = "partly"
     ASSUMED = "assumed"
     FIXED = "fixed"
+    PROVISIONAL = "provisional"
+    UNKNOWN = "unknown"
 
 
 class FitStatus(enum.Enum):
@@ -368,14 +372,16 @@ class MechanicsAnswer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
-    """Which files became the table: with config, seed and engine, how to do it again.
+    """Which files became the table: with seed and engine, how to do it again.
 
     Args:
+        config: The configuration as it was given, plain values by section and key.
         recordings: Recordings, as the user named them.
         schedules: Their schedules in the same order; none where recordings have angles.
         table: Table of peak heights, where there were no recordings.
     """
 
+    config: Mapping[str, Any]
     recordings: tuple[str, ...] = ()
     schedules: tuple[str, ...] = ()
     table: str | None = None
@@ -388,7 +394,7 @@ class Identification:
     Args:
         table: The peak heights.
         used: Rows that entered the fit.
-        config: The configuration as it was given.
+        config: The configuration in force: what "auto" came to is in it.
         fit: Least squares.
         posterior: Posterior draws.
         by_mechanics: Answers by all mechanics that the table was identified by; the

@@ -20,6 +20,7 @@ from pushfit.fit.problem.data_coordinates import data_names
 from pushfit.fit.problem.noise import Noise, choose_noise
 from pushfit.fit.problem.priors import Prior, default_priors, priors_from_config
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.uninformative import check_informative
 from pushfit.model import Grasp, Pushes, as_float
 
 # One compiled program serves every table of up to this many rows, then of twice as
@@ -64,7 +65,7 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
         The problem and its provenance.
 
     Raises:
-        DataError: If no usable row is left.
+        DataError: If no usable row is left, or the rows can show nothing.
         ConfigError: If the configuration asks for noise or units the table lacks.
     """
     used = np.flatnonzero(table.is_used)
@@ -74,6 +75,7 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
             "out of contact), so none is left to fit; look at the flags column",
             code="no_usable_push",
         )
+    check_informative(table, config)
     grasp = make_grasp(config, table.unit)
     calibrated = is_calibrated(config, table.unit)
     noise = choose_noise(table, config)

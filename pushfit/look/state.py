@@ -14,10 +14,11 @@ from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import push_signal, signal_name
 from pushfit.data.peaks.extract import extract_peaks, measure_pushes
-from pushfit.data.plans.schedule import DECIMALS, PushSchedule
+from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.found import find, no_pushes
 from pushfit.data.recordings.records import Recording
+from pushfit.data.recordings.units import DECIMALS
 from pushfit.data.tables.columns import Origin
 from pushfit.errors import ConfigError, DataError
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.assess.reporting_rules import Pieces, is_trusted, pieces_for, quoted
+from pushfit.fit.assess.reporting_rules import Pieces, is_trusted, pieces_for
 from pushfit.fit.results import (
     FitStatus,
     Identification,
@@ -56,7 +56,7 @@ class Answer:
 
 def theta_c_answer(identification: Identification) -> Answer:
     """What may be said of the critical angle."""
-    quantity = quoted(identification.theta_c, identification)
+    quantity = identification.theta_c
     subject = _theta_c_subject(identification)
     if not is_trusted(identification):
         return _unquoted("theta_c", subject, identification)
@@ -92,7 +92,7 @@ def theta_c_answer(identification: Identification) -> Answer:
 
 def alpha_star_answer(identification: Identification) -> Answer:
     """What may be said of the best push direction."""
-    quantity = quoted(identification.alpha_star, identification)
+    quantity = identification.alpha_star
     subject = "The best push direction α*"
     if not is_trusted(identification):
         return _unquoted("alpha_star", subject, identification)
@@ -112,7 +112,7 @@ def alpha_star_answer(identification: Identification) -> Answer:
     )
     remarks = [
         _reach_remark(answer, identification.config.reach.alpha_deg),
-        _model_free_remark(quantity, free and quoted(free, identification)),
+        _model_free_remark(quantity, free),
     ]
     return _with_caution(_with_remarks(answer, remarks), identification)
 
@@ -155,6 +155,12 @@ def _angle_answer(
     elif verdict is Verdict.ONE_SIDED and pieces:
         values, short = (), ranges
         sentence = f"{subject} is {ranges} ({prob}); the data bound it no further."
+    elif verdict is Verdict.WIDE and quantity.interval is not None:
+        values, pieces = (), (quantity.interval,)
+        short = format_range(*quantity.interval, "deg")
+        sentence = (
+            f"{subject} is {short} ({prob} interval), which is wider than was wanted."
+        )
     elif estimate is None or verdict is Verdict.ASSUMED:
         values, pieces, short = (), (), "not determined by these data"
         sentence = f"{subject} is {short}: {reason}."
@@ -162,6 +168,10 @@ def _angle_answer(
         values, short = (estimate,), format_angle(estimate)
         is_fixed = verdict is Verdict.FIXED
         sentence = f"{subject} is {short}{', as configured' if is_fixed else ''}."
+        if verdict is Verdict.PROVISIONAL:
+            # What comes before says that the model does not fit.
+            sentence = f"{subject} would be {short} if it did; no interval holds."
+            short = f"{short}, provisional"
     else:
         values, pieces = (estimate,), (quantity.interval,)  # drawn as it is said
         spread = spread_of(estimate, quantity.interval)
@@ -178,6 +188,8 @@ def _reason(
     quantity: Quantity, angles: Float[np.ndarray, " n"], *, few: str, many: str
 ) -> str:
     """Why an angle is not determined."""
+    if quantity.verdict is Verdict.PROVISIONAL:
+        return "the model does not describe them"
     if quantity.note:
         return printable(quantity.note).rstrip(".")
     n_different = np.unique(angles.round(6)).size

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pushfit.fit.assess.reporting_rules import is_trusted, pieces_for, quoted
+from pushfit.fit.assess.reporting_rules import is_trusted, pieces_for
 from pushfit.fit.results import (
     Identification,
     MechanicsAnswer,
@@ -49,6 +49,7 @@ WORDS = {
     Verdict.SEVERAL_MODES: "several modes",
     Verdict.ONE_SIDED: "one-sided",
     Verdict.NOT_DETERMINED: "not determined",
+    Verdict.UNKNOWN: "not known",
 }
 
 
@@ -118,7 +119,7 @@ def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
     """Value, interval, unit, verdict and note of a quantity, as printed.
 
     Args:
-        quantity: Already without what is not to be quoted.
+        quantity: As reported.
     """
     interval, spread = "", None
     if quantity.interval is not None:
@@ -216,21 +217,19 @@ def angle_rows(identification: Identification) -> list[tuple[str, str]]:
         (identification.alpha_star, alpha_star_answer(identification)),
     ):
         text = answer.short
-        sets = quoted(quantity, identification).likelihood_sets
+        sets = quantity.likelihood_sets
         if sets and is_trusted(identification):
             ranges = join_or([format_range(*piece, "deg") for piece in sets])
             text += f"; likelihood alone: {ranges}"
         rows.append((symbol(answer.name), text))
     if len(identification.by_mechanics) > 1:
-        rows += [_mechanics_row(a, identification) for a in identification.by_mechanics]
+        rows += [_mechanics_row(answer) for answer in identification.by_mechanics]
     return rows
 
 
-def _mechanics_row(
-    answer: MechanicsAnswer, identification: Identification
-) -> tuple[str, str]:
+def _mechanics_row(answer: MechanicsAnswer) -> tuple[str, str]:
     """θ_c by one of the mechanics with its evidence."""
-    theta_c = quoted(answer.theta_c, identification)
+    theta_c = answer.theta_c
     ranges = [format_range(*piece, "deg") for piece in pieces_for(theta_c)]
     text = join_or(ranges) or UNQUOTED
     if theta_c.estimate is not None and theta_c.interval is not None:

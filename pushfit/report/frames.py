@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted, quoted
+from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted
 from pushfit.fit.results import Identification, Verdict
 
 # Weaker correlations change no reading of the intervals.
@@ -44,20 +44,19 @@ def result_frame(identification: Identification) -> pd.DataFrame:
     rows = []
     for kind, quantities in kinds:
         for quantity in quantities:
-            shown = quoted(quantity, identification)
-            lower, upper = shown.interval or (np.nan, np.nan)
+            lower, upper = quantity.interval or (np.nan, np.nan)
             rows.append(
                 {
-                    "name": shown.name,
+                    "name": quantity.name,
                     "kind": kind,
-                    "estimate": shown.estimate,
+                    "estimate": quantity.estimate,
                     "lower": lower,
                     "upper": upper,
-                    "prob": shown.prob,
-                    "unit": shown.unit,
-                    "verdict": shown.verdict.value,
-                    "contraction": shown.contraction,
-                    "note": shown.note,
+                    "prob": quantity.prob,
+                    "unit": quantity.unit,
+                    "verdict": quantity.verdict.value,
+                    "contraction": quantity.contraction,
+                    "note": quantity.note,
                 }
             )
     numbers = ("estimate", "lower", "upper", "prob", "contraction")

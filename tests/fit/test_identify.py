@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from pushfit.config import parse_config
-from pushfit.data.tables.peak_table import read_table
+from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.assess.quantities import angle_quantity
+from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.identify import fit_table, identify_table
 from pushfit.fit.results import FitStatus, Verdict
 from tests.fit.tables import case_table, config
@@ -61,8 +62,25 @@ def test_a_sharp_profile_determines_nothing_where_the_draws_are_those_of_the_pri
     theta_c = angle_quantity("theta_c", ignorant, profile, prob=0.9)
     assert profile.verdict is Verdict.DETERMINED
     assert theta_c.verdict is Verdict.NOT_DETERMINED
-    assert theta_c.estimate is theta_c.interval is None
-    assert theta_c.sets == ()
+    shown = reported(replace(determined, theta_c=theta_c)).theta_c
+    assert shown.estimate is shown.interval is None
+    assert shown.sets == ()
+
+
+def test_a_result_is_made_as_it_is_reported(determined, one_sided):
+    """A one-sided B has a bound, and neither a middle nor an interval."""
+    for result in (determined, one_sided):
+        again = reported(result)
+        for name in ("theta_c", "alpha_star", "parameters", "combinations"):
+            assert getattr(again, name) == getattr(result, name)
+    open_sided = [q for q in one_sided.combinations if q.verdict is Verdict.ONE_SIDED]
+    assert all(q.estimate is q.interval is None for q in open_sided)
+
+
+def test_the_configuration_in_force_says_what_auto_came_to(determined, one_sided):
+    """Both tables state the sd of every height, which repeats do not contradict."""
+    for result in (determined, one_sided):
+        assert result.config.noise.sigma == "given"
 
 
 def test_combinations_are_determined_and_single_stiffnesses_are_not(determined):
@@ -194,6 +212,40 @@ def test_an_unknown_engine_is_refused():
     table = case_table(CASES["firm"], noise=0.03)
     with pytest.raises(ConfigError, match="nuts"):
         identify_table(table, config(), seed=0, engine="nuts")
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_constant_heights_without_sd_bound_an_angle_from_one_side(repeats):
+    """Any θ_c below the lowest push fits them: A = B, and nothing rolls."""
+    theta = np.radians(np.repeat(np.arange(5.0, 86.0, 5.0), repeats))
+    table = PeakTable.from_arrays(
+        theta=theta,
+        alpha=np.full(theta.size, 1.5),
+        heights={"height": np.full(theta.size, 2.0)},
+        unit="n",
+    )
+    result = identify_table(table, config(), seed=0, engine="sweep")
+    assert result.theta_c.verdict is Verdict.ONE_SIDED
+    pieces = result.theta_c.sets
+    assert pieces[0][0] is None
+    assert pieces[-1][1] < 6.0
+
+
+def test_a_model_that_is_rejected_gives_no_interval():
+    """Heights of a contact that rolls at steep pushes and not at flat ones."""
+    table = case_table(CASES["firm"], noise=0.01, seed=1)
+    wave = 0.2 * np.sin(np.radians(8 * table.frame["theta_deg"]))
+    heights = table.frame["height_n"] + wave
+    wrong = type(table).from_frame(table.frame.assign(height_n=heights))
+    settings = config('[noise]\nsigma = "given"\n')
+    result = identify_table(wrong, settings, seed=1, engine="sweep")
+    assert not result.goodness_of_fit.is_adequate
+    quantities = (result.theta_c, *result.combinations, *result.parameters)
+    determined = {Verdict.DETERMINED, Verdict.LEARNED, Verdict.PARTLY}
+    assert not determined & {q.verdict for q in quantities}
+    assert all(
+        q.interval is None for q in quantities if q.verdict is not Verdict.ASSUMED
+    )
 
 
 @pytest.mark.slow

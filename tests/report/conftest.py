@@ -8,6 +8,7 @@ import pytest
 
 from pushfit.config import GraspConfig
 from pushfit.data.recordings.recording import Source
+from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.results import (
     Combination,
     FitStatus,
@@ -46,7 +47,7 @@ def make_identification() -> Callable[..., Identification]:
         fit = make_fit(table)
         grid = np.linspace(0.0, 90.0, 181)
         alpha_star = make_angle("alpha_star", 65.0)
-        free = make_angle("alpha_star", 66.0)
+        free = make_angle("alpha_star_model_free", 66.0)
         if not with_alpha:
             free = None
             alpha_star = make_angle(
@@ -126,7 +127,7 @@ def make_identification() -> Callable[..., Identification]:
             seed=11,
             versions={"pushfit": "0.1.0", "jax": "0.10.2"},
         )
-        return replace(base, **changes)
+        return reported(replace(base, **changes))
 
     return make
 
@@ -207,6 +208,15 @@ def not_determined(make_identification) -> Identification:
             note="all pushes have the elevation 15°",
         )
     )
+
+
+@pytest.fixture
+def prior_dominated(make_identification, determined) -> Identification:
+    """Nothing but the prior is known of A, and its likelihood set is open."""
+    first, second = determined.combinations
+    verdict = Verdict.NOT_DETERMINED
+    first = replace(first, verdict=verdict, likelihood_sets=((None, None),))
+    return make_identification(combinations=(first, second))
 
 
 @pytest.fixture

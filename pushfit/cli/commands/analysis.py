@@ -197,6 +197,7 @@ def analyse(
         )
         progress("next push", inferred)
         recipe = Recipe(
+            config=settings.model_dump(mode="json"),
             recordings=request.recordings,
             schedules=request.schedules,
             table=request.table,

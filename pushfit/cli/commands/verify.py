@@ -171,7 +171,7 @@ def recorded_config(summary: dict[str, Any]) -> "GraspConfig":
     from pushfit.config import GraspConfig
 
     try:
-        return GraspConfig.model_validate(summary["config"])
+        return GraspConfig.model_validate(summary["recipe"]["config"])
     except ValidationError as error:
         raise ConfigError(
             f"the config in summary.json is not understood: {error.errors()[0]['msg']}"

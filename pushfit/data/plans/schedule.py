@@ -13,15 +13,12 @@ from jaxtyping import Float, Int
 
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.records import Source
+from pushfit.data.recordings.units import in_degrees
 from pushfit.data.tables.column_rules import check_columns
 from pushfit.data.tables.columns import Layout, Origin, read_columns
 from pushfit.data.tables.rows import read_rows
 
 LAYOUT = Layout(times=("time",))
-
-# Angles of a plan are round numbers of degrees; so many digits survive the way to
-# radians and back.
-DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,8 +191,8 @@ def write_schedule(schedule: PushSchedule, path: str | Path) -> None:
     """
     columns = {
         "push": schedule.push,
-        "theta_deg": np.degrees(schedule.theta).round(DECIMALS),
-        "alpha_deg": np.degrees(schedule.alpha).round(DECIMALS),
+        "theta_deg": in_degrees(schedule.theta),
+        "alpha_deg": in_degrees(schedule.alpha),
         "repeat": schedule.repeat,
     }
     if schedule.time is not None:

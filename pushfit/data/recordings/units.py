@@ -19,6 +19,9 @@ from pushfit.data.text.faults import did_you_mean
 from pushfit.errors import ConfigError
 
 Quantity = Literal["signal", "time", "angle", "length"]
+# Angles are stated as round numbers of degrees; so many digits survive the way to
+# radians and back.
+DECIMALS = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,3 +285,18 @@ def implausible_angles(
         found = ", ".join(f"|{name}| <= {top:g}" for name, (top, _) in largest.items())
         return f"{found} in degrees look like radians; state the unit rad"
     return None
+
+
+def in_degrees(radians: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Angles as they were stated: -60°, not -59.99999999999999°.
+
+    Args:
+        radians: Angles [rad].
+
+    Returns:
+        The round number of degrees of which this is the angle in radians, to the last
+        bit; where there is none, the nearest number [deg].
+    """
+    degrees = np.degrees(radians)
+    stated = degrees.round(DECIMALS)
+    return np.where(np.radians(stated) == radians, stated, degrees)

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
-from pushfit.data.recordings.units import UNITS, Unit, split_unit
+from pushfit.data.recordings.units import UNITS, Unit, in_degrees, split_unit
 from pushfit.errors import DataError, Problem
 
 ANGLES = ("theta", "alpha")
@@ -259,7 +259,7 @@ def _convert(
             # Not by way of radians: 15 must stay 15.
             converted[f"{stem}_deg"] = values
         elif column.unit.quantity == "angle":
-            converted[f"{stem}_deg"] = np.degrees(values)
+            converted[f"{stem}_deg"] = in_degrees(values)
         else:
             suffix = unit if column.unit.quantity == "signal" else "s"
             converted[f"{stem}_{suffix}"] = column.unit.to_canonical(values)

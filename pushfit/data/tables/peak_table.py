@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.records import Source
+from pushfit.data.recordings.units import in_degrees
 from pushfit.data.tables.columns import Origin
 from pushfit.data.tables.rows import read_rows
 from pushfit.data.tables.rules import (
@@ -113,8 +114,8 @@ class PeakTable:
             DataError: A value breaks a rule.
         """
         columns: dict[str, object] = {
-            "theta_deg": np.degrees(theta),
-            "alpha_deg": np.degrees(alpha),
+            "theta_deg": in_degrees(theta),
+            "alpha_deg": in_degrees(alpha),
         }
         if repeat is not None:
             columns["repeat"] = repeat

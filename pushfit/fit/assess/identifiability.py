@@ -31,8 +31,6 @@ def identifiability(
     problem: Problem,
     samples: Mapping[str, Float[np.ndarray, " n"]],
     prior_samples: Mapping[str, Float[np.ndarray, " m"]],
-    *,
-    advice: tuple[str, ...],
 ) -> IdentifiabilityResult:
     """Directions in parameter space by how well the data fix them.
 
@@ -42,10 +40,9 @@ def identifiability(
         problem: Problem with weighted residuals.
         samples: Posterior draws; J is taken at their medians.
         prior_samples: Draws from the prior, which give the prior spread along V.
-        advice: Sentences on what would help.
 
     Returns:
-        One combination per free parameter, best determined first.
+        One combination per free parameter, best determined first; no advice yet.
     """
     names = free_parameters(problem)
     middle = np.array([np.median(_scaled(n, samples[n])) for n in names])
@@ -69,7 +66,7 @@ def identifiability(
         combinations=tuple(combinations),
         rank=int(np.sum(singular_values > floor)),
         n_parameters=len(names),
-        advice=advice,
+        advice=(),
     )
 
 

@@ -13,7 +13,7 @@ from pushfit.fit.problem.derived import in_contact
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
-    GoodnessOfFit,
+    Identification,
     Notice,
     PosteriorResult,
     Quantity,
@@ -21,6 +21,9 @@ from pushfit.fit.results import (
 )
 from pushfit.fit.setup import Setup
 from pushfit.model import as_float, contact
+
+# Verdicts that need no words, or have had them.
+SAID = frozenset({Verdict.DETERMINED, Verdict.UNKNOWN, Verdict.PROVISIONAL})
 
 
 def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
@@ -114,26 +117,17 @@ def scatter_notice(setup: Setup, fit: FitResult) -> Notice | None:
     )
 
 
-def result_notices(
-    setup: Setup,
-    posterior: PosteriorResult,
-    criticism: GoodnessOfFit,
-    quantities: tuple[Quantity, Quantity],
-    model_free: Quantity | None,
-) -> Iterator[Notice]:
+def result_notices(setup: Setup, found: Identification) -> Iterator[Notice]:
     """What the finished result says.
 
     Args:
         setup: Problem.
-        posterior: Draws.
-        criticism: Goodness of fit.
-        quantities: θ_c and α*.
-        model_free: α* without the model.
+        found: The result, as reported.
 
     Yields:
         Warnings.
     """
-    theta_c, alpha_star = quantities
+    posterior, criticism = found.posterior, found.goodness_of_fit
     if not criticism.is_adequate:
         yield Notice(code="model_inadequate", text=criticism.sentence)
     if criticism.outliers:
@@ -148,20 +142,30 @@ def result_notices(
         )
     if posterior.status is not FitStatus.OK:
         problems = posterior.diagnostics.problems if posterior.diagnostics else ()
+        if posterior.engine == "sweep":
+            problems = (
+                f"of the weighted draws {posterior.ess or 0:.0f} count, and the tail "
+                f"of their weights has the shape {posterior.pareto_k or np.nan:.2f}",
+            )
         yield Notice(
             code=posterior.status.name.lower(),
             text="; ".join([posterior.status.value, *problems]),
         )
-    for quantity, symbol in ((theta_c, "θ_c"), (alpha_star, "α*")):
+    for quantity, symbol in ((found.theta_c, "θ_c"), (found.alpha_star, "α*")):
         is_asked = quantity.name in posterior.samples
-        if is_asked and quantity.verdict is not Verdict.DETERMINED:
+        if is_asked and quantity.verdict not in SAID:
             words = quantity.verdict.value.replace("_", " ")
-            yield Notice(
-                code=f"{quantity.name}_{quantity.verdict.value}",
-                text=f"{symbol}: {words} by these data",
-            )
-    yield from _disagreement(alpha_star, model_free)
-    yield from _bounds(setup, posterior)
+            text = f"{symbol}: {words} by these data"
+            if quantity.verdict is Verdict.WIDE and quantity.interval is not None:
+                low, high = quantity.interval
+                wanted = found.config.report.wanted_width_deg
+                text = (
+                    f"{symbol}: its interval is {high - low:.0f}° wide, and [report] "
+                    f"wanted_width_deg is {wanted:g}; more pushes narrow it"
+                )
+            yield Notice(code=f"{quantity.name}_{quantity.verdict.value}", text=text)
+    yield from _disagreement(found.alpha_star, found.alpha_star_model_free)
+    yield from bound_notices(setup, posterior)
 
 
 def _disagreement(
@@ -184,8 +188,16 @@ def _disagreement(
         )
 
 
-def _bounds(setup: Setup, posterior: PosteriorResult) -> Iterator[Notice]:
-    """Posterior pressed against the bound of a uniform prior."""
+def bound_notices(setup: Setup, posterior: PosteriorResult) -> Iterator[Notice]:
+    """Say where a posterior is pressed against the bound of a uniform prior.
+
+    Args:
+        setup: Problem.
+        posterior: Draws.
+
+    Yields:
+        Warnings.
+    """
     for name, prior in setup.problem.priors.items():
         if prior.kind != "uniform" or name not in posterior.samples:
             continue
@@ -198,7 +210,7 @@ def _bounds(setup: Setup, posterior: PosteriorResult) -> Iterator[Notice]:
             (low, np.mean(draws < low + edge)),
             (high, np.mean(draws > high - edge)),
         ):
-            if bound > 0 and share > 0.1:
+            if share > 0.1:
                 yield Notice(
                     code="bound_touched",
                     text=f"{name} presses against its bound {bound:g}; its interval is "

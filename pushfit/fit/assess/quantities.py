@@ -1,8 +1,7 @@
-"""What may be said of each quantity: its draws and its profile, with a verdict.
+"""What is known of each quantity: its draws and its profile, with a verdict.
 
-Two rules keep reports honest. An end that the likelihood leaves open is open in every
-set that is printed. An estimate with a ± is given only for what the data determine, and
-never from a sampler that has not converged.
+An end that the likelihood leaves open is open in every set of an angle. Excluded: which
+of these numbers may be quoted (`reporting_rules`).
 """
 
 import functools
@@ -20,7 +19,6 @@ from pushfit.fit.problem.derived import (
 )
 from pushfit.fit.problem.priors import UNITS
 from pushfit.fit.results import (
-    FitStatus,
     LikelihoodProfile,
     Piece,
     PosteriorResult,
@@ -57,33 +55,27 @@ def angle_quantity(
         prob: Probability of interval and sets.
 
     Returns:
-        The quantity. Estimate and interval are None unless the verdict is DETERMINED;
-        with several modes the interval is kept, which covers them all. Where the data
-        hardly narrow the prior nothing is determined, however sharp the profile: a few
-        pushes can be fitted perfectly by a model that knows nothing.
+        The quantity, without numbers where a good part of the draws has no such angle.
+        Where the data hardly narrow the prior nothing is determined, however sharp the
+        profile: a few pushes can be fitted perfectly by a model that knows nothing.
     """
     is_axis = name == "alpha_star"
     verdict = Verdict.NOT_DETERMINED if profile is None else profile.verdict
+    likelihood_sets = () if profile is None else profile.pieces
     draws = posterior.samples.get(name)
-    found: tuple[Piece, ...] = ()
+    sets, interval, estimate, note = (), None, None, ""
     if draws is not None:
         found = highest_density_set(draws, prob, is_axis=is_axis)
         before = _width_before(posterior.prior_samples[name].tobytes(), prob, is_axis)
         if before > 0 and 1 - _width(found) / before < ASSUMED:
             verdict = Verdict.NOT_DETERMINED
-    is_quotable = posterior.status is FitStatus.OK and draws is not None
-    sets, interval, estimate, note = (), None, None, ""
-    if draws is not None:
         never = float(np.mean(np.isnan(draws)))
         if never > 0:
             note = f"{never:.1%} of the posterior never rolls"
-            # Draws without a critical angle are no part of any interval for it.
-            is_quotable = is_quotable and never < (1 - prob) / 2
-    if is_quotable and draws is not None and verdict is not Verdict.NOT_DETERMINED:
-        sets = _with_open_ends(found, () if profile is None else profile.pieces)
-        if verdict in (Verdict.DETERMINED, Verdict.SEVERAL_MODES):
+        # Draws without a critical angle are no part of any interval for it.
+        if never < (1 - prob) / 2:
+            sets = _with_open_ends(found, likelihood_sets)
             interval = equal_tailed_interval(draws, prob, is_axis=is_axis)
-        if verdict is Verdict.DETERMINED:
             estimate = median(draws, is_axis=is_axis)
     return Quantity(
         name=name,
@@ -92,7 +84,7 @@ def angle_quantity(
         interval=interval,
         prob=prob,
         sets=sets,
-        likelihood_sets=() if profile is None else profile.pieces,
+        likelihood_sets=likelihood_sets,
         verdict=verdict,
         contraction=_contraction(name, posterior),
         note=note,
@@ -106,7 +98,6 @@ def parameter_quantities(
     *,
     prob: float,
     unit: str,
-    is_length_known: bool,
     with_sets: bool = True,
 ) -> tuple[Quantity, ...]:
     """The parameters with what the data added to their priors.
@@ -117,7 +108,6 @@ def parameter_quantities(
         profiles: Likelihood profiles by name.
         prob: Probability of intervals and sets.
         unit: Unit of the heights.
-        is_length_known: Whether stiffness may be quoted.
         with_sets: Whether to look for highest-density sets, the slowest part.
 
     Returns:
@@ -139,7 +129,6 @@ def parameter_quantities(
                 prob=prob,
                 verdict=_parameter_verdict(name, setup, posterior),
                 note="fixed" if prior is None else prior.describe(),
-                is_quoted=is_length_known or not _needs_length(name),
                 with_sets=with_sets,
             )
         )
@@ -153,7 +142,6 @@ def combination_quantities(
     *,
     prob: float,
     unit: str,
-    is_length_known: bool,
     with_sets: bool = True,
 ) -> tuple[Quantity, ...]:
     """A, B and the shape of B: what linear forces depend on beside C_rr.
@@ -164,7 +152,6 @@ def combination_quantities(
         profiles: Likelihood profiles by name.
         prob: Probability of intervals and sets.
         unit: Unit of the heights.
-        is_length_known: Whether stiffness may be quoted.
         with_sets: Whether to look for highest-density sets, the slowest part.
 
     Returns:
@@ -187,7 +174,6 @@ def combination_quantities(
                 prob=prob,
                 verdict=verdict,
                 note=FORMULAS[name],
-                is_quoted=is_length_known or not _needs_length(name),
                 with_sets=with_sets,
             )
         )
@@ -211,27 +197,20 @@ def _quantity(
     prob: float,
     verdict: Verdict,
     note: str,
-    is_quoted: bool,
     with_sets: bool,
 ) -> Quantity:
     """A parameter or combination; its interval is a posterior one, prior included."""
     draws = posterior.samples[name]
-    pieces: tuple[Piece, ...] = () if profile is None else profile.pieces
-    if not is_quoted:
-        note = "not quoted: the push length is not known"
-    is_fixed = verdict is Verdict.FIXED
-    is_quotable = is_quoted and (posterior.status is FitStatus.OK or is_fixed)
-    has_spread = is_quotable and not is_fixed
     return Quantity(
         name=name,
         unit=unit,
-        estimate=median(draws) if is_quotable else None,
-        interval=equal_tailed_interval(draws, prob) if has_spread else None,
+        estimate=median(draws),
+        interval=equal_tailed_interval(draws, prob),
         prob=prob,
-        sets=highest_density_set(draws, prob) if has_spread and with_sets else (),
-        likelihood_sets=pieces if is_quoted else (),
+        sets=highest_density_set(draws, prob) if with_sets else (),
+        likelihood_sets=() if profile is None else profile.pieces,
         verdict=verdict,
-        contraction=None if is_fixed else _contraction(name, posterior),
+        contraction=_contraction(name, posterior),
         note=note,
     )
 
@@ -274,11 +253,6 @@ def _width(pieces: tuple[Piece, ...]) -> float:
 
 def _finite(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
     return values[np.isfinite(values)]
-
-
-def _needs_length(name: str) -> bool:
-    """Whether a quantity scales with the push length."""
-    return name in ("K_sn", "K_dn", "K_st", "C_d", "A", "B")
 
 
 def _with_open_ends(

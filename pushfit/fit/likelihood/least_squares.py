@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.errors import FitError
+from pushfit.fit.likelihood.angle_errors import with_angle_errors
 from pushfit.fit.likelihood.curve import search
 from pushfit.fit.likelihood.weights import with_noise_of
 from pushfit.fit.problem.derived import critical_angle_at
@@ -209,7 +210,7 @@ def restarted(
 
 
 def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
-    """The setup searched, with sigma estimated where it is sampled.
+    """The setup searched, its weights those of the best fit that they lead to.
 
     Args:
         setup: Problem and its provenance.
@@ -217,21 +218,30 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
 
     Returns:
         The setup with weights for least squares: unchanged where sigma was given or
-        pooled, otherwise each channel's sigma solves Σ r² / (sd² + sigma²) = n - p at
-        the best fit.
+        pooled and angles have no errors. Where sigma is sampled, that of each channel
+        solves Σ r² / (sd² + sigma²) = n - p at the best fit.
     """
     setup = searched(setup, reference_alpha)
-    problem = setup.problem
-    if setup.noise.kind != "sampled" or not problem.data_names:
+    problem = stated = setup.problem
+    is_sampled, angle_sd = setup.noise.kind == "sampled", setup.noise.angle_sd
+    if not problem.data_names or not (is_sampled or any(angle_sd)):
         return setup
     points = _starts(setup)
     # Sigma and the fit depend on each other only through the relative weights of
     # channels and rows; three rounds settle that far below sigma's own error.
-    has_weights = len(problem.channels) > 1 or bool(np.any(np.asarray(problem.sd) > 0))
+    has_weights = (
+        any(angle_sd)
+        or len(problem.channels) > 1
+        or bool(np.any(np.asarray(stated.sd)))
+    )
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
-        at = _around(problem, as_float(points), as_float(reference_alpha or 0.0))
-        problem = with_noise_of(problem, np.asarray(at.predicted))
+        best = as_float(points[0])
+        if any(angle_sd):
+            problem = with_angle_errors(problem, best, stated=stated, angle_sd=angle_sd)
+        if is_sampled:
+            at = _around(problem, as_float(points), as_float(reference_alpha or 0.0))
+            problem = with_noise_of(problem, np.asarray(at.predicted))
     if has_weights:
         # Other weights have other best fits.
         setup = replace(setup, search=search(problem, reference_alpha))

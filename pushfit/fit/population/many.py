@@ -13,7 +13,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
-from pushfit.fit.identify import identify_table, prepared
+from pushfit.fit.identify import identify_table
 from pushfit.fit.population.result_row import Cell, flat_values, pooled_draws
 from pushfit.fit.problem.prior_tables import prior_tables
 from pushfit.fit.setup import build_problem
@@ -65,6 +65,5 @@ def _identify_one(
         found = identify_table(table, config, seed=seed, engine=engine, is_brief=True)
     except PushfitError as error:
         return error
-    in_force, _ = prepared(found.table, found.config)
-    priors = prior_tables(build_problem(found.table, in_force).problem)
+    priors = prior_tables(build_problem(found.table, found.config).problem)
     return ItemResult(values=flat_values(found), draws=pooled_draws(found, priors))

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted, quoted
+from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted
 from pushfit.fit.problem.tabulated_density import Table
 from pushfit.fit.results import Identification, Quantity
 
@@ -48,10 +48,10 @@ def flat_values(identification: Identification) -> dict[str, Cell]:
         "mechanics": found.mechanics,
     }
     for quantity in (found.theta_c, found.alpha_star):
-        row |= _angle(quoted(quantity, found))
+        row |= _angle(quantity)
     row["reference_alpha_deg"] = found.reference_alpha_deg
     for quantity in (*found.combinations, *found.parameters):
-        row |= _number(quoted(quantity, found))
+        row |= _number(quantity)
     row |= {
         "sigma": float(np.median(fit.sigma)) if fit.sigma.size else None,
         "height_unit": found.table.unit,

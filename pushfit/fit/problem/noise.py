@@ -23,6 +23,9 @@ MIN_POOLED_DOF = 20
 CONTRADICTION_LEVEL = 1e-3
 # Heights so close to noise-free that sigma would be 0: this share of the tallest.
 SMALLEST_SHARE = 1e-9
+# Heights that are all the same were rounded, by a step that they do not show: as much
+# as that of a sensor of 12 bits. Without it sigma falls to 0 and no draw counts.
+ROUNDED_SHARE = 2.0**-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +39,8 @@ class Noise:
             is sampled [table unit].
         degrees_of_freedom: Of the estimate of sigma; infinite where it was given, NaN
             where it is sampled and the residuals will tell.
+        angle_sd: Standard deviations of θ and α of every push, which its height
+            scatters by as well [rad].
         notices: What the user should know.
     """
 
@@ -43,6 +48,7 @@ class Noise:
     sd: Mapping[str, Float[np.ndarray, " n"]]
     sigma: Mapping[str, Float[np.ndarray, " n"]]
     degrees_of_freedom: float
+    angle_sd: tuple[float, float] = (0.0, 0.0)
     notices: tuple[Notice, ...] = ()
 
 
@@ -58,9 +64,11 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
 
     Raises:
         ConfigError: If "given" is asked for without sd columns, or "pooled" without
-            repeats.
+            repeats or with errors of the angles.
     """
     choice, sds = config.noise.sigma, _given(table)
+    stated = (config.noise.theta_sd_deg, config.noise.alpha_sd_deg)
+    angle_sd = (float(np.radians(stated[0])), float(np.radians(stated[1])))
     notices: tuple[Notice, ...] = ()
     if choice == "given" and sds is None:
         raise ConfigError(
@@ -69,9 +77,16 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             code="no_given_sigma",
         )
     if choice == "auto" and sds is not None:
-        choice, notices = _believed(table, sds)
+        # Angles make repeats scatter beyond the sd of their heights.
+        choice, notices = ("given", ()) if any(angle_sd) else _believed(table, sds)
     if choice == "given" and sds is not None:
-        return Noise(kind=choice, sd=sds, sigma=sds, degrees_of_freedom=np.inf)
+        return Noise(
+            kind=choice,
+            sd=sds,
+            sigma=sds,
+            degrees_of_freedom=np.inf,
+            angle_sd=angle_sd,
+        )
     pooled = {name: table.pooled_sd(name) for name in table.channels}
     dof = min(int(p[1]) for p in pooled.values())
     if choice == "pooled" and dof < 1:
@@ -80,12 +95,22 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             'or set sigma = "sampled"',
             code="no_repeats",
         )
+    if choice == "pooled" and any(angle_sd):
+        raise ConfigError(
+            '[noise] sigma = "pooled" with theta_sd_deg or alpha_sd_deg: the scatter '
+            'of repeats holds that of their angles already; set sigma = "auto"',
+            code="pooled_with_angles",
+        )
     if choice == "auto":
-        choice = "pooled" if dof >= MIN_POOLED_DOF else "sampled"
-    no_sd = {n: np.zeros(table.n_pushes) for n in table.channels}
-    known = no_sd if sds is None else sds
+        # Repeats scatter by their angles, too, and differently in every direction.
+        is_even = dof >= MIN_POOLED_DOF and not any(angle_sd)
+        choice = "pooled" if is_even else "sampled"
     used = table.is_used
+    step = {n: _step(table.heights(n)[used]) for n in table.channels}
+    no_sd = {n: np.full(table.n_pushes, s) for n, s in step.items()}
+    known = no_sd if sds is None else sds
     floor = {n: SMALLEST_SHARE * np.max(np.abs(table.heights(n)[used])) for n in known}
+    floor = {n: max(floor[n], step[n]) for n in known}
     constant = {
         n: np.full(table.n_pushes, max(p[0] if p[1] else 0.0, floor[n]))
         for n, p in pooled.items()
@@ -100,8 +125,19 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         )
     first = {n: np.hypot(constant[n], known[n]) for n in known}
     return Noise(
-        kind=choice, sd=known, sigma=first, degrees_of_freedom=np.nan, notices=notices
+        kind=choice,
+        sd=known,
+        sigma=first,
+        degrees_of_freedom=np.nan,
+        angle_sd=angle_sd,
+        notices=notices,
     )
+
+
+def _step(heights: Float[np.ndarray, " n"]) -> float:
+    """Rounding of heights that are all the same; 0 where they differ [table unit]."""
+    tallest = float(np.max(np.abs(heights)))
+    return ROUNDED_SHARE * tallest if np.ptp(heights) == 0 else 0.0
 
 
 def _given(table: PeakTable) -> dict[str, Float[np.ndarray, " n"]] | None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushfit.errors import ConfigError
-from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted, quoted
+from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted
 from pushfit.fit.likelihood.profile_sets import threshold
 from pushfit.fit.results import (
     FitStatus,
@@ -190,7 +190,7 @@ def _grasp(identification: Identification) -> "Figure":
 
 def _learned(identification: Identification, *, ax: "Axes | None") -> "Figure":
     """How much of each parameter came from the data."""
-    shown = [quoted(q, identification) for q in identification.parameters]
+    shown = identification.parameters
     return learned_figure(
         [q.name for q in shown],
         np.array([_or_nan(q.contraction) for q in shown]),

@@ -4,7 +4,6 @@ import base64
 import html
 from collections.abc import Sequence
 
-from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.report.answers import Answer, alpha_star_answer, theta_c_answer
 from pushfit.report.facts import quantity_cells
@@ -31,9 +30,7 @@ def quantity_rows(identification: Identification) -> list[tuple[str, ...]]:
         *identification.parameters,
         *identification.combinations,
     )
-    return [
-        (q.name, *quantity_cells(quoted(q, identification))[:-1]) for q in quantities
-    ]
+    return [(q.name, *quantity_cells(q)[:-1]) for q in quantities]
 
 
 def markdown_table(identification: Identification) -> str:

@@ -11,7 +11,6 @@ from pathlib import PurePath
 
 import numpy as np
 
-from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (
@@ -109,8 +108,8 @@ def _content(identification: Identification) -> dict[str, object]:
         "cannot_say": cannot_say(identification),
         "angles": angle_rows(identification),
         "prob": f"{100 * identification.theta_c.prob:g} %",
-        "parameters": _rows(identification.parameters, identification),
-        "combinations": _rows(identification.combinations, identification),
+        "parameters": _rows(identification.parameters),
+        "combinations": _rows(identification.combinations),
         "correlations": correlation_rows(identification),
         "fit": fit_rows(identification),
         "inputs": [
@@ -143,11 +142,9 @@ def stated_config(identification: Identification) -> dict[str, object]:
     return {"push": push, **{k: v for k, v in stated.items() if k != "push"}}
 
 
-def _rows(
-    quantities: tuple[Quantity, ...], identification: Identification
-) -> list[tuple[str, ...]]:
+def _rows(quantities: tuple[Quantity, ...]) -> list[tuple[str, ...]]:
     """Cells of the table of quantities."""
-    return [(q.name, *quantity_cells(quoted(q, identification))) for q in quantities]
+    return [(q.name, *quantity_cells(q)) for q in quantities]
 
 
 def _main_caption(identification: Identification) -> str:

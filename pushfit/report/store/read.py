@@ -142,7 +142,9 @@ def _identification(
         theta_c=_quantity("theta_c", summary["theta_c_deg"]),
         reference_alpha_deg=float(summary["reference_alpha_deg"]),
         alpha_star=_quantity("alpha_star", summary["alpha_star_deg"]),
-        alpha_star_model_free=None if free is None else _quantity("alpha_star", free),
+        alpha_star_model_free=None
+        if free is None
+        else _quantity("alpha_star_model_free", free),
         parameters=_quantities(summary["parameters"]),
         combinations=_quantities(summary["combinations"]),
         profiles=_profiles(groups),

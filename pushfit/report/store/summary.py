@@ -1,17 +1,15 @@
 """`summary.json`: everything that the reports say, as one JSON-safe dictionary."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import (
     Diagnostics,
     FitResult,
     Identification,
     PosteriorResult,
-    Quantity,
 )
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
@@ -46,11 +44,8 @@ def summary_dict(identification: Identification) -> dict[str, Json]:
 
 def _summary(identification: Identification) -> Summary:
     """The document with records where the file has objects."""
-    free, status = identification.alpha_star_model_free, identification.status
+    status = identification.status
     found, table = identification.identifiability, identification.table
-
-    def shown(quantities: tuple[Quantity, ...]) -> dict[str, Quantity]:
-        return {q.name: quoted(q, identification) for q in quantities}
 
     return Summary(
         status=status.name.lower(),
@@ -62,23 +57,16 @@ def _summary(identification: Identification) -> Summary:
             theta_c=theta_c_answer(identification).sentence,
             alpha_star=alpha_star_answer(identification).sentence,
         ),
-        by_mechanics=tuple(
-            replace(answer, theta_c=quoted(answer.theta_c, identification))
-            for answer in identification.by_mechanics
-        ),
-        theta_c_deg=quoted(identification.theta_c, identification),
+        by_mechanics=identification.by_mechanics,
+        theta_c_deg=identification.theta_c,
         reference_alpha_deg=identification.reference_alpha_deg,
-        alpha_star_deg=quoted(identification.alpha_star, identification),
-        alpha_star_model_free_deg=(
-            None if free is None else quoted(free, identification)
-        ),
-        parameters=shown(identification.parameters),
-        combinations=shown(identification.combinations),
+        alpha_star_deg=identification.alpha_star,
+        alpha_star_model_free_deg=identification.alpha_star_model_free,
+        parameters={q.name: q for q in identification.parameters},
+        combinations={q.name: q for q in identification.combinations},
         correlations=correlations(identification),
         goodness_of_fit=identification.goodness_of_fit,
-        fit=_fit(
-            identification.fit, has_length=identification.config.push.length_known
-        ),
+        fit=_fit(identification.fit),
         posterior=_posterior(identification.posterior),
         identifiability=Identifiability(
             rank=found.rank,
@@ -96,9 +84,7 @@ def _summary(identification: Identification) -> Summary:
     )
 
 
-def _fit(fit: FitResult, *, has_length: bool) -> Fit:
-    """The fit; stiffnesses, which need a push length, are among the coordinates."""
-    modes = fit.modes if has_length else [replace(m, coordinates={}) for m in fit.modes]
+def _fit(fit: FitResult) -> Fit:
     return Fit(
         status=fit.status.name.lower(),
         chi_square=fit.chi_square,
@@ -109,7 +95,7 @@ def _fit(fit: FitResult, *, has_length: bool) -> Fit:
             float(np.min(fit.sigma, initial=np.inf)),
             float(np.max(fit.sigma, initial=-np.inf)),
         ),
-        modes=tuple(modes),
+        modes=fit.modes,
     )
 
 

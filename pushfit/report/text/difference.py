@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.errors import DataError
-from pushfit.fit.assess.reporting_rules import is_trusted, quoted
+from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.report.facts import quantity_cells, verdict_word
 from pushfit.report.plain import Json, json_safe
@@ -109,8 +109,8 @@ def compare_results(first: Identification, second: Identification) -> Comparison
 
 def _quantities(result: Identification) -> tuple[Quantity, ...]:
     """Angles, combinations and parameters, as they may be quoted."""
-    own = (result.theta_c, result.alpha_star, *result.combinations, *result.parameters)
-    return tuple(quoted(quantity, result) for quantity in own)
+    angles = (result.theta_c, result.alpha_star)
+    return (*angles, *result.combinations, *result.parameters)
 
 
 def _named(result: Identification, name: str) -> Quantity | None:

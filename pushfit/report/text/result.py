@@ -11,7 +11,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from pushfit.fit.assess.reporting_rules import quoted
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import (
@@ -54,9 +53,9 @@ def render_text(identification: Identification, *, width: int = 80) -> str:
     width = max(width, MIN_WIDTH)
     bodies = {
         "Fit": _pairs(fit_rows(identification), width),
-        "Parameters": _quantities(identification.parameters, identification, width),
+        "Parameters": _quantities(identification.parameters, width),
         "Combinations that the heights depend on": _quantities(
-            identification.combinations, identification, width
+            identification.combinations, width
         ),
         "Correlations of the posterior": _pairs(
             correlation_rows(identification), width
@@ -94,15 +93,11 @@ def _heading(identification: Identification, width: int) -> str:
     return "\n\n".join(_wrap(line, width) for line in lines if line)
 
 
-def _quantities(
-    quantities: Sequence[Quantity], identification: Identification, width: int
-) -> str:
+def _quantities(quantities: Sequence[Quantity], width: int) -> str:
     """Quantities as a table, or as paragraphs on a narrow terminal."""
     if not quantities:
         return ""
-    rows = [
-        (symbol(q.name), *quantity_cells(quoted(q, identification))) for q in quantities
-    ]
+    rows = [(symbol(q.name), *quantity_cells(q)) for q in quantities]
     prob = f"{100 * quantities[0].prob:g} % interval"
     header = ("", "value", prob, "unit", "verdict", "note")
     columns = list(zip(header, *rows, strict=True))[:-1]

@@ -12,6 +12,7 @@ from pushfit.data.recordings.units import (
     UNITS,
     implausible_angles,
     implausible_signal,
+    in_degrees,
     parse_unit,
     split_unit,
 )
@@ -148,3 +149,10 @@ def test_angles_in_degrees_are_doubted_only_together(theta, alpha, is_doubted):
     if alpha is not None:
         angles["alpha"] = (np.array(alpha), UNITS["deg"])
     assert bool(implausible_angles(angles)) == is_doubted
+
+
+def test_decimal_degrees_survive_radians_and_others_lose_nothing():
+    stated = np.arange(-360_000, 360_001) / 1000
+    np.testing.assert_array_equal(in_degrees(np.radians(stated)), stated)
+    measured = np.random.default_rng(0).uniform(-3, 3, 1000)
+    np.testing.assert_array_equal(in_degrees(measured), np.degrees(measured))

@@ -187,6 +187,21 @@ def full_table():
     )
 
 
+def test_angles_that_came_in_degrees_are_written_as_they_came(tmp_path):
+    theta_deg = np.arange(-60.0, 61.0, 0.1).round(1)
+    table = PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.radians(theta_deg + 90.0),
+        heights={"height": np.ones(theta_deg.size)},
+        unit="n",
+    )
+    write_table(table, tmp_path / "peaks.csv")
+    first = (tmp_path / "peaks.csv").read_text().splitlines()[1]
+    assert first.startswith("1,-60.0,30.0,")
+    again = read_table(tmp_path / "peaks.csv")
+    np.testing.assert_array_equal(again.frame["theta_deg"], theta_deg)
+
+
 @pytest.mark.parametrize("name", ["peaks.csv", "peaks.parquet"])
 def test_rows_survive_a_round_trip_bit_by_bit(tmp_path, full_table, name):
     write_table(full_table, tmp_path / name)

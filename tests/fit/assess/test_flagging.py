@@ -10,6 +10,7 @@ from scipy import stats
 
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.assess.quantities import angle_quantity
+from pushfit.fit.assess.reporting_rules import within_verdict
 from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.likelihood.profiles import likelihood_profiles
 from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
@@ -94,7 +95,8 @@ def quantity(name, params, A, design, rng, *, channels, repeats):
     words = {"reference_alpha": float(np.radians(alpha_deg))}
     fit = fit_least_squares(setup, **words)
     profiles = likelihood_profiles(setup, fit, prob=PROB, reach=(0.0, np.pi), **words)
-    return angle_quantity(name, confident(rng), profiles.get(name), prob=PROB)
+    found = angle_quantity(name, confident(rng), profiles.get(name), prob=PROB)
+    return within_verdict(found, wanted_width_deg=30.0)
 
 
 def confident(rng):

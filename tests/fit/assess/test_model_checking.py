@@ -52,6 +52,16 @@ def noisy(seed: int, values: np.ndarray) -> np.ndarray:
     return values + np.random.default_rng(seed).normal(0, SIGMA, values.size)
 
 
+def test_residuals_far_below_the_noise_may_follow_their_neighbours():
+    """Heights that are all the same leave the rounding of the solver."""
+    wave = 1e-9 * np.sin(np.radians(4 * THETA_DEG))
+    missed = (PredictiveCheck(feature="pattern", p_value=0.0),)
+    found = criticise(curve(), curve() + wave, predictive=missed)
+    assert found.is_adequate
+    assert found.pattern_p_value is None
+    assert found.predictive == ()
+
+
 def test_noise_alone_is_not_faulted():
     """60 tables of three tests at level 1e-3: more than two alarms is 1 in 10³."""
     found = [criticise(curve(), noisy(seed, curve())) for seed in range(60)]

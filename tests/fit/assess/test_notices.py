@@ -1,8 +1,13 @@
 """What a table says before anything is fitted."""
 
+import numpy as np
 import pytest
 
-from pushfit.fit.assess.notices import table_notices
+from pushfit.fit.assess.notices import bound_notices, table_notices
+from pushfit.fit.identify import identify_table
+from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
+from pushfit.fit.setup import build_problem
+from pushfit.fit.sweep import posterior as sweep
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -24,3 +29,48 @@ def test_a_push_that_is_left_out_mixes_nothing():
     definitions[3] = "plateau"
     stated = type(table).from_frame(table.frame.assign(definition=definitions))
     assert "mixed_definitions" not in {n.code for n in table_notices(stated, config())}
+
+
+@pytest.mark.parametrize(
+    ("end", "is_said"), [(-0.9, True), (-0.1, True), (-0.5, False)]
+)
+def test_a_bound_below_zero_is_a_bound(end, is_said):
+    """e1 may have any sign."""
+    text = "[parameters.e1]\nuniform = { low = -0.9, high = -0.1 }\n"
+    alpha_deg = np.tile(np.arange(0.0, 180.0, 30.0), 3)
+    table = case_table(
+        CASES["firm"],
+        noise=0.02,
+        theta_deg=np.repeat([20.0, 40.0, 60.0], 6),
+        alpha_deg=alpha_deg,
+    )
+    setup = build_problem(table, config(text))
+    draws = np.random.default_rng(0).normal(end, 0.05, 1000)
+    posterior = PosteriorResult(
+        samples={"e1": np.clip(draws, -0.9, -0.1)},
+        prior_samples={},
+        log_prob=np.zeros(1000),
+        chain=None,
+        chain_names=(),
+        thin=1,
+        engine="sweep",
+        diagnostics=None,
+        log_evidence=None,
+        log_evidence_error=None,
+        seed=0,
+        status=FitStatus.OK,
+    )
+    codes = {notice.code for notice in bound_notices(setup, posterior)}
+    assert ("bound_touched" in codes) is is_said
+
+
+def test_an_integral_that_is_not_settled_is_no_solver_that_stopped(monkeypatch):
+    monkeypatch.setattr(sweep, "TOO_FEW", 1e9)
+    table = case_table(CASES["firm"], noise=0.02)
+    result = identify_table(table, config(), seed=0, engine="sweep")
+    assert result.status is FitStatus.NOT_CONVERGED
+    assert result.theta_c.verdict is Verdict.UNKNOWN
+    texts = [n.text for n in result.warnings if n.code == "not_converged"]
+    assert len(texts) == 1
+    assert "of the weighted draws" in texts[0]
+    assert "report the table" not in " ".join(n.text for n in result.warnings)

@@ -2,8 +2,11 @@
 
 import json
 import shutil
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pushfit.cli import main
@@ -70,6 +73,50 @@ def test_text_and_summary_of_what_is_read_are_those_of_what_was_written(
     kind, request, tmp_path
 ):
     assert_reads_back(request.getfixturevalue(kind), tmp_path / "result")
+
+
+def differences(ours, theirs, at="result"):
+    """Where two records differ, to the last bit; NaN is NaN."""
+    if is_dataclass(ours):
+        if type(ours) is not type(theirs):
+            return [f"{at}: {type(ours).__name__}, {type(theirs).__name__}"]
+        names = [field.name for field in fields(ours)]
+        pairs = [(n, getattr(ours, n), getattr(theirs, n)) for n in names]
+    elif isinstance(ours, Mapping):
+        if set(ours) != set(theirs):
+            return [f"{at}: {set(ours) ^ set(theirs)}"]
+        pairs = [(name, ours[name], theirs[name]) for name in ours]
+    elif isinstance(ours, tuple):
+        if not isinstance(theirs, tuple) or len(ours) != len(theirs):
+            return [f"{at}: {ours}, {theirs}"]
+        pairs = [(i, *pair) for i, pair in enumerate(zip(ours, theirs, strict=True))]
+    else:
+        return [] if _is_same(ours, theirs) else [f"{at}: {ours}, {theirs}"]
+    return [d for name, a, b in pairs for d in differences(a, b, f"{at}.{name}")]
+
+
+def _is_same(ours, theirs) -> bool:
+    if isinstance(ours, pd.DataFrame):
+        pd.testing.assert_frame_equal(ours, theirs, check_exact=True, check_like=True)
+        return True
+    if isinstance(ours, float | np.ndarray) and theirs is not None:
+        return np.array_equal(
+            ours, theirs, equal_nan=np.asarray(ours).dtype.kind == "f"
+        )
+    return bool(ours == theirs)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    "kind",
+    "determined one_sided not_determined two_modes prior_dominated inadequate "
+    "not_converged unknown_length".split(),
+)
+def test_what_is_read_is_what_was_made(kind, request, tmp_path):
+    """No number is in a fresh result that is not in the same result read back."""
+    made = request.getfixturevalue(kind)
+    folder = write_result_folder(made, tmp_path / "result", force=False)
+    assert differences(made, read_result(folder)) == []
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pushfit.config import GraspConfig
+from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.results import FitStatus, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations, result_frame
@@ -34,6 +35,25 @@ def test_the_angle_of_an_object_that_tilts_is_quoted_with_the_push_length(
     both = (make_answer("tilting"), make_answer("linear"))
     sentence = sentence_theta_c(make_identification(by_mechanics=both))
     assert sentence.startswith("The critical angle θ_c for pushes of 5 mm at α = 90°")
+
+
+def test_a_wide_interval_is_given_without_a_middle(make_identification):
+    wide = make_angle("theta_c", 40.0, interval=(12.0, 71.0))
+    result = make_identification(theta_c=wide)
+    assert result.theta_c.verdict is Verdict.WIDE
+    assert result.theta_c.estimate is None
+    sentence = sentence_theta_c(result)
+    assert "is 12° to 71° (90 % interval), which is wider than was wanted" in sentence
+    wish = GraspConfig(push={"length_mm": 5.0}, report={"wanted_width_deg": 60.0})
+    content = make_identification(theta_c=wide, config=wish).theta_c
+    assert content.verdict is Verdict.DETERMINED
+    assert content.estimate == 40.0
+
+
+def test_what_numerics_stopped_short_of_has_no_verdict_of_the_data(not_converged):
+    for quantity in (not_converged.theta_c, *not_converged.combinations):
+        assert quantity.verdict is Verdict.UNKNOWN
+        assert quantity.estimate is quantity.interval is None
 
 
 def test_what_both_mechanics_say_stands_side_by_side(make_identification):
@@ -81,7 +101,7 @@ def test_without_a_note_the_missing_directions_are_the_reason(theta_only):
     "status", [FitStatus.NOT_CONVERGED, FitStatus.MAX_STEPS, FitStatus.NO_FINITE_START]
 )
 def test_untrusted_numerics_quote_no_number_of_the_posterior(determined, status):
-    result = replace(determined, status=status)
+    result = reported(replace(determined, status=status))
     for sentence in (sentence_theta_c(result), sentence_alpha_star(result)):
         assert status.value in sentence
         assert not INTERVAL.search(sentence)
@@ -157,7 +177,11 @@ def test_an_inadequate_model_is_the_first_thing_said(inadequate):
     assert render_text(inadequate).startswith(
         "The model does not describe these heights"
     )
-    assert "not to be relied on" in sentence_theta_c(inadequate).lower()
+    sentence = sentence_theta_c(inadequate)
+    assert sentence.startswith("Not to be relied on, because the model does not fit")
+    assert "would be 40° if it did" in sentence
+    assert not INTERVAL.search(sentence)
+    assert theta_c_answer(inadequate).pieces == ()
 
 
 def test_no_parameter_is_quoted_before_the_model_is_said_not_to_describe(inadequate):

@@ -1,0 +1,202 @@
+"""Which assumption of the model the residuals speak against, and the key to set.
+
+Each alternative says where residuals exceed noise: with one sign around θ_c where the
+transition is soft, where heights are steep if angles err, where they are tall if noise
+is in proportion, in the tails if it is heavy-tailed. These are score tests: nothing is
+fitted again. Excluded: whether the model is adequate (`model_checking`), mechanics that
+tilt (`tilt_check`), and soft transitions of these, as they take seconds to compile.
+
+References:
+    Koenker (1981), doi:10.1016/0304-4076(81)90062-2, on scatter that follows a size.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+import scipy
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.likelihood.angle_errors import angle_slopes
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.programs import compiled
+from pushfit.fit.results import FitResult, Notice
+from pushfit.fit.setup import Setup
+
+# Chance of naming an assumption that holds, per alternative.
+LEVEL = 1e-3
+# The same where the model is rejected, so that something does not hold.
+LEVEL_IF_REJECTED = 0.05
+# Sharpness of the soft transition that residuals are compared with.
+SOFT = 4.0
+# Fewer residuals than this beyond the coordinates show no shape, and fewer than the
+# second no tails.
+MIN_FREEDOM, MIN_FOR_KURTOSIS = 3, 20
+# What is smaller, against the whole, is rounding.
+ROUNDING, TINY = 1e-9, 1e-300
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Violation:
+    """An assumption that the residuals speak against.
+
+    Args:
+        code: Stable snake_case word.
+        p_value: Chance of as much of it where the assumption holds.
+        text: What the residuals show and what to set, as a clause.
+    """
+
+    code: str
+    p_value: float
+    text: str
+
+
+def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violation, ...]:
+    """Alternatives to the assumptions of a fit, the most telling first.
+
+    Args:
+        table: Peak heights.
+        setup: Problem, its noise settled.
+        fit: Best fit.
+
+    Returns:
+        All that were tested; none where hardly a residual is free, or where the
+        residuals are those of no normal noise.
+    """
+    problem = setup.problem
+    if fit.degrees_of_freedom < MIN_FREEDOM or problem.likelihood != "normal":
+        return ()
+    mask = np.asarray(problem.mask)
+    heights = np.concatenate(
+        [table.heights(c)[list(setup.rows)] for c in table.channels]
+    )
+    residuals = (heights - fit.predicted) / fit.sigma
+    # Rows of the Jacobian beyond the data are what is known beforehand.
+    basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
+    free = residuals - basis @ (basis.T @ residuals)
+    best = jnp.asarray(fit.estimate)
+    slope = np.asarray(angle_slopes(problem, best))[0][mask]
+    found = [_steep(free, slope / fit.sigma), _tall(free, fit.predicted)]
+    # Noise of several sizes has heavy tails, too.
+    if all(v is None or not v.p_value < LEVEL for v in found):
+        found.append(_heavy_tailed(free))
+    is_hard = np.isinf(float(problem.grasp.sharpness))
+    if is_hard and problem.grasp.mechanics == "linear":
+        softened = np.asarray(_softened(problem, best))[mask]
+        found.append(_soft(free, basis, (softened - fit.predicted) / fit.sigma))
+    kept = [v for v in found if v is not None and np.isfinite(v.p_value)]
+    return tuple(sorted(kept, key=lambda v: v.p_value))
+
+
+def violation_notices(
+    found: tuple[Violation, ...], *, is_adequate: bool
+) -> tuple[Notice, ...]:
+    """What the most telling alternative is, if it tells enough.
+
+    Args:
+        found: Alternatives, the most telling first.
+        is_adequate: Whether the model describes the heights; if not, something does not
+            hold, and less is asked of an alternative.
+
+    Returns:
+        One warning or none.
+    """
+    level = LEVEL if is_adequate else LEVEL_IF_REJECTED
+    return tuple(
+        Notice(code=v.code, text=v.text) for v in found[:1] if v.p_value < level
+    )
+
+
+def _soft(
+    free: Float[np.ndarray, " n"],
+    basis: Float[np.ndarray, "n q"],
+    change: Float[np.ndarray, " n"],
+) -> Violation | None:
+    """Residuals that follow what a soft transition would change.
+
+    One alternative with one coefficient: t test of the change, of one sign, beside the
+    coordinates.
+    """
+    seen = change - basis @ (basis.T @ change)
+    norm = float(np.linalg.norm(seen))
+    dof = free.size - basis.shape[1] - 1
+    if dof < 1 or norm <= ROUNDING * float(np.linalg.norm(change)):
+        return None
+    along = float(seen @ free) / norm
+    rest = max(float(free @ free) - along**2, 0.0)
+    t = along / np.sqrt(max(rest, TINY) / dof)
+    return Violation(
+        code="looks_soft",
+        p_value=float(scipy.stats.t.sf(t, dof)),
+        text="residuals around θ_c are those of a soft transition: set [transition] "
+        f"sharpness = {SOFT:g}, or compare both by `pushfit compare`",
+    )
+
+
+def _steep(
+    free: Float[np.ndarray, " n"], slope: Float[np.ndarray, " n"]
+) -> Violation | None:
+    """Scatter where heights are steep in θ: angles err."""
+    p_value, excess = _scatter_follows(free, slope**2)
+    if excess <= 0:
+        return None
+    size = np.degrees(np.sqrt(excess))
+    return Violation(
+        code="looks_like_angle_errors",
+        p_value=p_value,
+        text="heights scatter most where they are steep in θ, as if elevations erred "
+        f"by about {size:.1g}°: set [noise] theta_sd_deg",
+    )
+
+
+def _tall(
+    free: Float[np.ndarray, " n"], predicted: Float[np.ndarray, " n"]
+) -> Violation | None:
+    """Scatter where heights are tall: noise in proportion to them."""
+    p_value, excess = _scatter_follows(free, predicted**2)
+    if excess <= 0:
+        return None
+    return Violation(
+        code="looks_proportional",
+        p_value=p_value,
+        text="tall heights scatter more than low ones: give every height its sd "
+        "(column height_sd_), in proportion to it",
+    )
+
+
+def _heavy_tailed(free: Float[np.ndarray, " n"]) -> Violation | None:
+    """Kurtosis beyond that of normal noise."""
+    if free.size < MIN_FOR_KURTOSIS:
+        return None
+    statistic = scipy.stats.kurtosistest(free, alternative="greater")
+    return Violation(
+        code="looks_heavy_tailed",
+        p_value=float(statistic.pvalue),
+        text="a few residuals are far larger than the rest: set [noise] likelihood = "
+        '"student_t"',
+    )
+
+
+def _scatter_follows(
+    free: Float[np.ndarray, " n"], size: Float[np.ndarray, " n"]
+) -> tuple[float, float]:
+    """Chance that squared residuals rise with a size by so much, and their slope.
+
+    Studentised, so that heavy tails are not taken for scatter that follows a size.
+    """
+    squares, centred = free**2, size - np.mean(size)
+    spread = float(centred @ centred)
+    if spread <= ROUNDING * float(size @ size) or np.ptp(squares) == 0:
+        return np.nan, 0.0
+    slope = float(centred @ squares) / spread
+    deviation = squares - np.mean(squares)
+    z = slope * np.sqrt(spread * free.size / float(deviation @ deviation))
+    return float(scipy.stats.norm.sf(z)), slope
+
+
+@compiled
+def _softened(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
+    """Heights with a soft transition [table unit]."""
+    soft = replace(problem, grasp=replace(problem.grasp, sharpness=SOFT))
+    return soft.predict(problem.data_state(y))

@@ -1,0 +1,115 @@
+"""Errors of the angles scatter heights by the model's own slopes."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import ConfigError
+from pushfit.fit.identify import fit_table
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+ANGLES = "[noise]\ntheta_sd_deg = 1.0\nalpha_sd_deg = 2.0\n"
+# Central differences of plain formulas, step 1e-6 rad; see the table of tolerances.
+FINITE_DIFFERENCE = 1e-6
+TOLERANCE = 1e-6
+
+
+def heights(theta, alpha, values, S_p=0.005):
+    """Eqs. (6) to (12) in NumPy: ln A, ln B, ln C_rr, and the ellipse of B."""
+    A, B, C_rr = np.exp([values["ln_A"], values["ln_B"], values["ln_C_rr"]])
+    f1, f2 = values["f1"], values["f2"]
+    size = np.hypot(f1, f2)
+    shape = np.sinh(size / 2) / size * np.array([[f1, f2], [f2, -f1]])
+    tensor = B * (np.cosh(size / 2) * np.eye(2) + shape)
+    x, y = tensor @ np.array([np.cos(alpha), np.sin(alpha)])
+    elastic = S_p * np.hypot(x, y) * np.cos(theta)
+    normal = S_p * A * np.sin(theta)
+    return np.hypot(np.minimum(elastic, C_rr * normal), normal)
+
+
+def sweep(**changes) -> PeakTable:
+    """Both angles swept, on an ellipse, the sd of heights stated."""
+    theta = np.r_[np.arange(7.0, 86.0, 8.0), np.full(8, 22.0)]
+    alpha = np.r_[np.full(10, 90.0), np.arange(5.0, 180.0, 22.0)]
+    words = {"noise": 0.02, "seed": 3, "repeats": 1} | changes
+    return case_table(CASES["ellipse"], theta_deg=theta, alpha_deg=alpha, **words)
+
+
+def test_the_likelihood_is_that_of_a_dense_covariance():
+    """Cov = diag(sd²) + J S Jᵀ, a column of J for each angle of each push."""
+    table = sweep()
+    fitted = fit_table(table, config(ANGLES))
+    problem, fit = fitted.setup.problem, fitted.fit
+    values = dict(zip(fit.names, fit.estimate, strict=True))
+    theta, alpha = table.theta, table.alpha
+    columns = []
+    for angle in (0, 1):
+        for push in range(table.n_pushes):
+            step = np.zeros((2, table.n_pushes))
+            step[angle, push] = FINITE_DIFFERENCE
+            high = heights(theta + step[0], alpha + step[1], values)
+            low = heights(theta - step[0], alpha - step[1], values)
+            columns.append((high - low) / (2 * FINITE_DIFFERENCE))
+    slopes = np.array(columns).T
+    scatter = np.repeat(np.radians([1.0, 2.0]) ** 2, table.n_pushes)
+    covariance = np.diag(table.sd("height") ** 2) + slopes * scatter @ slopes.T
+    expected = stats.multivariate_normal.logpdf(
+        table.heights("height"), heights(theta, alpha, values), covariance
+    )
+    state = problem.data_state(jnp.asarray(fit.estimate))
+    found = float(problem.log_likelihood(state))
+    np.testing.assert_allclose(found, expected, rtol=TOLERANCE)
+    # Without the errors of the angles it is another one.
+    assert abs(found - _without(table, values)) > 1.0
+
+
+def _without(table: PeakTable, values) -> float:
+    predicted = heights(table.theta, table.alpha, values)
+    sd = table.sd("height")
+    return float(np.sum(stats.norm.logpdf(table.heights("height"), predicted, sd)))
+
+
+def test_angles_without_errors_change_nothing():
+    plain = fit_table(sweep(), config())
+    stated = fit_table(sweep(), config("[noise]\ntheta_sd_deg = 0.0\n"))
+    np.testing.assert_array_equal(plain.fit.estimate, stated.fit.estimate)
+    np.testing.assert_array_equal(plain.fit.sigma, stated.fit.sigma)
+
+
+def test_repeats_are_no_measure_of_noise_that_differs_by_direction():
+    """Noise that is pooled from repeats holds the errors of their angles."""
+    table = case_table(CASES["firm"], noise=0.02)
+    bare = PeakTable.from_frame(table.frame.drop(columns="height_sd_n"))
+    fitted = fit_table(bare, config("[noise]\ntheta_sd_deg = 1.0\n"))
+    assert fitted.config.noise.sigma == "sampled"
+    forced = config('[noise]\ntheta_sd_deg = 1.0\nsigma = "pooled"\n')
+    with pytest.raises(ConfigError, match="pooled"):
+        fit_table(bare, forced)
+
+
+def test_errors_of_the_angles_explain_scatter_beyond_the_sd():
+    """Elevations off by 1°: heights scatter beyond their sd, and as much as known."""
+    case, rng = CASES["firm"], np.random.default_rng(5)
+    theta_deg = np.repeat(np.arange(5.0, 86.0, 5.0), 3)
+    off = theta_deg + rng.normal(0.0, 1.0, theta_deg.size)
+    real = case_table(
+        case, theta_deg=off, alpha_deg=np.full(off.size, 90.0), repeats=1
+    ).heights("height")
+    sd = np.full(off.size, 0.005)
+    table = PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.full(off.size, np.pi / 2),
+        heights={"height": real + sd * rng.standard_normal(off.size)},
+        sd={"height": sd},
+        unit="n",
+    )
+    stated = fit_table(table, config("[noise]\ntheta_sd_deg = 1.0\n"))
+    assert "scatter_exceeds_sd" not in {n.code for n in stated.notices}
+    plain = fit_table(table, config('[noise]\nsigma = "given"\n'))
+    dof = stated.fit.degrees_of_freedom
+    low, high = stats.chi2.interval(0.999, dof)
+    assert plain.fit.chi_square > 2 * high
+    assert low < stated.fit.chi_square < high
