@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 import scipy
+from jaxtyping import Array, Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.likelihood.angle_errors import angle_slopes
