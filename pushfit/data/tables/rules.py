@@ -7,7 +7,7 @@ Excluded: how columns are recognised and breaches reported
 import numpy as np
 import pandas as pd
 
-from pushfit.data.tables.column_rules import Rule, check_columns
+from pushfit.data.tables.column_rules import check_columns
 from pushfit.data.tables.columns import Layout, Origin, read_columns
 from pushfit.errors import DataError
 
@@ -78,17 +78,16 @@ def canonical_frame(
     return ordered, unit, columns.notes
 
 
-def _rules(unit: str) -> dict[str, list[Rule]]:
-    """Rules of the columns that only peak tables have."""
-    finite = Rule(name="finite", is_met=np.isfinite)
-    positive = Rule(name="sd", is_met=lambda cells: cells > 0)
+def _rules(unit: str) -> dict[str, list]:
+    """Checks of the columns that only peak tables have."""
+    import pandera.pandas as pa  # noqa: PLC0415 - slow to load, needed only to check
+
+    finite = pa.Check(np.isfinite, error="finite")
+    positive = pa.Check.gt(0, error="sd")
     rules = {f"{channel}_{unit}": [finite] for channel in CHANNELS}
     rules |= {f"{channel}_sd_{unit}": [positive, finite] for channel in CHANNELS}
-    known = [*DEFINITIONS, ""]
-    rules["definition"] = [
-        Rule(name="definition", is_met=lambda cells: cells.isin(known))
-    ]
-    rules["flags"] = [Rule(name="flags", is_met=lambda cells: cells.map(_are_flags))]
+    rules["definition"] = [pa.Check.isin([*DEFINITIONS, ""], error="definition")]
+    rules["flags"] = [pa.Check(_are_flags, element_wise=True, error="flags")]
     return rules
 
 

@@ -23,7 +23,6 @@ from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.fit.sweep.outer import outer_nodes
 from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet
-from pushfit.fit.sweep.tail import pareto_smoothed
 from pushfit.fit.sweep.target import Target
 from pushfit.model import as_float
 
@@ -181,7 +180,12 @@ def _weighed(
     n, is_possible = log_weight.size, np.isfinite(log_weight)
     smoothed, pareto_k, ess = np.full(n, -np.inf), np.inf, _ess(log_weight)
     if np.sum(is_possible) > 1:
-        smoothed[is_possible], pareto_k = pareto_smoothed(log_weight[is_possible])
+        from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
+        # It takes minus the log of the weights, as it would take log likelihoods, and
+        # differences of them: impossible draws stay out.
+        tail, k = array_stats.psislw(-log_weight[is_possible])
+        smoothed[is_possible], pareto_k = tail, float(k)
     return WeightedDraws(
         x=x,
         log_prob=log_prob,
