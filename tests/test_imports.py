@@ -50,6 +50,12 @@ HEAVY = (
     "numpy",
     "optimistix",
 )
+# What only some identifications need, and none before its first number.
+SELDOM = (
+    *("emcee", "optimistix", "sklearn.mixture", "arviz_stats", "xarray", "matplotlib"),
+    *("pandera", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"),
+    *("scipy.spatial", "dask"),
+)
 # What the package itself defines, apart from its lazy names.
 FACADE = {"pushfit.__version__"}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE]
@@ -131,6 +137,15 @@ def run_python(code: str) -> str:
 def test_starting_up_loads_nothing_heavy(start):
     code = f"import sys; {start}; print(set({HEAVY}) & set(sys.modules))"
     assert run_python(code).endswith("set()\n")
+
+
+@pytest.mark.parametrize(
+    "module",
+    ["pushfit.fit.identify", "pushfit.fit.population.many", "pushfit.explore.explorer"],
+)
+def test_the_inference_loads_what_only_some_tables_need_when_they_do(module):
+    code = f"import sys, {module}; print(set({SELDOM}) & set(sys.modules))"
+    assert run_python(code) == "set()\n"
 
 
 def test_every_public_name_can_be_imported():

@@ -21,6 +21,7 @@ import typer
 
 from pushfit.cache import enable_compile_cache
 from pushfit.cli.examples import epilog
+from pushfit.cli.progress import Course, shown_bar
 from pushfit.cli.stop import keep, kept
 from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
@@ -31,6 +32,8 @@ INPUTS = (
     *("recordings", "recording", "table", "files", "folder"),
     *("schedules", "schedule", "config", "profile"),
 )
+# XLA logs as an error that a program takes minutes to compile. Failures are raised.
+XLA_LOG, NOTHING_BUT_FATAL = "TF_CPP_MIN_LOG_LEVEL", "3"
 ERROR_SCHEMA = "pushfit.error/1"
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Only errors on stderr.")]
@@ -96,23 +99,17 @@ class Session:
         print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
     @contextmanager
-    def progress(self) -> Iterator[Callable[[str, float], None]]:
-        """Show a bar while work is done, on a terminal only.
+    def progress(self) -> Iterator[Course]:
+        """Show how far the work is, as a bar on a terminal, else line by line.
 
         Yields:
-            Function to call with the stage of the work and the share of it done.
+            What to call with the stage of the work and the share of it done.
         """
         if self.is_quiet or not sys.stderr.isatty():
-            yield lambda stage, share: None
+            yield Course(self.say)
             return
-        from rich.console import Console
-        from rich.progress import Progress
-
-        with Progress(console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task("", total=1.0)
-            yield lambda stage, share: bar.update(
-                task, description=stage, completed=share
-            )
+        with shown_bar() as bar:
+            yield bar
 
     def run(self, work: Callable[[], int | None]) -> int:
         """Do the work of a command and turn what goes wrong into an exit code.
@@ -196,6 +193,8 @@ def command(
             def work() -> int | None:
                 existing_files(_inputs(arguments))
                 # Before JAX is imported, which reads the settings once.
+                if not debug:
+                    os.environ.setdefault(XLA_LOG, NOTHING_BUT_FATAL)
                 session.say_more(f"compiled programs: {enable_compile_cache()}")
                 return function(session, **arguments)
 

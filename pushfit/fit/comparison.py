@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from arviz_stats.base.array import array_stats
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
@@ -260,6 +259,8 @@ def push_densities(
     References:
         Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
     """
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
     x = encode(problem, samples)
     densities = in_chunks(lambda rows: _push_log_likelihoods(problem, rows), x, CHUNK)
     # One chain of draws for each push.

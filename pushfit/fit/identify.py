@@ -4,7 +4,7 @@ This is the only place that knows the order of things; commands, batches and rep
 all start from `identify_table`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -58,14 +58,18 @@ from pushfit.fit.results import (
     PosteriorResult,
     Quantity,
 )
-from pushfit.fit.sampler.emcee_posterior import sample_posterior
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 Progress = Callable[[str, float], None]
+# Shares of a warm run after which each stage begins.
+SETS, POSTERIOR, CHECKS = 0.25, 0.5, 0.75
 ENGINES = ("auto", "sweep", "emcee")
 # What one row of a table says of likelihood sets.
 ANGLES = ("theta_c", "alpha_star")
+
+
+FirstAnswer = Callable[["Fitted", Mapping[str, LikelihoodProfile]], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +101,7 @@ def identify_table(
     engine: str = "auto",
     is_brief: bool = False,
     progress: Progress | None = None,
+    first: FirstAnswer | None = None,
     checkpoint: Path | None = None,
 ) -> Identification:
     """Everything that a table of peak heights can tell.
@@ -109,7 +114,9 @@ def identify_table(
             are not to be trusted.
         is_brief: Whether to leave out what one row of a table has no place for: sets
             of parameters and combinations, advice, and bands.
-        progress: Called with a stage and the share of it that is done.
+        progress: Called with a stage and the share of all work that is done.
+        first: Called with the fit as soon as it is known, and once more with the
+            likelihood sets.
         checkpoint: File in which a run of emcee is kept, to be resumed.
 
     Returns:
@@ -121,22 +128,32 @@ def identify_table(
         FitError: If no start gives finite residuals.
     """
     check_engine(engine)
-    answers = _leading_first(
-        [_measured(fitted, seed) for fitted in _fitted_by_all(table, config)]
-        if len(config.by_mechanics()) > 1
-        else []
-    )
-    fitted = answers[0].fitted if answers else fit_table(table, config)
+    told = progress or (lambda stage, share: None)
+    hear = first or (lambda fitted, profiles: None)
+    told("least squares", 0.0)
+    fits = _fitted_by_all(table, config, hear)
+    told("likelihood sets", SETS)
+    answers = [_measured(fit, seed, hear) for fit in fits] if len(fits) > 1 else []
+    answers = _leading_first(answers)
+    fitted = answers[0].fitted if answers else fits[0]
+    profiles = _profiles(fitted, ANGLES if is_brief else None)
+    if not answers:
+        hear(fitted, profiles)
+    told("posterior", POSTERIOR)
     posterior = draw_posterior(
         fitted,
         seed=seed,
         engine=engine,
         swept=answers[0].swept if answers else None,
-        progress=progress,
+        progress=lambda stage, share: told(
+            stage, POSTERIOR + share * (CHECKS - POSTERIOR)
+        ),
         checkpoint=checkpoint,
     )
+    told("checks", CHECKS)
     return _conclude(
         fitted,
+        profiles,
         posterior,
         others=tuple(other.answer for other in answers[1:]),
         seed=seed,
@@ -146,6 +163,7 @@ def identify_table(
 
 def _conclude(
     fitted: Fitted,
+    profiles: Mapping[str, LikelihoodProfile],
     posterior: PosteriorResult,
     *,
     others: tuple[MechanicsAnswer, ...],
@@ -154,7 +172,6 @@ def _conclude(
 ) -> Identification:
     """All that fit, profiles and posterior say together."""
     prob = fitted.config.report.prob
-    profiles = _profiles(fitted, ANGLES if is_brief else None)
     theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
     words = {
         "prob": prob,
@@ -242,23 +259,28 @@ class _Measured:
     answer: MechanicsAnswer
 
 
-def _fitted_by_all(table: PeakTable, config: GraspConfig) -> list[Fitted]:
+def _fitted_by_all(
+    table: PeakTable, config: GraspConfig, hear: FirstAnswer
+) -> list[Fitted]:
     """Least squares by every mechanics; those that do not fit at all are only said."""
     first, *others = config.by_mechanics()
     fits, notices = [fit_table(table, first)], []
+    hear(fits[0], {})
     for other in others:
         try:
             fits.append(fit_table(table, other))
+            hear(fits[-1], {})
         except FitError as error:
             text = f"no fit by {other.grasp.mechanics} mechanics: {error}"
             notices.append(Notice(code="one_mechanics", text=text))
     return [replace(fit, notices=(*fit.notices, *notices)) for fit in fits]
 
 
-def _measured(fitted: Fitted, seed: int) -> _Measured:
+def _measured(fitted: Fitted, seed: int, hear: FirstAnswer) -> _Measured:
     """Evidence and θ_c of one of the mechanics."""
-    swept = _sweep(fitted, seed)
     profiles = _profiles(fitted, ("theta_c",))
+    hear(fitted, profiles)
+    swept = _sweep(fitted, seed)
     prob = fitted.config.report.prob
     theta_c = angle_quantity("theta_c", swept, profiles.get("theta_c"), prob=prob)
     return _Measured(fitted=fitted, swept=swept, answer=_answer(fitted, swept, theta_c))
@@ -445,7 +467,9 @@ def draw_posterior(
         swept = swept or _sweep(fitted, seed)
         if engine == "sweep" or swept.status is FitStatus.OK:
             return swept
-    chain = sample_posterior(
+    from pushfit.fit.sampler import emcee_posterior  # noqa: PLC0415 - slow to load
+
+    chain = emcee_posterior.sample_posterior(
         fitted.setup,
         fitted.fit,
         seed=seed,

@@ -4,7 +4,8 @@ Tracing and lowering a program takes longer than loading the machine code that J
 of it. Where the compile cache is on, `compiled` therefore keeps the traced program too,
 in the portable form of `jax.export`, under a fingerprint of the source of pushfit, the
 versions of the packages that trace, the kind of processor, and the arguments but for
-the numbers in arrays. A file that is damaged, or cannot be written, is as good as none.
+the numbers in arrays. `kept_arrays` keeps what follows from settings alone. A file that
+is damaged, or cannot be written, is as good as none.
 """
 
 import contextlib
@@ -12,14 +13,14 @@ import dataclasses
 import functools
 import hashlib
 import inspect
-from collections.abc import Callable, Hashable
+import io
+from collections.abc import Callable, Hashable, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax import export
 from jax.core import Tracer
@@ -27,6 +28,7 @@ from jaxtyping import Array, Float
 
 from pushfit.atomic import atomic_path
 from pushfit.cache import programs_folder
+from pushfit.model import as_float
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -42,6 +44,8 @@ jit = functools.partial(
 # What names a function only within one process.
 ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
+# Files of arrays that are kept; another one replaces the oldest.
+MAX_ARRAYS = 64
 
 
 def _origin(package: Path) -> str:
@@ -141,14 +145,28 @@ def _fingerprint(text: str) -> str:
 
 def _load(path: Path) -> Callable[..., Any] | None:
     """A program from its file; None where there is none, or a damaged one."""
+    program = _read(path)
+    if program is None:
+        return None
+    return jit(export.deserialize(bytearray(program)).call)
+
+
+def _read(path: Path) -> bytes | None:
+    """Content of a file of `_write`; None where there is none, or a damaged one."""
     try:
         content = path.read_bytes()
     except OSError:
         return None
-    digest, program = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
-    if hashlib.sha256(program).digest() != digest:
-        return None
-    return jit(export.deserialize(bytearray(program)).call)
+    digest, kept = content[:DIGEST_SIZE], content[DIGEST_SIZE:]
+    return kept if hashlib.sha256(kept).digest() == digest else None
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Keep something that follows from the source, if it can be."""
+    # Source that was edited since would put this under another's name.
+    if _origin(PACKAGE) == ORIGIN:
+        with contextlib.suppress(OSError), atomic_path(path) as temporary:
+            temporary.write_bytes(hashlib.sha256(content).digest() + content)
 
 
 def _trace(
@@ -166,12 +184,38 @@ def _trace(
         if "custom calls" not in str(error):
             raise
         return jitted
-    program = bytes(traced.serialize())
-    # Source that was edited since would put this program under another's name.
-    if _origin(PACKAGE) == ORIGIN:
-        with contextlib.suppress(OSError), atomic_path(path) as temporary:
-            temporary.write_bytes(hashlib.sha256(program).digest() + program)
+    _write(path, bytes(traced.serialize()))
     return jit(traced.call)
+
+
+def kept_arrays(
+    text: str, make: Callable[[], Mapping[str, np.ndarray]]
+) -> Mapping[str, np.ndarray]:
+    """Arrays that follow from a text and the source alone, made once for all processes.
+
+    Args:
+        text: What tells them from others, numbers to the last digit included.
+        make: What makes them.
+
+    Returns:
+        Arrays by name.
+    """
+    folder = programs_folder()
+    if folder is None:
+        return make()
+    path = folder / f"{_fingerprint(text)}-arrays"
+    content = _read(path)
+    if content is not None:
+        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+            return dict(arrays)
+    made, buffer = make(), io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **made)
+    _write(path, buffer.getvalue())
+    with contextlib.suppress(OSError):  # others may tidy up at the same time
+        others = sorted(folder.glob("*-arrays"), key=lambda p: p.stat().st_mtime)
+        for old in others[:-MAX_ARRAYS]:
+            old.unlink()
+    return made
 
 
 def in_chunks(
@@ -191,5 +235,5 @@ def in_chunks(
     padded = np.concatenate([x, np.repeat(x[-1:], -n % size, axis=0)])
     # All calls are sent off before the first is waited for.
     starts = range(0, len(padded), size)
-    parts = [function(jnp.asarray(padded[i : i + size])) for i in starts]
+    parts = [function(as_float(padded[i : i + size])) for i in starts]
     return np.concatenate([np.asarray(part) for part in parts])[:n]

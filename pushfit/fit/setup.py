@@ -21,7 +21,7 @@ from pushfit.fit.problem.noise import Noise, choose_noise
 from pushfit.fit.problem.priors import Prior, default_priors, priors_from_config
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.uninformative import check_informative
-from pushfit.model import Grasp, Pushes
+from pushfit.model import Grasp, Pushes, as_float
 
 # One compiled program serves every table of up to this many rows, then of twice as
 # many, and so on: recompiling for each length costs seconds.
@@ -81,7 +81,7 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
     noise = choose_noise(table, config)
     has_direction = n_azimuths(table.alpha[used]) > 1
     tallest = max(float(np.max(np.abs(table.heights(c)[used]))) for c in table.channels)
-    scale = tallest / float(grasp.gain * grasp.push_length)
+    scale = tallest / (float(grasp.gain) * float(grasp.push_length))
     priors, fixed = priors_from_config(
         config, default_priors(None if calibrated else scale)
     )
@@ -170,10 +170,10 @@ def _assemble(
         observed=stacked(heights, 0.0),
         sd=stacked(noise.sd, 0.0),
         reference_sigma=stacked(noise.sigma, 1.0),
-        mask=jnp.asarray(np.tile(row_mask, (len(table.channels), 1))),
+        mask=jnp.asarray(np.tile(row_mask, (len(table.channels), 1)), dtype=bool),
         grasp=grasp,
         priors=priors,
-        fixed={name: jnp.asarray(value) for name, value in fixed.items()},
+        fixed={name: as_float(value) for name, value in fixed.items()},
         channels=table.channels,
         names=sampling_names(priors, fixed),
         data_names=data_names(priors, fixed, grasp),

@@ -13,6 +13,8 @@ import math
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
@@ -25,12 +27,18 @@ Vector = Float[Array, " n"]
 
 def as_float(value: ArrayLike) -> Array:
     """Converter of container fields: any number becomes a float64 array."""
+    if not isinstance(value, Array):
+        value = np.asarray(value, dtype=np.float64)
+    # Without the type JAX compiles a program for each shape.
     return jnp.asarray(value, dtype=jnp.float64)
 
 
 def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
     """(cos, sin) of an angle [rad]."""
-    return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+    if isinstance(angle, Tracer):
+        return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+    # Every operation of JAX outside of a program is a program of its own.
+    return as_float(np.stack([np.cos(angle), np.sin(angle)]))
 
 
 class Parameters(eqx.Module):

@@ -355,3 +355,12 @@ def test_all_commands_name_their_output_alike():
         for parameter in known.params:
             if "out" in (parameter.name or ""):
                 assert {"-o", "--out"} <= set(parameter.opts)
+
+
+@pytest.mark.parametrize(("words", "level"), [([], "3"), (["--debug"], None)])
+def test_what_xla_logs_is_for_debugging(words, level, monkeypatch):
+    """It calls it an error that a program takes minutes to compile."""
+    monkeypatch.setenv("TF_CPP_MIN_LOG_LEVEL", "")
+    monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL")
+    main(["doctor", *words])
+    assert os.environ.get("TF_CPP_MIN_LOG_LEVEL") == level

@@ -122,7 +122,7 @@ def test_a_real_command_stops_at_every_moment(command, table, tmp_path):
                 assert stopped(process) < AT_ONCE, moment
                 assert process.returncode == 130, moment
                 said = process.stderr.read() if process.stderr else ""
-                assert said.startswith("interrupted; "), moment
+                assert "interrupted; " in said, moment
                 assert "Traceback" not in said
             else:
                 assert process.returncode == 0

@@ -119,6 +119,11 @@ def demo(
     )
 
 
+# Shares of a warm run of the example after which the inference is done, without and
+# with a folder of figures to be written.
+INFERRED, INFERRED_OF_FOLDER = 0.9, 0.55
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
     """What the user wants of an analysis.
@@ -173,31 +178,37 @@ def analyse(
     from pushfit.fit.results import FitStatus, Recipe
     from pushfit.report.store.folder import write_result_folder
     from pushfit.report.store.summary import summary_dict
+    from pushfit.report.text.first import First
     from pushfit.report.text.result import render_text
 
     table = load(settings)
     if request.checkpoint is not None:
         keep(f"the chain is kept in {request.checkpoint}; the same command goes on")
+    inferred = INFERRED if request.out is None else INFERRED_OF_FOLDER
     with session.progress() as progress:
         found = identify_table(
             table,
             settings,
             seed=request.seed,
             engine=request.engine,
-            progress=progress,
+            progress=lambda stage, share: progress(stage, share * inferred),
+            first=First(tell=progress.tell),
             checkpoint=request.checkpoint,
         )
-    recipe = Recipe(
-        config=settings.model_dump(mode="json"),
-        recordings=request.recordings,
-        schedules=request.schedules,
-        table=request.table,
-    )
-    found = replace(with_next_push(found), recipe=recipe)
-    if request.out is not None:
-        write_result_folder(
-            found, request.out, force=request.force, pictures=request.pictures
+        progress("next push", inferred)
+        recipe = Recipe(
+            config=settings.model_dump(mode="json"),
+            recordings=request.recordings,
+            schedules=request.schedules,
+            table=request.table,
         )
+        found = replace(with_next_push(found), recipe=recipe)
+        if request.out is not None:
+            progress("report and figures", inferred + 0.05)
+            write_result_folder(
+                found, request.out, force=request.force, pictures=request.pictures
+            )
+    if request.out is not None:
         session.wrote(request.out)
     if request.json:
         session.print_json(summary_dict(found))

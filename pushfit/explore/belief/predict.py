@@ -57,7 +57,7 @@ def predict(
     size = 1 if k == 1 else -(-k // PADDING) * PADDING
     rows = np.minimum(np.arange(size), k - 1)
     pushes = Pushes(theta[rows], alpha[rows])
-    draws = {name: jnp.asarray(v) for name, v in belief.parameters.items()}
+    draws = {name: as_float(v) for name, v in belief.parameters.items()}
     heights, force, in_contact = _at_draws(
         draws, belief.grasp, pushes, as_float(length_share), belief.channels
     )

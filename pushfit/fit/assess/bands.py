@@ -16,7 +16,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import Band, FitResult
-from pushfit.model import Parameters, Pushes, forward
+from pushfit.model import Parameters, Pushes, as_float, forward
 
 MIN_ANGLES = 3
 MAX_BANDS = 16
@@ -57,7 +57,7 @@ def prediction_bands(
         theta, alpha = (grid, other) if swept == "theta" else (other, grid)
         pushes = Pushes(np.radians(theta), np.radians(alpha))
         _, curves = predicted_heights(problem, samples, pushes)
-        best = np.asarray(_best_curve(problem, jnp.asarray(fit.estimate), pushes))
+        best = np.asarray(_best_curve(problem, as_float(fit.estimate), pushes))
         quantiles = np.quantile(curves, [(1 - prob) / 2, 0.5, (1 + prob) / 2], axis=0)
         for c, channel in enumerate(problem.channels):
             lower, median, upper = quantiles[:, c]
@@ -112,7 +112,7 @@ def predicted_heights(
     n = samples["A"].size
     index = np.unique(np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int))
     names = (*Parameters.__dataclass_fields__, "F_0")
-    draws = {k: jnp.asarray(samples[k][index]) for k in names if k in samples}
+    draws = {k: as_float(samples[k][index]) for k in names if k in samples}
     return index, np.asarray(_curves(problem, draws, pushes))
 
 

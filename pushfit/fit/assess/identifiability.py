@@ -46,7 +46,7 @@ def identifiability(
     """
     names = free_parameters(problem)
     middle = np.array([np.median(_scaled(n, samples[n])) for n in names])
-    jacobian = np.asarray(_log_jacobian(problem, jnp.asarray(middle), names))
+    jacobian = np.asarray(_log_jacobian(problem, as_float(middle), names))
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=True)
     singular_values = np.pad(singular_values, (0, len(names) - singular_values.size))
     spread = np.array([np.var(_scaled(n, prior_samples[n])) for n in names])

@@ -8,9 +8,9 @@ The same is asked of heights simulated from the posterior (`predictive`).
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
-from scipy import stats
-from scipy.spatial import KDTree
+from scipy.special import chdtrc, fdtrc
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.noise import Noise
@@ -148,7 +148,7 @@ def _chi_square_p_value(fit: FitResult, noise: Noise) -> float | None:
     """Chance of a larger chi-square; None where sigma was made to fit it."""
     if noise.kind != "given" or fit.degrees_of_freedom < 1:
         return None
-    return float(stats.chi2.sf(fit.chi_square, fit.degrees_of_freedom))
+    return float(chdtrc(fit.degrees_of_freedom, fit.chi_square))
 
 
 def _lack_of_fit_p_value(
@@ -167,7 +167,7 @@ def _lack_of_fit_p_value(
     if pure_dof < 1 or lack_dof < 1 or pure == 0:
         return None
     lack = float(np.sum(counts * means**2))
-    return float(stats.f.sf(lack / lack_dof / (pure / pure_dof), lack_dof, pure_dof))
+    return float(fdtrc(lack_dof, pure_dof, lack / lack_dof / (pure / pure_dof)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,7 +220,7 @@ def pushed_directions(
         [np.cos(theta) * np.cos(alpha), np.cos(theta) * np.sin(alpha), np.sin(theta)]
     )
     points = np.stack([np.bincount(inverse, v) / counts for v in vectors], axis=1)
-    _, nearest = KDTree(points).query(points, k=2)
+    _, nearest = scipy.spatial.KDTree(points).query(points, k=2)
     return Directions(
         order=np.argsort(inverse, kind="stable"),
         first=np.cumsum(counts) - counts,

@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
@@ -21,7 +20,7 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.fit.setup import Setup
-from pushfit.model import contact
+from pushfit.model import as_float, contact
 
 # Verdicts that need no words, or have had them.
 SAID = frozenset({Verdict.DETERMINED, Verdict.UNKNOWN, Verdict.PROVISIONAL})
@@ -81,7 +80,7 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
         Rows; by linear mechanics none without a preload, which are even in θ then.
     """
     problem = setup.problem
-    is_held = np.asarray(in_contact(problem, jnp.asarray(fit.estimate)))
+    is_held = np.asarray(in_contact(problem, as_float(fit.estimate)))
     is_lost = ~is_held[: len(setup.rows)]
     return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
 
@@ -107,7 +106,7 @@ def scatter_notice(setup: Setup, fit: FitResult) -> Notice | None:
     """
     if setup.noise.kind != "given" or fit.degrees_of_freedom < 1:
         return None
-    if stats.chi2.sf(fit.chi_square, fit.degrees_of_freedom) > LEVEL:
+    if chdtrc(fit.degrees_of_freedom, fit.chi_square) > LEVEL:
         return None
     ratio = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
     return Notice(
@@ -232,7 +231,7 @@ def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:
     fixed = {name: float(value) for name, value in setup.problem.fixed.items()}
     if not {"K_sn", "K_dn", "K_st"} & set(fixed):
         return None
-    group = contact(setup.problem.data_state(jnp.asarray(fit.estimate)).params)
+    group = contact(setup.problem.data_state(as_float(fit.estimate)).params)
     A, B = (float(value) for value in jax.tree.leaves((group.A, group.B)))
     for name, found in (("K_sn", A), ("K_dn", A), ("K_st", B)):
         if name in fixed and fixed[name] < found:

@@ -14,7 +14,6 @@ References:
 """
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -25,6 +24,7 @@ from pushfit.fit.problem.problem import STUDENT_DOF, Problem
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitStatus, PosteriorResult, PredictiveCheck
 from pushfit.fit.setup import Setup
+from pushfit.model import as_float
 
 # Simulated tables: enough to see a share of 1e-3, fewer of large tables so that all
 # their heights take 32 MB.
@@ -57,7 +57,7 @@ def predictive_checks(
     n = posterior.log_prob.size
     index = np.linspace(0, n - 1, min(n, n_draws)).astype(int)
     draws = {name: values[index] for name, values in posterior.samples.items()}
-    residuals = _residuals(problem, jnp.asarray(encode(problem, draws)))
+    residuals = _residuals(problem, as_float(encode(problem, draws)))
     observed = np.asarray(residuals)[:, :, :n_rows]
     simulated = _noise(problem, observed.shape, np.random.default_rng([seed, 3]))
     directions = pushed_directions(table, np.array(setup.rows))

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.likelihood.angle_errors import angle_slopes
@@ -128,7 +128,7 @@ def _soft(
     t = along / np.sqrt(max(rest, TINY) / dof)
     return Violation(
         code="looks_soft",
-        p_value=float(stats.t.sf(t, dof)),
+        p_value=float(scipy.stats.t.sf(t, dof)),
         text="residuals around θ_c are those of a soft transition: set [transition] "
         f"sharpness = {SOFT:g}, or compare both by `pushfit compare`",
     )
@@ -169,7 +169,7 @@ def _heavy_tailed(free: Float[np.ndarray, " n"]) -> Violation | None:
     """Kurtosis beyond that of normal noise."""
     if free.size < MIN_FOR_KURTOSIS:
         return None
-    statistic = stats.kurtosistest(free, alternative="greater")
+    statistic = scipy.stats.kurtosistest(free, alternative="greater")
     return Violation(
         code="looks_heavy_tailed",
         p_value=float(statistic.pvalue),
@@ -192,7 +192,7 @@ def _scatter_follows(
     slope = float(centred @ squares) / spread
     deviation = squares - np.mean(squares)
     z = slope * np.sqrt(spread * free.size / float(deviation @ deviation))
-    return float(stats.norm.sf(z)), slope
+    return float(scipy.stats.norm.sf(z)), slope
 
 
 @compiled

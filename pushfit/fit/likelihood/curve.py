@@ -19,6 +19,7 @@ from pushfit.fit.programs import compiled
 from pushfit.fit.sweep.outer import follow, tempered
 from pushfit.fit.sweep.repeats import pool_repeats
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion
+from pushfit.model import as_float
 
 # Ends of the range of θ_c, without and with a preload, and of the soft axis [deg].
 THETA_ENDS, PRELOADED_ENDS, AXIS_ENDS = (0.05, 89.95), (-89.0, 89.95), (-90.0, 90.0)
@@ -166,27 +167,27 @@ def profile_curve(
     """
     pooled = pool_repeats(problem)
     means = pooled.problem
-    sigma = means.reference_sigma
+    mask, sigma = np.asarray(means.mask), np.array(means.reference_sigma)
     # What repeats scatter about their mean, no fit can change.
-    scatter = float(jnp.sum(jnp.where(means.mask, pooled.scatter / sigma**2, 0.0)))
-    sigma = jnp.where(means.mask, sigma / jnp.sqrt(pooled.count), sigma)
+    scatter = float(np.sum((np.asarray(pooled.scatter) / sigma**2)[mask]))
+    sigma[mask] /= np.sqrt(np.asarray(pooled.count)[mask])
     n_pool = N_POOL if "f1" in problem.data_names else N_PLAIN_POOL
     rows = np.linspace(0, len(pool) - 1, n_pool).round().astype(int)
     at, points, cost = (
         np.asarray(a)
         for a in _curve(
-            replace(means, reference_sigma=sigma),
-            jnp.asarray(index),
-            jnp.asarray(values),
-            jnp.asarray(pool[rows]),
-            jnp.asarray(reference_alpha),
-            jnp.asarray(level),
+            replace(means, reference_sigma=as_float(sigma)),
+            jax.device_put(np.asarray(index)),
+            as_float(values),
+            as_float(pool[rows]),
+            as_float(reference_alpha),
+            as_float(level),
         )
     )
     chi_square = np.where(cost < IMPOSSIBLE, 2 * cost + scatter, np.inf)
     if imposable(problem)[index] == "theta_c" and problem.grasp.mechanics == "tilting":
-        alpha = jnp.asarray(reference_alpha)
-        angles = np.asarray(critical_angles(problem, jnp.asarray(points), alpha))
+        alpha = as_float(reference_alpha)
+        angles = np.asarray(critical_angles(problem, as_float(points), alpha))
         is_other = ~(np.abs(angles - at) < SAME_ANGLE)
         chi_square = np.where(is_other, np.inf, chi_square)
     return Curve(values=at, points=points, chi_square=chi_square)

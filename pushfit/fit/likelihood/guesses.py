@@ -26,7 +26,8 @@ def guesses(problem: Problem) -> Float[np.ndarray, "k q"]:
         problem: Problem.
     """
     names = problem.data_names
-    force = float(np.max(np.abs(problem.observed)) / problem.grasp.gain)
+    force = float(np.max(np.abs(np.asarray(problem.observed))))
+    force /= float(problem.grasp.gain)
     ln_A = np.log(force / float(problem.grasp.push_length))
     if "ln_A" not in names:
         group = contact(problem.data_state(jnp.zeros(len(names))).params)

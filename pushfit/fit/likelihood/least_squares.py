@@ -11,19 +11,19 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float
-from scipy import optimize
 
 from pushfit.errors import FitError
 from pushfit.fit.likelihood.angle_errors import with_angle_errors
 from pushfit.fit.likelihood.curve import search
-from pushfit.fit.problem.derived import critical_angles
+from pushfit.fit.likelihood.weights import with_noise_of
+from pushfit.fit.problem.derived import critical_angle_at
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import linearised
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.setup import Setup
+from pushfit.model import as_float
 
 # Points, sums of squares, and whether the solver arrived, best first.
 Optima = tuple[
@@ -96,12 +96,12 @@ def fit_result(
         FitError: If the best has no finite residuals and `throw` is set.
     """
     problem, (points, costs, is_done) = setup.problem, found
-    best = jnp.asarray(points[0])
+    at = _around(problem, as_float(points), as_float(reference_alpha))
     mask = np.asarray(problem.mask)
     is_data = np.r_[mask.ravel(), np.ones(problem.n_constraints, bool)]
-    jacobians = np.asarray(_jacobians(problem, best))[:, is_data]
+    jacobians = np.asarray(at.jacobians)[:, is_data]
     jacobian = jacobians[0]
-    residuals = np.asarray(_residuals(problem, best))[is_data]
+    residuals = np.asarray(at.residuals)[is_data]
     if not np.isfinite(costs[0]):
         status = FitStatus.NO_FINITE_START
     elif is_done[0] or _is_flat(jacobian, residuals):
@@ -111,14 +111,14 @@ def fit_result(
     if throw and status is not FitStatus.OK:
         raise FitError(status.value, code=status.name.lower())
     channel_index, column = np.nonzero(mask)
-    predicted = np.asarray(_predicted(problem, best))
+    predicted = np.asarray(at.predicted)
     return FitResult(
         names=problem.data_names,
         estimate=points[0],
         covariance=_covariance(jacobians),
         jacobian=jacobian,
         singular_values=np.linalg.svd(jacobian, compute_uv=False),
-        modes=_modes(problem, points, costs, reference_alpha),
+        modes=_modes(problem, points, costs, np.asarray(at.angles)),
         chi_square=float(costs[0]),
         n_data=int(mask.sum()),
         n_free=len(problem.data_names) - problem.n_constraints,
@@ -149,7 +149,7 @@ def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
     if setup.search is None:
         return np.zeros((N_STARTS, 0))
     pool = setup.search.curve.points
-    costs = np.asarray(costs_at(setup.problem, jnp.asarray(pool)))
+    costs = np.asarray(costs_at(setup.problem, as_float(pool)))
     padded = np.r_[np.inf, np.where(np.isfinite(costs), costs, np.inf), np.inf]
     is_low = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
     valleys = np.flatnonzero(is_low)
@@ -193,7 +193,7 @@ def restarted(
     is_done = np.zeros(len(points), dtype=bool)
     for _ in range(MAX_ROUNDS):
         found, found_costs, found_done = (
-            np.asarray(a) for a in minimiser(jnp.asarray(points))
+            np.asarray(a) for a in minimiser(as_float(points))
         )
         gain = costs - found_costs
         is_better = np.isfinite(found_costs) & ~(gain <= 0)
@@ -229,52 +229,23 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     points = _starts(setup)
     # Sigma and the fit depend on each other only through the relative weights of
     # channels and rows; three rounds settle that far below sigma's own error.
-    has_weights = any(angle_sd) or len(problem.channels) > 1 or bool(np.any(stated.sd))
+    has_weights = (
+        any(angle_sd)
+        or len(problem.channels) > 1
+        or bool(np.any(np.asarray(stated.sd)))
+    )
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
-        best = jnp.asarray(points[0])
+        best = as_float(points[0])
         if any(angle_sd):
             problem = with_angle_errors(problem, best, stated=stated, angle_sd=angle_sd)
         if is_sampled:
-            problem = with_noise_of(problem, best)
+            at = _around(problem, as_float(points), as_float(reference_alpha or 0.0))
+            problem = with_noise_of(problem, np.asarray(at.predicted))
     if has_weights:
         # Other weights have other best fits.
         setup = replace(setup, search=search(problem, reference_alpha))
     return replace(setup, problem=problem)
-
-
-def with_noise_of(problem: Problem, y: Float[Array, " q"]) -> Problem:
-    """The problem with sigma of each channel estimated from the residuals at y.
-
-    Args:
-        problem: Problem whose noise is sampled.
-        y: Data coordinates of a fit.
-
-    Returns:
-        The problem with other weights.
-    """
-    mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
-    errors = np.asarray(_predicted(problem, y) - problem.observed)
-    n_free = len(problem.data_names) - problem.n_constraints
-    share = max(1.0 - n_free / mask.sum(), 1.0 / mask.sum())
-    sigma = np.array(problem.reference_sigma)
-    for c in range(len(problem.channels)):
-        r, s = errors[c, mask[c]], sd[c, mask[c]]
-        target = share * r.size
-        # Noise-free heights: keep weights finite at a sigma too small to matter.
-        floor = 1e-9 * np.max(np.abs(problem.observed[c]))
-        high = np.sqrt(np.sum(r**2) / target) + floor
-
-        def excess(extra: float, r=r, s=s, target=target) -> float:
-            return float(np.sum(r**2 / (s**2 + extra**2)) - target)
-
-        extra = high
-        if excess(floor) <= 0:
-            extra = floor
-        elif excess(high) < 0:
-            extra = float(np.asarray(optimize.brentq(excess, floor, high)))
-        sigma[c, mask[c]] = np.hypot(s, extra)
-    return eqx.tree_at(lambda p: p.reference_sigma, problem, jnp.asarray(sigma))
 
 
 @compiled
@@ -297,6 +268,8 @@ def minimise(
     Returns:
         Coordinates, sum of squares there, and whether the solver met its tolerance.
     """
+    import optimistix as optx  # noqa: PLC0415 - slow to load, needed only to trace
+
     solution = optx.least_squares(
         lambda y, _: linearised(residuals)(y),
         optx.LevenbergMarquardt(rtol=RTOL, atol=ATOL),
@@ -310,13 +283,38 @@ def minimise(
     return solution.value, cost, is_done
 
 
+class Around(eqx.Module):
+    """What optima are judged by.
+
+    Args:
+        jacobians: At the best, and beside it along every coordinate.
+        residuals: At the best.
+        predicted: Heights at the best [table unit].
+        angles: θ_c of every optimum [rad].
+    """
+
+    jacobians: Float[Array, "s m q"]
+    residuals: Float[Array, " m"]
+    predicted: Float[Array, "c n"]
+    angles: Float[Array, " k"]
+
+
 @compiled
-def _jacobians(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "k m q"]:
-    """Jacobians at y, and beside it along every coordinate."""
+def _around(
+    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
+) -> Around:
+    y = points[0]
     step = BESIDE * jnp.eye(y.size)
     beside = jnp.concatenate([jnp.zeros((1, y.size)), step, -step])
     slopes = jax.jacfwd(linearised(problem.data_residuals))
-    return jax.vmap(lambda shift: slopes(y + shift))(beside)
+    return Around(
+        jacobians=jax.vmap(lambda shift: slopes(y + shift))(beside),
+        residuals=problem.data_residuals(y),
+        predicted=problem.predict(problem.data_state(y)),
+        angles=jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(
+            points
+        ),
+    )
 
 
 def _is_flat(
@@ -362,13 +360,10 @@ def _modes(
     problem: Problem,
     points: Float[np.ndarray, "k q"],
     costs: Float[np.ndarray, " k"],
-    reference_alpha: float,
+    angles: Float[np.ndarray, " k"],
 ) -> tuple[Mode, ...]:
     """Distinct optima that could matter, best first."""
     modes, kept = [], []
-    angles = np.asarray(
-        critical_angles(problem, jnp.asarray(points), jnp.asarray(reference_alpha))
-    )
     for point, cost, angle in zip(points, costs, angles, strict=True):
         if not cost <= costs[0] + KEPT_DELTA_CHI_SQUARE:
             continue
@@ -386,12 +381,8 @@ def _modes(
 
 
 @compiled
-def _predicted(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
-    return problem.predict(problem.data_state(y))
-
-
-@compiled
-def _residuals(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
+def residuals_at(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
+    """Residuals at data coordinates."""
     return problem.data_residuals(y)
 
 

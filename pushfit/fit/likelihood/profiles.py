@@ -8,7 +8,6 @@ critical angles stay two, and an end that no push bounds stays open.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -22,6 +21,7 @@ from pushfit.fit.problem.priors import UNITS
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.setup import Setup
+from pushfit.model import as_float
 
 # The ellipse is reported by its axis; s and L are bounded by their priors alone.
 UNPROFILED = ("f1", "f2", "ln_s", "ln_L")
@@ -142,7 +142,7 @@ def _curves(
 
 def _weighed_anew(problem: Problem, curve: Curve) -> Curve:
     """A curve with the sums of squares that settled noise gives its fits."""
-    chi_square = np.asarray(costs_at(problem, jnp.asarray(curve.points)))
+    chi_square = np.asarray(costs_at(problem, as_float(curve.points)))
     is_possible = np.isfinite(curve.chi_square) & np.isfinite(chi_square)
     return replace(curve, chi_square=np.where(is_possible, chi_square, np.inf))
 
@@ -160,8 +160,8 @@ def _values_at(
         f1 = problem.data_names.index("f1")
         axis = np.arctan2(-modes[:, f1 + 1], -modes[:, f1]) / 2
         return np.mod(axis + np.pi / 2, np.pi) - np.pi / 2
-    alpha = jnp.asarray(reference_alpha)
-    return np.asarray(critical_angles(problem, jnp.asarray(modes), alpha))
+    alpha = as_float(reference_alpha)
+    return np.asarray(critical_angles(problem, as_float(modes), alpha))
 
 
 def _axis_profile(

@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 from jaxtyping import Float
 
 from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted
@@ -152,6 +151,8 @@ def _stretched(degrees: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
 @functools.lru_cache(maxsize=256)
 def _density(draws: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Grid and density of draws, which many tables share."""
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
     grid, density, _ = array_stats.kde(np.frombuffer(draws, dtype=float))
     return grid, density
 

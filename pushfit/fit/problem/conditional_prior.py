@@ -11,8 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy import ndimage, stats
+from scipy.special import ndtr
 
 from pushfit.fit.problem.priors import Prior
 from pushfit.fit.problem.quadrature import draw_from_nodes, gauss_legendre
@@ -110,7 +111,7 @@ class Pair(abc.ABC):
             (whole - rows[0]) / (rows[-1] - rows[0]) * (rows.size - 1),
             (scores - SCORES[0]) / (SCORES[-1] - SCORES[0]) * (SCORES.size - 1),
         ]
-        return ndimage.map_coordinates(table, places, order=1, mode="nearest")
+        return scipy.ndimage.map_coordinates(table, places, order=1, mode="nearest")
 
     @functools.cached_property
     def quantiles(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r s"]]:
@@ -118,9 +119,10 @@ class Pair(abc.ABC):
         density = self.density()
         assert isinstance(density, LogDensity)
         table = make_table(density)
-        rows = np.linspace(float(table.start), float(table.end), N_ROWS)
+        start, step = float(table.start), float(table.step)
+        rows = np.linspace(start, start + step * (table.values.size - 1), N_ROWS)
         t, log_joint, _ = self._joint(rows)
-        probs = np.broadcast_to(stats.norm.cdf(SCORES), (N_ROWS, SCORES.size))
+        probs = np.broadcast_to(ndtr(SCORES), (N_ROWS, SCORES.size))
         # The outermost rows may lie outside the range of both.
         return rows, draw_from_nodes(t, np.maximum(log_joint, -1e300), probs)
 

@@ -8,12 +8,12 @@ if they had been observed. Excluded: A, B and C_rr, on which no prior may act he
 
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import Problem
+from pushfit.model import as_float
 
 # Draws from the prior whose moments the residuals have: good to 2 % of each sd.
 N_DRAWS = 4000
@@ -39,8 +39,8 @@ def with_constraints(problem: Problem) -> Problem:
     rows, offsets = zip(*found, strict=True)
     return replace(
         problem,
-        constraint=jnp.asarray(rows),
-        constraint_offset=jnp.asarray(np.array(offsets)),
+        constraint=as_float(np.array(rows)),
+        constraint_offset=as_float(np.array(offsets)),
     )
 
 

@@ -8,9 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from arviz_stats.base.array import array_stats
 from jaxtyping import Array, Bool, Float
-from scipy import stats
 
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled
@@ -44,7 +42,7 @@ def samples_mapping(
         ellipse is free; F_0 and sigma_<channel> where sampled; theta_c [deg], NaN where
         the contact never rolls.
     """
-    x, alpha = jnp.asarray(x_samples), as_float(reference_alpha)
+    x, alpha = as_float(x_samples), as_float(reference_alpha)
     columns = _quantities(problem, x, alpha, reach)
     return {name: np.asarray(values) for name, values in columns.items()}
 
@@ -189,6 +187,8 @@ def highest_density_set(
     Returns:
         Pieces, ascending; for an axis each as in `equal_tailed_interval`.
     """
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
     finite = samples[np.isfinite(samples)]
     if finite.size == 0 or np.ptp(finite) == 0:
         return ()
@@ -214,8 +214,9 @@ def _unwrapped(
     degrees: Float[np.ndarray, " n"],
 ) -> tuple[float, Float[np.ndarray, " n"]]:
     """Circular mean of axes and the signed distance of each from it [deg]."""
-    centre = float(stats.circmean(degrees, high=HALF_TURN, low=0))
     half = HALF_TURN / 2
+    turned = np.exp(1j * np.pi * degrees / half)
+    centre = float(np.mod(np.angle(np.mean(turned)) * half / np.pi, HALF_TURN))
     return centre, np.mod(degrees - centre + half, HALF_TURN) - half
 
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.stats import norm
 from jaxtyping import Array, Float
-from scipy import stats
+from scipy.special import ndtr, ndtri
 
 from pushfit.config import GraspConfig
 from pushfit.fit.programs import compiled
@@ -88,9 +88,8 @@ class Prior(eqx.Module):
             value = rng.uniform(first, second, n)
         else:
             low = -first / second if self.is_positive else -np.inf
-            value = stats.truncnorm.rvs(
-                low, np.inf, loc=first, scale=second, size=n, random_state=rng
-            )
+            share_above = ndtr(-low) * (1 - rng.uniform(size=n))
+            value = first - second * ndtri(share_above)
         return np.log(value) if self.is_positive else np.asarray(value)
 
     def describe(self) -> str:

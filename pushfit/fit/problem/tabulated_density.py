@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.interpolate import CubicSpline
 
 from pushfit.fit.problem.priors import Prior, log_prior_at
+from pushfit.model import as_float
 
 # Distance from the centre at which a prior density ends here: 1e-31 of its mass lies
 # beyond.
@@ -113,7 +114,7 @@ def prior_density(prior: Prior) -> LogDensity:
         scale = second / max(first + second, second)
     grid = np.linspace(lower, upper, N_PRIOR_POINTS)
     # Rounding at the bounds of a uniform prior must not leave its support.
-    inside = jnp.asarray(np.clip(grid, lower + 1e-12, upper - 1e-12))
+    inside = as_float(np.clip(grid, lower + 1e-12, upper - 1e-12))
     return _interpolated(grid, np.asarray(log_prior_at(prior, inside)), float(scale))
 
 
@@ -142,11 +143,11 @@ def make_table(density: LogDensity) -> Table:
     mean = np.sum(mass * grid) / np.sum(mass)
     sd = np.sqrt(np.sum(mass * (grid - mean) ** 2) / np.sum(mass))
     return Table(
-        start=jnp.asarray(low),
-        step=jnp.asarray((high - low) / (n - 1)),
-        values=jnp.asarray(values),
-        mean=jnp.asarray(mean),
-        sd=jnp.asarray(sd),
+        start=as_float(low),
+        step=as_float((high - low) / (n - 1)),
+        values=as_float(values),
+        mean=as_float(mean),
+        sd=as_float(sd),
     )
 
 
@@ -169,7 +170,7 @@ def _interpolated(
     grid: Float[np.ndarray, " g"], values: Float[np.ndarray, " g"], scale: float
 ) -> LogDensity:
     """Density through given points: each shape of JAX arrays would be compiled anew."""
-    spline = CubicSpline(grid, values, extrapolate=False)
+    spline = scipy.interpolate.CubicSpline(grid, values, extrapolate=False)
     return LogDensity(
         lower=float(grid[0]),
         upper=float(grid[-1]),

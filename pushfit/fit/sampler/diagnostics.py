@@ -9,10 +9,9 @@ sample size follows from the autocorrelation time. Pure functions of arrays.
 from collections.abc import Mapping
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 from emcee import autocorr
 from jaxtyping import Float
-from scipy import stats
+from scipy.special import chdtrc
 
 from pushfit.fit.results import Diagnostics
 
@@ -70,6 +69,8 @@ def nested_rhat(trace: Float[np.ndarray, "t e w"]) -> float:
     References:
         Margossian et al. (2024), doi:10.1214/24-BA1453.
     """
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
     if np.ptp(trace) == 0:
         return float("nan")
     n_steps, n_ensembles, n_walkers = trace.shape
@@ -96,7 +97,7 @@ def disagreement(trace: Float[np.ndarray, "t e w"], autocorr_time: float) -> flo
     if not error > 0:
         return float("nan")
     excess = np.sum((means - means.mean()) ** 2) / error
-    return float(stats.chi2.sf(excess, n_ensembles - 1))
+    return float(chdtrc(n_ensembles - 1, excess))
 
 
 def acceptance_fraction(

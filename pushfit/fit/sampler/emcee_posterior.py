@@ -32,6 +32,7 @@ from pushfit.fit.sampler.starts import starting_points
 from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.mechanics.directions import critical_angle
+from pushfit.model import as_float
 
 Progress = Callable[[str, float], None]
 
@@ -216,7 +217,7 @@ def _look(
     problem: Problem, run: Run, budget: Budget, reference_alpha: float
 ) -> tuple[int, Diagnostics]:
     """Burn-in of a run, and the checks of what follows it."""
-    alpha = jnp.asarray(reference_alpha)
+    alpha = as_float(reference_alpha)
     n_steps, _, n_dim = run.chain.shape
     flat = run.chain.reshape(-1, n_dim)
     angle = in_chunks(lambda rows: _theta_c(problem, rows, alpha), flat, 4096)

@@ -8,7 +8,6 @@ against the outcome, and populated where it matters. Excluded: judging convergen
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -20,6 +19,7 @@ from pushfit.fit.results import FitResult
 from pushfit.fit.sampler.chains import advance
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.sweep.mixture import fit_mixture
+from pushfit.model import as_float
 
 # Share of the points that a step of the cooling may leave without weight, and steps of
 # the walkers after each, whose proposals are fitted to so many points: mode weights
@@ -78,7 +78,7 @@ def _check_finite(
     if np.any(np.isfinite(log_prior + log_likelihood)):
         return
     worst = "prior density" if not np.isfinite(log_prior[0]) else "likelihood"
-    params = problem.state(jnp.asarray(points[0])).params
+    params = problem.state(as_float(points[0])).params
     free = [n for n in problem.priors if n in POSITIVE and hasattr(params, n)]
     values = ", ".join(
         f"{n} = {float(getattr(params, n)):.4g} {UNITS[n]} "

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from arviz_stats.base.array import array_stats
+import scipy
 from jaxtyping import Array, Float
-from scipy.stats import qmc
 
 from pushfit.errors import FitError
 from pushfit.fit.problem.derived import samples_mapping
@@ -25,6 +24,7 @@ from pushfit.fit.sweep.outer import outer_nodes
 from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet
 from pushfit.fit.sweep.target import Target
+from pushfit.model import as_float
 
 # Draws of one call, and effective draws that are enough: the mean of any quantity is
 # then good to 0.03 of its standard deviation.
@@ -108,9 +108,10 @@ def sweep_posterior(
     weighted = weighted_draws(make_target(problem, reference_alpha), seed=seed)
     x, log_prob = weighted.resampled(N_RETURNED, rng)
     prior = prior_points(problem, reference_alpha, rng)
+    both = samples_mapping(problem, np.concatenate([x, prior]), reference_alpha, reach)
     return PosteriorResult(
-        samples=samples_mapping(problem, x, reference_alpha, reach),
-        prior_samples=samples_mapping(problem, prior, reference_alpha, reach),
+        samples={name: values[:N_RETURNED] for name, values in both.items()},
+        prior_samples={name: values[N_RETURNED:] for name, values in both.items()},
         log_prob=log_prob,
         chain=None,
         chain_names=(),
@@ -147,13 +148,10 @@ def weighted_draws(target: Target, *, seed: int) -> WeightedDraws:
 def _swept(target: Target, rng: np.random.Generator) -> WeightedDraws:
     """Draws proposed by the sweep."""
     sheet = _sheet(target)
-    points = _points(n_uniforms(target))
     parts: list[Draw] = []
     while True:
-        # A shift modulo 1 makes every point uniform and keeps them even.
-        shift = rng.uniform(size=points.shape[1])
-        uniform = jnp.asarray(np.mod(points + shift, 1.0))
-        parts.append(jax.tree.map(np.asarray, _draws(target, sheet, uniform)))
+        shift = as_float(rng.uniform(size=n_uniforms(target)))
+        parts.append(jax.tree.map(np.asarray, _draws(target, sheet, shift)))
         draws = jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
         order = np.argsort(draws.outer, kind="stable")
         found = _weighed(draws.x[order], draws.log_prob[order], draws.log_weight[order])
@@ -169,7 +167,7 @@ def _refined(
     mixture = fit_mixture(x, rng)
     random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
     x = mixture.sample(random, N_REFINED)
-    log_prob = np.asarray(_log_probs(target, jnp.asarray(x)))
+    log_prob = np.asarray(_log_probs(target, as_float(x)))
     return _weighed(x, log_prob, log_prob - mixture.log_density(x))
 
 
@@ -182,6 +180,8 @@ def _weighed(
     n, is_possible = log_weight.size, np.isfinite(log_weight)
     smoothed, pareto_k, ess = np.full(n, -np.inf), np.inf, _ess(log_weight)
     if np.sum(is_possible) > 1:
+        from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
         # It takes minus the log of the weights, as it would take log likelihoods, and
         # differences of them: impossible draws stay out.
         tail, k = array_stats.psislw(-log_weight[is_possible])
@@ -211,7 +211,7 @@ def _log_sum(log_values: Float[np.ndarray, " n"]) -> float:
 @functools.lru_cache(maxsize=16)
 def _points(n: int) -> Float[np.ndarray, "d n"]:
     """Even points in a cube: the first of Sobol's sequence."""
-    return qmc.Sobol(n, scramble=False).random(N_DRAWS)
+    return scipy.stats.qmc.Sobol(n, scramble=False).random(N_DRAWS)
 
 
 @compiled
@@ -220,7 +220,9 @@ def _sheet(target: Target) -> Sheet:
 
 
 @compiled
-def _draws(target: Target, sheet: Sheet, uniform: Float[Array, "d n"]) -> Draw:
+def _draws(target: Target, sheet: Sheet, shift: Float[Array, " n"]) -> Draw:
+    # A shift modulo 1 makes every point uniform and keeps them even.
+    uniform = jnp.mod(jnp.asarray(_points(shift.size)) + shift[None], 1.0)
     return jax.vmap(lambda row: draw(target, sheet, row))(uniform)
 
 

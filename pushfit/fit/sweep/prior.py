@@ -5,10 +5,10 @@ time. It is made once for each shape and kept. Excluded: densities, which `Probl
 """
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -16,10 +16,11 @@ from pushfit.fit.problem.conditional_prior import SCORES, make_conditional_prior
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.priors import Prior
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs import compiled, kept_arrays
 from pushfit.fit.sweep.repeats import pool_repeats
 from pushfit.fit.sweep.roles import roles_of
 from pushfit.fit.sweep.target import QuantileTable, Target
+from pushfit.model import as_float
 
 # Draws from the prior: moments good to 2 % of a standard deviation.
 N_DRAWS = 4000
@@ -46,6 +47,40 @@ class PriorShape:
     precision: Float[np.ndarray, "q q"]
     shape_sd: float
     tables: dict[str, tuple[float, float, Float[np.ndarray, "r s"]]]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All of it by names of its own, see `of_arrays`."""
+        draws = {f"draws {name}": values for name, values in self.draws.items()}
+        grids = {f"grid {n}": np.array(table[:2]) for n, table in self.tables.items()}
+        values = {f"table {n}": table[2] for n, table in self.tables.items()}
+        return {
+            "mean": self.mean,
+            "precision": self.precision,
+            "shape_sd": np.array(self.shape_sd),
+            **draws,
+            **grids,
+            **values,
+        }
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "PriorShape":
+        """The inverse of `arrays`."""
+
+        def those(word: str) -> dict[str, np.ndarray]:
+            return {
+                key.removeprefix(word): values
+                for key, values in arrays.items()
+                if key.startswith(word)
+            }
+
+        grids = {name: grid.tolist() for name, grid in those("grid ").items()}
+        return cls(
+            draws=those("draws "),
+            mean=arrays["mean"],
+            precision=arrays["precision"],
+            shape_sd=float(arrays["shape_sd"]),
+            tables={n: (*grids[n], values) for n, values in those("table ").items()},
+        )
 
 
 class _Question:
@@ -91,9 +126,9 @@ def make_target(problem: Problem, reference_alpha: float) -> Target:
     wholes = {"ln_r": scale, "ln_s": scale, "ln_L": scale}
     tables = {
         name: QuantileTable(
-            jnp.asarray(start + wholes[name]),
-            jnp.asarray(step),
-            jnp.asarray(values),
+            as_float(start + wholes[name]),
+            as_float(step),
+            as_float(values),
             float(SCORES[0]),
             float(SCORES[1] - SCORES[0]),
         )
@@ -101,11 +136,11 @@ def make_target(problem: Problem, reference_alpha: float) -> Target:
     }
     return Target(
         pooled=pool_repeats(problem),
-        mean=jnp.asarray(shape.mean + shift),
-        precision=jnp.asarray(shape.precision),
-        shape_sd=jnp.asarray(shape.shape_sd),
+        mean=as_float(shape.mean + shift),
+        precision=as_float(shape.precision),
+        shape_sd=as_float(shape.shape_sd),
         tables=tables,
-        reference_alpha=jnp.asarray(reference_alpha),
+        reference_alpha=as_float(reference_alpha),
         roles=roles,
     )
 
@@ -157,6 +192,11 @@ def _rounded(value: float | Array) -> float:
 @functools.lru_cache(maxsize=MAX_SHAPES)
 def _shape(question: _Question) -> PriorShape:
     """Draws, moments and tables of a prior."""
+    arrays = kept_arrays(f"prior {question.key}", lambda: _made(question).arrays())
+    return PriorShape.of_arrays(arrays)
+
+
+def _made(question: _Question) -> PriorShape:
     problem, roles = question.problem, roles_of(question.problem)
     noiseless = {n: p for n, p in problem.priors.items() if not n.startswith("sigma_")}
     names = tuple(n for n in problem.names if n not in roles.sigmas)
@@ -220,14 +260,14 @@ def _outer_of(
     """U of draws."""
     blank = Target(
         pooled=pool_repeats(problem),
-        mean=jnp.zeros(2),
-        precision=jnp.eye(2),
-        shape_sd=jnp.asarray(1.0),
+        mean=as_float(np.zeros(2)),
+        precision=as_float(np.eye(2)),
+        shape_sd=as_float(1.0),
         tables={},
-        reference_alpha=jnp.asarray(reference_alpha),
+        reference_alpha=as_float(reference_alpha),
         roles=roles_of(problem),
     )
-    return np.asarray(_outer(blank, jnp.asarray(x)))
+    return np.asarray(_outer(blank, as_float(x)))
 
 
 @compiled

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import Problem
-from pushfit.model import Pushes
+from pushfit.model import Pushes, as_float
 
 # Pushes closer than this in both angles, and in the log of their sd, are repeats.
 SAME = 1e-9
@@ -72,11 +72,11 @@ def pool_repeats(problem: Problem) -> Pooled:
         observed=padded(mean, 0.0),
         sd=padded(sd[:, first], 0.0),
         reference_sigma=padded(sigma[:, first], 1.0),
-        mask=jnp.asarray(np.tile(np.arange(size) < n, (channels, 1))),
+        mask=jnp.asarray(np.tile(np.arange(size) < n, (channels, 1)), dtype=bool),
     )
     return Pooled(
         pooled,
-        jnp.asarray(np.tile(padded(count, 0.0), (channels, 1))),
-        jnp.asarray(padded(scatter, 0.0)),
+        as_float(np.tile(padded(count, 0.0), (channels, 1))),
+        as_float(padded(scatter, 0.0)),
         has_sd=bool(np.any(sd > 0)),
     )

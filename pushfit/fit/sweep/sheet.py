@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float, Int
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from pushfit.fit.sweep.cholesky import (
     back_solve,
@@ -32,7 +32,7 @@ N_SIDE, N_STEPS = 8, 3
 STRETCH = 0.7
 # Equally probable parts of the prior of ln s given B, and the score in their middle.
 N_STRATA = 8
-MIDDLES = norm.ppf((np.arange(N_STRATA) + 0.5) / N_STRATA)
+MIDDLES = ndtri((np.arange(N_STRATA) + 0.5) / N_STRATA)
 # Furthest that the inner coordinate follows the ridge between nodes, in its own sd.
 FOLLOWED = 2.0
 # Longest move of the others from one inner node to the next, in logs.

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pushfit import cache
 from pushfit.fit import identify
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sweep import posterior as engine
+from pushfit.fit.sweep import prior
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS
 from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
@@ -184,3 +186,17 @@ def test_what_the_sweep_cannot_do_is_handed_to_emcee_and_said(monkeypatch):
     assert "handed_to_emcee" in [warning.code for warning in found.warnings]
     kept = identify.identify_table(table, config(), seed=1, engine="sweep")
     assert kept.status is FitStatus.NOT_CONVERGED
+
+
+def test_a_prior_that_was_kept_is_the_one_that_was_made(monkeypatch, tmp_path):
+    """What a later process reads is what the first one made, to the bit."""
+    problem = setup_of(case_table(CASES["firm"], noise=0.05)).problem
+    monkeypatch.setenv(cache.PROGRAMS, str(tmp_path))
+    prior._shape.cache_clear()
+    made = make_target(problem, ALPHA)
+    prior._shape.cache_clear()
+    monkeypatch.setattr(prior, "_made", lambda question: pytest.fail("made again"))
+    kept = make_target(problem, ALPHA)
+    assert jax.tree.structure(kept) == jax.tree.structure(made)
+    for one, other in zip(jax.tree.leaves(kept), jax.tree.leaves(made), strict=True):
+        np.testing.assert_array_equal(one, other)

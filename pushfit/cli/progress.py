@@ -1,0 +1,109 @@
+"""How far a command is: a bar on a terminal, else a line for each stage.
+
+All of it goes to standard error; what a command answers goes to standard output.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+# A log gets a line when at least so much more is done: stages do, 10 000 items do not.
+WORTH_A_LINE = 0.05
+# Below this share what is left would be a guess.
+FORESEEABLE = 0.15
+# Seconds of which the bar takes the speed: stages are long and few.
+MEMORY = 600.0
+
+
+class Course:
+    """Takes in how far the work is, and says it line by line.
+
+    Args:
+        say: Writes one line.
+        clock: Seconds that only grow.
+    """
+
+    def __init__(
+        self,
+        say: Callable[[str], None],
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        """Start the clock."""
+        self._say, self._clock, self._start = say, clock, clock()
+        self._last = -WORTH_A_LINE
+
+    def __call__(self, stage: str, share: float) -> None:
+        """Take in a stage that goes on, and the share of all work that is done."""
+        if share < self._last + WORTH_A_LINE:
+            return
+        self._last = share
+        self._say(f"{stage}: {100 * share:.0f} % done{self._left(share)}")
+
+    def tell(self, text: str) -> None:
+        """Say what is known already."""
+        self._say(text)
+
+    def _left(self, share: float) -> str:
+        """How much longer it takes at this speed, in words."""
+        if not FORESEEABLE <= share < 1:
+            return ""
+        seconds = (self._clock() - self._start) * (1 - share) / share
+        return f", about {seconds:.0f} s left"
+
+
+class Bar(Course):
+    """The same as a bar at the foot of a terminal.
+
+    Args:
+        bar: Where it is drawn.
+        say: Writes one line above it.
+    """
+
+    def __init__(self, bar: "Progress", say: Callable[[str], None]) -> None:
+        """Draw it empty."""
+        super().__init__(say)
+        self._bar, self._task = bar, bar.add_task("", total=1.0)
+
+    def __call__(self, stage: str, share: float) -> None:
+        """Move it."""
+        self._bar.update(self._task, description=stage, completed=share)
+
+
+@contextmanager
+def shown_bar() -> Iterator[Bar]:
+    """A bar while the block runs, and nothing of it afterwards.
+
+    Yields:
+        What takes in how far the work is.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    from pushfit.report.strings import printable
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+    )
+    console = Console(stderr=True, soft_wrap=True)
+    with Progress(
+        *columns,
+        console=console,
+        transient=True,
+        speed_estimate_period=MEMORY,
+        redirect_stdout=False,
+    ) as bar:
+        yield Bar(bar, lambda text: console.print(Text(printable(text))))

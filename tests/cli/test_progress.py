@@ -1,0 +1,82 @@
+"""How far a command is: what a log gets, what a terminal, and what neither loses."""
+
+import itertools
+import os
+import pty
+import re
+import sys
+
+from pushfit.cli import main
+from pushfit.cli.progress import Course
+from tests.cli.test_app import session
+
+ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+# The columns of a terminal that holds the bar in one line.
+COLUMNS = "120"
+
+
+def test_a_log_gets_a_line_for_each_stage_with_what_is_left():
+    """At constant speed what is left is elapsed (1 - share) / share."""
+    said, seconds = [], itertools.count(step=3)
+    course = Course(said.append, clock=lambda: float(next(seconds)))
+    course("least squares", 0.0)
+    course("likelihood sets", 0.25)
+    course.tell("best fit: 40°")
+    course("posterior", 0.5)
+    assert said == [
+        "least squares: 0 % done",
+        "likelihood sets: 25 % done, about 9 s left",
+        "best fit: 40°",
+        "posterior: 50 % done, about 6 s left",
+    ]
+
+
+def test_a_log_of_ten_thousand_tables_is_short():
+    said = []
+    course = Course(said.append)
+    for number in range(10_000):
+        course(f"table {number}", number / 10_000)
+    assert 10 < len(said) <= 20
+
+
+def test_quiet_says_nothing(capsys):
+    with session(is_quiet=True).progress() as progress:
+        progress("least squares", 0.0)
+        progress.tell("best fit")
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_terminal_gets_a_bar_and_the_first_answer_above_it(monkeypatch, capsys):
+    reader, writer = pty.openpty()
+    monkeypatch.setenv("COLUMNS", COLUMNS)
+    monkeypatch.setenv("TERM", "xterm")
+    with os.fdopen(writer, "w") as stream:
+        monkeypatch.setattr(sys, "stderr", stream)
+        with session().progress() as progress:
+            print("the report")
+            progress("posterior", 0.5)
+            progress.tell("best fit: 40° \x1b[31m")
+        monkeypatch.undo()
+        stream.flush()
+        seen = ESCAPE.sub("", os.read(reader, 1 << 16).decode())
+    os.close(reader)
+    assert "best fit: 40°" in seen
+    assert "posterior" in seen
+    assert "50%" in seen
+    assert capsys.readouterr().out == "the report\n"
+
+
+def test_a_command_says_theta_c_before_the_posterior(capsys, tmp_path):
+    """What is on standard output stays what it was: the report alone."""
+    table = tmp_path / "peaks.csv"
+    rows = ["theta_deg,alpha_deg,height_n,height_sd_n"]
+    rows += [f"{5 * i},0,{0.02 * i**1.5:.3f},0.02" for i in range(1, 18)]
+    table.write_text("\n".join(rows))
+    assert main(["fit", str(table)]) == 0
+    said, out = capsys.readouterr()[::-1]
+    order = ["least squares", "best fit by", "likelihood set of", "posterior: "]
+    places = [said.index(words) for words in order]
+    assert places == sorted(places)
+    assert not any(words in out for words in order[:3])
+    assert main(["fit", str(table), "--quiet"]) == 0
+    assert capsys.readouterr() == (out, "")
