@@ -53,7 +53,7 @@ def writer(request, monkeypatch) -> list[str]:
     stand_in(
         found, "report.store.read.read_result", "cli.commands.calibrate.load_table"
     )
-    stand_in(found, "fit.calibration.calibrate", f"{report}.difference.compare_results")
+    stand_in(found, "fit.coverage.calibrate", f"{report}.difference.compare_results")
     stand_in([], "explore.explorer.Explorer.ask")
     stand_in(Figure(), f"{report}.coverage.calibration_figure")
     stand_in(Figure(), f"{report}.exploration.exploration_picture")

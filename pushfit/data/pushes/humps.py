@@ -24,7 +24,7 @@ _LEVEL, _HELD = 0.15, 0.6
 _NEARLY = 1.1
 # A hump on a step has fallen from its top to this share of it at least; the
 # step is held for so many times as long as the hump, or is a part of a push.
-_FALLEN, _SHELF = 0.7, 2
+_FALLEN, _SHELF = 0.7, 1.5
 # Humps lower than this share of the whole are wiggles of a plateau.
 _ON_TOP = 0.2
 

@@ -122,10 +122,10 @@ WHERE = {
     "29 constant": ((PEAKS, "test_a_signal_without_pushes_is_refused"),),
     "30 too few pushes": (
         ("data/text/test_faults", "test_too_few_elevations_are_told_with_the_way_out"),
-        ("fit/test_profiles", "test_one_elevation_determines_no_angle"),
+        ("fit/likelihood/test_profiles", "test_one_elevation_determines_no_angle"),
         ("fit/test_identify", "test_one_azimuth_gives_no_direction"),
     ),
-    "31 outlying push": (("fit/test_criticism", "test_an_outlying_push_is_named"),),
+    "31 outlying push": (("fit/assess/test_model_checking", "test_an_outlying_push_is_named"),),
     "32 the same recording twice": (
         ("data/tables/test_merge", "test_a_recording_named_twice_is_refused"),
         ("cli/test_inputs", "test_a_recording_named_twice_is_not_counted_twice"),
