@@ -21,7 +21,8 @@ from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.coverage import simulate_tables
-from pushfit.fit.identify import fit_table, identify_table
+from pushfit.fit.fitted import fit_table
+from pushfit.fit.identify import identify_table
 from pushfit.fit.problem.derived import PARAMETERS, equal_tailed_interval
 from pushfit.fit.results import FitStatus
 from pushfit.model import Grasp, Parameters

@@ -16,7 +16,7 @@ from jax.experimental.compilation_cache import compilation_cache
 
 from benchmarks import peers, recording_scale, tables, tilting_cost
 from pushfit.cache import PROGRAMS
-from pushfit.fit.identify import fit_table, reach_of
+from pushfit.fit.fitted import fit_table, reach_of
 from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.population.many import identify_many
 from pushfit.fit.problem.encoding import prior_x_samples

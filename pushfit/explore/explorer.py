@@ -35,7 +35,7 @@ from pushfit.explore.journal.events import (
 from pushfit.explore.journal.file import Event, Journal
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer, State, Suggestion, Told
-from pushfit.fit.identify import reference_azimuth
+from pushfit.fit.fitted import reference_azimuth
 
 # Below this share of effective draws the engine is asked for fresh ones.
 KEPT_SHARE = 0.2

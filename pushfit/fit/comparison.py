@@ -20,7 +20,7 @@ from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
-from pushfit.fit.identify import Fitted, draw_posterior, fit_table
+from pushfit.fit.fitted import Fitted, draw_posterior, fit_table
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.problem import Problem

@@ -10,7 +10,8 @@ from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.assess.quantities import angle_quantity
 from pushfit.fit.assess.reporting_rules import reported
-from pushfit.fit.identify import fit_table, identify_table
+from pushfit.fit.fitted import fit_table
+from pushfit.fit.identify import identify_table
 from pushfit.fit.results import FitStatus, Verdict
 from tests.fit.tables import case_table, config
 from tests.problems import CASES

@@ -16,7 +16,7 @@ from pushfit import cache
 from pushfit.config import GraspConfig
 from pushfit.data.simulate import simulate_table
 from pushfit.fit import programs
-from pushfit.fit.identify import fit_table
+from pushfit.fit.fitted import fit_table
 from pushfit.fit.programs import compiled
 from pushfit.fit.sweep.draws import Draw
 from pushfit.fit.sweep.sheet import Sheet

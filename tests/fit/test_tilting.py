@@ -11,7 +11,8 @@ from pushfit.data.simulate import Session, simulate_recording, simulate_table
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.advice import measurements
 from pushfit.fit.comparison import rival_configs
-from pushfit.fit.identify import fit_table, identify_table, reach_of
+from pushfit.fit.fitted import fit_table, reach_of
+from pushfit.fit.identify import identify_table
 from pushfit.fit.likelihood.profiles import likelihood_profiles
 from pushfit.fit.problem.constraint_terms import held_names, held_values
 from pushfit.fit.problem.data_coordinates import tilting_point

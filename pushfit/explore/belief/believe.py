@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
-from pushfit.fit.identify import (
+from pushfit.fit.fitted import (
     draw_posterior,
     fit_table,
     prepared,

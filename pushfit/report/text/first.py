@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushfit.fit.identify import Fitted
+from pushfit.fit.fitted import Fitted
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.report.strings import format_angle, format_range, join_or
 

@@ -125,7 +125,9 @@ WHERE = {
         ("fit/likelihood/test_profiles", "test_one_elevation_determines_no_angle"),
         ("fit/test_identify", "test_one_azimuth_gives_no_direction"),
     ),
-    "31 outlying push": (("fit/assess/test_model_checking", "test_an_outlying_push_is_named"),),
+    "31 outlying push": (
+        ("fit/assess/test_model_checking", "test_an_outlying_push_is_named"),
+    ),
     "32 the same recording twice": (
         ("data/tables/test_merge", "test_a_recording_named_twice_is_refused"),
         ("cli/test_inputs", "test_a_recording_named_twice_is_not_counted_twice"),

@@ -13,7 +13,7 @@ from pushfit.fit.assess.violations import (
     violation_notices,
     violations,
 )
-from pushfit.fit.identify import fit_table
+from pushfit.fit.fitted import fit_table
 from tests.fit.tables import config
 from tests.problems import CASES
 

@@ -7,7 +7,7 @@ from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.identify import fit_table
+from pushfit.fit.fitted import fit_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

@@ -11,6 +11,7 @@ from scipy import stats
 
 from pushfit import cache
 from pushfit.fit import identify
+from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sweep import posterior as engine
@@ -96,7 +97,7 @@ def test_evidence_and_means_are_those_of_a_dense_grid(name, noise, text):
 def test_hard_tables_agree_with_quadrature(name):
     case, noise = HARD[name]
     setup = small_setup(case, noise=noise)
-    fit = identify.fit_least_squares(setup, reference_alpha=ALPHA)
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
     exact = exact_posterior(setup, fit, n_draws=8000, seed=1, **WORDS)
     result = swept(setup)
     distance = abs(result.log_evidence - exact.log_evidence)

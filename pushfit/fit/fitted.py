@@ -1,0 +1,225 @@
+"""A table fitted, and drawn from: what precedes all judgement of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pushfit.config import GraspConfig
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import ConfigError
+from pushfit.fit.assess.notices import (
+    contact_notice,
+    contradiction_notice,
+    lost_contact_rows,
+    scatter_notice,
+    table_notices,
+)
+from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.results import (
+    FitResult,
+    FitStatus,
+    Notice,
+    PosteriorResult,
+)
+from pushfit.fit.setup import Setup, build_problem
+from pushfit.fit.sweep.posterior import sweep_posterior
+
+Progress = Callable[[str, float], None]
+ENGINES = ("auto", "sweep", "emcee")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A table as fitted: what precedes any sampling.
+
+    Args:
+        table: Peak heights, with pushes flagged that had lost contact.
+        config: Configuration in force.
+        setup: Problem, its noise weights settled.
+        fit: Least squares.
+        reference_alpha: Azimuth at which θ_c is quoted [rad].
+        notices: What came up on the way.
+    """
+
+    table: PeakTable
+    config: GraspConfig
+    setup: Setup
+    fit: FitResult
+    reference_alpha: float
+    notices: tuple[Notice, ...]
+
+
+def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:
+    """Least squares of a table, with the noise model settled.
+
+    Args:
+        table: Peak heights.
+        config: Configuration in force.
+
+    Returns:
+        The fit and everything a posterior needs.
+
+    Raises:
+        DataError: If no usable push is left.
+        ConfigError: If the configuration does not fit the table.
+        FitError: If no start gives finite residuals.
+    """
+    config, notices = prepared(table, config)
+    reference_alpha = reference_azimuth(table, config)
+    setup, fit = _fit(table, config, reference_alpha)
+    lost = lost_contact_rows(setup, fit)
+    if lost:
+        table = table.with_flag(lost, "lost_contact")
+        notices = (*notices, contact_notice(table, lost))
+        setup, fit = _fit(table, config, reference_alpha)
+    excess = scatter_notice(setup, fit) if config.noise.sigma == "auto" else None
+    if excess is not None:
+        config = with_sigma(config, "sampled")
+        notices = (*notices, excess)
+        setup, fit = _fit(table, config, reference_alpha)
+    return Fitted(
+        table=table,
+        config=with_sigma(config, setup.noise.kind),
+        setup=setup,
+        fit=fit,
+        reference_alpha=reference_alpha,
+        notices=(*notices, *fit_notices(setup, fit)),
+    )
+
+
+def prepared(
+    table: PeakTable, config: GraspConfig
+) -> tuple[GraspConfig, tuple[Notice, ...]]:
+    """The configuration that a table is fitted with, and what it says before.
+
+    Args:
+        table: Peak heights.
+        config: Configuration in force.
+
+    Returns:
+        Configuration and warnings.
+    """
+    notices = tuple(table_notices(table, config))
+    if not config.push.length_known and config.noise.sigma == "auto":
+        # Unequal pushes scatter by more than any sensor noise.
+        config = with_sigma(config, "sampled")
+    return config, notices
+
+
+def fit_notices(setup: Setup, fit: FitResult) -> tuple[Notice, ...]:
+    """What noise and fit say.
+
+    Args:
+        setup: Problem and its provenance.
+        fit: Best fit.
+
+    Returns:
+        Warnings.
+    """
+    contradiction = contradiction_notice(setup, fit)
+    return (*setup.noise.notices, *((contradiction,) if contradiction else ()))
+
+
+def _fit(
+    table: PeakTable, config: GraspConfig, reference_alpha: float
+) -> tuple[Setup, FitResult]:
+    """Problem with its noise weights settled, and its best fit."""
+    setup = settle_noise(build_problem(table, config), reference_alpha)
+    return setup, fit_least_squares(setup, reference_alpha=reference_alpha)
+
+
+def check_engine(engine: str) -> None:
+    """Refuse the name of an engine that is not known.
+
+    Raises:
+        ConfigError: It is not known.
+    """
+    if engine not in ENGINES:
+        raise ConfigError(
+            f"engine = {engine!r} is not known; choose {', '.join(ENGINES[:-1])} or "
+            f"{ENGINES[-1]} (what was called exact is the sweep)",
+            code="unknown_engine",
+        )
+
+
+def draw_posterior(
+    fitted: Fitted,
+    *,
+    seed: int,
+    engine: str,
+    swept: PosteriorResult | None = None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+) -> PosteriorResult:
+    """Draws by the engine asked for.
+
+    Args:
+        fitted: A table with its noise settled.
+        seed: Seed of the draws.
+        engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
+            are not to be trusted.
+        swept: Draws of the sweep, where they are known already.
+        progress: Called with a stage and the share of it that is done.
+        checkpoint: File in which a run of emcee is kept, to be resumed.
+
+    Returns:
+        Draws and their status.
+
+    Raises:
+        ConfigError: If the engine is not known.
+        FitError: If nothing is free, or no start has a finite density.
+    """
+    check_engine(engine)
+    if engine != "emcee":
+        swept = swept or sweep(fitted, seed)
+        if engine == "sweep" or swept.status is FitStatus.OK:
+            return swept
+    from pushfit.fit.sampler import emcee_posterior  # noqa: PLC0415 - slow to load
+
+    chain = emcee_posterior.sample_posterior(
+        fitted.setup,
+        fitted.fit,
+        seed=seed,
+        reference_alpha=fitted.reference_alpha,
+        reach=reach_of(fitted.config),
+        progress=progress,
+        checkpoint=checkpoint,
+    )
+    if engine == "emcee" or swept is None:
+        return chain
+    return replace(chain, ess=swept.ess, pareto_k=swept.pareto_k)
+
+
+def sweep(fitted: Fitted, seed: int) -> PosteriorResult:
+    """Draws by the sweep."""
+    return sweep_posterior(
+        fitted.setup,
+        seed=seed,
+        reference_alpha=fitted.reference_alpha,
+        reach=reach_of(fitted.config),
+    )
+
+
+def reference_azimuth(table: PeakTable, config: GraspConfig) -> float:
+    """Azimuth with the most distinct elevations, unless the configuration names one."""
+    if config.grasp.reference_alpha_deg is not None:
+        return float(np.radians(config.grasp.reference_alpha_deg))
+    used = table.frame[table.is_used]
+    if used.empty:
+        return 0.0
+    counts = used.groupby("alpha_deg")["theta_deg"].nunique()
+    return float(np.radians(counts.index[counts.argmax()]))
+
+
+def reach_of(config: GraspConfig) -> tuple[float, float]:
+    """Lowest and highest azimuth that the finger can push in [rad]."""
+    low, high = config.reach.alpha_deg
+    return float(np.radians(low)), float(np.radians(high))
+
+
+def with_sigma(config: GraspConfig, sigma: str) -> GraspConfig:
+    """The configuration with another `[noise] sigma`."""
+    noise = config.noise.model_copy(update={"sigma": sigma})
+    return config.model_copy(update={"noise": noise})
