@@ -103,6 +103,10 @@ def test_mechanics_that_cannot_be_fitted_are_said_and_stop_nothing(
         return fitted
 
     monkeypatch.setattr(identify, "fit_table", fit_table)
-    (only,) = identify._fitted_by_all(fitted.table, fitted.config)
+    heard = []
+    (only,) = identify._fitted_by_all(
+        fitted.table, fitted.config, lambda *said: heard.append(said)
+    )
+    assert heard == [(fitted, {})]
     assert [notice.code for notice in only.notices] == ["one_mechanics"]
     assert "no finite start" in only.notices[0].text
