@@ -195,7 +195,8 @@ def _ln_scale(target: Target, y: Float[Array, " q"]) -> Array:
     weight = target.pooled.count / problem.reference_sigma**2
     scale = jnp.sum(weight * predicted * observed)
     scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
-    return jnp.log(jnp.clip(scale, 1e-3, 1e3))
+    # A push that cannot be predicted at the guess must not make the node unknown.
+    return jnp.log(jnp.clip(jnp.nan_to_num(scale, nan=1.0), 1e-3, 1e3))
 
 
 def _near(

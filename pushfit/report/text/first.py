@@ -9,8 +9,8 @@ from pushfit.fit.fitted import Fitted
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.report.strings import format_angle, format_range, join_or
 
-# Optima this much worse are no answer [Δχ²].
-ALIKE = 2.7
+# Optima this much worse are no answer [Δχ²]; those this near are the same one [deg].
+ALIKE, APART = 2.7, 2.0
 
 
 def fit_line(fit: FitResult, reference_alpha_deg: float, mechanics: str) -> str:
@@ -27,7 +27,9 @@ def fit_line(fit: FitResult, reference_alpha_deg: float, mechanics: str) -> str:
     near = [
         format_angle(mode.theta_c_deg, spread=1.0)
         for mode in others
-        if mode.theta_c_deg is not None and mode.chi_square < best.chi_square + ALIKE
+        if mode.theta_c_deg is not None
+        and mode.chi_square < best.chi_square + ALIKE
+        and abs(mode.theta_c_deg - best.theta_c_deg) > APART
     ]
     angle = format_angle(best.theta_c_deg, spread=1.0)
     also = f"; {join_or(near)} fits nearly as well" if near else ""

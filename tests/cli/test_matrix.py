@@ -1,0 +1,74 @@
+"""Every mechanics, channel and engine through the command, written and read back."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+
+from pushfit.cli import main
+from pushfit.data.simulate import simulate_table
+from pushfit.data.tables.peak_table import write_table
+from pushfit.model import Grasp
+from pushfit.report.store.read import read_result
+from pushfit.report.store.summary import summary_dict
+from pushfit.report.text.result import render_text
+from tests.problems import PUSH, paper_parameters
+
+CHANNELS = {
+    "height": ("height",),
+    "components": ("height_normal", "height_tangential"),
+    "all": ("height", "height_normal", "height_tangential"),
+}
+MECHANICS = ("linear", "tilting", "auto")
+ENGINES = ("sweep", "emcee")
+ROWS = list(itertools.product(MECHANICS, CHANNELS, ENGINES))
+# L and K_dn are known: emcee then converges in seconds.
+CONFIG = """\
+[push]
+length_mm = 5.0
+
+[grasp]
+mechanics = "{mechanics}"
+preload_n = 1.0
+
+[parameters]
+K_dn = {{ fixed = 600.0 }}
+L = {{ fixed = 0.04 }}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mechanics", "channels", "engine"), ROWS)
+def test_what_a_command_writes_is_what_it_said(
+    mechanics, channels, engine, tmp_path, capsys
+):
+    table = simulate_table(
+        paper_parameters(),
+        Grasp(push_length=PUSH, preload=1.0, mechanics="tilting"),
+        theta=np.radians(np.arange(-30.0, 86.0, 10.0)),
+        alpha=0.0,
+        repeats=3,
+        noise=0.01,
+        rng=np.random.default_rng(5),
+        channels=CHANNELS[channels],
+        state_sd=True,
+    )
+    peaks, config = tmp_path / "peaks.csv", tmp_path / "grasp.toml"
+    write_table(table, peaks)
+    config.write_text(CONFIG.format(mechanics=mechanics), encoding="utf-8")
+    words = ["fit", str(peaks), "--config", str(config), "--engine", engine]
+    out = tmp_path / "result"
+    code = main([*words, "--out", str(out), "--json"])
+    said = json.loads(capsys.readouterr().out)
+    assert code == 0, said["status_text"]
+    again = read_result(out)
+    assert summary_dict(again) == said
+    assert json.loads((out / "summary.json").read_text(encoding="utf-8")) == said
+    assert (out / "report.txt").read_text(encoding="utf-8") == render_text(again)
+    assert said["posterior"]["engine"] == engine
+    expected = {"linear", "tilting"} if mechanics == "auto" else {mechanics}
+    assert {one["mechanics"] for one in said["by_mechanics"]} == expected
+    page = tmp_path / "page.html"
+    assert main(["report", str(out), "-o", str(page)]) == 0
+    assert "θ_c" in page.read_text(encoding="utf-8")
