@@ -5,6 +5,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from hypothesis import settings
 
 # A (3,) against a (3, 1) is a mistake in the model, never a wish.
 jax.config.update("jax_enable_x64", True)
@@ -20,6 +21,9 @@ os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["PUSHFIT_CACHE"] = "off"
 os.environ.pop("PUSHFIT_PROGRAMS", None)
+# How long an example takes says how busy the machine is, and the first one compiles.
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session")

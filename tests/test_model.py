@@ -37,8 +37,7 @@ STEP = np.finfo(float).eps ** (1 / 3)
 # A central difference of numbers near 1 carries about eps / STEP = 4e-11 of rounding.
 DIFFERENCE_FLOOR = 1e-9
 
-# The first example compiles, which no deadline should judge.
-relaxed = settings(deadline=None, max_examples=20)
+relaxed = settings(max_examples=20)
 # Compiled once per case; that eager agrees is a test of its own.
 forces = eqx.filter_jit(model.forces)
 forward = eqx.filter_jit(model.forward)

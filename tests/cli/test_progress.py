@@ -1,5 +1,6 @@
 """How far a command is: what a log gets, what a terminal, and what neither loses."""
 
+import contextlib
 import itertools
 import os
 import pty
@@ -46,6 +47,17 @@ def test_quiet_says_nothing(capsys):
     assert capsys.readouterr() == ("", "")
 
 
+def everything(terminal: int) -> str:
+    """What was written to a terminal, once nobody can write to it any more."""
+    seen = b""
+    # A read returns what is there, and fails where all has been read.
+    with contextlib.suppress(OSError):
+        while received := os.read(terminal, 1 << 16):
+            seen += received
+    os.close(terminal)
+    return ESCAPE.sub("", seen.decode())
+
+
 def test_a_terminal_gets_a_bar_and_the_first_answer_above_it(monkeypatch, capsys):
     reader, writer = pty.openpty()
     monkeypatch.setenv("COLUMNS", COLUMNS)
@@ -57,9 +69,7 @@ def test_a_terminal_gets_a_bar_and_the_first_answer_above_it(monkeypatch, capsys
             progress("posterior", 0.5)
             progress.tell("best fit: 40° \x1b[31m")
         monkeypatch.undo()
-        stream.flush()
-        seen = ESCAPE.sub("", os.read(reader, 1 << 16).decode())
-    os.close(reader)
+    seen = everything(reader)
     assert "best fit: 40°" in seen
     assert "posterior" in seen
     assert "50%" in seen

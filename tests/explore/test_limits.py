@@ -33,7 +33,7 @@ def limits(draw):
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow])
 @given(limits=limits())
 def test_no_suggestion_leaves_the_limits(limits):
     own = Explorer(

@@ -36,7 +36,7 @@ def test_every_hump_is_shown_and_a_faint_one_does_not_count():
     assert [k for k, counts in enumerate(look.counts) if not counts] == [FAINT]
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.sets(st.integers(0, len(HUMPS) - 1), min_size=1))
 def test_the_windows_leave_the_pushes_that_count_and_no_others(kept):
     look = a_look()

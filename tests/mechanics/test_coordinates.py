@@ -21,7 +21,7 @@ EXACT = 1e-12  # equal on paper
 # A determinant of eight columns, each entry of a derivative being a few roundings.
 DETERMINANT = 1e-10
 
-relaxed = settings(deadline=None, max_examples=40)
+relaxed = settings(max_examples=40)
 coordinates = eqx.filter_jit(module.coordinates)
 parameters = eqx.filter_jit(module.parameters)
 log_volume = eqx.filter_jit(module.log_volume)

@@ -33,7 +33,7 @@ STEP = np.finfo(float).eps ** (1 / 3)
 GRID_DEG = 0.02
 TURN = (0.0, 2 * math.pi)
 
-relaxed = settings(deadline=None, max_examples=40)
+relaxed = settings(max_examples=40)
 critical_angle = eqx.filter_jit(directions.critical_angle)
 best_direction = eqx.filter_jit(directions.best_direction)
 
