@@ -21,9 +21,10 @@ os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["PUSHFIT_CACHE"] = "off"
 os.environ.pop("PUSHFIT_PROGRAMS", None)
-# How long an example takes says how busy the machine is, and the first one compiles.
-settings.register_profile("untimed", deadline=None)
-settings.load_profile("untimed")
+# A gate says the same of the same code: the same examples each time, and no deadline,
+# which would say how busy the machine is. --hypothesis-profile=default tries others.
+settings.register_profile("gate", deadline=None, derandomize=True)
+settings.load_profile("gate")
 
 
 @pytest.fixture(scope="session")

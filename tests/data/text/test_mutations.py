@@ -145,20 +145,20 @@ ONE_FILE = [HealthCheck.function_scoped_fixture]
 
 
 @given(data=mutated())
-@settings(max_examples=100, derandomize=True, suppress_health_check=ONE_FILE)
+@settings(max_examples=100, suppress_health_check=ONE_FILE)
 def test_a_damaged_file_gives_its_own_numbers_or_an_error(data, tmp_path):
     assert_read_exactly_or_refused(data, tmp_path / "damaged.csv")
 
 
 @pytest.mark.slow
 @given(data=mutated())
-@settings(max_examples=2000, derandomize=True, suppress_health_check=ONE_FILE)
+@settings(max_examples=2000, suppress_health_check=ONE_FILE)
 def test_many_damaged_files_give_their_own_numbers_or_an_error(data, tmp_path):
     assert_read_exactly_or_refused(data, tmp_path / "damaged.csv")
 
 
 @given(cut=st.integers(0, 400), form=st.sampled_from(sorted(SEEDS)))
-@settings(max_examples=100, derandomize=True, suppress_health_check=ONE_FILE)
+@settings(max_examples=100, suppress_health_check=ONE_FILE)
 def test_a_cut_file_gives_the_first_samples_or_an_error(cut, form, tmp_path):
     """However a file is cut, no sample differs from the one of the whole file."""
     path = tmp_path / "cut.csv"
@@ -176,7 +176,7 @@ def test_a_cut_file_gives_the_first_samples_or_an_error(cut, form, tmp_path):
 
 
 @given(at=st.integers(0, 250), value=st.integers(0, 255))
-@settings(max_examples=100, derandomize=True, suppress_health_check=ONE_FILE)
+@settings(max_examples=100, suppress_health_check=ONE_FILE)
 def test_a_damaged_archive_is_refused(at, value, tmp_path):
     """The checksum of gzip guards the samples; its header may change without harm."""
     packed = bytearray(gzip.compress(PLAIN.encode(), mtime=0))
