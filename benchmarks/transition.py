@@ -111,7 +111,7 @@ def report(found: dict[tuple[float, str], list[Said]]) -> str:
 
 def main() -> None:
     """Print coverage and widths."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tables", type=int, default=320)
     parser.add_argument("--noise", type=float, default=0.01)
     parser.add_argument("--seed", type=int, default=1)
