@@ -190,11 +190,16 @@ def test_presses_of_a_robot_after_a_grip_are_found_with_their_holds(real_data):
     recording = read_recording(
         path, mapping={"hall": "/trial4.real_hall"}, units={"hall": "au"}
     )
-    frame = measure_pushes(recording, settings=PeakSettings(invert=True)).frame
-    # The first press is not held; its known height is not that of its apex.
-    holds = [1.48, 1.43, 1.40, 1.39, 1.37, 1.36, 1.35, 1.35]
-    assert len(frame) == 9
-    np.testing.assert_allclose(frame["height_au"][1:], holds, rtol=0, atol=0.03)
+    holds = np.array([1.37, 1.48, 1.43, 1.40, 1.39, 1.37, 1.36, 1.35, 1.35])
+    for definition, held in (("plateau", slice(None)), ("auto", slice(1, None))):
+        # The first press passes through a top: the user fixes what its height is.
+        settings = PeakSettings(invert=True, height=definition)
+        frame = measure_pushes(recording, settings=settings).frame
+        assert len(frame) == 9
+        assert set(frame["definition"][held]) == {"plateau"}
+        np.testing.assert_allclose(
+            frame["height_au"][held], holds[held], rtol=0, atol=0.03
+        )
 
 
 def test_an_indenter_log_is_read_as_it_is(real_data):
@@ -204,7 +209,8 @@ def test_an_indenter_log_is_read_as_it_is(real_data):
     np.testing.assert_allclose(frame["height_n"], 0.9958, rtol=0, atol=0.003)
 
 
-def test_a_poke_in_a_bare_log_is_found_once(real_data):
+def test_a_poke_in_a_bare_log_is_found_once_and_read_at_its_hold(real_data):
+    """It overshoots to 5.4 N, springs back to 1.4 N, and is then held."""
     recording = read_recording(
         real_data / "peg_poke/forcetorque-20+0.txt",
         columns=("fx_n", "fy_n", "fz_n", "..."),
@@ -213,5 +219,8 @@ def test_a_poke_in_a_bare_log_is_found_once(real_data):
     settings = PeakSettings(channel="fz", invert=True)
     frame = measure_pushes(recording, settings=settings).frame
     assert len(frame) == 1
-    assert 6.2 < frame["t_peak_s"][0] < 8.1
-    assert 3.0 < frame["height_n"][0] < 5.6
+    is_held = (recording.time > 7.45) & (recording.time < 7.95)
+    hold = -np.median(recording.channels["fz"][is_held])
+    assert frame["definition"].tolist() == ["plateau"]
+    assert 7.45 < frame["t_peak_s"][0] < 7.95
+    assert abs(frame["height_n"][0] - hold) < 2 * frame["height_sd_n"][0] < 0.3
