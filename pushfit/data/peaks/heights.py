@@ -108,31 +108,30 @@ def measure_heights(
     extents: Sequence[Extent],
     *,
     definition: Definition,
-    limit: float | None,
-    signs: Sequence[int] | None = None,
+    limit: float | None = None,
     is_missing: Sequence[bool] = (),
-    left_out: Sequence[Extent] = (),
+    course: Course | None = None,
 ) -> tuple[Height, ...]:
-    """Measure pushes, each by itself.
+    """Measure humps, each by itself.
 
     Args:
         time: Sample times [s].
         signal: Samples [unit].
-        extents: Where the pushes are, in order; at least one.
+        extents: All humps of the signal, in any order and at least one: what is none
+            of them is rest. Heights of those that go down are negative.
         definition: What the height is; "auto" decides by the shape of each push.
         limit: Largest reading of the sensor; None to recognise it [unit].
-        signs: 1 for a push that goes up, -1 for one that goes down, whose height is
-            negative; None if all go up.
-        is_missing: Whether each push has no hump, so that only its moment is measured;
-            none where empty.
-        left_out: Humps that are not measured: no pushes, and no rests either.
+        is_missing: Whether each is but the moment of a push that has no hump; none
+            where empty.
+        course: Running means of the samples, if they are known already.
 
     Returns:
         Heights in the same order.
     """
-    signs = [1] * len(extents) if signs is None else signs
-    noise, base = rests_of(time, signal, extents, left_out)
-    course = Course.of(time, _upright(signal, extents, base.level, signs))
+    signs = np.array([extent.sign for extent in extents])
+    noise, base = rests_of(time, signal, extents)
+    if course is None or -1 in signs:
+        course = Course.of(time, _upright(signal, extents, base.level))
     profile = profiles(course, extents)
     calm = calmed(profile, base.level, extents, noise)
     held = are_held(course, extents, calm=calm, base=base.level, noise=noise)
@@ -148,14 +147,14 @@ def measure_heights(
     is_cut = saturated_pushes(
         signal,
         extents,
-        signs=signs,
+        signs=signs.tolist(),
         limit=limit,
         # Where most are held, readings pile up at levels by themselves; among pointed
         # pushes a level is that of the limit.
         sigma=np.where(held & (held.mean() > _MOST), 0.0, noise.sigma),
     )
     # The drift of an upright picture of a dip goes the other way.
-    rise = tops.level - base.level - np.array(signs) * drift
+    rise = tops.level - base.level - signs * drift
     family = np.where(held, 0.0, _SHAPE * rise)
     sd = np.sqrt(tops.sd**2 + base.sd_at(tops.time) ** 2 + family**2)
     checks = {
@@ -187,12 +186,11 @@ def _upright(
     signal: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
     base: Float[np.ndarray, " p"],
-    signs: Sequence[int],
 ) -> Float[np.ndarray, " n"]:
     """The signal with each dip mirrored at its baseline."""
-    upright = signal.copy() if -1 in signs else signal
-    for extent, level, sign in zip(extents, base, signs, strict=True):
-        if sign < 0:
+    upright = signal.copy()
+    for extent, level in zip(extents, base, strict=True):
+        if extent.sign < 0:
             part = slice(extent.start, extent.end)
             upright[part] = 2 * level - signal[part]
     return upright

@@ -47,7 +47,7 @@ def _definitions(definitions: list[str]) -> tuple[str, list[str]]:
 
 def _left_out(paired: Paired) -> list[str]:
     """Brushes, dips and excluded humps that are no rows."""
-    found, chosen = paired.found, paired.chosen.extents
+    found, chosen = paired.found, paired.chosen
     brushes = [e for e in found.extents if e.is_brush and e not in chosen]
     notes = []
     if brushes:

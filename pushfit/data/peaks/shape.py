@@ -159,12 +159,22 @@ def are_held(
     variance = noise.of_part(counts.mean(axis=1)) ** 2
     gain = _misfit(bins, *_hyperbolas()) - _misfit(bins, *_levels())
     is_level = gain > _EVIDENCE * variance
-    for k, extent in enumerate(extents):
+    rise = calm - base[:, None]
+    scaled = rise / np.maximum(rise.max(axis=1, keepdims=True), 1e-300)
+    may_be_low = _may_settle(scaled)
+    for k in np.flatnonzero(is_level | may_be_low).tolist():
         # Too few samples show no level.
-        if extent.end - extent.start >= 2 * PROFILE_BINS:
-            own = (calm[k] - base[k]) / (calm[k].max() - base[k])
-            held[k] = _is_steady(own) and (is_level[k] or _is_low(own))
+        if extents[k].end - extents[k].start >= 2 * PROFILE_BINS:
+            is_steady = _is_steady(scaled[k])
+            held[k] = is_steady and (is_level[k] or _is_low(scaled[k]))
     return held
+
+
+def _may_settle(course: Float[np.ndarray, "p m"]) -> Bool[np.ndarray, " p"]:
+    """Whether enough of each course follows its top and lies below it."""
+    is_after = np.arange(course.shape[1]) > course.argmax(axis=1)[:, None]
+    between = is_after & (course > 0.5) & (course < 1 - _BAND)
+    return between.sum(axis=1) >= _HELD_SHARE * (course > 0.5).sum(axis=1)
 
 
 def _is_low(course: Float[np.ndarray, " m"]) -> bool:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
+from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.feet import (
     FOOT,
     WIDTH_PER_SMOOTHING,
@@ -21,6 +22,8 @@ from pushfit.data.pushes.feet import (
 from pushfit.data.pushes.humps import Humps
 from pushfit.data.pushes.noise import Noise
 
+# Smoothing lowers a push by less than this share.
+_SMOOTHED = 0.8
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
 _FIRST_SMOOTHING = 0.1
 # Of 10^5 independent samples the largest is 4.3 sigma; a maximum needs more.
@@ -58,6 +61,7 @@ class Extent:
         is_brush: Whether it is so small among the others that it may be no push.
         is_cut: Whether the signal begins or ends inside the push.
         is_low: Whether it is lower than the smallest push asked for.
+        sign: 1 where the signal rises from rest, -1 where it falls.
     """
 
     start: int
@@ -66,6 +70,7 @@ class Extent:
     is_brush: bool
     is_cut: bool
     is_low: bool = False
+    sign: int = 1
 
     @property
     def t_start(self) -> float:
@@ -97,6 +102,7 @@ def find_extents(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     *,
+    course: Course,
     noise: Noise,
     split: float,
     min_height: float | None,
@@ -107,6 +113,7 @@ def find_extents(
     Args:
         time: Sample times [s].
         signal: Samples without gaps in value; pushes go up.
+        course: Running means of the samples.
         noise: How the samples scatter.
         split: Two humps are two pushes if the valley between them is lower than this
             share of the lower hump.
@@ -127,7 +134,7 @@ def find_extents(
             found, is_low = _detect(time, signal, noise, wider, split, min_height)
     if found.start.size == 0:
         return ()
-    feet = trace_feet(time, signal, found, sigma=noise.sigma, smoothing=smoothing)
+    feet = trace_feet(time, course, found, sigma=noise.sigma, smoothing=smoothing)
     is_cut = are_cut(time, feet)
     is_push = ~_are_trends(feet, is_cut, time, is_low)
     smallest = 0.0 if min_height is not None else _smallest_push(feet.height[is_push])
@@ -211,7 +218,7 @@ def _detect(
     large = _LARGE * float(humps.heights.max(initial=0.0))
     wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
     by_noise = max(_BEYOND_NOISE * trace.noise, wander)
-    smallest = by_noise if min_height is None else min_height
+    smallest = by_noise if min_height is None else _SMOOTHED * min_height
     humps.drop_below(min(by_noise, smallest))
     pushes = replace(humps)
     pushes.drop_below(smallest)

@@ -119,7 +119,7 @@ _NAMES = tuple(field.name for field in fields(Feet))
 
 def trace_feet(
     time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
+    course: Course,
     coarse: Feet[np.ndarray],
     *,
     sigma: float,
@@ -133,7 +133,7 @@ def trace_feet(
 
     Args:
         time: Sample times [s].
-        signal: Samples [unit].
+        course: Running means of the samples [unit].
         coarse: Where all of their pushes are, in order, roughly.
         sigma: Noise of a sample [unit].
         smoothing: Averaging time; None takes a share of each width [s].
@@ -151,7 +151,7 @@ def trace_feet(
     feet = replace(coarse, step=np.array(steps))
     finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
     stride = int(finest / _KNOTS / feet.step.max())
-    course = Course.of(time, signal, stride=max(1, stride))
+    course = course.thinned(max(1, stride))
     for _ in range(_ROUNDS):
         tau = _smoothing(feet, sigma) if smoothing is None else smoothing
         tau = np.broadcast_to(tau, feet.start.shape)
