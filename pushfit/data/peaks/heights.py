@@ -290,17 +290,13 @@ def _top_windows(
     extents: Sequence[Extent],
 ) -> Float[np.ndarray, "p 2"]:
     """Stretch around the largest part of each course that stays near the top."""
-    windows = np.empty((len(extents), 2))
-    for k, extent in enumerate(extents):
-        peak = int(np.argmax(smooth[k]))
-        low = np.flatnonzero(smooth[k] < smooth[k, peak] - depth[k])
-        left = low[low < peak]
-        right = low[low > peak]
-        first = left[-1] + 0.5 if left.size else 0.0
-        last = right[0] + 0.5 if right.size else float(PROFILE_BINS)
-        step = (extent.t_end - extent.t_start) / PROFILE_BINS
-        windows[k] = extent.t_start + step * np.array([first, last])
-    return windows
+    index, peak = np.arange(PROFILE_BINS), smooth.argmax(axis=1)[:, None]
+    is_low = smooth < smooth.max(axis=1, keepdims=True) - depth[:, None]
+    left = np.where(is_low & (index < peak), index, -0.5).max(axis=1)
+    right = np.where(is_low & (index > peak), index, PROFILE_BINS - 0.5).min(axis=1)
+    start, end = np.array([[e.t_start, e.t_end] for e in extents]).T
+    step = (end - start) / PROFILE_BINS
+    return start[:, None] + step[:, None] * (np.stack([left, right], axis=1) + 0.5)
 
 
 def _largest_gap(

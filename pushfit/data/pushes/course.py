@@ -46,12 +46,10 @@ class Course:
         for first in range(0, len(time) - 1, _SOME):
             part = slice(first, first + _SOME + 1)
             y, t = signal[part] - level, time[part]
-            areas = (y[1:] + y[:-1]) * (t[1:] - t[:-1])
+            areas = (y[1:] + y[:-1]) * (0.5 * (t[1:] - t[:-1]))
             areas[0] += total
             up_to = np.cumsum(areas, out=integral[first + 1 :][: len(areas)])
             total = float(up_to[-1])
-        # Once, not for every step: half of the sums of neighbours.
-        integral *= 0.5
         return cls(time, integral, level)
 
     def thinned(self, stride: int) -> "Course":

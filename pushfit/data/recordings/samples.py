@@ -318,7 +318,7 @@ def _note_irregular_steps(
     findings: _Findings,
 ) -> None:
     """Describe the steps if many are off the median, or some are very long."""
-    if step.size < 2:
+    if step.size < 2 or (step.min() >= 0.5 * usual and step.max() <= 1.5 * usual):
         return
     n_irregular = np.count_nonzero((step < 0.5 * usual) | (step > 1.5 * usual))
     n_long = int(np.count_nonzero(step > _LONG_STEP * usual))

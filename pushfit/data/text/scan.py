@@ -171,8 +171,9 @@ def fast_scan(text: TextFile, layout: Layout, extent: Extent) -> Scan | None:
     """
     if extent.has_quotes:
         return None
-    tally = _Tally()
-    for lines in whole_lines(text, extent):
+    tally = _Tally(n_rows=_n_uniform(text, layout, extent))
+    # Blank lines, blanks as delimiters and trailing ones are looked at line by line.
+    for lines in () if tally.n_rows else whole_lines(text, extent):
         if not _count(lines, layout, tally):
             return None
     return Scan(
@@ -180,6 +181,24 @@ def fast_scan(text: TextFile, layout: Layout, extent: Extent) -> Scan | None:
         data_line=layout.data_line,
         skips=np.array(tally.skips, dtype=np.int64),
     )
+
+
+def _n_uniform(text: TextFile, layout: Layout, extent: Extent) -> int:
+    """Rows of a table whose delimiters and line ends repeat throughout, else 0."""
+    if layout.delimiter == " " or layout.has_trailing or layout.n_fields == 1:
+        return 0
+    others = bytes(set(range(256)) - {10, ord(layout.delimiter)})
+    line = layout.delimiter.encode() * (layout.n_fields - 1) + b"\n"
+    n_rows, rest = 0, b""
+    for block in text.blocks(extent.start, extent.end):
+        marks = rest + block.translate(None, others)
+        n, n_left = divmod(len(marks), len(line))
+        whole, rest = marks[: len(marks) - n_left], marks[len(marks) - n_left :]
+        if whole != line * n:
+            return 0
+        n_rows += n
+    # The last line may lack its end.
+    return n_rows + (rest == line[:-1]) if rest in (b"", line[:-1]) else 0
 
 
 def whole_lines(text: TextFile, extent: Extent) -> Iterator[bytes]:

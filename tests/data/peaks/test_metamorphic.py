@@ -217,7 +217,13 @@ def test_real_recordings_cut_inside_a_push_flag_it_and_keep_the_rest(real_signal
         own = [push for push in parts if begin < (push.start + push.end) / 2 < end]
         assert own
         assert all(EXCLUDING_FLAGS & {*push.flags.split(";")} for push in own)
-        others = [push for push in parts if push not in own]
+        # A small hump may count where all larger ones are in the other part.
+        others = [
+            push
+            for push in parts
+            if any(p.start < (push.start + push.end) / 2 < p.end for p in whole)
+            and push not in own
+        ]
         found += [others[:k], others[k:]]
         expected += [whole[:k], whole[k + 1 :]]
     assert_nearly_same(found, expected)
