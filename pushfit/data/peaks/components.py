@@ -73,6 +73,17 @@ def signal_name(recording: Recording, settings: PeakSettings) -> str:
     return f"{name}, sign changed" if settings.invert else name
 
 
+def signal_unit(recording: Recording, settings: PeakSettings) -> str:
+    """Unit of what `push_signal` returns, and of the heights.
+
+    Args:
+        recording: Samples.
+        settings: Which channel, or which normal.
+    """
+    units = recording.units
+    return units.get(settings.channel or "", next(iter(units.values())))
+
+
 def measure_components(
     recording: Recording,
     extents: Sequence[Extent],

@@ -17,6 +17,7 @@ from pushfit.data.peaks.components import (
     measure_components,
     push_signal,
     signal_name,
+    signal_unit,
 )
 from pushfit.data.peaks.directions import recorded_directions
 from pushfit.data.peaks.heights import measure_heights
@@ -73,7 +74,7 @@ def extract_peaks(
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
     try:
-        paired = _paired(time, signal, schedule, settings)
+        paired = _paired(recording, time, signal, schedule, settings)
     except DataError as error:
         raise _of_files(error, recording) from None
     if paired.plan is None:
@@ -120,7 +121,7 @@ def measure_pushes(
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
     try:
-        paired = _paired(time, signal, None, settings)
+        paired = _paired(recording, time, signal, None, settings)
     except DataError as error:
         raise _of_files(error, recording) from None
     columns = _measured(recording, time, signal, paired, settings)
@@ -160,6 +161,7 @@ def _trace(
 
 
 def _paired(
+    recording: Recording,
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     schedule: PushSchedule | None,
@@ -180,7 +182,8 @@ def _paired(
         if paired.n_odd > better.n_odd:
             found, paired = both, better
     if all(extent.is_brush for extent in found.extents):
-        raise no_pushes(signal, settings, found)
+        unit = signal_unit(recording, settings)
+        raise no_pushes(signal, settings, found, unit=unit)
     paired.refuse_doubt(settings)
     return paired
 
@@ -230,8 +233,7 @@ def _measured(
             own |= {"saturated"} if cut else set()
         own_rows = {name: rows[: len(chosen)] for name, rows in columns.items()}
         return {**own_rows, **times, "flags": _joined(words)}
-    name = settings.channel or next(iter(recording.channels))
-    unit = recording.units[name]
+    unit = signal_unit(recording, settings)
     return {
         f"height_{unit}": [h.height for h in heights],
         f"height_sd_{unit}": [h.sd for h in heights],

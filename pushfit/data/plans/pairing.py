@@ -76,8 +76,12 @@ class Paired:
             notes.append("pushes go both ways from rest; heights of dips are negative")
         return notes
 
-    def cautions(self) -> list[str]:
-        """What is missing, too many, or so small that it may be no push."""
+    def cautions(self, unit: str) -> list[str]:
+        """What is missing, too many, or so small that it may be no push.
+
+        Args:
+            unit: That of the heights.
+        """
         if self.schedule is None or self.alignment is None:
             return []
         error = mismatch_error(self.schedule, self.alignment, self.found.extents)
@@ -88,8 +92,8 @@ class Paired:
                 extent = self.found.extents[j]
                 lines.append(
                     f"{named(plan, i)} is taken to be the hump of only "
-                    f"{extent.height:.3g} at {extent.t_peak:.2f} s, far smaller than "
-                    f"the others; leave it out by --exclude {extent.t_start:.2f}:"
+                    f"{extent.height:.3g} {unit} at {extent.t_peak:.2f} s, far smaller "
+                    f"than the others; leave it out by --exclude {extent.t_start:.2f}:"
                     f"{extent.t_end:.2f}"
                 )
         return lines

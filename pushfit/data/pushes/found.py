@@ -185,7 +185,11 @@ def _is_dip(
 
 
 def no_pushes(
-    signal: Float[np.ndarray, " n"], settings: PeakSettings, found: Found
+    signal: Float[np.ndarray, " n"],
+    settings: PeakSettings,
+    found: Found,
+    *,
+    unit: str,
 ) -> DataError:
     """Say what there is instead of pushes.
 
@@ -193,15 +197,17 @@ def no_pushes(
         signal: Samples.
         settings: How they were looked at.
         found: What was found.
+        unit: That of the samples.
     """
     n_dips, n_out = len(found.dips), len(found.excluded)
     spread = float(np.ptp(signal))
     if n_dips:
         what = f"the signal falls from rest {n_dips} times and never rises above it"
     elif spread == 0.0:
-        what = f"the signal is {signal[0]:g} throughout, no variation"
+        what = f"the signal is {signal[0]:g} {unit} throughout, no variation"
     else:
-        what = f"no hump stands out of the noise, all readings lie within {spread:g}"
+        within = f"all readings lie within {spread:.3g} {unit}"
+        what = f"no hump stands out of the noise, {within}"
     turn = "it is inverted already" if settings.invert else "try --invert"
     dips = f"; pushes may go down ({turn})" if n_dips else ""
     by = [
@@ -216,6 +222,6 @@ def no_pushes(
     return DataError(
         f"no pushes found: {what}{dips}{out}; check the channel"
         f"{f' {settings.channel!r}' if settings.channel else ''}, or state the "
-        "smallest height of a push by --min-height",
+        f"smallest height of a push in {unit} by --min-height",
         code="no_pushes",
     )
