@@ -26,7 +26,7 @@ from pushfit.data.peaks.shape import (
     profiles,
 )
 from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.detection import Extent, usual_step
+from pushfit.data.pushes.detection import Extent
 
 Definition = Literal["auto", "apex", "plateau"]
 
@@ -261,7 +261,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
     windows = _top_windows(smooth, depth * rise, pushes.extents)
     time = pushes.course.time
     level, sd, when, gap = np.full((4, len(windows)), np.nan)
-    step = usual_step(time)
+    step = pushes.course.step
     todo = np.arange(len(windows))
     while todo.size:
         bins, counts = bin_means(pushes.course, windows[todo], N_BINS)

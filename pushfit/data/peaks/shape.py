@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.rests import RestNoise
 from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.detection import Extent, usual_step
+from pushfit.data.pushes.detection import Extent
 
 PROFILE_BINS = 32
 # A plateau stays within this share of its height for so long a part of the time above
@@ -54,7 +54,7 @@ def bin_means(
         Means and counts.
     """
     # Next to nothing of a push still has a level.
-    lengths = np.maximum(np.diff(windows, axis=1), usual_step(course.time))
+    lengths = np.maximum(np.diff(windows, axis=1), course.step)
     edges = windows[:, :1] + lengths * np.linspace(0, 1, n_bins + 1)
     return course.parts(edges), np.diff(np.searchsorted(course.time, edges), axis=1)
 

@@ -12,6 +12,8 @@ from jaxtyping import Float
 # Shorter windows would divide rounding by next to nothing [s].
 _LEAST = 1e-12
 _SOME = 1 << 14
+# Steps that the usual one is judged by; more would only cost time.
+_SAMPLES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +24,13 @@ class Course:
         time: Sample times, or some of them [s].
         integral: Of the signal less `level`, up to each of them.
         level: What the integral is over, so that little is lost to rounding.
+        step: Median sampling step [s].
     """
 
     time: Float[np.ndarray, " n"]
     integral: Float[np.ndarray, " n"]
     level: float
+    step: float
 
     @classmethod
     def of(
@@ -50,7 +54,8 @@ class Course:
             areas[0] += total
             up_to = np.cumsum(areas, out=integral[first + 1 :][: len(areas)])
             total = float(up_to[-1])
-        return cls(time, integral, level)
+        step = float(np.median(np.diff(time[: 1 + _SAMPLES])))
+        return cls(time, integral, level, step)
 
     def thinned(self, stride: int) -> "Course":
         """The same, known at fewer times.
@@ -61,7 +66,7 @@ class Course:
         if stride == 1:
             return self
         kept = np.append(np.arange(0, len(self.time) - 1, stride), len(self.time) - 1)
-        return Course(self.time[kept], self.integral[kept], self.level)
+        return Course(self.time[kept], self.integral[kept], self.level, self.step)
 
     def smooth(
         self,

@@ -46,8 +46,6 @@ _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
 # Means of counts are often equal on paper. Rounding them to this share of the noise
 # keeps an offset or a unit, which round otherwise, from breaking the ties.
 _GRAIN = 1e-3
-# Steps that the usual one is judged by; more would only cost time.
-_SAMPLES = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,11 +125,12 @@ def find_extents(
     if noise.sigma == 0.0 or len(signal) < 5:
         return ()
     tau = smoothing or _FIRST_SMOOTHING
-    found, is_low = _detect(time, signal, noise, tau, split, min_height)
+    rules = (split, min_height, course.step)
+    found, is_low = _detect(time, signal, noise, tau, *rules)
     if smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found, is_low = _detect(time, signal, noise, wider, split, min_height)
+            found, is_low = _detect(time, signal, noise, wider, *rules)
     if found.start.size == 0:
         return ()
     feet = trace_feet(time, course, found, sigma=noise.sigma, smoothing=smoothing)
@@ -153,15 +152,6 @@ def find_extents(
         for k, own in enumerate(feet.apart())
         if is_push[k]
     )
-
-
-def usual_step(time: Float[np.ndarray, " n"]) -> float:
-    """Median sampling step [s].
-
-    Args:
-        time: Sample times [s].
-    """
-    return float(np.median(np.diff(time[: 1 + _SAMPLES])))
 
 
 def _are_trends(
@@ -206,12 +196,13 @@ def _detect(
     tau: float,
     split: float,
     min_height: float | None,
+    usual_step: float,
 ) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"]]:
     """One pass at one smoothing time: where the humps are, roughly, and which are low.
 
     A hump that is too low for a push stays one, so that it is no rest of the others.
     """
-    trace = _reduce(time, signal, noise, tau)
+    trace = _reduce(time, signal, noise, tau, usual_step)
     significant = _SIGNIFICANT * trace.noise
     humps = Humps.between(trace.y, _maxima(trace.y, significant))
     humps.join(split)
@@ -242,11 +233,12 @@ def _reduce(
     signal: Float[np.ndarray, " n"],
     noise: Noise,
     tau: float,
+    usual_step: float,
 ) -> _Trace:
     """Average in bins of a third of the smoothing time, then over three bins."""
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
 
-    step = max(tau / 3, float(np.median(np.diff(time[: 1 + _SAMPLES]))))
+    step = max(tau / 3, usual_step)
     n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
     edges = time[0] + step * (np.arange(n_bins) - 0.5)
     first = np.searchsorted(time, edges)

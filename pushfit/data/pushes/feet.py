@@ -147,8 +147,7 @@ def trace_feet(
     lowest = np.maximum(np.maximum(lowest, coarse.start - reach), time[0])
     highest = np.minimum(np.minimum(highest, coarse.end + reach), time[-1])
     ends = np.searchsorted(time, [lowest, highest])
-    steps = [np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T]
-    feet = replace(coarse, step=np.array(steps))
+    feet = replace(coarse, step=_usual_steps(time, ends))
     finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
     stride = int(finest / _KNOTS / feet.step.max())
     course = course.thinned(max(1, stride))
@@ -157,6 +156,15 @@ def trace_feet(
         tau = np.broadcast_to(tau, feet.start.shape)
         feet = _trace(course, feet, (lowest, highest), tau=tau, sigma=sigma)
     return feet
+
+
+def _usual_steps(
+    time: Float[np.ndarray, " n"], ends: Int[np.ndarray, "2 p"]
+) -> Numbers:
+    """Median sampling steps of stretches, by the first of their steps [s]."""
+    if np.diff(ends, axis=0).min() + 1 >= _STEPS:
+        return np.median(np.diff(time[ends[0][:, None] + np.arange(_STEPS)]), axis=1)
+    return np.array([np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T])
 
 
 def are_cut(
