@@ -15,16 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.real_recordings import CASES, CHANNEL, load
-from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import find_pushes
-from pushfit.data.peaks.heights import measure_heights
-from pushfit.data.pushes.detection import Extent
+from benchmarks.real_recordings import CASES, CHANNEL, load, measured
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 
-SETTINGS = PeakSettings(channel=CHANNEL)
 # Fewer samples than these are no recording.
 LEAST = 20
 
@@ -65,23 +60,45 @@ def of(time: np.ndarray, signal: np.ndarray) -> Recording:
     return Recording(time=time, channels={CHANNEL: signal}, units={CHANNEL: "au"})
 
 
-def found(recording: Recording, part: slice) -> list[tuple[Extent, bool]]:
-    """Pushes of a part of a recording, and whether each is kept out of a fit."""
-    time, signal = recording.time[part], recording.channels[CHANNEL][part]
-    extents = find_pushes(of(time, signal), settings=SETTINGS)
-    if not extents:
-        return []
-    heights = measure_heights(time, signal, extents, definition="auto", limit=None)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Push:
+    """A push of a part of a recording.
+
+    Args:
+        start: Begin [s].
+        peak: Time of its top [s].
+        end: End [s].
+        is_out: Whether a flag keeps it out of a fit.
+        is_cut: Whether it is flagged as cut.
+    """
+
+    start: float
+    peak: float
+    end: float
+    is_out: bool
+    is_cut: bool
+
+
+def found(recording: Recording, part: slice) -> list[Push]:
+    """Pushes of a part of a recording."""
+    frame = measured(of(recording.time[part], recording.channels[CHANNEL][part]))
+    columns = ("t_start_s", "t_peak_s", "t_end_s", "flags")
     return [
-        (extent, bool(height.flags & EXCLUDING_FLAGS))
-        for extent, height in zip(extents, heights, strict=True)
+        Push(
+            start=start,
+            peak=peak,
+            end=end,
+            is_out=not EXCLUDING_FLAGS.isdisjoint(flags.split(";")),
+            is_cut="clipped" in flags,
+        )
+        for start, peak, end, flags in zip(*(frame[c] for c in columns), strict=True)
     ]
 
 
 def count(recording: Recording, n_cuts: int) -> Count:
     """Cut a recording in so many places, evenly spread over its samples."""
     time = recording.time
-    pushes = [e for e, _ in found(recording, slice(None)) if not e.is_cut]
+    pushes = [own for own in found(recording, slice(None)) if not own.is_cut]
     whole = cut = 0
     lost, unflagged = [], []
     for k in np.linspace(LEAST, len(time) - LEAST, n_cuts).astype(int).tolist():
@@ -89,16 +106,13 @@ def count(recording: Recording, n_cuts: int) -> Count:
             first, last = time[part][[0, -1]]
             parts = found(recording, part)
             for push in pushes:
-                inside = first <= push.t_start and push.t_end <= last
-                if inside:
+                if first <= push.start and push.end <= last:
                     whole += 1
-                    if not any(e.t_start < push.t_peak < e.t_end for e, _ in parts):
+                    if not any(own.start < push.peak < own.end for own in parts):
                         lost.append(float(time[k]))
-                elif push.t_start < last and first < push.t_end:
+                elif push.start < last and first < push.end:
                     beside = [
-                        is_out
-                        for e, is_out in parts
-                        if push.t_start < e.t_peak < push.t_end
+                        own.is_out for own in parts if push.start < own.peak < push.end
                     ]
                     cut += bool(beside)
                     if not all(beside):

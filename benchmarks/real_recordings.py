@@ -15,14 +15,13 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import find_pushes
-from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
+from pushfit.errors import DataError
 
 HAND = "biotac_hand_pushes"
 GRID_LOW = "soft_skin/grid_r0.20_0.5N_11-02-2025_14-22-29"
@@ -64,6 +63,16 @@ def load(folder: Path, name: str, column: str, unit: str) -> Recording:
     )
 
 
+def measured(recording: Recording) -> pd.DataFrame:
+    """Rows of the pushes of a recording; none where it has none."""
+    try:
+        return measure_pushes(recording, settings=PeakSettings(channel=CHANNEL)).frame
+    except DataError as error:
+        if error.code != "no_pushes":
+            raise
+        return pd.DataFrame(columns=["t_start_s", "t_peak_s", "t_end_s", "flags"])
+
+
 def line(
     folder: Path,
     name: str,
@@ -74,27 +83,20 @@ def line(
 ) -> str:
     """One row of the table."""
     recording = load(folder, name, column, unit)
-    extents = find_pushes(recording, settings=PeakSettings(channel=CHANNEL))
-    cells = [name.partition("_20")[0], column, str(known), str(len(extents))]
-    if not extents:
+    frame = measured(recording)
+    cells = [name.partition("_20")[0], column, str(known), str(len(frame))]
+    if frame.empty:
         return " | ".join([*cells, "-", "-", "-"])
-    measured = measure_heights(
-        recording.time,
-        recording.channels[CHANNEL],
-        extents,
-        definition="auto",
-        limit=None,
-    )
     definition = ", ".join(
-        f"{n} {word}" for word, n in Counter(h.definition for h in measured).items()
+        f"{n} {word}" for word, n in Counter(frame["definition"]).items()
     )
-    flags = Counter(flag for height in measured for flag in height.flags)
+    flags = Counter(flag for cell in frame["flags"] for flag in cell.split(";") if flag)
     counted = ", ".join(f"{n} {flag}" for flag, n in sorted(flags.items()))
     error = "-"
     if heights is not None:
         table, heights_column = heights
         expected = pd.read_csv(folder / f"{table}.csv")[heights_column].to_numpy()
-        off = np.array([height.height for height in measured]) - expected
+        off = frame[f"height_{recording.units[CHANNEL]}"].to_numpy() - expected
         error = f"{off.min():+.3g} to {off.max():+.3g}"
     return " | ".join([*cells, counted or "-", definition, error])
 

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.components import push_signal, signal_name
+from pushfit.data.peaks.components import push_signal, signal_name, signal_unit
 from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
@@ -63,9 +63,7 @@ class Look:
         part = recording.between(peaks.begin, peaks.end)
         self.time, self.signal = push_signal(part, peaks)
         self.name = signal_name(part, peaks)
-        self.unit = recording.units.get(
-            peaks.channel or "", next(iter(recording.units.values()))
-        )
+        self.unit = signal_unit(part, peaks)
         self.notes: tuple[str, ...] = ()
         self.search(signed=bool(peaks.signed))
         is_recorded = recording.theta is not None and recording.alpha is not None
@@ -82,7 +80,7 @@ class Look:
         every = told.model_copy(update={"exclude": (), "include": ()})
         found = find(self.time, self.signal, every, signed=signed)
         if not found.extents:
-            raise no_pushes(self.signal, every, found)
+            raise no_pushes(self.signal, every, found, unit=self.unit)
         as_told = find(self.time, self.signal, told, signed=signed)
         pushes = {hump.t_peak for hump in as_told.extents if not hump.is_brush}
         self.signed: bool = signed

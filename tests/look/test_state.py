@@ -99,7 +99,9 @@ def test_what_is_saved_pairs_each_push_with_its_own_direction(tmp_path):
     np.testing.assert_allclose(table.frame["t_peak_s"], tops, atol=NEAR)
     assert table.frame["theta_deg"].tolist() == [0.0, 5.0, 10.0, 15.0]
     (note,) = table.cautions
-    assert re.fullmatch(r"left out as told: at 8.20 s \S+, 16.51 s \S+", note)
+    assert re.fullmatch(
+        r"left out as told: at 8.20 s \(\S+ n\), 16.51 s \(\S+ n\)", note
+    )
 
 
 def test_a_saved_schedule_also_pairs_where_nothing_was_left_out_by_a_window():

@@ -23,8 +23,8 @@ from pushfit.data.bags.fields import (
     number_at,
 )
 from pushfit.data.bags.repair import is_whole_mcap, message_types, salvaged_mcap
+from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.records import Source
-from pushfit.data.recordings.roles import ANGLES
 from pushfit.data.recordings.samples import Samples
 from pushfit.data.recordings.units import UNITS
 from pushfit.data.text.faults import refuse

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pushfit.data.recordings.roles import ANGLES
+from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.units import UNITS, Unit, parse_unit, split_unit
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.guess import NUMBER

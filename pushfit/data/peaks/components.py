@@ -73,6 +73,17 @@ def signal_name(recording: Recording, settings: PeakSettings) -> str:
     return f"{name}, sign changed" if settings.invert else name
 
 
+def signal_unit(recording: Recording, settings: PeakSettings) -> str:
+    """Unit of what `push_signal` returns, and of the heights.
+
+    Args:
+        recording: Samples.
+        settings: Which channel, or which normal.
+    """
+    units = recording.units
+    return units.get(settings.channel or "", next(iter(units.values())))
+
+
 def measure_components(
     recording: Recording,
     extents: Sequence[Extent],
@@ -81,7 +92,6 @@ def measure_components(
     settings: PeakSettings,
     time: Float[np.ndarray, " n"],
     length: Float[np.ndarray, " n"],
-    left_out: Sequence[Extent] = (),
 ) -> tuple[dict[str, list[float]], Bool[np.ndarray, " p"]]:
     """Heights along the normal and across it.
 
@@ -93,12 +103,11 @@ def measure_components(
 
     Args:
         recording: Samples of all force channels.
-        extents: Where the pushes are.
+        extents: All humps of that length.
         heights: Measured tops of the length of the change of force.
         settings: Which channel is along the normal, and where the sensor ends.
         time: Times of `length` [s].
         length: Length of the change of force, as `push_signal` gives it.
-        left_out: Humps that are not measured: no pushes, and no rests either.
 
     Returns:
         Columns of a peak table, and which pushes reach the end of a channel's range.
@@ -112,7 +121,7 @@ def measure_components(
     changes, sds = {}, {}
     is_cut = np.zeros(len(extents), dtype=bool)
     for channel, samples in recording.channels.items():
-        change, sd = _changes(time, samples[known], extents, heights, left_out)
+        change, sd = _changes(time, samples[known], extents, heights)
         signs = np.where(change < 0, -1, 1).tolist()
         at_end = saturated_pushes(
             samples[known],
@@ -158,10 +167,9 @@ def _changes(
     samples: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
     heights: Sequence[Height],
-    left_out: Sequence[Extent],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Mean change of one channel around the top of each push, and its sd."""
-    noise, base = rests_of(time, samples, extents, left_out)
+    noise, base = rests_of(time, samples, extents)
     parts = [_around_top(time, e, h) for e, h in zip(extents, heights, strict=True)]
     top = np.array([samples[part].mean() for part in parts])
     n_top = np.array([part.stop - part.start for part in parts])

@@ -17,13 +17,14 @@ from pushfit.data.peaks.components import (
     measure_components,
     push_signal,
     signal_name,
+    signal_unit,
 )
 from pushfit.data.peaks.directions import recorded_directions
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.found import DEFAULTS, Found, find, find_pushes, no_pushes
+from pushfit.data.pushes.found import DEFAULTS, find, find_pushes, no_pushes
 from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.units import DECIMALS
 from pushfit.data.tables.peak_table import PeakTable
@@ -73,11 +74,11 @@ def extract_peaks(
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
     try:
-        paired = _paired(time, signal, schedule, settings)
+        paired = _paired(recording, time, signal, schedule, settings)
     except DataError as error:
         raise _of_files(error, recording) from None
     if paired.plan is None:
-        plan = recorded_directions(recording, paired.chosen.extents)
+        plan = recorded_directions(recording, paired.chosen)
     else:
         plan = paired.plan
     columns = _measured(recording, time, signal, paired, settings)
@@ -97,7 +98,7 @@ def extract_peaks(
     table = PeakTable.from_frame(
         frame, sources=sources, notes=(*recording.notes, *cautions, *notes)
     )
-    trace = _trace(recording, settings, table=table)
+    trace = _trace(recording, settings, time, signal, table=table)
     return replace(table, traces=(trace,), cautions=cautions)
 
 
@@ -120,11 +121,11 @@ def measure_pushes(
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
     try:
-        paired = _paired(time, signal, None, settings)
+        paired = _paired(recording, time, signal, None, settings)
     except DataError as error:
         raise _of_files(error, recording) from None
     columns = _measured(recording, time, signal, paired, settings)
-    n = len(paired.chosen.extents)
+    n = len(paired.chosen)
     frame = pd.DataFrame({"push": np.arange(1, n + 1), **columns})
     notes, cautions = extraction_notes(paired, frame)
     return Heights(frame=frame, notes=(*cautions, *notes), cautions=cautions)
@@ -137,9 +138,16 @@ def _of_files(error: DataError, recording: Recording) -> DataError:
     return DataError(message, code=error.code, problems=error.problems)
 
 
-def _trace(recording: Recording, settings: PeakSettings, *, table: PeakTable) -> Trace:
+def _trace(
+    recording: Recording,
+    settings: PeakSettings,
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    *,
+    table: PeakTable,
+) -> Trace:
     """The signal that all rows of a table were measured in."""
-    time, signal = envelope(*push_signal(recording, settings), max_points=MAX_KEPT)
+    time, signal = envelope(time, signal, max_points=MAX_KEPT)
     return Trace(
         path=recording.sources[0].path if recording.sources else "",
         name=signal_name(recording, settings),
@@ -153,6 +161,7 @@ def _trace(recording: Recording, settings: PeakSettings, *, table: PeakTable) ->
 
 
 def _paired(
+    recording: Recording,
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     schedule: PushSchedule | None,
@@ -173,7 +182,8 @@ def _paired(
         if paired.n_odd > better.n_odd:
             found, paired = both, better
     if all(extent.is_brush for extent in found.extents):
-        raise no_pushes(signal, settings, found)
+        unit = signal_unit(recording, settings)
+        raise no_pushes(signal, settings, found, unit=unit)
     paired.refuse_doubt(settings)
     return paired
 
@@ -186,45 +196,44 @@ def _measured(
     settings: PeakSettings,
 ) -> dict[str, Sequence[float] | Sequence[str]]:
     """Height columns of the table, with what each height is."""
-    chosen: Found = paired.chosen
+    chosen = paired.chosen
     turned = -1.0 if settings.invert else 1.0
     is_force = settings.normal is not None
-    left_out = paired.left_out
-    heights = measure_heights(
+    # What is left out is no rest, and may show where the sensor ends.
+    humps = [*chosen, *paired.left_out]
+    measured = measure_heights(
         time,
         signal,
-        chosen.extents,
+        humps,
         definition=settings.height,
         # The limit is that of the channel, not of its picture.
         limit=None if settings.limit is None or is_force else turned * settings.limit,
-        signs=chosen.signs,
-        is_missing=paired.is_missing,
-        left_out=left_out,
+        is_missing=[*paired.is_missing, *[False] * len(paired.left_out)],
+        course=paired.found.course,
     )
+    heights = measured[: len(chosen)]
     words = [set(h.flags) for h in heights]
     if settings.use_missing:
-        words = [own - {"missing"} for own in words]
+        # What the user leaves out is no reading of a push that felt nothing.
+        words = [
+            own if is_excluded else own - {"missing"}
+            for own, is_excluded in zip(words, paired.is_excluded, strict=True)
+        ]
     times = {
         "t_peak_s": [h.t_peak for h in heights],
-        "t_start_s": [e.t_start for e in chosen.extents],
-        "t_end_s": [e.t_end for e in chosen.extents],
+        "t_start_s": [e.t_start for e in chosen],
+        "t_end_s": [e.t_end for e in chosen],
         "definition": [h.definition for h in heights],
     }
     if is_force:
         columns, is_cut = measure_components(
-            recording,
-            chosen.extents,
-            heights,
-            settings=settings,
-            time=time,
-            length=signal,
-            left_out=left_out,
+            recording, humps, measured, settings=settings, time=time, length=signal
         )
-        for own, cut in zip(words, is_cut, strict=True):
+        for own, cut in zip(words, is_cut, strict=False):
             own |= {"saturated"} if cut else set()
-        return {**columns, **times, "flags": _joined(words)}
-    name = settings.channel or next(iter(recording.channels))
-    unit = recording.units[name]
+        own_rows = {name: rows[: len(chosen)] for name, rows in columns.items()}
+        return {**own_rows, **times, "flags": _joined(words)}
+    unit = signal_unit(recording, settings)
     return {
         f"height_{unit}": [h.height for h in heights],
         f"height_sd_{unit}": [h.sd for h in heights],

@@ -26,7 +26,7 @@ from pushfit.data.peaks.shape import (
     profiles,
 )
 from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.detection import Extent, usual_step
+from pushfit.data.pushes.detection import Extent
 
 Definition = Literal["auto", "apex", "plateau"]
 
@@ -108,31 +108,30 @@ def measure_heights(
     extents: Sequence[Extent],
     *,
     definition: Definition,
-    limit: float | None,
-    signs: Sequence[int] | None = None,
+    limit: float | None = None,
     is_missing: Sequence[bool] = (),
-    left_out: Sequence[Extent] = (),
+    course: Course | None = None,
 ) -> tuple[Height, ...]:
-    """Measure pushes, each by itself.
+    """Measure humps, each by itself.
 
     Args:
         time: Sample times [s].
         signal: Samples [unit].
-        extents: Where the pushes are, in order; at least one.
+        extents: All humps of the signal, in any order and at least one: what is none
+            of them is rest. Heights of those that go down are negative.
         definition: What the height is; "auto" decides by the shape of each push.
         limit: Largest reading of the sensor; None to recognise it [unit].
-        signs: 1 for a push that goes up, -1 for one that goes down, whose height is
-            negative; None if all go up.
-        is_missing: Whether each push has no hump, so that only its moment is measured;
-            none where empty.
-        left_out: Humps that are not measured: no pushes, and no rests either.
+        is_missing: Whether each is but the moment of a push that has no hump; none
+            where empty.
+        course: Running means of the samples, if they are known already.
 
     Returns:
         Heights in the same order.
     """
-    signs = [1] * len(extents) if signs is None else signs
-    noise, base = rests_of(time, signal, extents, left_out)
-    course = Course.of(time, _upright(signal, extents, base.level, signs))
+    signs = np.array([extent.sign for extent in extents])
+    noise, base = rests_of(time, signal, extents)
+    if course is None or -1 in signs:
+        course = Course.of(time, _upright(signal, extents, base.level))
     profile = profiles(course, extents)
     calm = calmed(profile, base.level, extents, noise)
     held = are_held(course, extents, calm=calm, base=base.level, noise=noise)
@@ -148,14 +147,14 @@ def measure_heights(
     is_cut = saturated_pushes(
         signal,
         extents,
-        signs=signs,
+        signs=signs.tolist(),
         limit=limit,
         # Where most are held, readings pile up at levels by themselves; among pointed
         # pushes a level is that of the limit.
         sigma=np.where(held & (held.mean() > _MOST), 0.0, noise.sigma),
     )
     # The drift of an upright picture of a dip goes the other way.
-    rise = tops.level - base.level - np.array(signs) * drift
+    rise = tops.level - base.level - signs * drift
     family = np.where(held, 0.0, _SHAPE * rise)
     sd = np.sqrt(tops.sd**2 + base.sd_at(tops.time) ** 2 + family**2)
     checks = {
@@ -187,12 +186,11 @@ def _upright(
     signal: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
     base: Float[np.ndarray, " p"],
-    signs: Sequence[int],
 ) -> Float[np.ndarray, " n"]:
     """The signal with each dip mirrored at its baseline."""
-    upright = signal.copy() if -1 in signs else signal
-    for extent, level, sign in zip(extents, base, signs, strict=True):
-        if sign < 0:
+    upright = signal.copy()
+    for extent, level in zip(extents, base, strict=True):
+        if extent.sign < 0:
             part = slice(extent.start, extent.end)
             upright[part] = 2 * level - signal[part]
     return upright
@@ -263,7 +261,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
     windows = _top_windows(smooth, depth * rise, pushes.extents)
     time = pushes.course.time
     level, sd, when, gap = np.full((4, len(windows)), np.nan)
-    step = usual_step(time)
+    step = pushes.course.step
     todo = np.arange(len(windows))
     while todo.size:
         bins, counts = bin_means(pushes.course, windows[todo], N_BINS)
@@ -292,17 +290,13 @@ def _top_windows(
     extents: Sequence[Extent],
 ) -> Float[np.ndarray, "p 2"]:
     """Stretch around the largest part of each course that stays near the top."""
-    windows = np.empty((len(extents), 2))
-    for k, extent in enumerate(extents):
-        peak = int(np.argmax(smooth[k]))
-        low = np.flatnonzero(smooth[k] < smooth[k, peak] - depth[k])
-        left = low[low < peak]
-        right = low[low > peak]
-        first = left[-1] + 0.5 if left.size else 0.0
-        last = right[0] + 0.5 if right.size else float(PROFILE_BINS)
-        step = (extent.t_end - extent.t_start) / PROFILE_BINS
-        windows[k] = extent.t_start + step * np.array([first, last])
-    return windows
+    index, peak = np.arange(PROFILE_BINS), smooth.argmax(axis=1)[:, None]
+    is_low = smooth < smooth.max(axis=1, keepdims=True) - depth[:, None]
+    left = np.where(is_low & (index < peak), index, -0.5).max(axis=1)
+    right = np.where(is_low & (index > peak), index, PROFILE_BINS - 0.5).min(axis=1)
+    start, end = np.array([[e.t_start, e.t_end] for e in extents]).T
+    step = (end - start) / PROFILE_BINS
+    return start[:, None] + step[:, None] * (np.stack([left, right], axis=1) + 0.5)
 
 
 def _largest_gap(

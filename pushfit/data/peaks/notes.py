@@ -24,10 +24,12 @@ def extraction_notes(
         Notes, and cautions: what was left out, assumed to be missing, or mixed.
     """
     definition, mixed = _definitions(frame["definition"].tolist())
+    unit = next(c for c in map(str, frame) if c.startswith("height")).rpartition("_")[2]
     notes = [definition] if definition else []
     notes += paired.notes()
     notes += _flag_notes(frame)
-    return tuple(notes), tuple([*mixed, *_left_out(paired), *paired.cautions()])
+    cautions = [*mixed, *_left_out(paired, unit), *paired.cautions(unit)]
+    return tuple(notes), tuple(cautions)
 
 
 def _definitions(definitions: list[str]) -> tuple[str, list[str]]:
@@ -45,22 +47,22 @@ def _definitions(definitions: list[str]) -> tuple[str, list[str]]:
     ]
 
 
-def _left_out(paired: Paired) -> list[str]:
+def _left_out(paired: Paired, unit: str) -> list[str]:
     """Brushes, dips and excluded humps that are no rows."""
-    found, chosen = paired.found, paired.chosen.extents
+    found, chosen = paired.found, paired.chosen
     brushes = [e for e in found.extents if e.is_brush and e not in chosen]
     notes = []
     if brushes:
         notes.append(
-            f"humps far smaller than the pushes are left out: {_times(brushes)}; "
+            f"humps far smaller than the pushes are left out: {_times(brushes, unit)}; "
             f"take one in by --include {_window(brushes[0])}"
         )
     if found.excluded:
-        notes.append(f"left out as told: {_times(found.excluded)}")
+        notes.append(f"left out as told: {_times(found.excluded, unit)}")
     if found.dips:
         notes.append(
-            f"the signal falls below rest: {_times(found.dips)}; state signed = true "
-            "if these are pushes as well"
+            f"the signal falls below rest: {_times(found.dips, unit)}; state "
+            "signed = true if these are pushes as well"
         )
     return notes
 
@@ -70,10 +72,10 @@ def _window(extent: Extent) -> str:
     return f"{extent.t_start:.2f}:{extent.t_end:.2f}"
 
 
-def _times(extents: Sequence[Extent]) -> str:
+def _times(extents: Sequence[Extent], unit: str) -> str:
     """When the first of some humps are, and how high."""
     named = ", ".join(
-        f"{e.t_peak:.2f} s ({e.height:.3g})" for e in extents[:_MAX_NAMED]
+        f"{e.t_peak:.2f} s ({e.height:.3g} {unit})" for e in extents[:_MAX_NAMED]
     )
     more = len(extents) - _MAX_NAMED
     return f"at {named}" + (f" and {more} more" if more > 0 else "")

@@ -138,21 +138,18 @@ def rests_of(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
-    left_out: Sequence[Extent],
 ) -> tuple[RestNoise, Baselines]:
-    """Noise and rest levels beside pushes, among all humps of the signal.
+    """Noise and rest levels beside humps.
 
     Args:
         time: Sample times [s].
         signal: Samples [unit].
-        extents: Pushes.
-        left_out: Humps that are not measured, and are no rests either; they may be
-            among the pushes as well.
+        extents: All humps of the signal, in any order; one may be there twice.
 
     Returns:
-        Noise and baselines of the pushes.
+        Noise and baselines of the humps.
     """
-    humps = sorted({*extents, *left_out}, key=lambda hump: hump.t_peak)
+    humps = sorted(set(extents), key=lambda hump: hump.t_peak)
     place = {hump: k for k, hump in enumerate(humps)}
     rows = np.array([place[extent] for extent in extents])
     noise = rest_noise(time, signal, humps)
@@ -313,20 +310,18 @@ def rest_noise(
         for is_long in (False, True)
     )
     sigma = _scatter(signal, near, n, floor)
-    sigma = np.where(np.isnan(sigma), _scatter(signal, far, n, floor), sigma)
-    blocks = _blocks(signal, far, _BLOCK)
-    everywhere = np.nan_to_num(_correlation(*blocks, 1, floor), nan=1.0)
-    own = _correlation(*blocks, n, floor)
+    if np.isnan(sigma).any():
+        sigma = np.where(np.isnan(sigma), _scatter(signal, far, n, floor), sigma)
     return RestNoise(
         sigma=np.nan_to_num(sigma, nan=general.sigma),
-        correlation=np.where(np.isnan(own), everywhere, own),
+        correlation=_correlation(signal, far, n, floor),
         quantum=general.quantum,
     )
 
 
 def _blocks(
     signal: Float[np.ndarray, " n"], windows: Int[np.ndarray, "w 2"], length: int
-) -> tuple[Float[np.ndarray, "b m"], Int[np.ndarray, " b"]]:
+) -> tuple[Float[np.ndarray, "m b"], Int[np.ndarray, " b"]]:
     """Samples of rests in blocks, those nearest to their ends; and whose they are."""
     first, last = windows.T
     n_blocks = np.clip(last - first, 0, _MAX_SAMPLES) // length
@@ -334,7 +329,7 @@ def _blocks(
     back = np.repeat(np.cumsum(n_blocks), n_blocks) - np.arange(n_blocks.sum())
     begin = np.repeat(last, n_blocks) - length * back
     whose = np.repeat(np.arange(len(windows)), n_blocks)
-    return signal[begin[:, None] + np.arange(length)], whose
+    return signal[begin + np.arange(length)[:, None]], whose
 
 
 def _scatter(
@@ -345,25 +340,31 @@ def _scatter(
 ) -> Float[np.ndarray, " p"]:
     """Standard deviations of a sample within blocks; NaN from too few of them."""
     blocks, whose = _blocks(signal, windows, _SMALL_BLOCK)
-    variance, _ = _means(blocks.var(axis=1, ddof=1), whose % n_pushes, n_pushes)
+    variance, _ = _means(blocks.var(axis=0, ddof=1), whose % n_pushes, n_pushes)
     return np.sqrt(np.maximum(variance, floor))
 
 
 def _correlation(
-    blocks: Float[np.ndarray, "b m"],
-    whose: Int[np.ndarray, " b"],
+    signal: Float[np.ndarray, " n"],
+    windows: Int[np.ndarray, "w 2"],
     n_pushes: int,
     floor: float,
 ) -> Float[np.ndarray, " p"]:
-    """Variances of means over those of independent samples; NaN from too few blocks."""
-    push = whose % n_pushes
-    steps, is_step = np.diff(blocks.mean(axis=1)) ** 2 / 2, np.diff(whose) == 0
-    between, n_steps = _means(steps[is_step], push[1:][is_step], n_pushes)
-    within, _ = _means(blocks.var(axis=1, ddof=1), push, n_pushes)
-    correlation = between * _BLOCK / np.maximum(within, floor)
-    # Beyond chance only: the ratio itself scatters by sqrt(2/n).
-    by_chance = 1 + 3 * np.sqrt(2 / np.maximum(n_steps, 1))
-    return np.where(correlation < by_chance, 1.0, correlation)
+    """Variances of means over those of independent samples; of all for too few."""
+    blocks, whose = _blocks(signal, windows, _BLOCK)
+    variance, push = blocks.var(axis=0, ddof=1), whose % n_pushes
+    steps, is_step = np.diff(blocks.mean(axis=0)) ** 2 / 2, np.diff(whose) == 0
+
+    def beside(push: Int[np.ndarray, " b"], n: int) -> Float[np.ndarray, " n"]:
+        between, n_steps = _means(steps[is_step], push[1:][is_step], n)
+        within, _ = _means(variance, push, n)
+        correlation = between * _BLOCK / np.maximum(within, floor)
+        # Beyond chance only: the ratio itself scatters by sqrt(2/n).
+        by_chance = 1 + 3 * np.sqrt(2 / np.maximum(n_steps, 1))
+        return np.where(correlation < by_chance, 1.0, correlation)
+
+    own, everywhere = beside(push, n_pushes), beside(np.zeros_like(push), 1)
+    return np.where(np.isnan(own), np.nan_to_num(everywhere, nan=1.0), own)
 
 
 def _means(
@@ -378,6 +379,6 @@ def _means(
 
 def _middle_mean(samples: Float[np.ndarray, " n"]) -> float:
     """Mean of the middle half: robust, and finer than a median of counts."""
-    ordered = np.sort(samples)
-    cut = len(ordered) // 4
-    return float(ordered[cut : len(ordered) - cut].mean())
+    cut = len(samples) // 4
+    ends = (cut, len(samples) - cut - 1)
+    return float(np.partition(samples, ends)[cut : len(samples) - cut].mean())

@@ -46,7 +46,8 @@ def saturated_pushes(
         if limit is None or sign < 0:
             found = _ceiling(tops, [extents[k].height for k in rows], sigma[rows])
             end = min(end, found)
-        is_cut[rows] = [bool(np.any(top >= end)) for top in tops]
+        if np.isfinite(end):
+            is_cut[rows] = [bool(np.any(top >= end)) for top in tops]
     return is_cut
 
 

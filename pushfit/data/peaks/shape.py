@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.rests import RestNoise
 from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.detection import Extent, usual_step
+from pushfit.data.pushes.detection import Extent
 
 PROFILE_BINS = 32
 # A plateau stays within this share of its height for so long a part of the time above
@@ -54,7 +54,7 @@ def bin_means(
         Means and counts.
     """
     # Next to nothing of a push still has a level.
-    lengths = np.maximum(np.diff(windows, axis=1), usual_step(course.time))
+    lengths = np.maximum(np.diff(windows, axis=1), course.step)
     edges = windows[:, :1] + lengths * np.linspace(0, 1, n_bins + 1)
     return course.parts(edges), np.diff(np.searchsorted(course.time, edges), axis=1)
 
@@ -108,7 +108,10 @@ def _longest_run(inside: Bool[np.ndarray, " m"]) -> tuple[int, int]:
 
 
 def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
-    """First and one past the last part of a course that stay near its upper level.
+    """First and one past the last part of a course that stay near a level.
+
+    That is the upper level; or, where the push does not stay there for long, the one
+    that it settles to before its release.
 
     Args:
         course: Course of a push, scaled to 0..1.
@@ -116,7 +119,21 @@ def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
     high = course[course >= 0.8]
     if high.size == 0:
         return 0, 0
-    return _longest_run(np.abs(course - np.median(high)) <= _BAND)
+    upper = _longest_run(np.abs(course - np.median(high)) <= _BAND)
+    if _is_long(course, upper):
+        return upper
+    last = int(np.flatnonzero(course > 0.5)[-1]) + 1
+    for first in range(int(np.argmax(course)), last):
+        tail = course[first:last]
+        if np.abs(tail - np.median(tail)).max() <= _BAND:
+            return (first, last) if _is_long(course, (first, last)) else upper
+    return upper
+
+
+def _is_long(course: Float[np.ndarray, " m"], part: tuple[int, int]) -> bool:
+    """Whether a part is a large share of the time above half height."""
+    n_high = max(1, int(np.count_nonzero(course > 0.5)))
+    return part[1] - part[0] >= _HELD_SHARE * n_high
 
 
 def are_held(
@@ -142,11 +159,27 @@ def are_held(
     variance = noise.of_part(counts.mean(axis=1)) ** 2
     gain = _misfit(bins, *_hyperbolas()) - _misfit(bins, *_levels())
     is_level = gain > _EVIDENCE * variance
-    for k, extent in enumerate(extents):
+    rise = calm - base[:, None]
+    scaled = rise / np.maximum(rise.max(axis=1, keepdims=True), 1e-300)
+    may_be_low = _may_settle(scaled)
+    for k in np.flatnonzero(is_level | may_be_low).tolist():
         # Too few samples show no level.
-        if is_level[k] and extent.end - extent.start >= 2 * PROFILE_BINS:
-            held[k] = _is_steady((calm[k] - base[k]) / (calm[k].max() - base[k]))
+        if extents[k].end - extents[k].start >= 2 * PROFILE_BINS:
+            is_steady = _is_steady(scaled[k])
+            held[k] = is_steady and (is_level[k] or _is_low(scaled[k]))
     return held
+
+
+def _may_settle(course: Float[np.ndarray, "p m"]) -> Bool[np.ndarray, " p"]:
+    """Whether enough of each course follows its top and lies below it."""
+    is_after = np.arange(course.shape[1]) > course.argmax(axis=1)[:, None]
+    between = is_after & (course > 0.5) & (course < 1 - _BAND)
+    return between.sum(axis=1) >= _HELD_SHARE * (course > 0.5).sum(axis=1)
+
+
+def _is_low(course: Float[np.ndarray, " m"]) -> bool:
+    """Whether the level of a course is so far below its top that it is none of it."""
+    return bool(np.median(course[slice(*held_part(course))]) < 1 - 2 * _BAND)
 
 
 def _is_steady(course: Float[np.ndarray, " m"]) -> bool:
@@ -154,20 +187,19 @@ def _is_steady(course: Float[np.ndarray, " m"]) -> bool:
     first, last = held_part(course)
     margin = round(0.15 * (last - first))
     inner = course[first + margin : last - margin]
-    share = (last - first) / max(1, int(np.count_nonzero(course > 0.5)))
     is_calm = bool(inner.size and inner.std() <= _MAX_SCATTER)
-    return len(inner) >= 4 and share >= _HELD_SHARE and is_calm
+    return len(inner) >= 4 and _is_long(course, (first, last)) and is_calm
 
 
 def _misfit(
     bins: Float[np.ndarray, "p bins"],
-    q: Float[np.ndarray, "g bins 3"],
+    q: Float[np.ndarray, "g 3 bins"],
     inverse: Float[np.ndarray, "g 3 3"],
     is_hyperbola: bool,
 ) -> Float[np.ndarray, " p"]:
     """Squares that the best of a family leaves, beyond all if none has its form."""
     y = bins - bins.mean(axis=1, keepdims=True)
-    along = np.tensordot(q, y, axes=([1], [1]))
+    along = q @ y.T
     left = (y**2).sum(axis=1) - (along**2).sum(axis=1)
     _, b, c = (inverse @ along).transpose(1, 0, 2)
     has_form = (b > 0) & (np.abs(c) < b) if is_hyperbola else (b > 0) & (c > 0)
@@ -201,9 +233,9 @@ def _fine() -> Float[np.ndarray, " f"]:
 
 def _bases(
     *columns: Float[np.ndarray, "g f"],
-) -> tuple[Float[np.ndarray, "g bins 3"], Float[np.ndarray, "g 3 3"]]:
+) -> tuple[Float[np.ndarray, "g 3 bins"], Float[np.ndarray, "g 3 3"]]:
     """Least squares with a constant and two columns, prepared once."""
     fine = np.stack([np.ones_like(columns[0]), *columns], axis=-1)
     design = fine.reshape(len(fine), PROFILE_BINS, _FINE, 3).mean(axis=2)
     q, triangle = np.linalg.qr(design)
-    return q, np.linalg.inv(triangle)
+    return np.ascontiguousarray(q.transpose(0, 2, 1)), np.linalg.inv(triangle)

@@ -17,7 +17,7 @@ from pushfit.data.plans.mismatch import mismatch_error, named
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
-from pushfit.data.pushes.found import Found
+from pushfit.data.pushes.found import Found, is_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,14 +28,16 @@ class Paired:
         found: All humps.
         chosen: Extents of the rows, those of missing pushes where they were to be.
         is_missing: Whether each row has no hump.
+        is_excluded: Whether each row was to be in a window that the user leaves out.
         plan: Directions of the rows; None where no schedule was given.
         schedule: What was given.
         alignment: Pairs of humps and planned pushes.
     """
 
     found: Found
-    chosen: Found
+    chosen: tuple[Extent, ...]
     is_missing: tuple[bool, ...]
+    is_excluded: tuple[bool, ...]
     plan: PushSchedule | None
     schedule: PushSchedule | None
     alignment: Alignment | None
@@ -43,7 +45,7 @@ class Paired:
     @property
     def left_out(self) -> tuple[Extent, ...]:
         """Humps that are no rows."""
-        return self.found.beside(self.chosen.extents)
+        return self.found.beside(self.chosen)
 
     @property
     def n_odd(self) -> float:
@@ -70,12 +72,16 @@ class Paired:
         if self.alignment is not None and self.alignment.n_cycles > 1:
             n = self.alignment.n_cycles
             notes.append(f"the recording runs {n} times through the schedule")
-        if -1 in self.found.signs:
+        if any(extent.sign < 0 for extent in self.found.extents):
             notes.append("pushes go both ways from rest; heights of dips are negative")
         return notes
 
-    def cautions(self) -> list[str]:
-        """What is missing, too many, or so small that it may be no push."""
+    def cautions(self, unit: str) -> list[str]:
+        """What is missing, too many, or so small that it may be no push.
+
+        Args:
+            unit: That of the heights.
+        """
         if self.schedule is None or self.alignment is None:
             return []
         error = mismatch_error(self.schedule, self.alignment, self.found.extents)
@@ -86,8 +92,8 @@ class Paired:
                 extent = self.found.extents[j]
                 lines.append(
                     f"{named(plan, i)} is taken to be the hump of only "
-                    f"{extent.height:.3g} at {extent.t_peak:.2f} s, far smaller than "
-                    f"the others; leave it out by --exclude {extent.t_start:.2f}:"
+                    f"{extent.height:.3g} {unit} at {extent.t_peak:.2f} s, far smaller "
+                    f"than the others; leave it out by --exclude {extent.t_start:.2f}:"
                     f"{extent.t_end:.2f}"
                 )
         return lines
@@ -112,8 +118,9 @@ def pair(
     if schedule is None or not pushes:
         return Paired(
             found=found,
-            chosen=found.only(pushes),
+            chosen=tuple(found.extents[k] for k in pushes),
             is_missing=(False,) * len(pushes),
+            is_excluded=(False,) * len(pushes),
             plan=None,
             schedule=schedule,
             alignment=None,
@@ -127,23 +134,26 @@ def pair(
     )
     plan = schedule.repeated(alignment.n_cycles)
     left_out = found.beside([found.extents[j] for j in alignment.hump if j >= 0])
-    rows, extents, signs = [], [], []
+    rows, extents, is_excluded = [], [], []
     for i, hump in enumerate(alignment.hump.tolist()):
         when = float(alignment.expected[i])
         if hump >= 0:
             extents.append(found.extents[hump])
-            signs.append(found.signs[hump])
+            is_excluded.append(False)
         elif span[0] < when < span[1]:
-            extents.append(_where_it_was_to_be(when, found, pushes, left_out))
-            signs.append(1)
+            there = _where_it_was_to_be(when, found, pushes, left_out)
+            extents.append(there)
+            times = (when, there.t_peak)
+            is_excluded.append(any(is_in(t, settings.exclude) for t in times))
         else:
             continue
         rows.append(i)
     index = np.array(rows, dtype=int)
     return Paired(
         found=found,
-        chosen=Found(tuple(extents), tuple(signs)),
+        chosen=tuple(extents),
         is_missing=tuple(bool(alignment.hump[i] < 0) for i in rows),
+        is_excluded=tuple(is_excluded),
         plan=plan.rows(index),
         schedule=schedule,
         alignment=alignment,

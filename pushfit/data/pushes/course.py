@@ -12,6 +12,8 @@ from jaxtyping import Float
 # Shorter windows would divide rounding by next to nothing [s].
 _LEAST = 1e-12
 _SOME = 1 << 14
+# Steps that the usual one is judged by; more would only cost time.
+_SAMPLES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,43 +24,49 @@ class Course:
         time: Sample times, or some of them [s].
         integral: Of the signal less `level`, up to each of them.
         level: What the integral is over, so that little is lost to rounding.
+        step: Median sampling step [s].
     """
 
     time: Float[np.ndarray, " n"]
     integral: Float[np.ndarray, " n"]
     level: float
+    step: float
 
     @classmethod
     def of(
         cls,
         time: Float[np.ndarray, " n"],
         signal: Float[np.ndarray, " n"],
-        *,
-        stride: int = 1,
     ) -> "Course":
         """Course of samples.
 
         Args:
             time: Sample times [s].
             signal: Samples.
-            stride: Samples from one to the next at which the integral is kept.
         """
-        level, total, n_steps = float(signal[0]), 0.0, len(time) - 1
-        integral = np.zeros(1 - (-n_steps // stride))
+        level, total = float(signal[0]), 0.0
+        integral = np.zeros(len(time))
         # Some at a time, because recordings are longer than a processor's cache.
-        some = stride * max(1, _SOME // stride)
-        for first in range(0, n_steps, some):
-            part = slice(first, first + some + 1)
-            y = signal[part] - level
-            areas = (y[1:] + y[:-1]) * (np.diff(time[part]) / 2)
-            up_to = total + np.cumsum(areas)
+        for first in range(0, len(time) - 1, _SOME):
+            part = slice(first, first + _SOME + 1)
+            y, t = signal[part] - level, time[part]
+            areas = (y[1:] + y[:-1]) * (0.5 * (t[1:] - t[:-1]))
+            areas[0] += total
+            up_to = np.cumsum(areas, out=integral[first + 1 :][: len(areas)])
             total = float(up_to[-1])
-            kept = up_to[stride - 1 :: stride]
-            integral[1 + first // stride :][: len(kept)] = kept
-        integral[-1] = total
-        if stride > 1:
-            time = np.append(time[:n_steps:stride], time[-1])
-        return cls(time, integral, level)
+        step = float(np.median(np.diff(time[: 1 + _SAMPLES])))
+        return cls(time, integral, level, step)
+
+    def thinned(self, stride: int) -> "Course":
+        """The same, known at fewer times.
+
+        Args:
+            stride: Samples from one of them to the next.
+        """
+        if stride == 1:
+            return self
+        kept = np.append(np.arange(0, len(self.time) - 1, stride), len(self.time) - 1)
+        return Course(self.time[kept], self.integral[kept], self.level, self.step)
 
     def smooth(
         self,

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
+from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.feet import (
     FOOT,
     WIDTH_PER_SMOOTHING,
@@ -21,6 +22,8 @@ from pushfit.data.pushes.feet import (
 from pushfit.data.pushes.humps import Humps
 from pushfit.data.pushes.noise import Noise
 
+# Smoothing lowers a push by less than this share.
+_SMOOTHED = 0.8
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
 _FIRST_SMOOTHING = 0.1
 # Of 10^5 independent samples the largest is 4.3 sigma; a maximum needs more.
@@ -43,8 +46,6 @@ _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
 # Means of counts are often equal on paper. Rounding them to this share of the noise
 # keeps an offset or a unit, which round otherwise, from breaking the ties.
 _GRAIN = 1e-3
-# Steps that the usual one is judged by; more would only cost time.
-_SAMPLES = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +59,7 @@ class Extent:
         is_brush: Whether it is so small among the others that it may be no push.
         is_cut: Whether the signal begins or ends inside the push.
         is_low: Whether it is lower than the smallest push asked for.
+        sign: 1 where the signal rises from rest, -1 where it falls.
     """
 
     start: int
@@ -66,6 +68,7 @@ class Extent:
     is_brush: bool
     is_cut: bool
     is_low: bool = False
+    sign: int = 1
 
     @property
     def t_start(self) -> float:
@@ -97,6 +100,7 @@ def find_extents(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     *,
+    course: Course,
     noise: Noise,
     split: float,
     min_height: float | None,
@@ -107,6 +111,7 @@ def find_extents(
     Args:
         time: Sample times [s].
         signal: Samples without gaps in value; pushes go up.
+        course: Running means of the samples.
         noise: How the samples scatter.
         split: Two humps are two pushes if the valley between them is lower than this
             share of the lower hump.
@@ -120,14 +125,15 @@ def find_extents(
     if noise.sigma == 0.0 or len(signal) < 5:
         return ()
     tau = smoothing or _FIRST_SMOOTHING
-    found, is_low = _detect(time, signal, noise, tau, split, min_height)
+    rules = (split, min_height, course.step)
+    found, is_low = _detect(time, signal, noise, tau, *rules)
     if smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found, is_low = _detect(time, signal, noise, wider, split, min_height)
+            found, is_low = _detect(time, signal, noise, wider, *rules)
     if found.start.size == 0:
         return ()
-    feet = trace_feet(time, signal, found, sigma=noise.sigma, smoothing=smoothing)
+    feet = trace_feet(time, course, found, sigma=noise.sigma, smoothing=smoothing)
     is_cut = are_cut(time, feet)
     is_push = ~_are_trends(feet, is_cut, time, is_low)
     smallest = 0.0 if min_height is not None else _smallest_push(feet.height[is_push])
@@ -146,15 +152,6 @@ def find_extents(
         for k, own in enumerate(feet.apart())
         if is_push[k]
     )
-
-
-def usual_step(time: Float[np.ndarray, " n"]) -> float:
-    """Median sampling step [s].
-
-    Args:
-        time: Sample times [s].
-    """
-    return float(np.median(np.diff(time[: 1 + _SAMPLES])))
 
 
 def _are_trends(
@@ -199,19 +196,20 @@ def _detect(
     tau: float,
     split: float,
     min_height: float | None,
+    usual_step: float,
 ) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"]]:
     """One pass at one smoothing time: where the humps are, roughly, and which are low.
 
     A hump that is too low for a push stays one, so that it is no rest of the others.
     """
-    trace = _reduce(time, signal, noise, tau)
+    trace = _reduce(time, signal, noise, tau, usual_step)
     significant = _SIGNIFICANT * trace.noise
     humps = Humps.between(trace.y, _maxima(trace.y, significant))
     humps.join(split)
     large = _LARGE * float(humps.heights.max(initial=0.0))
     wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
     by_noise = max(_BEYOND_NOISE * trace.noise, wander)
-    smallest = by_noise if min_height is None else min_height
+    smallest = by_noise if min_height is None else _SMOOTHED * min_height
     humps.drop_below(min(by_noise, smallest))
     pushes = replace(humps)
     pushes.drop_below(smallest)
@@ -235,11 +233,12 @@ def _reduce(
     signal: Float[np.ndarray, " n"],
     noise: Noise,
     tau: float,
+    usual_step: float,
 ) -> _Trace:
     """Average in bins of a third of the smoothing time, then over three bins."""
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
 
-    step = max(tau / 3, float(np.median(np.diff(time[: 1 + _SAMPLES]))))
+    step = max(tau / 3, usual_step)
     n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
     edges = time[0] + step * (np.arange(n_bins) - 0.5)
     first = np.searchsorted(time, edges)

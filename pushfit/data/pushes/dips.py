@@ -75,6 +75,7 @@ def _rest_knots(
 def without_dips(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
+    noise: Noise,
     extents_of: Callable[[Float[np.ndarray, " n"]], tuple[Extent, ...]],
 ) -> tuple[Float[np.ndarray, " n"], tuple[Extent, ...]]:
     """Fill what falls far below rest up to it.
@@ -86,6 +87,7 @@ def without_dips(
     Args:
         time: Sample times [s].
         signal: Samples.
+        noise: How the samples scatter.
         extents_of: Finds the humps of a picture.
 
     Returns:
@@ -96,7 +98,7 @@ def without_dips(
     ends = (np.median(signal[: max(5, int(n_first))]), np.median(signal[n_last:]))
     knots = _rest_knots(time, signal)
     n_end = max(5, int(n_first))
-    slack = _SLACK * Noise.of(time, signal).sigma / n_end**0.5
+    slack = _SLACK * noise.sigma / n_end**0.5
 
     def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
         usual = np.interp(when, *knots)

@@ -119,7 +119,7 @@ _NAMES = tuple(field.name for field in fields(Feet))
 
 def trace_feet(
     time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
+    course: Course,
     coarse: Feet[np.ndarray],
     *,
     sigma: float,
@@ -133,7 +133,7 @@ def trace_feet(
 
     Args:
         time: Sample times [s].
-        signal: Samples [unit].
+        course: Running means of the samples [unit].
         coarse: Where all of their pushes are, in order, roughly.
         sigma: Noise of a sample [unit].
         smoothing: Averaging time; None takes a share of each width [s].
@@ -147,16 +147,24 @@ def trace_feet(
     lowest = np.maximum(np.maximum(lowest, coarse.start - reach), time[0])
     highest = np.minimum(np.minimum(highest, coarse.end + reach), time[-1])
     ends = np.searchsorted(time, [lowest, highest])
-    steps = [np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T]
-    feet = replace(coarse, step=np.array(steps))
+    feet = replace(coarse, step=_usual_steps(time, ends))
     finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
     stride = int(finest / _KNOTS / feet.step.max())
-    course = Course.of(time, signal, stride=max(1, stride))
+    course = course.thinned(max(1, stride))
     for _ in range(_ROUNDS):
         tau = _smoothing(feet, sigma) if smoothing is None else smoothing
         tau = np.broadcast_to(tau, feet.start.shape)
         feet = _trace(course, feet, (lowest, highest), tau=tau, sigma=sigma)
     return feet
+
+
+def _usual_steps(
+    time: Float[np.ndarray, " n"], ends: Int[np.ndarray, "2 p"]
+) -> Numbers:
+    """Median sampling steps of stretches, by the first of their steps [s]."""
+    if np.diff(ends, axis=0).min() + 1 >= _STEPS:
+        return np.median(np.diff(time[ends[0][:, None] + np.arange(_STEPS)]), axis=1)
+    return np.array([np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T])
 
 
 def are_cut(

@@ -6,13 +6,15 @@ in, and which way pushes go. Excluded: pairing with a plan
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import push_signal
+from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent, find_extents
 from pushfit.data.pushes.dips import rest_curve, without_dips
 from pushfit.data.pushes.noise import Noise
@@ -26,29 +28,19 @@ _MINOR = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Humps of a recording, each with the way it goes, and what is left aside.
+    """Humps of a recording, and what is left aside.
 
     Args:
         extents: The humps in order; brushes are marked.
-        signs: 1 for a hump, -1 for a dip.
+        course: Running means of the samples.
         dips: Dips that are not asked for; only where all humps go up.
         excluded: Humps that the user left out, by their time or their height.
     """
 
     extents: tuple[Extent, ...]
-    signs: tuple[int, ...]
+    course: Course
     dips: tuple[Extent, ...] = ()
-    excluded: tuple[Extent, ...] = field(default=())
-
-    def only(self, keep: Sequence[int]) -> "Found":
-        """Some of the humps.
-
-        Args:
-            keep: Their positions.
-        """
-        return Found(
-            tuple(self.extents[k] for k in keep), tuple(self.signs[k] for k in keep)
-        )
+    excluded: tuple[Extent, ...] = ()
 
     def beside(self, taken: Sequence[Extent]) -> tuple[Extent, ...]:
         """Humps besides some of them, also those that the user left out.
@@ -99,12 +91,13 @@ def find(
     """
     # Of the samples as they are: in a picture of them equal readings differ by
     # rounding, and the finest step would be that.
-    noise = Noise.of(time, signal)
+    noise, course = Noise.of(time, signal), Course.of(time, signal)
 
     def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
         return find_extents(
             time,
             picture,
+            course=course if picture is signal else Course.of(time, picture),
             noise=noise,
             split=settings.split,
             min_height=settings.min_height,
@@ -116,33 +109,52 @@ def find(
 
     if not signed:
         # A return from a dip to rest would look like a hump.
-        filled, dips = without_dips(time, signal, deep_enough)
-        extents = tuple(_beside(dips, hump) for hump in extents_of(filled))
-        return _as_told(Found(extents, (1,) * len(extents), dips), settings)
-    extents = extents_of(np.abs(signal - rest_curve(time, signal)))
-    signs = tuple(-1 if _is_dip(time, signal, extent) else 1 for extent in extents)
-    return _as_told(Found(extents, signs), settings)
+        filled, dips = without_dips(time, signal, noise, deep_enough)
+        extents = [_beside(dips, hump) for hump in extents_of(filled)]
+    else:
+        dips = ()
+        extents = [
+            replace(hump, sign=-1 if _is_dip(time, signal, hump) else 1)
+            for hump in extents_of(np.abs(signal - rest_curve(time, signal)))
+        ]
+    if settings.min_height is not None and extents:
+        # By the height that is reported: the course that humps are found in is lower.
+        heights = measure_heights(
+            time, signal, extents, definition=settings.height, course=course
+        )
+        extents = [
+            replace(hump, is_low=abs(own.height) < settings.min_height)
+            for hump, own in zip(extents, heights, strict=True)
+        ]
+    return _as_told(Found(tuple(extents), course, dips), settings)
 
 
 def _as_told(found: Found, settings: PeakSettings) -> Found:
     """Leave out and take in the humps that the user names by their time or height."""
-    out = [e.is_low or _is_in(e, settings.exclude) for e in found.extents]
-    stated = [
-        replace(e, is_brush=e.is_brush and not _is_in(e, settings.include))
-        for e in found.extents
-    ]
-    keep = [k for k, is_out in enumerate(out) if not is_out]
+
+    def is_out(hump: Extent) -> bool:
+        return hump.is_low or is_in(hump.t_peak, settings.exclude)
+
     return Found(
-        tuple(stated[k] for k in keep),
-        tuple(found.signs[k] for k in keep),
-        tuple(dip for dip in found.dips if not _is_in(dip, settings.exclude)),
-        tuple(e for e, is_out in zip(found.extents, out, strict=True) if is_out),
+        extents=tuple(
+            replace(e, is_brush=e.is_brush and not is_in(e.t_peak, settings.include))
+            for e in found.extents
+            if not is_out(e)
+        ),
+        course=found.course,
+        dips=tuple(e for e in found.dips if not is_in(e.t_peak, settings.exclude)),
+        excluded=tuple(filter(is_out, found.extents)),
     )
 
 
-def _is_in(extent: Extent, windows: Sequence[tuple[float, float]]) -> bool:
-    """Whether the top of a hump lies in one of some windows."""
-    return any(first <= extent.t_peak <= last for first, last in windows)
+def is_in(when: float, windows: Sequence[tuple[float, float]]) -> bool:
+    """Whether a time lies in one of some windows.
+
+    Args:
+        when: Time [s].
+        windows: First and last time of each [s].
+    """
+    return any(first <= when <= last for first, last in windows)
 
 
 def _beside(dips: Sequence[Extent], hump: Extent) -> Extent:
@@ -173,7 +185,11 @@ def _is_dip(
 
 
 def no_pushes(
-    signal: Float[np.ndarray, " n"], settings: PeakSettings, found: Found
+    signal: Float[np.ndarray, " n"],
+    settings: PeakSettings,
+    found: Found,
+    *,
+    unit: str,
 ) -> DataError:
     """Say what there is instead of pushes.
 
@@ -181,15 +197,17 @@ def no_pushes(
         signal: Samples.
         settings: How they were looked at.
         found: What was found.
+        unit: That of the samples.
     """
     n_dips, n_out = len(found.dips), len(found.excluded)
     spread = float(np.ptp(signal))
     if n_dips:
         what = f"the signal falls from rest {n_dips} times and never rises above it"
     elif spread == 0.0:
-        what = f"the signal is {signal[0]:g} throughout, no variation"
+        what = f"the signal is {signal[0]:g} {unit} throughout, no variation"
     else:
-        what = f"no hump stands out of the noise, all readings lie within {spread:g}"
+        within = f"all readings lie within {spread:.3g} {unit}"
+        what = f"no hump stands out of the noise, {within}"
     turn = "it is inverted already" if settings.invert else "try --invert"
     dips = f"; pushes may go down ({turn})" if n_dips else ""
     by = [
@@ -204,6 +222,6 @@ def no_pushes(
     return DataError(
         f"no pushes found: {what}{dips}{out}; check the channel"
         f"{f' {settings.channel!r}' if settings.channel else ''}, or state the "
-        "smallest height of a push by --min-height",
+        f"smallest height of a push in {unit} by --min-height",
         code="no_pushes",
     )

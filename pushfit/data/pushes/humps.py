@@ -25,6 +25,8 @@ _NEARLY = 1.1
 # A hump on a step has fallen from its top to this share of it at least; the
 # step is held for so many times as long as the hump, or is a part of a push.
 _FALLEN, _SHELF = 0.7, 1.5
+# A rest level that is never left is one that is come back to so many times.
+_RETURNS = 3
 # Humps lower than this share of the whole are wiggles of a plateau.
 _ON_TOP = 0.2
 
@@ -140,11 +142,32 @@ class Humps:
             if ratio[worst] <= split:
                 return
             is_near = bool(ratio[worst] <= _NEARLY * split)
-            if ratio[worst] < 1 - _ON_TOP and self._is_level(worst, is_near=is_near):
+            if self._is_new_rest(worst) or (
+                ratio[worst] < 1 - _ON_TOP and self._is_level(worst, is_near=is_near)
+            ):
                 kept.add(int(self.valleys[worst + 1]))
                 self.rests[worst + 1] = lows[worst + 1]
                 continue
             self._merge(worst, worst + int(tops[worst] >= tops[worst + 1]))
+
+    def _is_new_rest(self, pair: int) -> bool:
+        """Whether the signal returns to a valley and, on one side, never falls below.
+
+        So it does after a step of the rest level, and before one. It returns from
+        pushes: wiggles of a plateau, which an end of the signal may cut, are lower.
+        """
+        lows, tops = self.y[self.valleys], self.y[self.peaks]
+        low = lows[pair + 1]
+        near = _LEVEL * (min(tops[pair : pair + 2]) - low)
+        is_large = tops - low >= _ON_TOP * self.heights.max()
+        for side, passed in (
+            (lows[pair + 2 :], is_large[pair + 1 :]),
+            (lows[pair::-1], is_large[pair::-1]),
+        ):
+            n_passed = np.cumsum(passed)[np.abs(side - low) <= near]
+            if side.min() >= low - near and len(np.unique(n_passed)) >= _RETURNS:
+                return True
+        return False
 
     def _is_level(self, pair: int, *, is_near: bool) -> bool:
         """Whether the signal rests between two humps, and beside one of them as well.

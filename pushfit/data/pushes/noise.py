@@ -38,13 +38,15 @@ class Noise:
     ) -> "Noise":
         """Judge a signal by its steps from sample to sample."""
         stride = max(1, (len(signal) - 2) // _NOISE_SAMPLES)
-        first = np.arange(0, len(signal) - 2, stride)
-        steps = np.abs(signal[first + 1] - signal[first])
-        whole = np.maximum(time[first + 2] - time[first], 1e-300)
-        share = (time[first + 1] - time[first]) / whole
-        chord = signal[first] + share * (signal[first + 2] - signal[first])
+        parts = [slice(k, len(signal) - 2 + k, stride) for k in range(3)]
+        before, own, after = (signal[part] for part in parts)
+        t_before, t_own, t_after = (time[part] for part in parts)
+        steps = np.abs(own - before)
+        whole = np.maximum(t_after - t_before, 1e-300)
+        share = (t_own - t_before) / whole
+        chord = before + share * (after - before)
         spread = np.sqrt(1 + share**2 + (1 - share) ** 2)
-        bends = np.abs(signal[first + 1] - chord) / spread
+        bends = np.abs(own - chord) / spread
         # Of uneven steps the long ones show the course more than the noise.
         is_short = whole <= _EQUAL * np.median(whole)
         moving = bends[(steps > 0) & is_short]

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pushfit.data.plans.schedule import read_schedule
+from pushfit.data.recordings.recognise import Columns
 from pushfit.data.recordings.recording import read_recording
-from pushfit.data.recordings.units import split_unit
 from pushfit.data.tables.peak_table import read_table
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.faults import refuse
@@ -66,16 +66,15 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
         return "recording"
     text = open_text(given, encoding=recording_options.get("encoding"))
     names = find_layout(text, columns=recording_options.get("columns", ())).names
-    parts = [split_unit(name) for name in names]
-    stems = {stem.lower() for stem, _ in parts}
+    columns = Columns(names)
+    stems = {*columns.stems}
     if not stems.isdisjoint(_HEIGHTS):
         return "table"
-    is_signal = any(unit and unit.quantity == "signal" for _, unit in parts)
+    is_signal = bool(columns.measuring("signal"))
     stated = {*recording_options.get("mapping", {}).values()}
     stated |= {*recording_options.get("units", {})}
     # Samples of a log have a time and readings whose unit is not said; a plan has none.
-    is_log = any(unit and unit.quantity == "time" for _, unit in parts)
-    is_log = is_log and not stems <= _PLAN
+    is_log = bool(columns.measuring("time")) and not stems <= _PLAN
     has_plan = {"theta", "alpha"} <= stems and not is_signal and not is_log
     if has_plan and any(stem.startswith("height") for stem in stems):
         # Of a unit that is not known; the reader of tables says so.

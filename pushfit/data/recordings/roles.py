@@ -5,14 +5,14 @@ user; they must agree. A column without a unit is left alone unless it is needed
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pushfit.data.recordings.recognise import ANGLES, Columns, listed, units_of
 from pushfit.data.recordings.units import (
     UNITS,
     Quantity,
     Unit,
-    find_unit,
     parse_unit,
     split_unit,
 )
@@ -21,7 +21,6 @@ from pushfit.data.text.faults import data_error, did_you_mean, problem
 from pushfit.data.text.guess import STAMP
 from pushfit.errors import ConfigError, Problem
 
-ANGLES = ("theta", "alpha")
 # Names that no example should take for a signal.
 NO_SIGNAL = re.compile(r"(seq|time|stamp|n?secs?|frame_id|index)$")
 
@@ -72,8 +71,8 @@ class Roles:
     notes: tuple[str, ...]
 
 
-class _Columns:
-    """The columns of one file with what is stated about them."""
+class _Columns(Columns):
+    """The columns of one recording, what they are mapped to, and what is wrong."""
 
     def __init__(
         self,
@@ -82,42 +81,17 @@ class _Columns:
         units: Mapping[str, str],
         path: str,
     ) -> None:
-        self.path = path
+        super().__init__(layout.names, path=path, unit_row=layout.unit_row, units=units)
         self.line = layout.header_line
-        self.names = layout.names
         self.first_row = layout.first_row
-        self.unit_row = layout.unit_row
         self.writer = layout.writer
-        self.units = units
         self.mapped = {split_unit(key)[0]: (key, name) for key, name in mapping.items()}
         self.problems: list[Problem] = []
-        self.position = {name: i for i, name in enumerate(layout.names) if name}
 
     def add(self, code: str, text: str, column: str | None = None) -> None:
         self.problems.append(
             problem(code, text, path=self.path, line=self.line, column=column)
         )
-
-    def unit(self, i: int, *keys: str) -> Unit | None:
-        """Give the unit of a column, if all that is stated about it agrees."""
-        name = self.names[i]
-        stem, suffix = split_unit(name)
-        stated = [suffix, *(split_unit(key)[1] for key in keys)]
-        if self.unit_row:
-            stated.append(find_unit(self.unit_row[i]))
-        stated += [
-            parse_unit(self.units[key])
-            for key in dict.fromkeys((name, stem, *keys))
-            if key in self.units
-        ]
-        found = {unit.name: unit for unit in stated if unit is not None}
-        if len(found) > 1:
-            raise ConfigError(
-                f"{self.path}, column {name}: stated in {' and in '.join(found)}; "
-                "the suffix of the name holds, so remove the other statement",
-                code="unit_conflict",
-            )
-        return next(iter(found.values()), None)
 
 
 def assign_roles(
@@ -159,24 +133,19 @@ def assign_roles(
         first = signals[0] if signals else "pdc"
         columns.add(
             "no_channel",
-            f"no column states a signal unit: {_listed(columns.names)}; rename one, "
+            f"no column states a signal unit: {listed(columns.names)}; rename one, "
             f"such as pressure_kpa, or state --map pressure={first} --unit "
             "pressure=counts",
         )
     if columns.problems:
         raise data_error(columns.problems)
-    notes = (f"ignored columns without a role: {_listed(ignored)}",) if ignored else ()
+    notes = (f"ignored columns without a role: {listed(ignored)}",) if ignored else ()
     return Roles(
         clocks=tuple(clocks),
         channels=tuple(channels),
         angles=tuple(angles),
         notes=notes,
     )
-
-
-def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(filter(None, names[:12]))
-    return shown + (f" and {len(names) - 12} more" if len(names) > 12 else "")
 
 
 def _check_stated_names(columns: _Columns) -> None:
@@ -187,7 +156,7 @@ def _check_stated_names(columns: _Columns) -> None:
             columns.add(
                 "missing_column",
                 f"--map {key}={name} names no column{hint}; "
-                f"there are: {_listed(columns.names)}",
+                f"there are: {listed(columns.names)}",
             )
     stems = {split_unit(name)[0] for name in columns.names}
     known = {*columns.position, *stems, *columns.mapped}
@@ -226,7 +195,7 @@ def _clocks(columns: _Columns, *, has_rate: bool) -> list[Role]:
     if not found and not columns.problems and not has_rate:
         columns.add(
             "no_time",
-            f"no time column among {_listed(columns.names)}; name one time_s, or state "
+            f"no time column among {listed(columns.names)}; name one time_s, or state "
             "--map time=COLUMN --unit time=s, or the samples per second by --rate",
         )
     return found
@@ -248,20 +217,14 @@ def _clock(
 
 def _named_clocks(columns: _Columns) -> list[str]:
     """Give the column that is a clock by name; by unit alone if there is just one."""
-    timed = [
-        name
-        for i, name in enumerate(columns.names)
-        if (unit := columns.unit(i)) is not None and unit.quantity == "time"
-    ]
-    named = [
-        name for name in columns.position if split_unit(name)[0].lower() in _CLOCK_STEMS
-    ]
+    timed = [columns.names[i] for i in columns.measuring("time")]
+    named = [columns.names[i] for i in columns.called(*_CLOCK_STEMS)]
     both = [name for name in named if name in timed]
     choice = both or named or timed
     if len(choice) > 1:
         columns.add(
             "ambiguous_time",
-            f"the columns {_listed(choice)} may all be the time; state which by "
+            f"the columns {listed(choice)} may all be the time; state which by "
             f"--map time={choice[0]}",
         )
         return []
@@ -291,14 +254,9 @@ def _angles(columns: _Columns) -> list[Role]:
             key, name = columns.mapped[angle]
             places = [columns.position[name]] if name in columns.position else []
         else:
-            key = angle
-            places = [
-                i
-                for name, i in columns.position.items()
-                if split_unit(name)[0].lower() == angle
-            ]
+            key, places = angle, columns.called(angle)
         if len(places) > 1:
-            names = _listed([columns.names[i] for i in places])
+            names = listed([columns.names[i] for i in places])
             columns.add(
                 "ambiguous_angle",
                 f"{names} are all {angle}; state which by --map {angle}=COLUMN",
@@ -355,7 +313,7 @@ def _checked(
     name = columns.names[i]
     if unit is not None and unit.quantity == quantity:
         return Role(name=role, columns=(i,), unit=unit)
-    allowed = ", ".join(u.name for u in UNITS.values() if u.quantity == quantity)
+    allowed = ", ".join(units_of(quantity))
     found = (
         "states no unit" if unit is None else f"is in {unit.name}, no {quantity} unit"
     )

@@ -14,10 +14,11 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
-from pushfit.data.recordings.units import UNITS, Unit, in_degrees, split_unit
+from pushfit.data.recordings import recognise
+from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.recordings.units import UNITS, Unit, in_degrees
 from pushfit.errors import DataError, Problem
 
-ANGLES = ("theta", "alpha")
 COUNTS = ("push", "repeat")
 
 # Names at least this alike are one name misspelt: `heigth` and `height` are 0.83
@@ -97,8 +98,7 @@ class Layout:
             return f"{stem}_deg or {stem}_rad"
         if stem in self.times:
             return f"{stem}_s"
-        signals = [u.name for u in UNITS.values() if u.quantity == "signal"]
-        return ", ".join(f"{stem}_{unit}" for unit in signals)
+        return ", ".join(f"{stem}_{unit}" for unit in recognise.units_of("signal"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,11 +172,14 @@ def _recognise(
 ) -> tuple[dict[str, _Column], list[str]]:
     """Which column is what, and the columns left out."""
     found: dict[str, _Column] = {}
-    left_out, problems = [], []
-    for given in map(str, raw.columns):
-        column = _identify(given, layout)
-        if column is None:
-            left_out.append(given)
+    left_out: dict[str, str] = {}
+    problems = []
+    columns = recognise.Columns([str(name) for name in raw.columns])
+    for i, (given, stem) in enumerate(zip(columns.names, columns.stems, strict=True)):
+        unit = columns.unit(i)
+        column = _Column(given, stem, unit)
+        if stem not in (layout.bare if unit is None else layout.of(unit.quantity)):
+            left_out[given] = stem
         elif column.stem in found:
             first = found[column.stem].given
             text = f"{first!r} and {given!r} are both {column.stem}; remove one of them"
@@ -188,26 +191,19 @@ def _recognise(
     problems += _doubtful(found, left_out, layout, origin)
     if problems:
         raise failure(problems)
-    return found, left_out
-
-
-def _identify(given: str, layout: Layout) -> _Column | None:
-    """What a column is by its name, None where it is nothing of ours."""
-    stem, unit = split_unit(given)
-    stem = stem.strip().lower()
-    if unit is None:
-        return _Column(given, stem, None) if stem in layout.bare else None
-    return _Column(given, stem, unit) if stem in layout.of(unit.quantity) else None
+    return found, list(left_out)
 
 
 def _doubtful(
-    found: dict[str, _Column], left_out: list[str], layout: Layout, origin: Origin
+    found: dict[str, _Column],
+    left_out: dict[str, str],
+    layout: Layout,
+    origin: Origin,
 ) -> Iterator[Problem]:
     """Names that look like a slip, and columns that a table cannot do without."""
     have = ", ".join([*(c.given for c in found.values()), *left_out])
     meant = set(found)
-    for given in left_out:
-        name = split_unit(given)[0].strip().lower()
+    for given, name in left_out.items():
         near = difflib.get_close_matches(name, layout.stems, n=1, cutoff=_ALIKE)
         if near and near[0] not in meant:
             meant.add(near[0])

@@ -54,10 +54,15 @@ def envelope(
     """
     if time.size <= max_points:
         return time, signal
-    filled = np.where(np.isnan(signal), 0.0, signal)
+    filled = (
+        np.where(np.isnan(signal), 0.0, signal) if np.isnan(signal).any() else signal
+    )
     length = -(-time.size // (max_points // 2))
-    # The last sample again: of equal extremes the first is taken.
-    rows = np.pad(filled, (0, -time.size % length), mode="edge").reshape(-1, length)
-    first = length * np.arange(len(rows))
-    keep = np.unique([first + np.argmin(rows, axis=1), first + np.argmax(rows, axis=1)])
+    n_whole = time.size // length * length
+    kept = []
+    for rows in (filled[:n_whole].reshape(-1, length), filled[None, n_whole:]):
+        if rows.size:
+            first = length * np.arange(len(rows)) + (n_whole if kept else 0)
+            kept += [first + rows.argmin(axis=1), first + rows.argmax(axis=1)]
+    keep = np.unique(np.concatenate(kept))
     return time[keep], signal[keep]

@@ -30,6 +30,7 @@ class Extent:
         end: Byte where the last accepted row ends.
         has_quotes: Whether fields may be quoted.
         has_padding: Whether fields may begin with blanks.
+        n_uniform: Rows, if delimiters and line ends repeat throughout, else 0.
         notes: What was left out, for the user.
     """
 
@@ -37,6 +38,7 @@ class Extent:
     end: int
     has_quotes: bool
     has_padding: bool
+    n_uniform: int
     notes: tuple[str, ...]
 
 
@@ -60,6 +62,46 @@ class Scan:
         return self.data_line + rows + np.searchsorted(self.skips, rows, side="right")
 
 
+@dataclass(slots=True, kw_only=True)
+class _Pattern:
+    """Delimiters and line ends of a table, as long as they repeat line by line."""
+
+    line: bytes
+    others: bytes
+    n_rows: int = 0
+    rest: bytes = b""
+    is_broken: bool
+
+    @classmethod
+    def of(cls, layout: Layout) -> "_Pattern":
+        """What repeats; blanks as delimiters and trailing ones need a closer look."""
+        delimiter = layout.delimiter.encode()
+        is_plain = delimiter != b" " and layout.n_fields > 1 and not layout.has_trailing
+        return cls(
+            line=delimiter * (layout.n_fields - 1) + b"\n",
+            others=bytes(set(range(256)) - {*delimiter, *b"\n"}),
+            is_broken=not is_plain,
+        )
+
+    def add(self, block: bytes) -> None:
+        """Go on with a block, which need not end with a line."""
+        if self.is_broken:
+            return
+        marks = self.rest + block.translate(None, self.others)
+        n, n_left = divmod(len(marks), len(self.line))
+        self.rest = marks[len(marks) - n_left :]
+        self.is_broken = marks[: len(marks) - n_left] != self.line * n
+        self.n_rows += n
+
+    def n_rows_to(self, *, is_ended: bool) -> int:
+        """Rows up to the last line end, or the end of the text; 0 if irregular."""
+        if self.is_broken or b"\n" in self.rest:
+            return 0
+        if is_ended:
+            return self.n_rows
+        return self.n_rows + 1 if self.rest == self.line[:-1] else 0
+
+
 def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
     """Find where the rows end, and decide about a damaged end.
 
@@ -80,6 +122,7 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
     has_quotes = has_padding = False
     padding = (layout.delimiter.encode() + b" ", b"\n ")
     notes: list[str] = []
+    pattern = _Pattern.of(layout)
     for block in text.blocks(start):
         zero = block.find(b"\0")
         if zero >= 0:
@@ -88,6 +131,7 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
                 f"dropped zero bytes at the end, from byte {position + zero} on"
             )
             block = block[:zero]
+        pattern.add(block)
         has_quotes = has_quotes or b'"' in block
         if not has_padding and b" " in block:
             has_padding = any(pad in block for pad in padding)
@@ -112,6 +156,7 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
         end=end,
         has_quotes=has_quotes,
         has_padding=has_padding,
+        n_uniform=pattern.n_rows_to(is_ended=end == last_end),
         notes=tuple(notes),
     )
 
@@ -171,8 +216,8 @@ def fast_scan(text: TextFile, layout: Layout, extent: Extent) -> Scan | None:
     """
     if extent.has_quotes:
         return None
-    tally = _Tally()
-    for lines in whole_lines(text, extent):
+    tally = _Tally(n_rows=extent.n_uniform)
+    for lines in () if extent.n_uniform else whole_lines(text, extent):
         if not _count(lines, layout, tally):
             return None
     return Scan(

@@ -5,6 +5,8 @@ import pytest
 
 from benchmarks.peak_accuracy import N_PUSHES, measure
 from pushfit.data.peaks.apex import N_BINS, fit_apex
+from pushfit.data.peaks.extract import measure_pushes
+from pushfit.data.recordings.records import Recording
 
 # A ratio of standard deviations from 300 pushes scatters by 4 %; 15 % is what we claim.
 CALIBRATION = 0.15
@@ -37,3 +39,17 @@ def test_a_noise_free_top_of_the_family_is_found_exactly(rounding):
     # itself a third of the height.
     np.testing.assert_allclose(apex.height, 1.0, rtol=0, atol=1e-2)
     np.testing.assert_allclose(apex.position, 0.1, rtol=0, atol=0.02)
+
+
+@pytest.mark.parametrize("hold", [60.0, 70.0, 85.0])
+def test_a_push_that_overshoots_and_is_then_held_is_read_at_its_hold(hold):
+    time = np.arange(0.0, 16.0, 0.01)
+    y = np.random.default_rng(11).standard_normal(time.size)
+    for start in (2.0, 7.0, 12.0):
+        knots = start + np.array([0.0, 0.3, 0.7, 1.8, 2.0])
+        y += np.interp(time, knots, [0.0, 100.0, hold, hold, 0.0])
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    frame = measure_pushes(recording).frame
+    assert frame["definition"].tolist() == ["plateau"] * 3
+    pulls = (frame["height_n"] - hold) / frame["height_sd_n"]
+    assert np.abs(pulls).max() < 4

@@ -1,5 +1,6 @@
 """What is left out is no push, and no rest either: the others keep their heights."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from pushfit.data.recordings.records import Recording
 
 SWEEP = Path(__file__).parents[3] / "examples/foam_box"
 SAME = 1e-9
+PEAKS = PeakSettings()
 NUMBERS = ["height_kpa", "height_sd_kpa", "baseline_kpa", "t_start_s", "t_end_s"]
 
 
@@ -52,6 +54,56 @@ def test_a_planned_push_left_out_by_a_window_changes_no_other(sweep, whole, out)
     frame = extract_peaks(sweep, schedule, settings=settings).frame
     there = frame.drop(index=np.flatnonzero(frame["flags"] == "missing"))
     assert_kept(there, whole.drop(index=out))
+
+
+def test_a_moment_that_is_left_out_is_no_reading_of_a_push_that_felt_nothing(
+    sweep, whole
+):
+    """What lies there is not trusted, so that it may not be used as missing."""
+    schedule = read_schedule(SWEEP / "alpha_schedule.csv")
+    for exclude, flags in ((window_of(whole, 6), "missing"), ((0.0, 0.1), "")):
+        silent = silenced(sweep, *window_of(whole, 6))
+        settings = PeakSettings(
+            exclude=(exclude,), use_missing=True, allow_missing=True
+        )
+        frame = extract_peaks(silent, schedule, settings=settings).frame
+        assert len(frame) == 18
+        assert frame["flags"][6] == flags
+
+
+def silenced(recording: Recording, first: float, last: float) -> Recording:
+    """The recording with rest in place of what one window shows."""
+    ((name, samples),) = recording.channels.items()
+    time = recording.time
+    window = (time > first - 0.2) & (time < last + 0.2)
+    rest = np.interp(time, time[~window], samples[~window])
+    noise = 0.005 * np.random.default_rng(8).standard_normal(time.size)
+    calm = np.where(window, rest + noise, samples)
+    return replace(recording, channels={name: calm})
+
+
+@pytest.mark.parametrize("row", range(1, 18, 4))
+def test_the_smallest_height_is_one_of_the_heights_that_are_reported(sweep, whole, row):
+    """Not of the smoothed course, which is two percent lower."""
+    heights = whole["height_kpa"].to_numpy()
+    for factor in (1 - 1e-6, 1 + 1e-6):
+        least = factor * heights[row]
+        frame = measure_pushes(sweep, settings=PeakSettings(min_height=least)).frame
+        assert_kept(frame, whole[heights >= least])
+
+
+def test_a_push_left_out_still_shows_where_the_sensor_ends():
+    time = np.arange(0.0, 13.0, 0.01)
+    y = 0.01 * np.random.default_rng(3).standard_normal(time.size)
+    for top, height in ((2.0, 150.0), (5.0, 100.4), (8.0, 60.0), (11.0, 70.0)):
+        y += height * np.clip(1 - np.abs(time - top), 0, None)
+    recording = Recording(
+        time=time, channels={"p": np.minimum(y, 100.0)}, units={"p": "n"}
+    )
+    out = PeakSettings(exclude=((1.0, 3.0),))
+    whole, fewer = (measure_pushes(recording, settings=s).frame for s in (PEAKS, out))
+    assert whole["flags"].tolist() == ["saturated", "saturated", "", ""]
+    assert fewer["flags"].tolist() == ["saturated", "", ""]
 
 
 @pytest.mark.parametrize("gap", [0.3, 0.8])

@@ -5,15 +5,19 @@ more or fewer pushes, another rest level, sign, time or unit. Heights must be th
 to a tenth of their standard deviation.
 """
 
+from dataclasses import dataclass, replace
+from itertools import cycle, pairwise
+
 import numpy as np
 import pytest
 
 from benchmarks.every_cut import count, recordings
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import find_pushes, measure_pushes
-from pushfit.data.peaks.heights import Height, measure_heights
+from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
+from pushfit.data.tables.rules import EXCLUDING_FLAGS
+from pushfit.errors import DataError
 
 # What rounding and the judgement of the noise may change.
 SAME = 0.1
@@ -33,21 +37,36 @@ def simulated(heights=(100.0, 160.0, 130.0, 90.0, 150.0, 120.0), *, shape="trian
     return time, y + np.random.default_rng(RNG).standard_normal(time.size)
 
 
-def measured(time, y, **settings) -> list[tuple[float, Height]]:
-    """Tops and heights of all pushes."""
+@dataclass(frozen=True)
+class Push:
+    """What a table says of a push."""
+
+    height: float
+    sd: float
+    start: float
+    end: float
+    definition: str
+    flags: str
+
+
+def measured(time, y, **settings) -> list[Push]:
+    """All pushes as a table has them."""
     recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
-    extents = find_pushes(recording, settings=PeakSettings(**settings))
-    upright = -y if settings.get("invert") else y
-    if not extents:
+    try:
+        frame = measure_pushes(recording, settings=PeakSettings(**settings)).frame
+    except DataError as error:
+        if error.code != "no_pushes":
+            raise
         return []
-    found = measure_heights(time, upright, extents, definition="auto", limit=None)
-    return [(e.t_peak, h) for e, h in zip(extents, found, strict=True)]
+    columns = ("height_n", "height_sd_n", "t_start_s", "t_end_s", "definition", "flags")
+    rows = zip(*(frame[column] for column in columns), strict=True)
+    return [Push(*row) for row in rows]
 
 
 def assert_same(found, expected, *, gain=1.0):
     """The pushes are the same ones, with the same heights and definitions."""
     assert len(found) == len(expected)
-    for (_, own), (_, other) in zip(found, expected, strict=True):
+    for own, other in zip(found, expected, strict=True):
         assert own.definition == other.definition
         assert abs(own.height / gain - other.height) < SAME * other.sd
         assert "clipped" not in own.flags
@@ -77,8 +96,8 @@ def test_cut_inside_a_push_that_one_is_clipped_and_the_rest_the_same(
     cut = np.searchsorted(time, 4.0 * n_before + 2.0 + 2.0 * share)
     left = measured(time[:cut], y[:cut])
     right = measured(time[cut:], y[cut:])
-    assert "clipped" in left[-1][1].flags
-    assert "clipped" in right[0][1].flags
+    assert "clipped" in left[-1].flags
+    assert "clipped" in right[0].flags
     assert_same(left[:-1], whole[:n_before])
     assert_same(right[1:], whole[n_before + 1 :])
 
@@ -129,11 +148,13 @@ def test_resampled_pushes_are_the_same_within_their_noise(shape, rate):
     again = np.arange(0.0, time[-1], 1 / rate)
     found = measured(again, np.interp(again, time, y))
     assert len(found) == len(whole)
-    for (_, own), (_, other) in zip(found, whole, strict=True):
+    for own, other in zip(found, whole, strict=True):
         assert own.definition == other.definition
         assert abs(own.height - other.height) < 2 * other.sd
 
 
+# A rest level is looked at for 0.6 s and more beside its push [s].
+TWO_LEVELS = 1.4
 REAL = [
     ("biotac_hand_pushes/trial2", "pdc"),
     ("fingertip_force/pressure_index_1_100Hz", "force_N"),
@@ -150,30 +171,127 @@ def real(folder, name, column):
     return recording.time, recording.channels["p"]
 
 
-@pytest.mark.parametrize(("name", "column"), REAL)
-def test_real_recordings_cut_at_rests_keep_their_pushes(real_data, name, column):
-    """None is lost or clipped, and nearly all heights stay to a tenth of the sd.
-
-    A rest as short as those of a hand is itself cut, which moves its level by its own
-    uncertainty.
-    """
-    time, y = real(real_data, name, column)
-    recording = Recording(time=time, channels={"p": y}, units={"p": "au"})
-    extents = find_pushes(recording)
+@pytest.fixture(params=REAL, ids=[name for name, _ in REAL])
+def real_signal(real_data, request):
+    """Times, samples and pushes of a real recording, and the middles of its rests."""
+    time, y = real(real_data, *request.param)
     whole = measured(time, y)
+    rests = [(a.end + b.start) / 2 for a, b in pairwise(whole)]
+    return time, y, whole, np.searchsorted(time, rests)
+
+
+def assert_nearly_same(found, expected):
+    """None is lost, and nearly all heights stay to a tenth of the sd.
+
+    A rest as short as those of a hand is itself changed, which moves its level by its
+    own uncertainty.
+    """
     moved = []
-    for k in range(1, len(extents)):
-        middle = (extents[k - 1].t_end + extents[k].t_start) / 2
-        cut = np.searchsorted(time, middle)
-        parts = [*measured(time[:cut], y[:cut]), *measured(time[cut:], y[cut:])]
-        assert len(parts) == len(whole)
-        assert not any("clipped" in h.flags for _, h in parts[1:-1])
+    for some, others in zip(found, expected, strict=True):
+        assert len(some) == len(others)
         moved += [
             abs(own.height - other.height) / other.sd
-            for (_, own), (_, other) in zip(parts, whole, strict=True)
+            for own, other in zip(some, others, strict=True)
         ]
     assert np.mean(np.array(moved) > SAME) < 0.1
     assert np.median(moved) < 0.01
+
+
+def test_real_recordings_cut_at_rests_keep_their_pushes(real_signal):
+    time, y, whole, rests = real_signal
+    parts = [
+        [*measured(time[:cut], y[:cut]), *measured(time[cut:], y[cut:])]
+        for cut in rests
+    ]
+    assert_nearly_same(parts, [whole] * len(rests))
+    assert not any("clipped" in push.flags for part in parts for push in part[1:-1])
+
+
+def test_real_recordings_cut_inside_a_push_flag_it_and_keep_the_rest(real_signal):
+    time, y, whole, _ = real_signal
+    found, expected = [], []
+    for k, share in zip(range(1, len(whole) - 1), cycle([0.5, 0.3, 0.7]), strict=False):
+        begin, end = whole[k].start, whole[k].end
+        cut = np.searchsorted(time, begin + share * (end - begin))
+        parts = [*measured(time[:cut], y[:cut]), *measured(time[cut:], y[cut:])]
+        own = [push for push in parts if begin < (push.start + push.end) / 2 < end]
+        assert own
+        assert all(EXCLUDING_FLAGS & {*push.flags.split(";")} for push in own)
+        # A small hump may count where all larger ones are in the other part.
+        others = [
+            push
+            for push in parts
+            if any(p.start < (push.start + push.end) / 2 < p.end for p in whole)
+            and push not in own
+        ]
+        found += [others[:k], others[k:]]
+        expected += [whole[:k], whole[k + 1 :]]
+    assert_nearly_same(found, expected)
+
+
+def test_other_pushes_of_a_real_recording_change_nothing(real_signal):
+    """One repeated, one removed; a rest that is spliced has another level."""
+    time, y, whole, rests = real_signal
+    step = np.diff(time, append=2 * time[-1] - time[-2])
+    parts, expected = [], []
+    for k in range(1, len(rests), 3):
+        before, own, after = np.split(np.arange(time.size), rests[k - 1 : k + 1])
+        others = [*whole[: k - 1], *whole[k + 2 :]]
+        for kept in ((before, own, own, after), (before, after)):
+            rows = np.concatenate(kept)
+            times = np.append(0.0, np.cumsum(step[rows])[:-1])
+            found = measured(times, y[rows])
+            assert len(found) == len(whole) + len(kept) - 3
+            beside = slice(k - 1, len(found) - len(whole) + k + 2)
+            del found[beside]
+            parts.append(found)
+            expected.append(others)
+    assert_nearly_same(parts, expected)
+
+
+def test_a_recording_appended_to_a_real_one_changes_nothing(real_signal):
+    time, y, whole, _ = real_signal
+    later = time + time[-1] - time[0] + np.median(np.diff(time))
+    both = measured(np.append(time, later), np.append(y, y))
+    assert len(both) == 2 * len(whole)
+    assert_nearly_same([both[: len(whole)], both[len(whole) :]], [whole, whole])
+
+
+def test_a_step_of_the_rest_level_of_a_real_recording_hides_no_push(real_signal):
+    """Up and down by the smaller of the pushes beside it, and by twice as much."""
+    time, y, whole, rests = real_signal
+    k = int(np.argmax([b.start - a.end for a, b in pairwise(whole)]))
+    if whole[k + 1].start - whole[k].end < TWO_LEVELS:
+        pytest.skip("no rest is long enough to show two levels")
+    height = min(whole[k].height, whole[k + 1].height)
+    after = time >= time[rests[k]]
+    found = [measured(time, y + by * height * after) for by in (-2, -1, 1, 2)]
+    assert_nearly_same(found, [whole] * 4)
+
+
+def test_sign_time_and_unit_of_a_real_recording_change_nothing(real_signal):
+    time, y, whole, _ = real_signal
+    for found, gain in (
+        (measured(time, -y, invert=True), 1.0),
+        (measured(time + 1.6e9, y), 1.0),
+        (measured(time, 1e-3 * y), 1e-3),
+    ):
+        assert [push.flags for push in found] == [push.flags for push in whole]
+        scaled = [replace(p, height=p.height / gain, sd=p.sd / gain) for p in found]
+        assert_nearly_same([scaled], [whole])
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.2])
+def test_resampled_real_recordings_have_the_same_pushes(real_signal, ratio):
+    """Other samples have other noise: heights agree to three of their sd."""
+    time, y, whole, _ = real_signal
+    again = np.arange(time[0], time[-1], np.median(np.diff(time)) / ratio)
+    found = measured(again, np.interp(again, time, y))
+    assert [push.definition for push in found] == [p.definition for p in whole]
+    pulls = [
+        (own.height - p.height) / p.sd for own, p in zip(found, whole, strict=True)
+    ]
+    assert np.abs(pulls).max() < 3
 
 
 @pytest.mark.slow
@@ -190,11 +308,16 @@ def test_presses_of_a_robot_after_a_grip_are_found_with_their_holds(real_data):
     recording = read_recording(
         path, mapping={"hall": "/trial4.real_hall"}, units={"hall": "au"}
     )
-    frame = measure_pushes(recording, settings=PeakSettings(invert=True)).frame
-    # The first press is not held; its known height is not that of its apex.
-    holds = [1.48, 1.43, 1.40, 1.39, 1.37, 1.36, 1.35, 1.35]
-    assert len(frame) == 9
-    np.testing.assert_allclose(frame["height_au"][1:], holds, rtol=0, atol=0.03)
+    holds = np.array([1.37, 1.48, 1.43, 1.40, 1.39, 1.37, 1.36, 1.35, 1.35])
+    for definition, held in (("plateau", slice(None)), ("auto", slice(1, None))):
+        # The first press passes through a top: the user fixes what its height is.
+        settings = PeakSettings(invert=True, height=definition)
+        frame = measure_pushes(recording, settings=settings).frame
+        assert len(frame) == 9
+        assert set(frame["definition"][held]) == {"plateau"}
+        np.testing.assert_allclose(
+            frame["height_au"][held], holds[held], rtol=0, atol=0.03
+        )
 
 
 def test_an_indenter_log_is_read_as_it_is(real_data):
@@ -204,7 +327,8 @@ def test_an_indenter_log_is_read_as_it_is(real_data):
     np.testing.assert_allclose(frame["height_n"], 0.9958, rtol=0, atol=0.003)
 
 
-def test_a_poke_in_a_bare_log_is_found_once(real_data):
+def test_a_poke_in_a_bare_log_is_found_once_and_read_at_its_hold(real_data):
+    """It overshoots to 5.4 N, springs back to 1.4 N, and is then held."""
     recording = read_recording(
         real_data / "peg_poke/forcetorque-20+0.txt",
         columns=("fx_n", "fy_n", "fz_n", "..."),
@@ -213,5 +337,8 @@ def test_a_poke_in_a_bare_log_is_found_once(real_data):
     settings = PeakSettings(channel="fz", invert=True)
     frame = measure_pushes(recording, settings=settings).frame
     assert len(frame) == 1
-    assert 6.2 < frame["t_peak_s"][0] < 8.1
-    assert 3.0 < frame["height_n"][0] < 5.6
+    is_held = (recording.time > 7.45) & (recording.time < 7.95)
+    hold = -np.median(recording.channels["fz"][is_held])
+    assert frame["definition"].tolist() == ["plateau"]
+    assert 7.45 < frame["t_peak_s"][0] < 7.95
+    assert abs(frame["height_n"][0] - hold) < 2 * frame["height_sd_n"][0] < 0.3

@@ -1,0 +1,126 @@
+"""What the columns of a file are by their names and units: one recogniser for all.
+
+Recordings, plans and peak tables differ in which columns they have, not in how a name
+is read. A unit comes from the name's suffix, a row of units, or what the user states;
+all that is stated must agree. Excluded: which columns a kind of file needs
+(`pushfit.data.recordings.roles`, `pushfit.data.tables.columns`).
+"""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from pushfit.data.recordings.units import (
+    UNITS,
+    Quantity,
+    Unit,
+    find_unit,
+    parse_unit,
+    split_unit,
+)
+from pushfit.errors import ConfigError
+
+ANGLES = ("theta", "alpha")
+_NOTHING: Mapping[str, str] = MappingProxyType({})
+_SHOWN = 12
+
+
+class Columns:
+    """The columns of one file with what is stated about them.
+
+    Attributes:
+        names: As in the file; empty where a column has none.
+        stems: Names without their units, lower case, to compare.
+        position: Where each name is.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        *,
+        path: str = "table",
+        unit_row: Sequence[str] = (),
+        units: Mapping[str, str] = _NOTHING,
+    ) -> None:
+        """Read the names.
+
+        Args:
+            names: As in the file.
+            path: File as the user named it, for messages.
+            unit_row: Cells of a row of units below the header; empty without one.
+            units: Unit by column name or by what a column is for, as the user states.
+        """
+        self.names = tuple(names)
+        self.stems = tuple(split_unit(name)[0].strip().lower() for name in names)
+        self.position = {name: i for i, name in enumerate(names) if name}
+        self.path, self.unit_row, self.units = path, unit_row, units
+
+    def unit(self, i: int, *keys: str) -> Unit | None:
+        """Unit of a column, if all that is stated about it agrees.
+
+        Args:
+            i: Its position.
+            *keys: Names of what it is for.
+
+        Returns:
+            The unit; None where none is stated, or one that is not known.
+
+        Raises:
+            ConfigError: If units contradict each other (`unit_conflict`).
+        """
+        name = self.names[i]
+        stem, suffix = split_unit(name)
+        stated = [suffix, *(split_unit(key)[1] for key in keys)]
+        if self.unit_row:
+            stated.append(find_unit(self.unit_row[i]))
+        stated += [
+            parse_unit(self.units[key])
+            for key in dict.fromkeys((name, stem, *keys))
+            if key in self.units
+        ]
+        found = {unit.name: unit for unit in stated if unit is not None}
+        if len(found) > 1:
+            raise ConfigError(
+                f"{self.path}, column {name}: stated in {' and in '.join(found)}; "
+                "the suffix of the name holds, so remove the other statement",
+                code="unit_conflict",
+            )
+        return next(iter(found.values()), None)
+
+    def called(self, *stems: str) -> list[int]:
+        """Positions of the columns of some names, whatever their units.
+
+        Args:
+            *stems: Names without units, lower case.
+        """
+        return [i for i, stem in enumerate(self.stems) if stem in stems]
+
+    def measuring(self, quantity: Quantity) -> list[int]:
+        """Positions of the columns in a unit of a quantity.
+
+        Args:
+            quantity: What is measured.
+        """
+        return [
+            i
+            for i, name in enumerate(self.names)
+            if name and (unit := self.unit(i)) and unit.quantity == quantity
+        ]
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first of some names, and how many more there are.
+
+    Args:
+        names: Those of columns.
+    """
+    shown = ", ".join(filter(None, names[:_SHOWN]))
+    return shown + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+
+
+def units_of(quantity: Quantity) -> list[str]:
+    """Names of the units of a quantity.
+
+    Args:
+        quantity: What is measured.
+    """
+    return [unit.name for unit in UNITS.values() if unit.quantity == quantity]
