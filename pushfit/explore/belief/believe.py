@@ -53,6 +53,7 @@ def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
         seed=seed,
         reference_alpha=reference_azimuth(table, settings),
         reach=reach_of(settings),
+        is_hasty=True,
     )
     if posterior.status is not FitStatus.OK:
         fitted = fit_table(table, question.settings)
