@@ -1,4 +1,4 @@
-"""Ways to choose the next push, for `benchmarks.exploration`, and likelihood sets."""
+"""Ways to choose the next push, for `benchmarks.exploration_by_engine`, and likelihood sets."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from pushfit.explore.limits import Limits
 from pushfit.model import Grasp, Parameters, Pushes, forward
 
 if TYPE_CHECKING:
-    from benchmarks.exploration import Course
+    from benchmarks.exploration_by_engine import Course
 
 LIMITS = Limits(reference_every=0)
 GRASP = Grasp(push_length=5e-3)
