@@ -1,8 +1,8 @@
 """Strategies of exploration beside each other: share decided, pushes, and coverage.
 
-    python -m benchmarks.exploration_by_engine --truths 1000
-    python -m benchmarks.exploration_by_engine --ask alpha_star --truths 300 --widths 60 20
-    python -m benchmarks.exploration_by_engine --ask both --truths 300 --widths 60 20
+    python -m benchmarks.exploration_by_engine --truths 1000 --controls 300
+    python -m benchmarks.exploration_by_engine --ask alpha_star --cap 36 --widths 60 20
+    python -m benchmarks.exploration_by_engine --ask both --widths 60 20
 
 Truths are draws of the default priors, and noise, which is stated, is 3 % of the median
 height of the candidates. Beliefs are those of pushfit's engine, weighed and drawn anew
@@ -214,9 +214,7 @@ def forecast(course: Course, judge: Judge) -> list:
         n_failed=0,
         limits=LIMITS,
         stopped=None,
-        survey=lambda: course.world.surveyor.survey(
-            course.belief, undecided=undecided
-        ),
+        survey=lambda: course.world.surveyor.survey(course.belief, undecided=undecided),
     )
     return [len(course.told), state.p_budget, state.p_unlimited]
 

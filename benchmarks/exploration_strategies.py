@@ -1,4 +1,4 @@
-"""Ways to choose the next push, for `benchmarks.exploration_by_engine`, and likelihood sets."""
+"""Ways to choose the next push, and likelihood sets: strategies to be compared."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
