@@ -31,7 +31,7 @@ from pushfit.explore.belief.belief import ANGLES, Belief, Question
 from pushfit.explore.belief.believe import believe
 from pushfit.explore.belief.learning import learnt, weighed
 from pushfit.explore.belief.predict import predict
-from pushfit.explore.decide.judge import HOPELESS, MIN_FORECAST, Judge
+from pushfit.explore.decide.judge import HOPELESS, IN_A_ROW, MIN_FORECAST, Judge
 from pushfit.explore.decide.survey import Surveyor
 from pushfit.explore.explorer import KEPT_SHARE
 from pushfit.explore.records import Answer, Told
@@ -190,7 +190,8 @@ def run(
                     set_stops[i] = n + 1, [low <= truth <= high]
         if stops[-1] is not None and (sets is None or set_stops[-1] is not None):
             break
-        if strategy == "gain" and factor == 1 and n + 1 >= MIN_FORECAST:
+        # Without pushes left it is out of its budget, whatever the chances.
+        if strategy == "gain" and factor == 1 and MIN_FORECAST <= n + 1 < cap:
             if stops[-1] is None:
                 chances.append(forecast(course, judges[-1]))
     return {"stops": stops, "sets": set_stops if sets else [], "chances": chances}
@@ -211,6 +212,7 @@ def forecast(course: Course, judge: Judge) -> list:
         course.question,
         course.told,
         intervals=found,
+        before=(),
         n_failed=0,
         limits=LIMITS,
         stopped=None,
@@ -245,7 +247,7 @@ def report(found: dict[str, list], widths: Sequence[float], cap: int) -> None:
             cells = (column.rjust(28) for column in columns)
             print(label.ljust(18), *cells, f"{len(results):8d}", flush=True)
     results = [r for r in found.get("gain", []) if "chances" in r]
-    for looks in (1, 2, 3, 4):
+    for looks in (1, IN_A_ROW):
         given = [(answer_of(r["chances"], looks), r["stops"][-1]) for r in results]
         for word in (Answer.CANNOT, Answer.UNLIKELY):
             own = [stop for answer, stop in given if answer is word]

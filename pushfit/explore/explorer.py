@@ -236,6 +236,7 @@ class Explorer:
                 self.question,
                 self.history.told,
                 intervals=self._known(),
+                before=self.history.course,
                 n_failed=len(self.history.failures),
                 limits=self.limits,
                 stopped=self.history.stopped,

@@ -33,8 +33,9 @@ MIN_UNKNOWN_NOISE = 8
 # Pushes before a forecast may end anything: earlier ones rest on the priors. From the
 # sixth push on they gave up 3 of 60 truths that the whole budget would have decided.
 MIN_FORECAST = 10
-# Chance to decide below which going on is not worth it.
-HOPELESS = 0.05
+# Chance to decide below which going on is not worth it, and pushes in a row after which
+# it has to be: of so many forecasts one or the other is wrong.
+HOPELESS, IN_A_ROW = 0.05, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,6 +151,7 @@ class Judge:
         told: Sequence[Told],
         *,
         intervals: Mapping[str, Interval | None],
+        before: Sequence[State],
         n_failed: int,
         limits: Limits,
         stopped: str | None,
@@ -162,6 +164,7 @@ class Judge:
             question: What is asked.
             told: Pushes in order.
             intervals: Interval of every asked angle.
+            before: Where it stood after earlier pushes.
             n_failed: Pushes that gave nothing.
             limits: Cap on motions.
             stopped: Why it was ended from outside, if it was.
@@ -179,7 +182,7 @@ class Judge:
             unlimited, within = self._forecast(
                 belief, question, survey(), n_told=len(told), n_left=n_left
             )
-            answer = _answer(len(told), unlimited, within)
+            answer = _answer(len(told), unlimited, before)
         if answer in (Answer.DECIDING, Answer.UNLIKELY) and n_left < 1:
             answer = Answer.OUT_OF_BUDGET
         state = State(
@@ -284,9 +287,11 @@ class Judge:
         return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"
 
 
-def _answer(n_told: int, unlimited: float | None, within: float | None) -> Answer:
-    """What a forecast says."""
-    if n_told < MIN_FORECAST or unlimited is None or within is None:
+def _answer(n_told: int, unlimited: float | None, before: Sequence[State]) -> Answer:
+    """What forecasts say: the last one, and those just before it, if there are any."""
+    earlier = [state for state in before if state.n_pushes < n_told][1 - IN_A_ROW :]
+    hopes = [unlimited, *(state.p_unlimited for state in earlier)]
+    if unlimited is None or None in hopes:
         return Answer.DECIDING
     return Answer.CANNOT if unlimited < HOPELESS else Answer.UNLIKELY
 
