@@ -123,6 +123,17 @@ def test_a_sensor_that_lags_behind_the_motion_feels_the_same():
         )
 
 
+def test_what_settings_leave_open_follows_from_the_exploration():
+    """The normal force from the channels, and signs from a reach below the surface."""
+    limits = Limits(reference_every=0, theta_deg=(-40.0, 60.0))
+    stated, left_open = explorer(budget=1), explorer(budget=1, limits=limits)
+    explore(stated, hand(), settings=FORCES)
+    explore(left_open, hand(), settings=PeakSettings())
+    for own in (stated, left_open):
+        assert own.table is not None
+        assert own.table.n_pushes == 1
+
+
 @pytest.mark.slow
 def test_a_hand_that_tilts_explores_to_its_own_angle():
     """Pushed and believed by tilting mechanics, of a lever that is stated."""
