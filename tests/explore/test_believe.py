@@ -7,7 +7,9 @@ from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.believe import believe
+from pushfit.fit.assess.tilt_check import do_draws_tilt
 from pushfit.fit.identify import identify_table
+from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp
 from tests.explore.worlds import COMPONENTS, TRUTH
@@ -68,10 +70,43 @@ def test_a_small_tilt_is_left_to_the_equations_of_the_paper():
     np.testing.assert_array_equal(belief.samples["theta_c"], only.samples["theta_c"])
 
 
-def test_tilting_mechanics_that_the_heights_speak_against_are_not_believed():
-    """Heights by the paper's equations at a noise of a thousandth."""
-    made = table(Grasp(push_length=0.005), share=1e-3)
-    assert believe(made, question(5.0), 0).grasp.mechanics == "linear"
+def drawn(theta_c_deg, log_evidence):
+    """Draws of an interval of 10° that count alike."""
+    values = np.linspace(theta_c_deg - 5.0, theta_c_deg + 5.0, 101)
+    return PosteriorResult(
+        samples={"theta_c": values},
+        prior_samples={},
+        log_prob=np.zeros(values.size),
+        chain=None,
+        chain_names=(),
+        thin=1,
+        engine="sweep",
+        diagnostics=None,
+        log_evidence=log_evidence,
+        log_evidence_error=0.0,
+        ess=float(values.size),
+        pareto_k=0.0,
+        seed=0,
+        status=FitStatus.OK,
+    )
+
+
+@pytest.mark.parametrize(
+    ("theta_c_deg", "log_evidence", "is_leading"),
+    [
+        (44.0, -10.0, True),
+        (44.0, -14.0, True),
+        (44.0, -16.0, False),  # the heights speak against it
+        (42.0, -10.0, False),  # a fifth of the width is not worth it
+        (45.0, None, True),  # and nobody knows
+    ],
+)
+def test_tilting_draws_lead_where_they_matter_and_are_no_worse(
+    theta_c_deg, log_evidence, is_leading
+):
+    linear = drawn(40.0, -10.0)
+    tilting = drawn(theta_c_deg, log_evidence)
+    assert do_draws_tilt(linear, tilting, prob=0.9) is is_leading
 
 
 def test_without_a_stated_lever_there_is_nothing_to_tilt_by():
