@@ -16,6 +16,8 @@ from tests.explore.worlds import COMPONENTS, CONFIG
 ANGLES = ("theta_c", "alpha_star")
 # Sums of the same terms in another order.
 EXACT = 1e-10
+# Share of the best gain: that of 8192 draws is no better known.
+LOST = 0.01
 # A truth on the edge of the width may fall on either side by a bin.
 ONE_TRUTH = 1 / 48
 
@@ -39,14 +41,23 @@ def belief(seed, noise=0.15):
 
 
 @pytest.mark.parametrize("asked", [("theta_c",), ("alpha_star",), ANGLES], ids=len)
-@pytest.mark.parametrize("seed", range(4))
-def test_screening_by_few_draws_leaves_the_best_push_the_best(seed, asked):
+@pytest.mark.parametrize("noise", [0.05, 0.15, 0.3])
+def test_screening_by_few_draws_leaves_the_best_push_the_best(noise, asked):
     """204 directions, all of them by all draws, and the twenty that were screened."""
-    own, found = surveyor(), belief(seed, noise=(0.05, 0.15, 0.3, 1.0)[seed])
+    own, found = surveyor(), belief(int(100 * noise), noise=noise)
     quick = own.survey(found, undecided=asked)
     full = own.survey(found, undecided=asked, is_full=True)
-    assert quick.ranks[0] == full.ranks[0]
     assert full.theta.size > 150
+    assert quick.ranks[0] == full.ranks[0]
+
+
+@pytest.mark.parametrize("asked", [("theta_c",), ("alpha_star",), ANGLES], ids=len)
+def test_where_hardly_anything_is_known_screening_loses_next_to_nothing(asked):
+    """Neighbours then tell alike, and draws decide between them."""
+    own, found = surveyor(), belief(3, noise=1.0)
+    quick = own.survey(found, undecided=asked)
+    full = own.survey(found, undecided=asked, is_full=True)
+    assert full.gains[quick.ranks[0]] > (1 - LOST) * full.gains.max()
 
 
 def test_gains_of_two_angles_at_once_are_those_of_each():
@@ -61,7 +72,7 @@ def test_gains_of_two_angles_at_once_are_those_of_each():
     np.testing.assert_allclose(both, sum(each), rtol=EXACT, atol=EXACT)
 
 
-@pytest.mark.parametrize("width", [6.0, 12.0, 25.0])
+@pytest.mark.parametrize("width", [22.0, 25.0, 30.0])
 def test_a_forecast_is_that_of_imagined_pushes_one_by_one(width):
     """Means of three pushes in every direction, weighed in double precision."""
     rng = np.random.default_rng(4)
