@@ -12,6 +12,7 @@ pushes attached, so that as much is left to be found out after 300 as after 10.
 import argparse
 import resource
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -77,6 +78,12 @@ def step(explorer: Explorer, rng: np.random.Generator) -> tuple[float, bool]:
     return time.process_time() - start, explorer.history.n_drawn != n_drawn
 
 
+def resident() -> float:
+    """Memory that the process holds [MB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -84,22 +91,25 @@ def main() -> None:
     parser.add_argument("--asks", nargs="+", choices=ANGLES, default=list(ANGLES))
     args = parser.parse_args()
     enable_compile_cache()
-    print("| ask | pushes | median | p99 | drawn anew, median (steps) | memory |")
+    print("| ask | pushes | median | p99 | drawn anew, median (steps) | grown by |")
     print("|---|---|---|---|---|---|")
     for ask in args.asks:
         for n in (10, 60, 300):
             rng = np.random.default_rng(n)
             explorer = explored(ask, n, rng)
-            steps = [step(explorer, rng) for _ in range(N_WARM + args.steps)][N_WARM:]
+            for _ in range(N_WARM):
+                step(explorer, rng)
+            before = resident()
+            steps = [step(explorer, rng) for _ in range(args.steps)]
+            grown = resident() - before
             kept, anew = (
                 1e3 * np.array([t for t, is_new in steps if is_new is wanted])
                 for wanted in (False, True)
             )
-            memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
             fresh = f"{np.median(anew):.0f} ms ({anew.size})" if anew.size else "- (0)"
             print(
                 f"| {ask} | {n} | {np.median(kept):.0f} ms | "
-                f"{np.quantile(kept, 0.99):.0f} ms | {fresh} | {memory:.0f} MB |",
+                f"{np.quantile(kept, 0.99):.0f} ms | {fresh} | {grown:+.0f} MB |",
                 flush=True,
             )
 
