@@ -112,14 +112,16 @@ def test_messages_twice_or_late_change_no_height(fault):
 
 
 def test_a_sensor_that_lags_behind_the_motion_feels_the_same():
-    """A tenth of a second late, and its rests with it."""
+    """A tenth of a second late; other samples of the rests are its baseline."""
     plain, late = explorer(budget=2), explorer(budget=2)
     explore(plain, hand(), settings=FORCES)
     explore(late, hand(delay=0.1), settings=FORCES)
     assert reasons(late) == []
     for channel in COMPONENTS:
         np.testing.assert_allclose(
-            late.table.heights(channel), plain.table.heights(channel), rtol=1e-9
+            late.table.heights(channel),
+            plain.table.heights(channel),
+            atol=SESSION.noise,
         )
 
 

@@ -5,6 +5,7 @@ push would give, blurred by the noise of that reading. Excluded: where pushes ma
 (`pushfit.explore.limits`) and where draws come from (`pushfit.explore.belief.belief`).
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -129,21 +130,24 @@ def summed_gain(
     if not np.all(own):
         heights, weights = heights[:, :, own], weights[own]
         angles = [values[own] for values in angles]
-    n_labels, rows = 0, []
+    ends, rows = [0], []
     for values in angles:
         bins = labels(values, weights, N_FEW_LABELS if is_coarse else N_LABELS)
         counts = np.unique(bins, return_inverse=True)[1]
-        rows.append(n_labels + counts)
-        n_labels += int(counts.max()) + 1
+        rows.append(ends[-1] + counts)
+        ends.append(ends[-1] + int(counts.max()) + 1)
     joint = _joint(
         heights,
         np.stack(rows),
         weights,
         sigma,
         sizes=COARSE if is_coarse else FULL,
-        n_labels=n_labels,
+        n_labels=ends[-1],
     )
-    return np.maximum(_plain(joint) - _bias(joint), 0.0)
+    parts = [joint.of_labels(*pair) for pair in itertools.pairwise(ends)]
+    # Each by itself: what one is short of nothing is no loss to the other.
+    gains = [np.maximum(_plain(part) - _bias(part), 0.0) for part in parts]
+    return np.sum(gains, axis=0)
 
 
 def outlook(
@@ -197,13 +201,22 @@ def outlook(
 class _Joint:
     """Joint probability of reading and label, and the variance of its cells.
 
-    Labels of several angles follow each other, and the whole is that of all of them.
+    Labels of several angles follow each other.
     """
 
     table: Float[np.ndarray, "k y q z"]
     variance: Float[np.ndarray, "k y q z"]
     label_variance: Float[np.ndarray, " q"]
-    n_angles: int
+
+    def of_labels(self, first: int, end: int) -> "_Joint":
+        """That of one angle."""
+        if end - first == self.table.shape[2]:
+            return self
+        return _Joint(
+            table=np.ascontiguousarray(self.table[:, :, first:end]),
+            variance=np.ascontiguousarray(self.variance[:, :, first:end]),
+            label_variance=self.label_variance[first:end],
+        )
 
 
 def _joint(
@@ -241,7 +254,6 @@ def _joint(
         label_variance=np.bincount(
             found.ravel(), np.tile(weights**2, len(found)), minlength=n_labels
         ),
-        n_angles=len(found),
     )
 
 
@@ -303,12 +315,12 @@ def _blurred(
 
 def _plain(joint: _Joint) -> Float[np.ndarray, " k"]:
     """Mutual information of label and reading, as if the table were exact [nat]."""
-    table, n = joint.table, joint.n_angles
-    by_reading = _by_reading(table) / n
+    table = joint.table
+    by_reading = _by_reading(table)
     return (
         _whole(_entropy(table))
         - _whole(_entropy(_by_label(table)))
-        - n * _whole(_entropy(by_reading))
+        - _whole(_entropy(by_reading))
     ) / _whole(by_reading)
 
 
@@ -343,7 +355,7 @@ def _bias(joint: _Joint) -> Float[np.ndarray, " k"]:
     one = np.broadcast_to(joint.label_variance, by_label.shape)
     return (
         _whole(_ratio(variance, table))
-        - joint.n_angles * _whole(_ratio(_by_reading(variance), _by_reading(table)))
+        - _whole(_ratio(_by_reading(variance), _by_reading(table)))
         - _whole(_ratio(one, by_label))
         + joint.label_variance.sum()
     ) / 2
