@@ -16,8 +16,8 @@ from tests.explore.worlds import COMPONENTS, CONFIG
 ANGLES = ("theta_c", "alpha_star")
 # Sums of the same terms in another order.
 EXACT = 1e-10
-# Share of the best gain: that of 8192 draws is no better known.
-LOST = 0.01
+# Share of the best gain, about α* at a gain of 0.06: five hundred draws lose 4 %.
+LOST = 0.03
 # A truth on the edge of the width may fall on either side by a bin.
 ONE_TRUTH = 1 / 48
 

@@ -19,7 +19,8 @@ from pushfit.explore.limits import SHARES, TOLERATED, Limits
 from pushfit.explore.records import Purpose, Suggestion, Told
 
 # More candidates than this are first ranked by few draws, and so many of them again.
-N_FULL, N_COARSE_DRAWS = 20, 1024
+# By half as many draws the best push about both angles was left out before the first.
+N_FULL, N_COARSE_DRAWS = 20, 2048
 Direction = tuple[float, float]
 
 
