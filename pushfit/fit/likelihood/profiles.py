@@ -117,8 +117,7 @@ def _curves(
         if name in UNPROFILED or (wanted is not None and name not in wanted):
             continue
         at_modes = _values_at(problem, name, modes, reference_alpha)
-        # With an ellipse guesses are few beside its shapes: another look pays.
-        is_found = "f1" not in problem.data_names and name == search.quantity
+        is_found = search.is_thorough and name == search.quantity
         if is_found and reference_alpha == search.reference_alpha:
             curve = _weighed_anew(problem, search.curve)
         else:
