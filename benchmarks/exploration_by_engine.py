@@ -272,7 +272,7 @@ def answer_of(chances: list[list], looks: int) -> Answer | None:
 
 def main() -> None:
     """Print the table, after every block of truths what is known so far."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--ask", choices=ANGLES, default="theta_c")
     parser.add_argument("--channels", choices=CHANNELS, default="components")
     parser.add_argument("--truths", type=int, default=1000)

@@ -81,7 +81,8 @@ def by_d_optimality(question: Question) -> Choice:
     def choose(course, undecided, rng):
         told = course.told
         if len(told) < n_free:
-            return tuple(map(float, first[len(told)]))
+            theta, alpha = first[len(told)]
+            return float(theta), float(alpha)
         x = _best_fit(course)[:n_free]
         candidate = _jacobian(x, rows, question.channels) / course.sigma
         made = np.array([(row.theta, row.alpha) for row in told])
@@ -126,7 +127,7 @@ def _program(channels: tuple[str, ...]) -> Callable:
     return jax.jit(jax.jacfwd(heights))
 
 
-_PROGRAMS = {
+_PROGRAMS: dict[tuple[str, ...], Callable] = {
     channels: _program(channels)
     for channels in (("height",), ("height_normal", "height_tangential"))
 }

@@ -86,7 +86,7 @@ def resident() -> float:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--steps", type=int, default=100)
     parser.add_argument("--asks", nargs="+", choices=ANGLES, default=list(ANGLES))
     args = parser.parse_args()

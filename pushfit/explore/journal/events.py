@@ -2,7 +2,7 @@
 
 import functools
 from dataclasses import asdict, dataclass, field
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -18,7 +18,7 @@ INTERRUPTED = "interrupted"
 
 
 @functools.cache
-def _adapter(kind: object) -> TypeAdapter:
+def _adapter(kind: Any) -> TypeAdapter:
     """What turns a record into an event and back; making one takes milliseconds."""
     return TypeAdapter(kind)
 
