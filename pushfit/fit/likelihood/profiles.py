@@ -23,8 +23,8 @@ from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.setup import Setup
 from pushfit.model import as_float
 
-# The ellipse is reported by its axis; s and L are bounded by their priors alone.
-UNPROFILED = ("f1", "f2", "ln_s", "ln_L")
+# The ellipse is reported by its axis; the others are held by what is known beforehand.
+UNPROFILED = ("f1", "f2", "ln_s", "ln_L", "ln_p")
 # Distance from the end of the reach that stands for none [deg].
 JUMP = 1e-6
 
