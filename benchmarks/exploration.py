@@ -8,6 +8,8 @@ Truths are drawn from the default priors, as normals in the logs; noise is 3 % o
 median height. A decision is a shortest 90 % posterior interval of θ_c no wider than
 asked. The posterior is a grid of its own over θ_c and ln C_rr with ln A by Laplace, so
 that the rule is judged apart from the engine; gains and intervals are pushfit's. With
+--control, two rows that must lose coverage: noise believed 1.5 times too small, and
+stopping on likelihood sets. With
 --explorer, `pushfit.Explorer` itself runs on draws from that grid, with its forecasts.
 """
 
@@ -18,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.exploration_strategies import LikelihoodSets
 from pushfit.config import parse_config
 from pushfit.explore.belief.belief import N_DRAWS, Belief
 from pushfit.explore.decide.gain import information_gain
@@ -33,6 +36,8 @@ NOISE, PROB = 0.03, 0.9
 # Draws behind a gain here: a quarter of what pushfit takes, for a thousand truths.
 N_GAIN = 2048
 N_THETA_C, N_C = 360, 48
+# Label of a control: stopping on likelihood sets.
+BY_SETS = "likelihood sets"
 COMPONENTS = ("height_normal", "height_tangential")
 CHANNELS = {"height": ("height",), "components": COMPONENTS}
 
@@ -249,18 +254,24 @@ def truths(n, seed):
     return found
 
 
-def stops(truth, choose, channels, widths, cap, *, seed, sigma_factor=1.0):
+def stops(
+    truth, choose, channels, widths, cap, *, seed, sigma_factor=1.0, by_sets=False
+):
     """For each width: pushes until decided, and whether θ_c was in the interval."""
     rng = np.random.default_rng([seed, 1])
     noise = truth.sigma * np.random.default_rng([seed, 2]).standard_normal(
         (cap, len(channels))
     )
     grid = Grid(channels, sigma_factor * truth.sigma)
+    sets = LikelihoodSets(truth.sigma, channels)
     found = dict.fromkeys(widths)
     for n in range(cap):
         theta = choose(grid, n, rng)
-        grid.add(theta, truth.feel(theta, channels, noise[n]))
-        low, high = grid.interval()
+        felt = truth.feel(theta, channels, noise[n])
+        grid.add(theta, felt)
+        if by_sets:
+            sets.add(theta, felt)
+        low, high = sets.hull() if by_sets else grid.interval()
         for width in widths:
             if found[width] is None and high - low <= width:
                 is_in = low <= np.degrees(truth.theta_c) <= high
@@ -288,12 +299,13 @@ def compare(args) -> None:
     """One line for each strategy, truths and noise the same for all."""
     channels = CHANNELS[args.channels]
     worlds = truths(args.truths, args.seed)
-    wanted = args.strategies or list(STRATEGIES)
+    wanted = list(STRATEGIES) if args.strategies is None else args.strategies
     print(f"{args.channels}, cap {args.cap}, {args.truths} truths, seed {args.seed}")
     print("strategy".ljust(16), *(f"W <= {w:g}".rjust(22) for w in args.widths))
     cases = [(name, name, 1.0) for name in wanted]
     if args.control:
         cases.append(("gain", "sigma x 0.67", 0.67))
+        cases.append(("gain", BY_SETS, 1.0))
     for name, label, factor in cases:
         start = time.perf_counter()
         found = [
@@ -305,6 +317,7 @@ def compare(args) -> None:
                 args.cap,
                 seed=k,
                 sigma_factor=factor,
+                by_sets=label == BY_SETS,
             )
             for k, world in enumerate(worlds)
         ]
@@ -420,7 +433,7 @@ def main() -> None:
     parser.add_argument("--truths", type=int, default=1000)
     parser.add_argument("--cap", type=int, default=40)
     parser.add_argument("--widths", type=float, nargs="+", default=[12.0, 6.0])
-    parser.add_argument("--strategies", nargs="+", choices=STRATEGIES)
+    parser.add_argument("--strategies", nargs="*", choices=STRATEGIES)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--control", action="store_true")
     parser.add_argument("--explorer", type=int, default=0, metavar="TRUTHS")

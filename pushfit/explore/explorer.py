@@ -34,7 +34,7 @@ from pushfit.explore.journal.events import (
 )
 from pushfit.explore.journal.file import Event, Journal
 from pushfit.explore.limits import Limits
-from pushfit.explore.records import Answer, State, Suggestion, Told
+from pushfit.explore.records import Answer, Interval, State, Suggestion, Told
 from pushfit.fit.fitted import reference_azimuth
 
 # Below this share of effective draws the engine is asked for fresh ones.
@@ -103,6 +103,7 @@ class Explorer:
         self._belief: Belief | None = None
         self._state: State | None = None
         self._survey: Survey | None = None
+        self._intervals: Mapping[str, Interval | None] | None = None
         self.journal = Journal(None if journal is None else Path(journal))
         self._resume(start_event(self.question, self.judge, limits))
 
@@ -234,6 +235,8 @@ class Explorer:
                 self.belief,
                 self.question,
                 self.history.told,
+                intervals=self._known(),
+                before=self.history.course,
                 n_failed=len(self.history.failures),
                 limits=self.limits,
                 stopped=self.history.stopped,
@@ -283,8 +286,14 @@ class Explorer:
 
     def _focus(self) -> tuple[str, ...]:
         """The angles that pushes are to tell of."""
-        undecided = self.judge.undecided(self.belief, self.question)
+        undecided = self.judge.undecided(self.belief, self._known())
         return undecided or self.question.ask
+
+    def _known(self) -> Mapping[str, Interval | None]:
+        """Interval of every asked angle."""
+        if self._intervals is None:
+            self._intervals = self.judge.intervals(self.belief, self.question)
+        return self._intervals
 
     def _suggestions(self, n: int) -> list[Suggestion]:
         """The n best pushes; when one is due, the reference push alone."""
@@ -318,7 +327,7 @@ class Explorer:
                 row = self.history.told[-1]
                 self._belief = weighed(self._belief, row, self.question)
         self.is_dangling = False
-        self._state = self._survey = None
+        self._state = self._survey = self._intervals = None
 
     def _settle(self) -> None:
         """After pushes: fresh draws where they are due, and a line of how it stands.
@@ -331,7 +340,7 @@ class Explorer:
             history.n_drawn == 0
             or self.belief.is_guess
             or self.belief.effective_share < KEPT_SHARE
-            or not self.judge.undecided(self.belief, self.question)
+            or not self.judge.undecided(self.belief, self._known())
         ):
             self._record({"event": "drawn", "n": len(told)})
         if history.stopped is None:

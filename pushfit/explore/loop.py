@@ -4,7 +4,7 @@ Whatever goes wrong, the finger is taken back before anything else is thought of
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -63,10 +63,10 @@ def explore(
         The answer.
     """
     if len(explorer.question.channels) > 1 and settings.normal is None:
-        settings = replace(settings, normal="fz")
+        settings = settings.model_copy(update={"normal": "fz"})
     if explorer.limits.theta_deg[0] < 0 and settings.signed is None:
         # A finger that pulls back from a preload lowers the reading.
-        settings = replace(settings, signed=True)
+        settings = settings.model_copy(update={"signed": True})
     try:
         hand.retract()
         while suggestions := explorer.ask():

@@ -84,7 +84,7 @@ class State:
         intervals: Shortest posterior interval of every asked angle [deg]; None where
             none has the probability asked for.
         p_unlimited: Probability to decide with unlimited pushes; None where those that
-            are left have a chance, or nothing was forecast.
+            are left have a chance, or before a forecast may end anything.
         p_budget: The same with the pushes that are left; None where not forecast.
         n_pushes: Pushes told, attached ones included.
         n_left: Pushes left of the budget.

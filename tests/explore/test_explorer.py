@@ -131,11 +131,34 @@ def test_a_budget_ends_it():
 
 
 def test_what_lies_out_of_reach_cannot_be_decided():
-    """θ_c = 45.6°, pushes to 15° only: a bound from one side, however many."""
-    own = explorer(limits=Limits(theta_deg=(5.0, 15.0)))
+    """θ_c = 45.6°, pushes to 10° only: a bound from one side, however many."""
+    own = explorer(limits=Limits(theta_deg=(5.0, 10.0)))
     run(own)
     assert own.state.answer is Answer.CANNOT
     assert "cannot be decided to ± 4.5°" in own.state.sentence
+    # One hopeless forecast is no answer yet.
+    *_, before, second, last = own.history.course
+    assert last.answer is Answer.CANNOT
+    assert {before.answer, second.answer} == {Answer.DECIDING}
+    assert before.p_unlimited is not None
+
+
+def test_a_table_that_is_hopeless_needs_no_further_push():
+    """Twelve pushes to 10° made before: nothing was looked at in between."""
+    rng = np.random.default_rng(1)
+    table = simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians([5.0, 10.0]),
+        alpha=np.pi / 2,
+        repeats=6,
+        noise=SIGMA,
+        rng=rng,
+        channels=COMPONENTS,
+    )
+    own = explorer(limits=Limits(theta_deg=(5.0, 10.0)))
+    own.attach(table)
+    assert own.state.answer is Answer.CANNOT
 
 
 def test_the_first_push_is_repeated_and_says_when_the_object_has_moved():

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from pushfit.config import parse_config
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.simulate import Session
 from pushfit.explore.explorer import Explorer
@@ -13,7 +14,9 @@ from pushfit.explore.hands.simulated import SimulatedHand, World
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
 from pushfit.explore.records import Answer
+from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp
+from tests.explore.beliefs import PLAIN
 from tests.explore.worlds import COMPONENTS, CONFIG, THETA_C, TRUTH, importance
 
 FORCES = PeakSettings(normal="fz")
@@ -30,14 +33,15 @@ SESSION = Session(
 REACH = Reach(theta_deg=(0.0, 90.0), alpha_deg=(0.0, 180.0))
 
 
-def hand(faults=None, *, session=SESSION, seed=1, scatter=0.02):
+def hand(faults=None, *, session=SESSION, seed=1, scatter=0.02, grasp=PLAIN, **world):
     world = World(
         params=TRUTH,
-        grasp=Grasp(push_length=0.005),
+        grasp=grasp,
         session=session,
         reach=REACH,
         scatter=scatter,
         faults=faults or {},
+        **world,
     )
     return SimulatedHand(world, seed=seed)
 
@@ -105,6 +109,47 @@ def test_messages_twice_or_late_change_no_height(fault):
         np.testing.assert_allclose(
             odd.table.heights(channel), plain.table.heights(channel), rtol=1e-12
         )
+
+
+def test_a_sensor_that_lags_behind_the_motion_feels_the_same():
+    """A tenth of a second late; other samples of the rests are its baseline."""
+    plain, late = explorer(budget=2), explorer(budget=2)
+    explore(plain, hand(), settings=FORCES)
+    explore(late, hand(delay=0.1), settings=FORCES)
+    assert reasons(late) == []
+    for channel in COMPONENTS:
+        np.testing.assert_allclose(
+            late.table.heights(channel),
+            plain.table.heights(channel),
+            atol=SESSION.noise,
+        )
+
+
+def test_what_settings_leave_open_follows_from_the_exploration():
+    """The normal force from the channels, and signs from a reach below the surface."""
+    limits = Limits(reference_every=0, theta_deg=(-40.0, 60.0))
+    stated, left_open = explorer(budget=1), explorer(budget=1, limits=limits)
+    explore(stated, hand(), settings=FORCES)
+    explore(left_open, hand(), settings=PeakSettings())
+    for own in (stated, left_open):
+        assert own.table is not None
+        assert own.table.n_pushes == 1
+
+
+@pytest.mark.slow
+def test_a_hand_that_tilts_explores_to_its_own_angle():
+    """Pushed and believed by tilting mechanics, of a lever that is stated."""
+    text = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"
+    config = parse_config(text, path="grasp.toml")
+    grasp = Grasp(push_length=0.005, mechanics="tilting")
+    theta_c = float(np.degrees(critical_angle(TRUTH, grasp, np.pi / 2)))
+    own = Explorer(config, width_deg=9.0, budget=30, sigma=0.05, channels=COMPONENTS)
+    state = explore(own, hand(grasp=grasp), settings=FORCES)
+    assert own.belief.grasp.mechanics == "tilting"
+    assert state.answer is Answer.DECIDED
+    low, high = state.intervals["theta_c"]
+    assert low < theta_c < high
+    assert not low < THETA_C < high
 
 
 def test_a_slip_is_found_by_the_reference_push():

@@ -4,13 +4,16 @@
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
+from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
 from pushfit.fit.fitted import (
     draw_posterior,
     fit_table,
@@ -20,7 +23,7 @@ from pushfit.fit.fitted import (
 )
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.results import FitStatus
+from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup, build_problem, n_azimuths
 from pushfit.fit.sweep.posterior import sweep_posterior
 
@@ -35,6 +38,9 @@ IMMENSE = 1e6
 def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
     """What a table of pushes leaves to be believed.
 
+    Where the settings leave the mechanics open and the tilt is large, both are drawn
+    by, and those lead that would lead its identification.
+
     Args:
         table: Pushes made so far; None where there are none.
         question: What is asked, and through which sensor.
@@ -47,18 +53,38 @@ def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
         return _prior_belief(question, seed)
     table = _with_open_direction(table, question)
     settings, _ = prepared(table, question.settings)
+    first, *others = settings.by_mechanics()
+    drawn = _drawn(table, first, seed)
+    if others and is_tilt_large(drawn.setup, drawn.posterior):
+        other = _drawn(table, others[0], seed)
+        if do_draws_tilt(drawn.posterior, other.posterior, prob=settings.report.prob):
+            drawn = other
+    return belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Drawn:
+    """Draws of a posterior by one of the mechanics."""
+
+    setup: Setup
+    posterior: PosteriorResult
+
+
+def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn:
+    """Draws by the sweep, or where they are not to be trusted by emcee."""
     setup = build_problem(table, settings)
     posterior = sweep_posterior(
         setup,
         seed=seed,
         reference_alpha=reference_azimuth(table, settings),
         reach=reach_of(settings),
+        is_hasty=True,
     )
-    if posterior.status is not FitStatus.OK:
-        fitted = fit_table(table, question.settings)
-        posterior = draw_posterior(fitted, seed=seed, engine="emcee")
-        setup = fitted.setup
-    return belief_from(setup, posterior.samples, seed=seed)
+    if posterior.status is FitStatus.OK:
+        return _Drawn(setup=setup, posterior=posterior)
+    fitted = fit_table(table, settings)
+    posterior = draw_posterior(fitted, seed=seed, engine="emcee")
+    return _Drawn(setup=fitted.setup, posterior=posterior)
 
 
 def _prior_belief(question: Question, seed: int) -> Belief:

@@ -10,7 +10,8 @@ carried on at the rate at which it shrank: draws that ran out are no knowledge.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Float32, Int
+from scipy.sparse import csr_array
 
 from pushfit.explore.decide.gain import N_FINE
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
@@ -23,150 +24,214 @@ UNLIMITED = 2000
 ENOUGH, FEWER, MAX_ROUNDS = 40.0, 4.0, 8
 # Directions that pushes are spread over, at most; more of them move no forecast. And
 # those that tell most now, for the second reckoning.
-N_SPREAD, N_BEST = 48, 4
-
-
-def p_decided(
-    heights: Float[np.ndarray, "k c n"],
-    weights: Float[np.ndarray, " n"],
-    sigma: Float[np.ndarray, " c"],
-    targets: tuple[Target, ...],
-    *,
-    n_pushes: int,
-    gains: Float[np.ndarray, " k"],
-    rng: np.random.Generator,
-) -> float:
-    """Share of plausible truths that some pushes would decide.
-
-    Args:
-        heights: Noise-free heights of the candidates, by channel and draw.
-        weights: Weights of the draws, which sum to 1.
-        sigma: Noise of a height by channel [as heights].
-        targets: The angles, all of which are to be decided.
-        n_pushes: Pushes to be made.
-        gains: What each candidate tells now; picks those of the second reckoning.
-        rng: Source of randomness.
-
-    Returns:
-        Probability in [0, 1].
-    """
-    if n_pushes < 1:
-        return 0.0
-    truths = rng.choice(weights.size, size=N_TRUTHS, p=weights)
-    best = np.argsort(-gains, kind="stable")[:N_BEST]
-    k = heights.shape[0]
-    everywhere = np.arange(min(k, N_SPREAD)) * k // min(k, N_SPREAD)
-    shares = []
-    for chosen in (everywhere, best):
-        imagined = _imagine(
-            heights[chosen] / sigma[None, :, None],
-            truths,
-            rng.standard_normal((chosen.size * heights.shape[1], N_TRUTHS)),
-        )
-        is_decided = np.ones(N_TRUTHS, dtype=bool)
-        for target in targets:
-            found = _widths(imagined, weights, target, n_each=n_pushes / chosen.size)
-            is_decided &= found <= target.width
-        shares.append(float(np.mean(is_decided)))
-    return max(shares)
+N_SPREAD, N_BEST = 24, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Imagined:
+class Imagined:
     """Pushes of several truths, seen by every draw.
 
     Args:
         distance: Squared distance of the predictions, in units of the noise.
         noise: What noise of one push adds to it.
+        n_directions: Directions that pushes are made in, as many in each.
     """
 
-    distance: Float[np.ndarray, "t n"]
-    noise: Float[np.ndarray, "t n"]
+    distance: Float32[np.ndarray, "n t"]
+    noise: Float32[np.ndarray, "n t"]
+    n_directions: int
 
     def after(
         self,
-        weights: Float[np.ndarray, " n"],
+        weights: Float32[np.ndarray, " n"],
         n_each: float,
-        rows: Int[np.ndarray, " r"],
-    ) -> Float[np.ndarray, "r n"]:
+        columns: Int[np.ndarray, " r"],
+    ) -> Float32[np.ndarray, "n r"]:
         """Weights after the mean of `n_each` pushes in every direction."""
-        distance, noise = self.distance[rows], self.noise[rows]
-        log_weights = -n_each / 2 * distance - np.sqrt(n_each) * noise
-        log_weights -= log_weights.max(axis=1, keepdims=True)
-        after = weights * np.exp(log_weights)
-        return after / after.sum(axis=1, keepdims=True)
+        distance, noise = self.distance, self.noise
+        if columns.size < distance.shape[1]:
+            distance, noise = (a.take(columns, axis=1) for a in (distance, noise))
+        change = np.float32(-n_each / 2) * distance
+        change -= np.float32(np.sqrt(n_each)) * noise
+        change -= change.max(axis=0)
+        after = np.exp(change, out=change)
+        after *= weights[:, None]
+        after /= after.sum(axis=0)
+        return after
 
 
-def _imagine(
+def imagine(
+    heights: Float[np.ndarray, "k c n"],
+    weights: Float[np.ndarray, " n"],
+    sigma: Float[np.ndarray, " c"],
+    *,
+    rows: Int[np.ndarray, " r"],
+    gains: Float[np.ndarray, " k"],
+    rng: np.random.Generator,
+) -> tuple[Imagined, ...]:
+    """Plausible truths, and what pushes of each would say of every draw.
+
+    Args:
+        heights: Noise-free heights of the candidates, by channel and draw.
+        weights: Weights of the draws, which sum to 1.
+        sigma: Noise of a height by channel [as heights].
+        rows: Candidates that may be pushed.
+        gains: What each candidate tells now; picks those of the second reckoning.
+        rng: Source of randomness.
+
+    Returns:
+        Pushes spread over the reach, and pushes that tell most now.
+    """
+    truths = rng.choice(weights.size, size=N_TRUTHS, p=weights)
+    best = rows[np.argsort(-gains[rows], kind="stable")[:N_BEST]]
+    n = min(rows.size, N_SPREAD)
+    everywhere = rows[np.arange(n) * rows.size // n]
+    return tuple(
+        _imagined(
+            heights[chosen] / sigma[None, :, None],
+            truths,
+            rng.standard_normal((chosen.size * heights.shape[1], N_TRUTHS)),
+            n_directions=chosen.size,
+        )
+        for chosen in (everywhere, best)
+    )
+
+
+def p_decided(
+    imagined: tuple[Imagined, ...],
+    weights: Float[np.ndarray, " n"],
+    targets: tuple[Target, ...],
+    *,
+    n_pushes: int,
+) -> float:
+    """Share of plausible truths that some pushes would decide.
+
+    Args:
+        imagined: Truths, and ways to push them.
+        weights: Weights of the draws, which sum to 1.
+        targets: The angles, all of which are to be decided.
+        n_pushes: Pushes to be made.
+
+    Returns:
+        Probability in [0, 1], by the better way.
+    """
+    if n_pushes < 1:
+        return 0.0
+    bins = tuple(_Bins.of(target) for target in targets)
+    own = weights.astype(np.float32)
+    shares = []
+    for way in imagined:
+        found = _widths(way, own, bins, n_each=n_pushes / way.n_directions)
+        wanted = np.array([target.width for target in targets])[:, None]
+        shares.append(float(np.mean(np.all(found <= wanted, axis=0))))
+    return max(shares)
+
+
+def _imagined(
     scaled: Float[np.ndarray, "k c n"],
     truths: Int[np.ndarray, " t"],
     noise: Float[np.ndarray, "m t"],
-) -> _Imagined:
-    """Distances of all draws from the truths, and what noise makes of them."""
+    *,
+    n_directions: int,
+) -> Imagined:
+    """Distances of all draws from the truths, and what noise makes of them.
+
+    Single precision will do for them, but not for the terms that they are the
+    differences of.
+    """
     predicted = scaled.reshape(-1, scaled.shape[-1])
     seen = predicted[:, truths]
-    distance = (
-        np.sum(seen**2, axis=0)[:, None]
-        - 2 * seen.T @ predicted
-        + np.sum(predicted**2, axis=0)
+    both = predicted.T @ np.concatenate([seen, noise], axis=1)
+    distance = -2 * both[:, : truths.size]
+    distance += np.sum(seen**2, axis=0)
+    distance += np.sum(predicted**2, axis=0)[:, None]
+    added = np.sum(noise * seen, axis=0) - both[:, truths.size :]
+    return Imagined(
+        distance=distance.astype(np.float32),
+        noise=added.astype(np.float32),
+        n_directions=n_directions,
     )
-    added = np.sum(noise * seen, axis=0)[:, None] - noise.T @ predicted
-    return _Imagined(distance=distance, noise=added)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bins:
+    """Bins of an angle.
+
+    Args:
+        members: Which draws lie in each bin.
+        step: Width of a bin [deg].
+        target: The angle.
+    """
+
+    members: csr_array
+    step: float
+    target: Target
+
+    @classmethod
+    def of(cls, target: Target) -> "_Bins":
+        """Bins of the range of an angle."""
+        known = np.flatnonzero(np.isfinite(target.values))
+        values = target.values[known]
+        low, span = 0.0, 1e-9
+        if target.is_axis:
+            values, span = np.mod(values, HALF_TURN), HALF_TURN
+        elif values.size:
+            low, span = float(values.min()), max(float(np.ptp(values)), 1e-9)
+        # Of a quarter of the width asked for, at most, or rounding would decide.
+        n = max(N_FINE, int(np.ceil(4 * span / target.width)))
+        found = np.clip((values - low) / span * n, 0, n - 1).astype(int)
+        ones = np.ones(known.size, dtype=np.float32)
+        members = csr_array((ones, (found, known)), shape=(n, target.values.size))
+        return cls(members=members, step=span / n, target=target)
+
+    def narrowest(self, after: Float32[np.ndarray, "n t"]) -> Float[np.ndarray, " t"]:
+        """Width of the shortest interval of each posterior [deg]."""
+        table = np.asarray(self.members @ after, dtype=float)
+        return column_widths(
+            table, self.target.prob, step=self.step, is_axis=self.target.is_axis
+        )
 
 
 def _widths(
-    imagined: _Imagined,
-    weights: Float[np.ndarray, " n"],
-    target: Target,
+    imagined: Imagined,
+    weights: Float32[np.ndarray, " n"],
+    bins: tuple[_Bins, ...],
     *,
     n_each: float,
-) -> Float[np.ndarray, " t"]:
-    """Width of the interval that the pushes leave of each truth [deg].
+) -> Float[np.ndarray, "a t"]:
+    """Width of the interval of every angle that the pushes leave of each truth [deg].
 
         w(n) = w(m) (m / n)^p,   p = ln[w(m / 4) / w(m)] / ln 4 in [0, 1/2]
 
     m is n, or fewer pushes where so many leave too few draws.
     """
-    widths = np.full(imagined.distance.shape[0], np.inf)
-    rows, n = np.arange(widths.size), n_each
+    n_truths = imagined.distance.shape[1]
+    widths = np.full((len(bins), n_truths), np.inf)
+    columns, n = np.arange(n_truths), n_each
     for attempt in range(MAX_ROUNDS):
-        after = imagined.after(weights, n, rows)
-        is_enough = 1 / np.sum(after**2, axis=1) >= ENOUGH
+        after = imagined.after(weights, n, columns)
+        is_enough = 1 / np.einsum("nt,nt->t", after, after) >= ENOUGH
         if attempt == MAX_ROUNDS - 1:
             is_enough[:] = True
-        own = rows[is_enough]
+        own = columns[is_enough]
         if own.size:
-            found = _narrowest(after[is_enough], target)
+            found = _narrowest(bins, after.compress(is_enough, axis=1))
             if attempt:
-                less = imagined.after(weights, n / FEWER, own)
-                before = _narrowest(less, target)
+                before = _narrowest(bins, imagined.after(weights, n / FEWER, own))
                 # Where there is no interval yet there is no rate either.
                 both = np.isfinite(before) & (found > 0) & np.isfinite(found)
                 ratio = np.divide(before, found, out=np.ones_like(found), where=both)
                 rate = np.clip(np.log(ratio) / np.log(FEWER), 0.0, 0.5)
                 found = found * (n / n_each) ** rate
-            widths[own] = found
-        rows, n = rows[~is_enough], n / FEWER
-        if not rows.size:
+            widths[:, own] = found
+        columns, n = columns[~is_enough], n / FEWER
+        if not columns.size:
             break
     return widths
 
 
 def _narrowest(
-    after: Float[np.ndarray, "t n"], target: Target
-) -> Float[np.ndarray, " t"]:
-    """Width of the shortest interval of each posterior [deg]."""
-    known = np.isfinite(target.values)
-    if not np.any(known):
-        return np.full(after.shape[0], np.inf)
-    values = target.values[known]
-    low, span = float(values.min()), max(float(np.ptp(values)), 1e-9)
-    if target.is_axis:
-        values, low, span = np.mod(values, HALF_TURN), 0.0, HALF_TURN
-    # Bins of a quarter of the width asked for, at most, or rounding would decide.
-    n_bins = max(N_FINE, int(np.ceil(4 * span / target.width)))
-    bins = np.clip((values - low) / span * n_bins, 0, n_bins - 1).astype(int)
-    table = np.stack(
-        [np.bincount(bins, row[known], minlength=n_bins) for row in after], axis=1
-    )
-    return column_widths(table, target.prob, step=span / n_bins, is_axis=target.is_axis)
+    bins: tuple[_Bins, ...], after: Float32[np.ndarray, "n t"]
+) -> Float[np.ndarray, "a t"]:
+    """Width of the shortest interval of every angle and posterior [deg]."""
+    return np.stack([each.narrowest(after) for each in bins])

@@ -5,11 +5,13 @@ push would give, blurred by the noise of that reading. Excluded: where pushes ma
 (`pushfit.explore.limits`) and where draws come from (`pushfit.explore.belief.belief`).
 """
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import ndtr, xlogy
+from scipy.special import ndtr
 
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
 
@@ -24,6 +26,8 @@ REACH, MARGIN = 3.0, 3.0
 N_FINE = 128
 # Readings so much less likely than the likeliest are left out of what is expected.
 NEGLIGIBLE = 1e-3
+# Nothing was counted where there is less; rounding of a probability.
+TINY, NOTHING = 1e-300, 1e-16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,16 +103,51 @@ def information_gain(
         Lindley (1956), doi:10.1214/aoms/1177728069; the bias: Miller (1955), for
         weighted and blurred counts.
     """
+    return summed_gain(heights, (values,), weights, sigma, is_coarse=is_coarse)
+
+
+def summed_gain(
+    heights: Float[np.ndarray, "k c n"],
+    angles: Sequence[Float[np.ndarray, " n"]],
+    weights: Float[np.ndarray, " n"],
+    sigma: Float[np.ndarray, " c"],
+    *,
+    is_coarse: bool = False,
+) -> Float[np.ndarray, " k"]:
+    """Sum of the expected information gains about several angles, of one count.
+
+    Args:
+        heights: Noise-free readings of every candidate, channel and draw.
+        angles: Each angle of every draw; NaN where undefined.
+        weights: Weight of every draw; they sum to 1.
+        sigma: Noise of a reading by channel [as heights].
+        is_coarse: Whether a gain for screening will do.
+
+    Returns:
+        Gains, not below 0 [nat].
+    """
     own = weights > 0
     if not np.all(own):
-        heights, values, weights = heights[:, :, own], values[own], weights[own]
-    found = labels(values, weights, N_FEW_LABELS if is_coarse else N_LABELS)
-    counts = np.unique(found, return_inverse=True)[1]
-    sizes = COARSE if is_coarse else FULL
+        heights, weights = heights[:, :, own], weights[own]
+        angles = [values[own] for values in angles]
+    ends, rows = [0], []
+    for values in angles:
+        bins = labels(values, weights, N_FEW_LABELS if is_coarse else N_LABELS)
+        counts = np.unique(bins, return_inverse=True)[1]
+        rows.append(ends[-1] + counts)
+        ends.append(ends[-1] + int(counts.max()) + 1)
     joint = _joint(
-        heights, counts, weights, sigma, sizes=sizes, n_labels=int(counts.max()) + 1
+        heights,
+        np.stack(rows),
+        weights,
+        sigma,
+        sizes=COARSE if is_coarse else FULL,
+        n_labels=ends[-1],
     )
-    return np.maximum(_plain(joint.table) - _bias(joint), 0.0)
+    parts = [joint.of_labels(*pair) for pair in itertools.pairwise(ends)]
+    # Each by itself: what one is short of nothing is no loss to the other.
+    gains = [np.maximum(_plain(part) - _bias(part), 0.0) for part in parts]
+    return np.sum(gains, axis=0)
 
 
 def outlook(
@@ -143,9 +182,9 @@ def outlook(
     fine = np.full(values.size, N_FINE, dtype=np.int64)
     fine[known] = np.clip(bins, 0, N_FINE - 1)
     table = _joint(
-        heights[None], fine, weights, sigma, sizes=COARSE, n_labels=N_FINE + 1
+        heights[None], fine[None], weights, sigma, sizes=COARSE, n_labels=N_FINE + 1
     ).table[0]
-    columns = table.reshape(N_FINE + 1, -1)
+    columns = np.swapaxes(table, 0, 1).reshape(N_FINE + 1, -1)
     mass = columns.sum(axis=0)
     likely = mass > NEGLIGIBLE * mass.max()
     columns, mass = columns[:, likely] / mass[likely], mass[likely] / mass[likely].sum()
@@ -160,16 +199,29 @@ def outlook(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Joint:
-    """Joint probability of label and reading, and the variance of its cells."""
+    """Joint probability of reading and label, and the variance of its cells.
 
-    table: Float[np.ndarray, "k q y z"]
-    variance: Float[np.ndarray, "k q y z"]
+    Labels of several angles follow each other.
+    """
+
+    table: Float[np.ndarray, "k y q z"]
+    variance: Float[np.ndarray, "k y q z"]
     label_variance: Float[np.ndarray, " q"]
+
+    def of_labels(self, first: int, end: int) -> "_Joint":
+        """That of one angle."""
+        if end - first == self.table.shape[2]:
+            return self
+        return _Joint(
+            table=np.ascontiguousarray(self.table[:, :, first:end]),
+            variance=np.ascontiguousarray(self.variance[:, :, first:end]),
+            label_variance=self.label_variance[first:end],
+        )
 
 
 def _joint(
     heights: Float[np.ndarray, "k c n"],
-    found: Int[np.ndarray, " n"],
+    found: Int[np.ndarray, "a n"],
     weights: Float[np.ndarray, " n"],
     sigma: Float[np.ndarray, " c"],
     *,
@@ -178,28 +230,30 @@ def _joint(
 ) -> _Joint:
     """Count draws by label and reading, and blur the reading by its noise."""
     scaled = _principal(heights / sigma[:, None], weights)
-    sizes = sizes if scaled.shape[1] > 1 else (sizes[0], 1)
-    k = heights.shape[0]
-    cell = found[None] + n_labels * np.arange(k)[:, None]
-    kernels = []
-    for axis, size in enumerate(sizes):
-        if axis >= scaled.shape[1]:
-            continue
-        index, kernel = _binned(scaled[:, axis], weights, size)
-        cell = cell * size + index
-        kernels.append(kernel)
-    shape = (k, n_labels, *sizes)
-    n_cells = int(np.prod(shape))
+    k, n_axes, n = scaled.shape
+    sizes = sizes if n_axes > 1 else (sizes[0], 1)
+    first, *kernels = (
+        _binned(scaled[:, axis], weights, sizes[axis]) for axis in range(n_axes)
+    )
+    # Readings outermost and innermost: both are then blurred by products of matrices.
+    cell = (first.index + sizes[0] * np.arange(k)[:, None])[:, None] * n_labels + found
+    if kernels:
+        cell = cell * sizes[1] + kernels[0].index[:, None]
+    shape = (k, sizes[0], n_labels, sizes[1])
+    cell, n_cells = cell.ravel(), int(np.prod(shape))
     counted = [
         np.bincount(
-            cell.ravel(), np.broadcast_to(w, cell.shape).ravel(), minlength=n_cells
+            cell, np.broadcast_to(w, (k * len(found), n)).ravel(), minlength=n_cells
         ).reshape(shape)
         for w in (weights, weights**2)
     ]
+    profiles = [first.kernel, *(other.kernel for other in kernels)]
     return _Joint(
-        table=_blurred(counted[0], kernels),
-        variance=_blurred(counted[1], [kernel**2 for kernel in kernels]),
-        label_variance=np.bincount(found, weights**2, minlength=n_labels),
+        table=_blurred(counted[0], profiles),
+        variance=_blurred(counted[1], [kernel**2 for kernel in profiles]),
+        label_variance=np.bincount(
+            found.ravel(), np.tile(weights**2, len(found)), minlength=n_labels
+        ),
     )
 
 
@@ -218,10 +272,18 @@ def _principal(
     return np.swapaxes(axes[..., :-3:-1], 1, 2) @ centred
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Binned:
+    """Bin of every draw, and the probability of each bin given each."""
+
+    index: Int[np.ndarray, "k n"]
+    kernel: Float[np.ndarray, "k s s"]
+
+
 def _binned(
     scaled: Float[np.ndarray, "k n"], weights: Float[np.ndarray, " n"], size: int
-) -> tuple[Int[np.ndarray, "k n"], Float[np.ndarray, "k s s"]]:
-    """Bin of every draw, and the probability of each bin given each."""
+) -> _Binned:
+    """Bins of a reading in one direction, and its noise."""
     mean = scaled @ weights
     spread = np.sqrt(np.maximum((scaled**2) @ weights - mean**2, 0.0))
     low = np.maximum(scaled.min(axis=1), mean - REACH * spread) - MARGIN
@@ -233,32 +295,52 @@ def _binned(
     profile = ndtr((offset + 0.5) * step[:, None]) - ndtr(
         (offset - 0.5) * step[:, None]
     )
+    # Tails of the noise that add nothing, but whose squares are slow to reckon with.
+    profile[profile < NOTHING] = 0.0
     lag = np.arange(size)[None, :] - np.arange(size)[:, None] + size - 1
     kernel = profile[:, lag]
-    return index, kernel / kernel.sum(axis=2, keepdims=True)
+    return _Binned(index=index, kernel=kernel / kernel.sum(axis=2, keepdims=True))
 
 
 def _blurred(
-    counted: Float[np.ndarray, "k q y z"], kernels: list[np.ndarray]
-) -> Float[np.ndarray, "k q y z"]:
+    counted: Float[np.ndarray, "k y q z"], kernels: list[np.ndarray]
+) -> Float[np.ndarray, "k y q z"]:
     """Spread every cell over the readings that noise makes of it."""
-    k, q, y, z = counted.shape
-    first = np.swapaxes(kernels[0], 1, 2)[:, None] @ counted
-    if len(kernels) == 1:
-        return first
-    return (first.reshape(k, q * y, z) @ kernels[1]).reshape(counted.shape)
+    k, y, q, z = counted.shape
+    first = np.swapaxes(kernels[0], 1, 2) @ counted.reshape(k, y, q * z)
+    if len(kernels) > 1:
+        first = first.reshape(k, y * q, z) @ kernels[1]
+    return first.reshape(counted.shape)
 
 
-def _plain(joint: Float[np.ndarray, "k q y z"]) -> Float[np.ndarray, " k"]:
+def _plain(joint: _Joint) -> Float[np.ndarray, " k"]:
     """Mutual information of label and reading, as if the table were exact [nat]."""
-    whole = joint.sum(axis=(1, 2, 3))
-    by_label = joint.sum(axis=(2, 3))
-    by_reading = joint.sum(axis=1)
+    table = joint.table
+    by_reading = _by_reading(table)
     return (
-        xlogy(joint, joint).sum(axis=(1, 2, 3))
-        - xlogy(by_label, by_label).sum(axis=1)
-        - xlogy(by_reading, by_reading).sum(axis=(1, 2))
-    ) / whole
+        _whole(_entropy(table))
+        - _whole(_entropy(_by_label(table)))
+        - _whole(_entropy(by_reading))
+    ) / _whole(by_reading)
+
+
+def _whole(table: Float[np.ndarray, "k ..."]) -> Float[np.ndarray, " k"]:
+    """Sum of a table for every candidate."""
+    return table.reshape(table.shape[0], -1).sum(axis=1)
+
+
+# By products of matrices: sums over short axes in the middle take ten times as long.
+def _by_label(table: Float[np.ndarray, "k y q z"]) -> Float[np.ndarray, "k q"]:
+    return (table @ np.ones(table.shape[3])).sum(axis=1)
+
+
+def _by_reading(table: Float[np.ndarray, "k y q z"]) -> Float[np.ndarray, "k y z"]:
+    return np.ones(table.shape[2]) @ table
+
+
+def _entropy(p: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
+    """Terms p ln p of an entropy, 0 at 0."""
+    return p * np.log(np.maximum(p, TINY))
 
 
 def _bias(joint: _Joint) -> Float[np.ndarray, " k"]:
@@ -268,14 +350,13 @@ def _bias(joint: _Joint) -> Float[np.ndarray, " k"]:
 
     V is the variance of a cell: the sum of the squares of what was counted there.
     """
-    cells = _ratio(joint.variance, joint.table).sum(axis=(1, 2, 3))
-    readings = _ratio(joint.variance.sum(axis=1), joint.table.sum(axis=1))
-    by_label = joint.table.sum(axis=(2, 3))
+    table, variance = joint.table, joint.variance
+    by_label = _by_label(table)
     one = np.broadcast_to(joint.label_variance, by_label.shape)
     return (
-        cells
-        - readings.sum(axis=(1, 2))
-        - _ratio(one, by_label).sum(axis=1)
+        _whole(_ratio(variance, table))
+        - _whole(_ratio(_by_reading(variance), _by_reading(table)))
+        - _whole(_ratio(one, by_label))
         + joint.label_variance.sum()
     ) / 2
 
@@ -284,4 +365,4 @@ def _ratio(
     over: Float[np.ndarray, "*s"], under: Float[np.ndarray, "*s"]
 ) -> Float[np.ndarray, "*s"]:
     """Quotient, 0 where nothing was counted."""
-    return np.divide(over, under, out=np.zeros_like(over), where=under > 1e-300)
+    return np.where(under > TINY, over / np.maximum(under, TINY), 0.0)

@@ -3,8 +3,9 @@
 Decisions rest on shortest posterior intervals and on nothing else.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.learning import reference_rows
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known
-from pushfit.explore.decide.forecast import UNLIMITED, p_decided
+from pushfit.explore.decide.forecast import UNLIMITED, imagine, p_decided
 from pushfit.explore.decide.intervals import Target, shortest_interval
 from pushfit.explore.decide.survey import Survey
 from pushfit.explore.limits import Limits
@@ -32,8 +33,9 @@ MIN_UNKNOWN_NOISE = 8
 # Pushes before a forecast may end anything: earlier ones rest on the priors. From the
 # sixth push on they gave up 3 of 60 truths that the whole budget would have decided.
 MIN_FORECAST = 10
-# Chance to decide below which going on is not worth it.
-HOPELESS = 0.05
+# Chance to decide below which going on is not worth it, and pushes in a row after which
+# it has to be: of so many forecasts one or the other is wrong.
+HOPELESS, IN_A_ROW = 0.05, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,17 +92,18 @@ class Judge:
             for angle in question.ask
         }
 
-    def undecided(self, belief: Belief, question: Question) -> tuple[str, ...]:
+    def undecided(
+        self, belief: Belief, intervals: Mapping[str, Interval | None]
+    ) -> tuple[str, ...]:
         """Asked angles whose interval is still too wide.
 
         Args:
             belief: What is believed now.
-            question: What is asked.
+            intervals: Interval of every asked angle.
         """
-        found = self.intervals(belief, question)
         return tuple(
             angle
-            for angle, interval in found.items()
+            for angle, interval in intervals.items()
             if not self._is_settled(belief, angle, interval)
         )
 
@@ -147,6 +150,8 @@ class Judge:
         question: Question,
         told: Sequence[Told],
         *,
+        intervals: Mapping[str, Interval | None],
+        before: Sequence[State],
         n_failed: int,
         limits: Limits,
         stopped: str | None,
@@ -158,15 +163,16 @@ class Judge:
             belief: What is believed now.
             question: What is asked.
             told: Pushes in order.
+            intervals: Interval of every asked angle.
+            before: Where it stood after earlier pushes.
             n_failed: Pushes that gave nothing.
             limits: Cap on motions.
             stopped: Why it was ended from outside, if it was.
             survey: What every candidate would tell.
         """
-        intervals = self.intervals(belief, question)
         n_own = sum(not row.is_attached for row in told)
         n_left = min(self.budget - n_own, limits.max_pushes - n_own - n_failed)
-        undecided = self.undecided(belief, question)
+        undecided = self.undecided(belief, intervals)
         answer, unlimited, within = Answer.DECIDING, None, None
         if stopped is not None:
             answer = Answer.STOPPED
@@ -176,7 +182,7 @@ class Judge:
             unlimited, within = self._forecast(
                 belief, question, survey(), n_told=len(told), n_left=n_left
             )
-            answer = _answer(len(told), unlimited, within)
+            answer = _answer(len(told), unlimited, before)
         if answer in (Answer.DECIDING, Answer.UNLIKELY) and n_left < 1:
             answer = Answer.OUT_OF_BUDGET
         state = State(
@@ -207,25 +213,28 @@ class Judge:
     ) -> tuple[float | None, float | None]:
         """Probability to decide with unlimited pushes, and with those left.
 
-        The first is asked for only where the second is hopeless: it is the dear one.
+        The first is asked for only where the second is hopeless, and may end anything:
+        it is the dear one.
         """
         rows = np.flatnonzero(survey.is_allowed)
         if not rows.size:
             return None, None
 
-        def chance(n_pushes: int) -> float:
-            return p_decided(
-                survey.predicted.heights[rows],
-                belief.weights,
-                belief.sigma,
-                tuple(self.target(belief, angle) for angle in question.ask),
-                n_pushes=n_pushes,
-                gains=survey.gains[rows],
-                rng=np.random.default_rng([self.seed, n_told]),
-            )
-
-        within = chance(n_left)
-        return chance(UNLIMITED) if within < HOPELESS else None, within
+        imagined = imagine(
+            survey.predicted.heights,
+            belief.weights,
+            belief.sigma,
+            rows=rows,
+            gains=survey.gains,
+            rng=np.random.default_rng([self.seed, n_told]),
+        )
+        targets = tuple(self.target(belief, angle) for angle in question.ask)
+        chance = partial(p_decided, imagined, belief.weights, targets)
+        within = chance(n_pushes=n_left)
+        is_early = n_told < MIN_FORECAST
+        if within >= HOPELESS or is_early:
+            return None, within
+        return chance(n_pushes=UNLIMITED), within
 
     def _worded(self, state: State, belief: Belief) -> State:
         """The state with its sentence."""
@@ -278,9 +287,11 @@ class Judge:
         return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"
 
 
-def _answer(n_told: int, unlimited: float | None, within: float | None) -> Answer:
-    """What a forecast says."""
-    if n_told < MIN_FORECAST or unlimited is None or within is None:
+def _answer(n_told: int, unlimited: float | None, before: Sequence[State]) -> Answer:
+    """What forecasts say: the last one, and those just before it, if there are any."""
+    earlier = [state for state in before if state.n_pushes < n_told][1 - IN_A_ROW :]
+    hopes = [unlimited, *(state.p_unlimited for state in earlier)]
+    if unlimited is None or None in hopes:
         return Answer.DECIDING
     return Answer.CANNOT if unlimited < HOPELESS else Answer.UNLIKELY
 

@@ -6,19 +6,21 @@ the course of an exploration (`pushfit.explore.explorer`).
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.predict import Predicted, predict
-from pushfit.explore.decide.gain import information_gain, outlook
+from pushfit.explore.decide.gain import information_gain, outlook, summed_gain
 from pushfit.explore.decide.intervals import Target
 from pushfit.explore.limits import SHARES, TOLERATED, Limits
 from pushfit.explore.records import Purpose, Suggestion, Told
 
 # More candidates than this are first ranked by few draws, and so many of them again.
-N_FULL, N_COARSE_DRAWS = 20, 1024
+# By half as many draws the best push about both angles was left out before the first.
+N_FULL, N_COARSE_DRAWS = 20, 2048
 Direction = tuple[float, float]
 
 
@@ -65,6 +67,7 @@ class Surveyor:
         self._azimuths = limits.azimuths(question.config)
         self._samples: object = None
         self._predicted: dict[float, Predicted] = {}
+        self._outside: dict[tuple[float, int], Bool[np.ndarray, " k"]] = {}
 
     def survey(
         self,
@@ -102,9 +105,10 @@ class Surveyor:
         gains = np.zeros(theta.size)
         rows = np.flatnonzero(is_allowed)
         if rows.size:
-            gains[rows] = _gains(
-                belief, predicted.heights[rows], undecided, is_full=is_full
-            )
+            heights = predicted.heights
+            # A copy only where it must be: it may be tens of megabytes.
+            heights = heights if np.all(is_allowed) else heights[rows]
+            gains[rows] = _gains(belief, heights, undecided, is_full=is_full)
         return Survey(
             theta=theta,
             alpha=alpha,
@@ -129,6 +133,17 @@ class Surveyor:
             self._predicted[share] = predict(belief, theta, alpha, length_share=share)
         return self._predicted[share]
 
+    def _is_out(
+        self, directions: Float[np.ndarray, "k 2"], length: float
+    ) -> Bool[np.ndarray, " k"]:
+        """Which candidates lie beyond the reach or the workspace."""
+        key = length, len(directions)
+        if key not in self._outside:
+            allow = partial(self.limits.allow, length=length, azimuths=self._azimuths)
+            is_out = [not allow(*direction) for direction in directions.tolist()]
+            self._outside[key] = np.array(is_out)
+        return self._outside[key]
+
     def _screen(
         self,
         belief: Belief,
@@ -138,21 +153,19 @@ class Surveyor:
         abandoned: Collection[Direction],
     ) -> tuple[Bool[np.ndarray, " k"], dict[str, int]]:
         """Which candidates may be asked for, and why the others may not."""
-        weights, length = belief.weights, share * float(belief.grasp.push_length)
-        is_out = np.array(
-            [
-                not self.limits.allow(t, a, length=length, azimuths=self._azimuths)
-                for t, a in directions.tolist()
-            ]
-        )
-        lifts_off = (~predicted.in_contact) @ weights > TOLERATED
-        limit = np.inf if self.limits.force is None else self.limits.force
-        is_strong = (predicted.force > limit) @ weights > TOLERATED
+        is_out = self._is_out(directions, share * float(belief.grasp.push_length))
+        weights, nowhere = belief.weights, np.zeros(len(directions), dtype=bool)
+        lifts_off, is_strong = nowhere, nowhere
+        if not np.all(predicted.in_contact):
+            lifts_off = (~predicted.in_contact) @ weights > TOLERATED
+        limit = self.limits.force
+        if limit is not None:
+            is_strong = (predicted.force > limit) @ weights > TOLERATED
         gone = np.array([_is_among(t, a, abandoned) for t, a in directions.tolist()])
         reasons = {
             "out of the workspace": is_out,
             "might lift the finger off": lifts_off,
-            f"might exceed the force limit of {limit:g}": is_strong,
+            f"might exceed the force limit of {limit or 0:g}": is_strong,
             "abandoned": gone,
         }
         is_allowed = ~(is_out | lifts_off | is_strong | gone)
@@ -236,22 +249,17 @@ def _gains(
     if rows.size > N_FULL and not is_full:
         ticks = (np.arange(N_COARSE_DRAWS) + 0.5) / N_COARSE_DRAWS
         few = np.searchsorted(np.cumsum(weights), ticks * weights.sum())
-        equal = np.full(few.size, 1 / few.size)
-        some = heights[:, :, few]
-        gains = sum(
-            (
-                information_gain(some, v[few], equal, sigma, is_coarse=True)
-                for v in angles
-            ),
-            gains,
+        gains = summed_gain(
+            heights[:, :, few],
+            [values[few] for values in angles],
+            np.full(few.size, 1 / few.size),
+            sigma,
+            is_coarse=True,
         )
         rows = np.argsort(-gains, kind="stable")[:N_FULL]
         # Those left behind stay behind.
         gains = np.minimum(gains, np.sort(gains)[-N_FULL])
-    fine = sum(
-        (information_gain(heights[rows], v, weights, sigma) for v in angles),
-        np.zeros(rows.size),
-    )
+    fine = summed_gain(heights[rows], angles, weights, sigma)
     floor = float(np.min(fine))
     gains = np.minimum(gains, floor)
     gains[rows] = fine

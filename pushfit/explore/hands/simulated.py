@@ -39,6 +39,7 @@ class World:
         scatter: Standard deviation of the height of a push, relative to it: how it is
             executed, which no sensor noise shows.
         faults: What goes wrong, by the number of the push, from 1.
+        delay: How much later than the motion a sample is stamped [s].
     """
 
     params: Parameters
@@ -47,6 +48,7 @@ class World:
     reach: Reach
     scatter: float = 0.0
     faults: Mapping[int, str]
+    delay: float = 0.0
 
 
 class SimulatedHand:
@@ -119,7 +121,7 @@ class SimulatedHand:
         parts = self._parts
         joined = replace(
             parts[-1],
-            time=np.concatenate([p.time for p in parts]),
+            time=np.concatenate([p.time for p in parts]) + self.world.delay,
             channels={
                 name: np.concatenate([p.channels[name] for p in parts])
                 for name in parts[-1].channels

@@ -1,7 +1,8 @@
 """What an exploration writes into its journal, and the history that this tells."""
 
+import functools
 from dataclasses import asdict, dataclass, field
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -14,6 +15,12 @@ from pushfit.explore.records import Failure, State, Suggestion, Told
 
 # Reason of a push that was under way when the process died.
 INTERRUPTED = "interrupted"
+
+
+@functools.cache
+def _adapter(kind: Any) -> TypeAdapter:
+    """What turns a record into an event and back; making one takes milliseconds."""
+    return TypeAdapter(kind)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -46,15 +53,15 @@ class History:
         """
         match event["event"]:
             case "attached":
-                self.told += TypeAdapter(list[Told]).validate_python(event["rows"])
+                self.told += _adapter(list[Told]).validate_python(event["rows"])
             case "asked":
                 self.pending = _suggestion_of(event)
             case "told":
-                self.told.append(TypeAdapter(Told).validate_python(event))
+                self.told.append(_adapter(Told).validate_python(event))
                 self.pending = None
                 self.in_a_row.clear()
             case "failed":
-                failure = TypeAdapter(Failure).validate_python(event)
+                failure = _adapter(Failure).validate_python(event)
                 self.failures.append(failure)
                 self.pending = None
                 if failure.reason != INTERRUPTED:  # no fault of the hand
@@ -62,7 +69,7 @@ class History:
             case "drawn":
                 self.n_drawn = cast(int, event["n"])
             case "state":
-                self.course.append(TypeAdapter(State).validate_python(event))
+                self.course.append(_adapter(State).validate_python(event))
             case "stopped":
                 self.stopped = str(event["reason"])
 
@@ -87,7 +94,7 @@ def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
         "channels": list(question.channels),
         "unit": question.unit,
         "config": question.config.digest(),
-        "limits": TypeAdapter(Limits).dump_python(limits, mode="json"),
+        "limits": _adapter(Limits).dump_python(limits, mode="json"),
     }
 
 
@@ -124,7 +131,7 @@ def state_event(state: State) -> Event:
     Args:
         state: The state.
     """
-    return {"event": "state", **TypeAdapter(State).dump_python(state, mode="json")}
+    return {"event": "state", **_adapter(State).dump_python(state, mode="json")}
 
 
 def asked_event(suggestion: Suggestion) -> Event:
@@ -133,7 +140,7 @@ def asked_event(suggestion: Suggestion) -> Event:
     Args:
         suggestion: What is asked.
     """
-    event = TypeAdapter(Suggestion).dump_python(suggestion, mode="json")
+    event = _adapter(Suggestion).dump_python(suggestion, mode="json")
     if not np.isfinite(suggestion.expected_width):
         event["expected_width"] = None
     return {"event": "asked", **event}
@@ -141,4 +148,4 @@ def asked_event(suggestion: Suggestion) -> Event:
 
 def _suggestion_of(event: Event) -> Suggestion:
     width = np.inf if event["expected_width"] is None else event["expected_width"]
-    return TypeAdapter(Suggestion).validate_python({**event, "expected_width": width})
+    return _adapter(Suggestion).validate_python({**event, "expected_width": width})

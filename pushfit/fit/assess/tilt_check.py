@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
-from pushfit.fit.problem.derived import PARAMETERS
+from pushfit.fit.problem.derived import PARAMETERS, equal_tailed_interval, median
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import MechanicsAnswer, Notice, PosteriorResult
 from pushfit.fit.setup import Setup
@@ -54,10 +54,42 @@ def does_tilt_matter(
     best, other = linear.best_fit_deg, tilting.best_fit_deg
     if tilt_deg < LARGE_TILT_DEG or best is None or other is None:
         return False
-    worth = WORTH_DEG
-    if linear.theta_c.interval is not None:
-        worth = WORTH_OF_WIDTH * float(np.ptp(linear.theta_c.interval))
-    return abs(other - best) >= worth
+    return abs(other - best) >= _worth(linear.theta_c.interval)
+
+
+def _worth(interval: tuple[float, float] | None) -> float:
+    """Change of θ_c that matters beside its interval [deg]."""
+    return WORTH_DEG if interval is None else WORTH_OF_WIDTH * float(np.ptp(interval))
+
+
+def is_tilt_large(setup: Setup, linear: PosteriorResult) -> bool:
+    """Whether draws by the paper's equations imply a tilt that may matter.
+
+    Args:
+        setup: Problem by the paper's equations.
+        linear: Draws by them.
+    """
+    return implied_tilt_deg(setup, linear) >= LARGE_TILT_DEG
+
+
+def do_draws_tilt(
+    linear: PosteriorResult, tilting: PosteriorResult, *, prob: float
+) -> bool:
+    """Whether tilting mechanics lead where the tilt is large, by draws alone.
+
+    Medians stand for best fits.
+
+    Args:
+        linear: Draws by the paper's equations.
+        tilting: Draws by tilting mechanics.
+        prob: Probability of the interval of θ_c.
+    """
+    first, second = linear.log_evidence, tilting.log_evidence
+    if first is not None and second is not None and second < first - WORSE:
+        return False
+    here, there = linear.samples["theta_c"], tilting.samples["theta_c"]
+    change = abs(median(there) - median(here))
+    return change >= _worth(equal_tailed_interval(here, prob))
 
 
 def is_worse(tilting: MechanicsAnswer, linear: MechanicsAnswer) -> bool:

@@ -1,0 +1,124 @@
+"""Which mechanics are believed, and where the belief is the engine's."""
+
+import numpy as np
+import pytest
+
+from pushfit.config import parse_config
+from pushfit.data.simulate import simulate_table
+from pushfit.explore.belief.belief import Question
+from pushfit.explore.belief.believe import believe
+from pushfit.fit.assess.tilt_check import do_draws_tilt
+from pushfit.fit.identify import identify_table
+from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.mechanics.directions import critical_angle
+from pushfit.model import Grasp
+from tests.explore.worlds import COMPONENTS, TRUTH
+
+CALLIPERS = "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
+
+
+def question(length_mm, mechanics="auto", parameters=CALLIPERS):
+    text = f'[push]\nlength_mm = {length_mm}\n[grasp]\nmechanics = "{mechanics}"\n'
+    return Question(
+        config=parse_config(text + parameters, path="grasp.toml"),
+        ask=("theta_c",),
+        channels=COMPONENTS,
+        unit="n",
+        sigma=None,
+        reference_alpha=np.pi / 2,
+    )
+
+
+def table(grasp, *, share=0.01):
+    """Ten elevations; noise is a share of the tallest height."""
+    stiffness = 571.0
+    return simulate_table(
+        TRUTH,
+        grasp,
+        theta=np.radians(np.linspace(5.0, 85.0, 10)),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=share * stiffness * float(grasp.push_length),
+        rng=np.random.default_rng(0),
+        channels=COMPONENTS,
+        state_sd=True,
+    )
+
+
+def interval(belief):
+    return np.quantile(belief.samples["theta_c"], [0.05, 0.95])
+
+
+def test_a_large_tilt_is_believed_as_it_is():
+    """5 mm on an object of 40 mm; the paper's equations miss θ_c there."""
+    grasp = Grasp(push_length=0.005, mechanics="tilting")
+    truth = float(np.degrees(critical_angle(TRUTH, grasp, np.pi / 2)))
+    made = table(grasp)
+    belief = believe(made, question(5.0), 0)
+    assert belief.grasp.mechanics == "tilting"
+    low, high = interval(belief)
+    assert low < truth < high
+    low, high = interval(believe(made, question(5.0, "linear"), 0))
+    assert not low < truth < high
+
+
+def test_a_small_tilt_is_left_to_the_equations_of_the_paper():
+    made = table(Grasp(push_length=2e-4, mechanics="tilting"), share=0.03)
+    belief = believe(made, question(0.2), 0)
+    only = believe(made, question(0.2, "linear"), 0)
+    assert belief.grasp.mechanics == "linear"
+    np.testing.assert_array_equal(belief.samples["theta_c"], only.samples["theta_c"])
+
+
+def drawn(theta_c_deg, log_evidence):
+    """Draws of an interval of 10° that count alike."""
+    values = np.linspace(theta_c_deg - 5.0, theta_c_deg + 5.0, 101)
+    return PosteriorResult(
+        samples={"theta_c": values},
+        prior_samples={},
+        log_prob=np.zeros(values.size),
+        chain=None,
+        chain_names=(),
+        thin=1,
+        engine="sweep",
+        diagnostics=None,
+        log_evidence=log_evidence,
+        log_evidence_error=0.0,
+        ess=float(values.size),
+        pareto_k=0.0,
+        seed=0,
+        status=FitStatus.OK,
+    )
+
+
+@pytest.mark.parametrize(
+    ("theta_c_deg", "log_evidence", "is_leading"),
+    [
+        (44.0, -10.0, True),
+        (44.0, -14.0, True),
+        (44.0, -16.0, False),  # the heights speak against it
+        (42.0, -10.0, False),  # a fifth of the width is not worth it
+        (45.0, None, True),  # and nobody knows
+    ],
+)
+def test_tilting_draws_lead_where_they_matter_and_are_no_worse(
+    theta_c_deg, log_evidence, is_leading
+):
+    linear = drawn(40.0, -10.0)
+    tilting = drawn(theta_c_deg, log_evidence)
+    assert do_draws_tilt(linear, tilting, prob=0.9) is is_leading
+
+
+def test_without_a_stated_lever_there_is_nothing_to_tilt_by():
+    made = table(Grasp(push_length=0.005, mechanics="tilting"))
+    belief = believe(made, question(5.0, parameters=""), 0)
+    assert belief.grasp.mechanics == "linear"
+
+
+@pytest.mark.slow
+def test_the_mechanics_believed_are_those_that_lead_the_identification():
+    made = table(Grasp(push_length=0.005, mechanics="tilting"))
+    own = question(5.0)
+    found = identify_table(made, own.settings, seed=0, engine="sweep")
+    assert found.by_mechanics[0].mechanics == "tilting"
+    assert believe(made, own, 0).grasp.mechanics == "tilting"
