@@ -27,6 +27,7 @@ from pushfit.data.peaks.shape import (
 )
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent, usual_step
+from pushfit.data.pushes.maxima import mean_of_three
 
 Definition = Literal["auto", "apex", "plateau"]
 
@@ -255,9 +256,7 @@ def _plateaus(pushes: _Pushes) -> _Tops:
 
 def _apexes(pushes: _Pushes) -> _Tops:
     """Apex of each hump, in the widest window whose course the family describes."""
-    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
-
-    smooth = uniform_filter1d(pushes.profile, 3, axis=1, mode="nearest")
+    smooth = mean_of_three(pushes.profile)
     rise = np.maximum(smooth.max(axis=1) - pushes.base, 1e-300)
     depth = np.clip(0.25 + 3 * pushes.noise.sigma / rise, *_DEPTH)
     windows = _top_windows(smooth, depth * rise, pushes.extents)

@@ -19,6 +19,7 @@ from pushfit.data.pushes.feet import (
     trace_feet,
 )
 from pushfit.data.pushes.humps import Humps
+from pushfit.data.pushes.maxima import mean_of_three, prominent_maxima
 from pushfit.data.pushes.noise import Noise
 
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
@@ -237,8 +238,6 @@ def _reduce(
     tau: float,
 ) -> _Trace:
     """Average in bins of a third of the smoothing time, then over three bins."""
-    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
-
     step = max(tau / 3, float(np.median(np.diff(time[: 1 + _SAMPLES]))))
     n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
     edges = time[0] + step * (np.arange(n_bins) - 0.5)
@@ -248,7 +247,7 @@ def _reduce(
     sums = np.add.reduceat(signal, first[filled])
     centres = np.arange(n_bins, dtype=float)
     y = np.interp(centres, centres[filled], sums / counts[filled])
-    smooth = uniform_filter1d(y - signal[0], 3, mode="nearest")
+    smooth = mean_of_three(y - signal[0])
     grain = _GRAIN * noise.sigma
     return _Trace(
         float(time[0]),
@@ -260,12 +259,10 @@ def _reduce(
 
 def _maxima(y: Float[np.ndarray, " m"], significant: float) -> Int[np.ndarray, " k"]:
     """Significant local maxima, those at the ends included."""
-    from scipy.signal import find_peaks  # noqa: PLC0415 - slow to load
-
     # Walls below everything make a maximum at the end of the signal a peak.
     wall = y.min() - 2 * significant
     padded = np.concatenate([[wall], y, [wall]])
-    return find_peaks(padded, prominence=significant)[0] - 1
+    return prominent_maxima(padded, significant) - 1
 
 
 def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:

@@ -8,8 +8,8 @@ push would give, blurred by the noise of that reading. Excluded: where pushes ma
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
-from scipy.special import ndtr, xlogy
 
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
 
@@ -230,7 +230,7 @@ def _binned(
     index = ((scaled - low[:, None]) / step[:, None]).astype(np.int64)
     np.clip(index, 0, size - 1, out=index)
     offset = np.arange(-size + 1, size)
-    profile = ndtr((offset + 0.5) * step[:, None]) - ndtr(
+    profile = scipy.special.ndtr((offset + 0.5) * step[:, None]) - scipy.special.ndtr(
         (offset - 0.5) * step[:, None]
     )
     lag = np.arange(size)[None, :] - np.arange(size)[:, None] + size - 1
@@ -255,9 +255,9 @@ def _plain(joint: Float[np.ndarray, "k q y z"]) -> Float[np.ndarray, " k"]:
     by_label = joint.sum(axis=(2, 3))
     by_reading = joint.sum(axis=1)
     return (
-        xlogy(joint, joint).sum(axis=(1, 2, 3))
-        - xlogy(by_label, by_label).sum(axis=1)
-        - xlogy(by_reading, by_reading).sum(axis=(1, 2))
+        scipy.special.xlogy(joint, joint).sum(axis=(1, 2, 3))
+        - scipy.special.xlogy(by_label, by_label).sum(axis=1)
+        - scipy.special.xlogy(by_reading, by_reading).sum(axis=(1, 2))
     ) / whole
 
 
