@@ -4,8 +4,9 @@ Tracing and lowering a program takes longer than loading the machine code that J
 of it. Where the compile cache is on, `compiled` therefore keeps the traced program too,
 in the portable form of `jax.export`, under a fingerprint of the source of pushfit, the
 versions of the packages that trace, the kind of processor, and the arguments but for
-the numbers in arrays. `kept_arrays` keeps what follows from settings alone. A file that
-is damaged, or cannot be written, is as good as none.
+the numbers in arrays. `expect_programs` loads them ahead of their use, `kept_arrays`
+keeps what follows from settings alone. A file that is damaged, or cannot be written, is
+as good as none.
 """
 
 import contextlib
@@ -14,7 +15,9 @@ import functools
 import hashlib
 import inspect
 import io
+import threading
 from collections.abc import Callable, Hashable, Mapping
+from concurrent.futures import Future
 from importlib import metadata
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -134,7 +137,8 @@ def _program(
     if folder is None or ADDRESS in text:
         return jit(function)
     path = folder / f"{_fingerprint(text)}-traced"
-    return _load(path) or _trace(function, arrays, path)
+    _expected.used.append(path.name)
+    return _expected.take(path) or _load(path) or _trace(function, arrays, path)
 
 
 def _fingerprint(text: str) -> str:
@@ -149,6 +153,89 @@ def _load(path: Path) -> Callable[..., Any] | None:
     if program is None:
         return None
     return jit(export.deserialize(bytearray(program)).call)
+
+
+class _Expected:
+    """Programs of the last run, loaded by a thread ahead of their use.
+
+    XLA loads without Python, which meanwhile imports and reads.
+    """
+
+    def __init__(self) -> None:
+        """Expect nothing."""
+        self.used: list[str] = []
+        self._lock = threading.Lock()
+        self._waiting: list[Path] = []
+        self._begun: dict[Path, Future[Callable[..., Any] | None]] = {}
+
+    def start(self, paths: list[Path]) -> None:
+        """Begin to load files in turn; it ends with the main thread at the latest."""
+        with self._lock:
+            self._waiting = paths
+        threading.Thread(target=self._load_all).start()
+
+    def take(self, path: Path) -> Callable[..., Any] | None:
+        """A program that was begun; None for one that the caller is to load."""
+        with self._lock:
+            begun = self._begun.pop(path, None)
+            if begun is None and path in self._waiting:
+                self._waiting.remove(path)
+            elif begun is None:  # another analysis than the last one
+                self._waiting = []
+        return None if begun is None else begun.result()
+
+    def _load_all(self) -> None:
+        while threading.main_thread().is_alive():
+            with self._lock:
+                if not self._waiting:
+                    return
+                path, load = self._waiting.pop(0), Future()
+                self._begun[path] = load
+            try:
+                load.set_result(_load_whole(path))
+            except Exception:  # whoever needs it loads it and hears why
+                load.set_result(None)
+
+
+_expected = _Expected()
+
+
+def expect_programs(name: str) -> None:
+    """Load what the last run of an analysis used, while other things are done.
+
+    Args:
+        name: Of the analysis, as `remember_programs` was told.
+    """
+    folder = programs_folder()
+    content = None if folder is None else _read(_list_of(folder, name))
+    if folder is not None and content:
+        _expected.start([folder / file for file in content.decode().split()])
+
+
+def remember_programs(name: str) -> None:
+    """Keep the names of all programs of this process, for the next run.
+
+    Args:
+        name: Of the analysis.
+    """
+    folder = programs_folder()
+    if folder is not None and _expected.used:
+        _write(_list_of(folder, name), "\n".join(_expected.used).encode())
+
+
+def _list_of(folder: Path, name: str) -> Path:
+    return folder / f"{_fingerprint(name)}-used"
+
+
+def _load_whole(path: Path) -> Callable[..., Any] | None:
+    """A program from its file with its machine code, which `jit` loads when called."""
+    content = _read(path)
+    if content is None:
+        return None
+    traced = export.deserialize(bytearray(content))
+    program = jit(traced.call)
+    program.lower(*traced.in_avals).compile()
+    return program
 
 
 def _read(path: Path) -> bytes | None:
