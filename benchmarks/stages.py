@@ -1,8 +1,8 @@
 """What each stage of an analysis takes, for the table that the progress bar goes by.
 
 Processor seconds of the stages of `pushfit identify --out` of the example by both
-mechanics, of the first run with nothing compiled, and of later ones; then of emcee by
-linear mechanics. The share in `pushfit.fit.stages.SECONDS` stands beside.
+mechanics, of the first run with nothing compiled, and of later ones; then by linear
+mechanics alone, and by emcee. What `pushfit.fit.stages.SECONDS` states stands beside.
 
     nice python -m benchmarks.stages [--warm 3] [--emcee]
 """
@@ -47,12 +47,13 @@ def main() -> None:
         (folder / "cache").mkdir(mode=0o700)
         linear = '[grasp]\nmechanics = "linear"'
         text = Path(CONFIG).read_text("utf-8").replace("[grasp]", linear)
-        (folder / "emcee.toml").write_text(text, encoding="utf-8")
+        (folder / "linear.toml").write_text(text, encoding="utf-8")
         words += ["--config", CONFIG]
-        print_rows("both", folder, words, options.warm)
+        print_rows("by both mechanics", folder, words, options.warm)
+        words[-1] = "linear.toml"
+        print_rows("by linear mechanics", folder, words, options.warm)
         if options.emcee:
-            words[-1] = "emcee.toml"
-            print_rows("emcee", folder, [*words, "--engine", "emcee"], options.warm)
+            print_rows("by emcee", folder, [*words, "--engine", "emcee"], options.warm)
 
 
 def print_rows(what: str, folder: Path, words: list[str], n_warm: int) -> None:

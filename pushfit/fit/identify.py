@@ -106,7 +106,7 @@ def identify_table(
     answers = [_measured(f, seed, stages, hearing) for f in fits if len(fits) > 1]
     answers = _leading_first(answers)
     fitted = answers[0].fitted if answers else fits[0]
-    stages.begin("likelihood sets")
+    stages.begin(f"likelihood sets by {_mechanics(fitted)} mechanics")
     profiles = _profiles(fitted, ANGLES if is_brief else None)
     if not answers:
         hearing.confined(fitted, profiles.get("theta_c"))

@@ -47,6 +47,8 @@ jit = functools.partial(
 # What names a function only within one process.
 ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
+# Programs loaded ahead, those of the first number: more would take turns with imports.
+MAX_AHEAD = 6
 # Files of arrays that are kept; another one replaces the oldest.
 MAX_ARRAYS = 64
 
@@ -171,7 +173,7 @@ class _Expected:
     def start(self, paths: list[Path]) -> None:
         """Begin to load files in turn; it ends with the main thread at the latest."""
         with self._lock:
-            self._waiting = paths
+            self._waiting = paths[:MAX_AHEAD]
         threading.Thread(target=self._load_all).start()
 
     def take(self, path: Path) -> Callable[..., Any] | None:
