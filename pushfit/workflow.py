@@ -26,6 +26,7 @@ from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
+from pushfit.fit.programs import ANALYSIS, expect_programs, remember_programs
 from pushfit.fit.results import Recipe
 from pushfit.fit.stages import Progress, Stages, stages_of
 from pushfit.report.text.first import First
@@ -74,11 +75,13 @@ def identify(
         FitError: No start gives finite residuals.
     """
     enable_compile_cache()
+    is_compiled = expect_programs(ANALYSIS)
     settings = as_config(config)
     sources, plans = _several(recordings_or_table), _several(schedule)
     table = gather(sources, plans, settings)
     with shown_progress(progress) as (report, tell):
-        stages = Stages([*stages_of(settings, engine), "next push"], report)
+        names = [*stages_of(settings, engine), "next push"]
+        stages = Stages(names, report, is_compiled=is_compiled)
         found = identify_table(
             table,
             settings,
@@ -90,6 +93,7 @@ def identify(
         )
         stages.begin("next push")
         found = with_next_push(found)
+    remember_programs(ANALYSIS)
     return Result.of(replace(found, recipe=recipe_of(sources, plans, settings)))
 
 

@@ -49,6 +49,8 @@ ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
 # Programs loaded ahead, those of the first number: more would take turns with imports.
 MAX_AHEAD = 6
+# Name of the analysis of one table.
+ANALYSIS = "analysis"
 # Files of arrays that are kept; another one replaces the oldest.
 MAX_ARRAYS = 64
 
@@ -202,16 +204,20 @@ class _Expected:
 _expected = _Expected()
 
 
-def expect_programs(name: str) -> None:
+def expect_programs(name: str) -> bool:
     """Load what the last run of an analysis used, while other things are done.
 
     Args:
         name: Of the analysis, as `remember_programs` was told.
+
+    Returns:
+        Whether there was one, so that programs are kept.
     """
     folder = programs_folder()
     content = None if folder is None else _read(_list_of(folder, name))
     if folder is not None and content:
         _expected.start([folder / file for file in content.decode().split()])
+    return bool(content)
 
 
 def remember_programs(name: str) -> None:

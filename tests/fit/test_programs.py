@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import shutil
+import threading
 
 import equinox as eqx
 import jax
@@ -281,3 +282,63 @@ def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
     assert os.environ[cache.PROGRAMS] == str(tmp_path / "compiled")
     assert cache.programs_folder() == tmp_path / "compiled"
     assert os.environ[cache.COMPILED] == "chosen by the user"
+
+
+@pytest.fixture
+def next_process(monkeypatch):
+    """Forget what was expected and used, as a process that begins."""
+
+    def begin() -> None:
+        monkeypatch.setattr(programs, "_expected", programs._Expected())
+
+    begin()
+    return begin
+
+
+def test_programs_of_the_last_run_are_loaded_ahead(folder, next_process, monkeypatch):
+    first, _ = counted()
+    expected = first(LINE, X)
+    programs.remember_programs("lines")
+    next_process()
+    assert programs.expect_programs("lines")
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread() and not thread.daemon:
+            thread.join()
+    monkeypatch.setattr(programs, "_load", None)  # nothing is left to load
+    again, traces = counted()
+    np.testing.assert_array_equal(again(LINE, X).double, expected.double)
+    assert traces == []
+
+
+def test_nothing_is_expected_before_a_first_run(folder, next_process):
+    assert not programs.expect_programs("lines")
+
+
+def test_another_analysis_stops_the_loading(folder, next_process, monkeypatch):
+    monkeypatch.setattr(threading.Thread, "start", lambda thread: None)
+    one, other = counted()[0], counted()[0]
+    one(LINE, X)
+    other(LINE, jnp.arange(5.0))
+    programs.remember_programs("lines")
+    next_process()
+    programs.expect_programs("lines")
+    waiting = programs._expected._waiting
+    assert len(waiting) == 2
+    again, _ = counted()
+    again(LINE, jnp.arange(5.0))  # what is next but one is loaded here
+    assert programs._expected._waiting == waiting[:1]
+    again(LINE, jnp.arange(6.0))
+    assert programs._expected._waiting == []
+
+
+def test_a_damaged_file_is_left_to_whoever_needs_it(folder, next_process):
+    first, _ = counted()
+    first(LINE, X)
+    programs.remember_programs("lines")
+    for path in folder.glob("*-traced"):
+        path.write_bytes(b"damaged")
+    next_process()
+    assert programs.expect_programs("lines")
+    again, traces = counted()
+    np.testing.assert_array_equal(again(LINE, X).value, 3.0 * X**2)
+    assert traces == [X.shape]

@@ -22,7 +22,7 @@ def test_a_stage_begins_when_those_before_it_are_over():
     """Shares are of seconds: 2 of 2 + 0.5, and half of the last half second more."""
     said = []
     names = ["least squares by linear mechanics", "checks"]
-    first, last = (SECONDS[name] for name in names)
+    first, last = (SECONDS[name][0] for name in names)
     stages = Stages(names, lambda stage, share: said.append((stage, share)))
     for name in names:
         stages.begin(name)
@@ -42,7 +42,7 @@ def test_other_mechanics_than_foreseen_shorten_what_is_left():
     stages.begin(names[0])
     stages.begin("likelihood sets by linear mechanics")
     run = [names[0], "likelihood sets by linear mechanics"]
-    assert said == [0.0, pytest.approx(SECONDS[names[0]] / usual_seconds(run))]
+    assert said == [0.0, pytest.approx(SECONDS[names[0]][0] / usual_seconds(run))]
 
 
 def test_what_was_not_foreseen_moves_no_bar_back():
@@ -52,3 +52,14 @@ def test_what_was_not_foreseen_moves_no_bar_back():
     for name in ("next push", "emcee", "checks"):
         stages.begin(name)
     assert said == sorted(said)
+
+
+def test_compiling_takes_its_share():
+    said = []
+    names = ["posterior by linear mechanics", "report and figures"]
+    for is_compiled in (True, False):
+        told = Stages(
+            names, lambda _, share: said.append(share), is_compiled=is_compiled
+        )
+        told.begin(names[1])
+    assert said[0] < 0.5 < said[1]

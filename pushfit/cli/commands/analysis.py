@@ -119,10 +119,6 @@ def demo(
     )
 
 
-# Name of what programs are loaded ahead for.
-ANALYSIS = "analysis"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
     """What the user wants of an analysis.
@@ -172,9 +168,9 @@ def analyse(
     # Before anything is loaded, so that a name already taken costs nothing.
     if request.out is not None:
         check_target(request.out, force=request.force)
-    from pushfit.fit.programs import expect_programs, remember_programs
+    from pushfit.fit.programs import ANALYSIS, expect_programs, remember_programs
 
-    expect_programs(ANALYSIS)
+    is_compiled = expect_programs(ANALYSIS)
     table = load(settings)
     if request.checkpoint is not None:
         keep(f"the chain is kept in {request.checkpoint}; the same command goes on")
@@ -186,7 +182,7 @@ def analyse(
     own = stages_of(settings, request.engine)
     later = ["next push"] + ["report and figures"] * (request.out is not None)
     with session.progress() as progress:
-        stages = Stages([*own, *later], progress)
+        stages = Stages([*own, *later], progress, is_compiled=is_compiled)
         found = identify_table(
             table,
             settings,
