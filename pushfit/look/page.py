@@ -174,7 +174,7 @@ class Page:
                 lambda: look.fill(
                     theta.value,
                     alpha.value,
-                    repeats.value or 1,
+                    int(repeats.value or 1),
                     by_theta=bool(by_theta.active),
                 )
             )
