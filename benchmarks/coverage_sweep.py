@@ -9,16 +9,13 @@ how many tables needed a fitted mixture or were not to be trusted, and the time.
 
 import argparse
 import time
-from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy import stats
 
+from benchmarks.tables import prior_problems
 from pushfit.cache import enable_compile_cache
 from pushfit.fit.problem.derived import equal_tailed_interval, samples_mapping
-from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.sweep.posterior import N_REFINED, N_RETURNED, weighted_draws
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS
@@ -44,18 +41,14 @@ def main() -> None:
     parser.add_argument("--tables", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    problem = KINDS[options.kind].setup(0).problem
     rng = np.random.default_rng(options.seed)
-    x = jnp.asarray(prior_x_samples(problem, rng, options.tables))
-    clean = np.asarray(jax.vmap(lambda row: problem.predict(problem.state(row)))(x))
-    noise = np.asarray(jax.vmap(lambda row: problem.noise(problem.state(row)))(x))
-    truths = samples_mapping(problem, np.asarray(x), ALPHA, REACH)
     hits: dict[tuple[str, float], list[bool]] = {}
     n_refined = n_lost = 0
     start = time.perf_counter()
-    for i in range(options.tables):
-        observed = clean[i] + noise[i] * rng.standard_normal(noise[i].shape)
-        data = replace(problem, observed=jnp.asarray(observed))
+    drawn = prior_problems(options.kind, options.tables, rng)
+    for i, (setup, truth) in enumerate(drawn):
+        data = setup.problem
+        truths = samples_mapping(data, truth[None], ALPHA, REACH)
         found = weighted_draws(make_target(data, ALPHA), seed=options.seed + i)
         n_refined += len(found.x) == N_REFINED
         if not found.is_trusted:
@@ -64,12 +57,12 @@ def main() -> None:
         points, _ = found.resampled(N_RETURNED, rng)
         samples = samples_mapping(data, points, ALPHA, REACH)
         for name in ("theta_c", "alpha_star"):
-            if name not in samples or not np.isfinite(truths[name][i]):
+            if name not in samples or not np.isfinite(truths[name][0]):
                 continue
             is_axis = name == "alpha_star"
             for prob in PROBS:
                 interval = equal_tailed_interval(samples[name], prob, is_axis=is_axis)
-                held = is_inside(interval, float(truths[name][i]), is_axis=is_axis)
+                held = is_inside(interval, float(truths[name][0]), is_axis=is_axis)
                 hits.setdefault((name, prob), []).append(held)
     seconds = time.perf_counter() - start
     print(

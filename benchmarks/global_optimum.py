@@ -10,13 +10,13 @@ the worse ones is counted beside it, because they may miss too.
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from benchmarks.tables import prior_problems
 from pushfit.cache import enable_compile_cache
 from pushfit.fit.likelihood.least_squares import fit_least_squares, polish
 from pushfit.fit.problem.encoding import prior_x_samples
@@ -51,15 +51,10 @@ def data_points(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n q"]
 
 def differences(kind: str, n_tables: int, n_starts: int, seed: int) -> Iterator[float]:
     """Half the chi-square of the fit less that of the best random start."""
-    setup = KINDS[kind].setup(0)
-    problem = setup.problem
     rng = np.random.default_rng(seed)
-    truths = jnp.asarray(prior_x_samples(problem, rng, n_tables))
-    clean = jax.vmap(lambda row: problem.predict(problem.state(row)))(truths)
-    for heights in np.asarray(clean):
-        noise = problem.reference_sigma * rng.standard_normal(heights.shape)
-        data = replace(problem, observed=jnp.asarray(heights + noise))
-        fit = fit_least_squares(replace(setup, problem=data), reference_alpha=np.pi / 2)
+    for setup, _ in prior_problems(kind, n_tables, rng):
+        data = setup.problem
+        fit = fit_least_squares(setup, reference_alpha=np.pi / 2)
         starts = data_points(data, jnp.asarray(prior_x_samples(data, rng, n_starts)))
         _, costs, _ = polish(data, np.asarray(starts))
         yield (fit.chi_square - costs[0]) / 2

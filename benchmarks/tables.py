@@ -1,20 +1,26 @@
-"""Tables that the benchmarks of speed share: truths from the default priors.
+"""Tables and problems that the benchmarks share: truths from the priors.
 
-Each is one sweep of elevations from 5° to 85° at one azimuth, with known noise of 3 %
+Tables are one sweep of elevations from 5° to 85° at one azimuth, with a noise of 3 %
 of its tallest height and the push length known.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.priors import default_priors
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.model import Grasp, Parameters, Pushes, forward
+from tests.fit.kinds import KINDS
 
 PUSH_LENGTH = 5e-3
 GRASP = Grasp(push_length=PUSH_LENGTH)
@@ -53,3 +59,22 @@ def prior_tables(
 def setups(tables: Sequence[PeakTable]) -> list[Setup]:
     """Problems that tables pose."""
     return [build_problem(table, CONFIG) for table in tables]
+
+
+def prior_problems(
+    kind: str, n: int, rng: np.random.Generator
+) -> Iterator[tuple[Setup, Float[np.ndarray, " p"]]]:
+    """Problems of a kind of the tests' registry, and the truth of each.
+
+    Pushes and noise are those of the kind, truths are drawn from its priors, the noise
+    of each table when it is asked for.
+    """
+    setup = KINDS[kind].setup(0)
+    problem = setup.problem
+    x = prior_x_samples(problem, rng, n)
+    states = jax.vmap(problem.state)(jnp.asarray(x))
+    clean = np.asarray(jax.vmap(problem.predict)(states))
+    noise = np.asarray(jax.vmap(problem.noise)(states))
+    for truth, heights, sigma in zip(x, clean, noise, strict=True):
+        observed = jnp.asarray(heights + sigma * rng.standard_normal(sigma.shape))
+        yield replace(setup, problem=replace(problem, observed=observed)), truth

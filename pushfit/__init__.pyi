@@ -1,5 +1,5 @@
-from .batch.crew import Crew as Crew
 from .batch.run import identify_batch as identify_batch
+from .batch.workers import Workers as Workers
 from .config import GraspConfig as GraspConfig
 from .config import read_config as read_config
 from .data.peaks.extract import extract_peaks as extract_peaks

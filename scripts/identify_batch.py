@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             config=options.config,
             schedule=options.schedule,
             seed=options.seed,
-            crew=pushfit.Crew(workers=options.workers, scheduler=options.scheduler),
+            workers=pushfit.Workers(n=options.workers, scheduler=options.scheduler),
         )
     except pushfit.PushfitError as error:
         print(error, file=sys.stderr)

@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 
 from pushfit.batch.cluster import Work
-from pushfit.batch.crew import Crew
 from pushfit.batch.folders import FOLDER, begin_folder, folder_name, is_current, sweep
 from pushfit.batch.inputs import find_inputs
 from pushfit.batch.items import Failure, Item, Request, make_plan
@@ -20,6 +19,7 @@ from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.work import IdentifyMany, identify_chunk, write_folder
+from pushfit.batch.workers import Workers
 from pushfit.errors import DataError
 from pushfit.fit.population.many import identify_many
 
@@ -61,7 +61,7 @@ def identify_batch(
     seed: int = 0,
     engine: str = "auto",
     folders: bool = False,
-    crew: Crew | None = None,
+    workers: Workers | None = None,
     progress: Progress | None = None,
     identify: IdentifyMany = identify_many,
 ) -> Batch:
@@ -81,7 +81,7 @@ def identify_batch(
         seed: Seed from which those of the items derive.
         engine: "auto", "sweep" or "emcee".
         folders: Also write the complete result of every item.
-        crew: Who works; this process if not stated.
+        workers: Who works; this process if not stated.
         progress: Called with a stage and the share of it that is done.
         identify: What identifies the tables of a chunk.
 
@@ -109,7 +109,7 @@ def identify_batch(
             "or folders that hold some",
             code="nothing_to_do",
         )
-    crew, report = crew or Crew(), progress or (lambda stage, share: None)
+    workers, report = workers or Workers(), progress or (lambda stage, share: None)
     begin_folder(folder)
     with open_store(folder) as (store, notice):
         sweep(folder)
@@ -117,13 +117,13 @@ def identify_batch(
         unique = {item.key: item for item in reversed(plan.items)}
         missing = [item for key, item in unique.items() if store.get(key) is None]
         work = partial(identify_chunk, engine=engine, identify=identify)
-        failed = _compute(work, missing, crew, store=store, report=report)
+        failed = _compute(work, missing, workers, store=store, report=report)
         n_failed = len(failed)
         if folders:
             whole = [item for key, item in unique.items() if key not in failed]
             write = partial(write_folder, engine=engine, folder=folder / FOLDER)
             failed |= _write_folders(
-                write, whole, crew, folder=folder, store=store, report=report
+                write, whole, workers, folder=folder, store=store, report=report
             )
         answers = collect(plan, failed, store.get)
         report("pooling", 0.0)
@@ -145,7 +145,7 @@ def identify_batch(
 def _compute(
     work: Work[Finished],
     items: Sequence[Item],
-    crew: Crew,
+    workers: Workers,
     *,
     store: Store,
     report: Progress,
@@ -154,7 +154,7 @@ def _compute(
     failed: dict[str, Failure] = {}
     n_done = 0
     # Closed at once when interrupted, so that no worker outlives this process.
-    with contextlib.closing(crew.work_on(work, crew.chunks(items))) as ended:
+    with contextlib.closing(workers.work_on(work, workers.chunks(items))) as ended:
         for chunk, outcomes in ended:
             good = []
             for item, outcome in zip(chunk, outcomes, strict=True):
@@ -171,7 +171,7 @@ def _compute(
 def _write_folders(
     work: Work[str],
     items: Sequence[Item],
-    crew: Crew,
+    workers: Workers,
     *,
     folder: Path,
     store: Store,
@@ -189,8 +189,8 @@ def _write_folders(
     ]
     failed: dict[str, Failure] = {}
     n_done = 0
-    chunks = replace(crew, chunk=1).chunks(stale)
-    with contextlib.closing(crew.work_on(work, chunks)) as ended:
+    chunks = replace(workers, chunk=1).chunks(stale)
+    with contextlib.closing(workers.work_on(work, chunks)) as ended:
         for (item,), (outcome,) in ended:
             if isinstance(outcome, Failure):
                 failed[item.key] = outcome

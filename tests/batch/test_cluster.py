@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from distributed import LocalCluster
 
-from pushfit.batch.crew import Crew
 from pushfit.batch.run import identify_batch
+from pushfit.batch.workers import Workers
 from pushfit.errors import ConfigError
 from tests.batch import fake
 from tests.batch.makers import outputs, read_csv, write_tables
@@ -34,14 +34,16 @@ def runs(tmp_path, monkeypatch):
     return write_tables(tmp_path / "runs", *NAMES)
 
 
-def run(out, **crew):
-    return identify_batch(["runs"], out, crew=Crew(**crew), identify=fake.identify)
+def run(out, **workers):
+    return identify_batch(
+        ["runs"], out, workers=Workers(**workers), identify=fake.identify
+    )
 
 
 @pytest.mark.slow
 def test_the_number_of_workers_does_not_change_a_byte(runs, log, tmp_path):
     run("one")
-    found = run("two", workers=2, chunk=3)
+    found = run("two", n=2, chunk=3)
     assert found.n_computed == len(NAMES)
     assert outputs(tmp_path / "one") == outputs(tmp_path / "two")
 
@@ -52,7 +54,7 @@ def test_real_numbers_are_the_same_in_worker_processes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_tables(tmp_path / "runs", "a", "b", n=12)
     identify_batch(["runs"], "one")
-    identify_batch(["runs"], "two", crew=Crew(workers=2))
+    identify_batch(["runs"], "two", workers=Workers(n=2))
     assert outputs(tmp_path / "one") == outputs(tmp_path / "two")
     rows = read_csv(tmp_path / "one" / "results.csv")
     assert [row["engine"] for row in rows] == ["sweep", "sweep"]
@@ -62,7 +64,7 @@ def test_real_numbers_are_the_same_in_worker_processes(tmp_path, monkeypatch):
 def test_a_worker_that_dies_costs_only_its_own_item(runs, log, tmp_path):
     run("good")
     write_tables(runs, "x_kill", "x_killonce")
-    found = run("out", workers=2, chunk=4)
+    found = run("out", n=2, chunk=4)
     assert [(f.item, f.stage) for f in found.failures] == [
         ("runs/x_kill.csv", "worker")
     ]
@@ -75,7 +77,7 @@ def test_a_worker_that_dies_costs_only_its_own_item(runs, log, tmp_path):
 def test_a_worker_that_hangs_costs_only_its_own_item(runs, log, tmp_path):
     write_tables(runs, "x_hang")
     start = time.monotonic()
-    found = run("out", workers=2, chunk=2, time_limit=3.0)
+    found = run("out", n=2, chunk=2, time_limit=3.0)
     assert [f.item for f in found.failures] == ["runs/x_hang.csv"]
     assert "3 s" in found.failures[0].message
     # Limits of 6, 3 and 3 s and a few starts of processes, against 1000 s of sleep.
@@ -104,11 +106,11 @@ def start(out: str, log: Path, *, workers: int = 1) -> subprocess.Popen:
     """A batch in a process group of its own."""
     call = (
         "from tests.batch.fake import identify\n"
-        "from pushfit.batch.crew import Crew\n"
+        "from pushfit.batch.workers import Workers\n"
         "from pushfit.batch.run import identify_batch\n"
         "if __name__ == '__main__':\n"
         f"    identify_batch(['runs'], {out!r}, identify=identify, "
-        f"crew=Crew(chunk=2, workers={workers}))\n"
+        f"workers=Workers(chunk=2, n={workers}))\n"
     )
     script = log.with_name(f"start_{workers}.py")
     script.write_text(call)

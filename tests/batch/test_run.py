@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pushfit.batch.crew import Crew
 from pushfit.batch.folders import folder_name
 from pushfit.batch.outputs import guarded
 from pushfit.batch.run import identify_batch
 from pushfit.batch.store import open_store
+from pushfit.batch.workers import Workers
 from pushfit.errors import ConfigError, DataError
 from tests.batch import fake
 from tests.batch.makers import HEADER, outputs, read_csv, table_text, write_tables
@@ -59,7 +59,7 @@ def test_numbers_in_the_table_are_exact(runs):
 
 def test_neither_order_nor_portions_change_a_byte(runs, tmp_path):
     run("runs/a.csv", "runs/b.csv", "runs/c.csv", out="one")
-    run("runs/c.csv", "runs/b.csv", "runs/a.csv", out="two", crew=Crew(chunk=1))
+    run("runs/c.csv", "runs/b.csv", "runs/a.csv", out="two", workers=Workers(chunk=1))
     assert outputs(tmp_path / "one") == outputs(tmp_path / "two")
 
 
@@ -243,7 +243,7 @@ def test_an_interruption_loses_only_the_chunk_in_flight(stop, runs, log, tmp_pat
         return fake.identify(tables, config, seeds=seeds, engine=engine)
 
     with pytest.raises(stop):
-        identify_batch(["runs"], "out", crew=Crew(chunk=1), identify=interrupted)
+        identify_batch(["runs"], "out", workers=Workers(chunk=1), identify=interrupted)
     assert not (tmp_path / "out" / "results.csv").exists()
     assert run().n_computed == 1
     assert len(log()) == 6
@@ -300,7 +300,7 @@ def test_names_that_differ_have_folders_that_differ():
 def test_a_process_that_is_limited_needs_dask(runs, monkeypatch):
     monkeypatch.setattr("pushfit.batch.cluster.find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r"pip install distributed"):
-        run(crew=Crew(workers=2))
+        run(workers=Workers(n=2))
 
 
 def test_the_draws_of_an_item_are_kept_for_pooling(runs, tmp_path):

@@ -51,12 +51,10 @@ def batch(
     json: options.Json = False,
 ) -> int:
     """Identify many files; run again, it does what is missing."""
-    from pushfit.batch.crew import Crew
     from pushfit.batch.run import identify_batch
+    from pushfit.batch.workers import Workers
 
-    crew = Crew(
-        workers=workers, scheduler=scheduler, chunk=chunk, time_limit=time_limit
-    )
+    those = Workers(n=workers, scheduler=scheduler, chunk=chunk, time_limit=time_limit)
     keep(f"what is finished is kept in {out}; the same command goes on")
     with session.progress() as progress:
         found = identify_batch(
@@ -68,7 +66,7 @@ def batch(
             seed=seed,
             engine=engine,
             folders=folders,
-            crew=crew,
+            workers=those,
             progress=progress,
         )
     report(session, found, is_json=json)

@@ -64,7 +64,6 @@ def in_contact(problem: Problem, y: Float[Array, " q"]) -> Bool[Array, " n"]:
 
 
 @compiled
-@compiled
 def critical_angles(
     problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
 ) -> Float[Array, " k"]:

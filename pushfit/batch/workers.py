@@ -13,17 +13,17 @@ SHARES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Crew:
+class Workers:
     """Who works.
 
     Args:
-        workers: Number of processes; 1 is this one.
+        n: Number of processes; 1 is this one.
         scheduler: Address of a running dask scheduler, instead.
         chunk: Most items that are worked on, and lost, together.
         time_limit: Longest time for one item [s]; needs a process that can be ended.
     """
 
-    workers: int = 1
+    n: int = 1
     scheduler: str | None = None
     chunk: int = 64
     time_limit: float | None = None
@@ -49,7 +49,7 @@ class Crew:
 
     def _share(self, n_items: int) -> int:
         """Items of a portion."""
-        return max(math.ceil(n_items / (SHARES * self.workers)), 1)
+        return max(math.ceil(n_items / (SHARES * self.n)), 1)
 
     def work_on(
         self, work: Work[Outcome], chunks: Sequence[Chunk]
@@ -68,7 +68,7 @@ class Crew:
         """
         if not chunks:
             return
-        is_here = self.workers == 1 and self.scheduler is None
+        is_here = self.n == 1 and self.scheduler is None
         if is_here and self.time_limit is None:
             for chunk in chunks:
                 yield chunk, work(chunk)
@@ -76,7 +76,7 @@ class Crew:
         yield from on_cluster(
             work,
             chunks,
-            workers=self.workers,
+            workers=self.n,
             scheduler=self.scheduler,
             time_limit=self.time_limit,
         )
