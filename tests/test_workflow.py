@@ -172,4 +172,4 @@ def test_a_frame_becomes_a_result(table):
     result = pushfit.identify(pd.read_csv(table), config={"push": {"length_mm": 5}})
     assert isinstance(result, pushfit.Result)
     assert isinstance(result, Identification)
-    assert str(result).startswith("pushfit ")
+    assert "6 pushes, 6 used" in str(result)

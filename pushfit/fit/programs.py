@@ -47,7 +47,7 @@ jit = functools.partial(
 # What names a function only within one process.
 ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
-# Programs loaded ahead, those of the first number: more would take turns with imports.
+# Programs loaded ahead, those of the first answers.
 MAX_AHEAD = 6
 # Name of the analysis of one table.
 ANALYSIS = "analysis"
@@ -169,6 +169,7 @@ class _Expected:
         """Expect nothing."""
         self.used: list[str] = []
         self._lock = threading.Lock()
+        self._is_asked = threading.Event()
         self._waiting: list[Path] = []
         self._begun: dict[Path, Future[Callable[..., Any] | None]] = {}
 
@@ -180,6 +181,7 @@ class _Expected:
 
     def take(self, path: Path) -> Callable[..., Any] | None:
         """A program that was begun; None for one that the caller is to load."""
+        self._is_asked.set()
         with self._lock:
             begun = self._begun.pop(path, None)
             if begun is None and path in self._waiting:
@@ -199,6 +201,10 @@ class _Expected:
                 load.set_result(_load_whole(path))
             except Exception:  # whoever needs it loads it and hears why
                 load.set_result(None)
+            # The others would take turns with the imports that precede the first.
+            while self._waiting and threading.main_thread().is_alive():
+                if self._is_asked.wait(0.1):
+                    break
 
 
 _expected = _Expected()
