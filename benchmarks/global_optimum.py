@@ -44,6 +44,8 @@ def data_points(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n q"]
             "ln_s": jnp.log(group.s),
             "ln_L": jnp.log(group.L),
         }
+        if state.sharpness is not None:
+            values["ln_p"] = jnp.log(state.sharpness)
         return jnp.stack([values[name] for name in problem.data_names])
 
     return jax.vmap(one)(x)

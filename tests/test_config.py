@@ -87,9 +87,16 @@ def example_lines() -> list[tuple[str, str]]:
     return found
 
 
+# What the priors of unknown numbers of the grasp go with.
+NEEDED = {
+    "F_0": '[grasp]\npreload_n = "estimate"\n',
+    "p": '[transition]\nsharpness = "auto"\n',
+}
+
+
 @pytest.mark.parametrize(("section", "line"), example_lines())
 def test_every_example_of_the_template_is_valid(section, line):
-    needed = '[grasp]\npreload_n = "estimate"\n' if line.startswith("F_0") else ""
+    needed = NEEDED.get(line.split()[0], "")
     text = f"{needed}{section}\n{line}\n"
     assert tomllib.loads(text)
     parse(text)
@@ -131,8 +138,16 @@ def test_every_example_of_the_template_is_valid(section, line):
             "parameters.L.uniform: low = 2 must be below high = 1",
         ),
         ("[parameters.F_0]\nfixed = 1", "parameters.F_0 is a prior of an estimated"),
+        (
+            "[parameters.p]\nuniform = { low = 1, high = 9 }",
+            "parameters.p is a prior of",
+        ),
+        (
+            '[parameters.p]\nfixed = 4\n[transition]\nsharpness = "auto"',
+            "set transition.sharpness = 4",
+        ),
         ("[push]\nlength_known = true", "length_known = true needs length_mm"),
-        ("[transition]\nsharpness = 0.5", "sharpness = 0.5: must be 'hard' or must be"),
+        ("[transition]\nsharpness = 0.5", "sharpness = 0.5: must be 'hard' or 'auto'"),
         ("[reach]\nalpha_deg = [0]", "reach.alpha_deg = [0]: has too few values"),
         (
             "[peaks]\nexclude = [[9, 0]]",

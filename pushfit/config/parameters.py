@@ -133,6 +133,11 @@ class ParametersSection(Section):
         description="preload [N], where it is estimated",
         examples=[{"lognormal": {"median": 2.0, "sd_log": 0.5}}],
     )
+    p: PositivePrior | None = Field(
+        default=None,
+        description="sharpness of the transition [-], where it is unknown",
+        examples=[{"lognormal": {"median": 8.0, "sd_log": 1.0}}],
+    )
 
     def items(self) -> Iterator[tuple[str, Prior]]:
         """Name and prior of every parameter that the file mentions."""

@@ -146,9 +146,10 @@ class ReachSection(Section):
 class TransitionSection(Section):
     """How the contact passes from rolling to elastic."""
 
-    sharpness: Literal["hard"] | Sharpness = Field(
+    sharpness: Literal["hard", "auto"] | Sharpness = Field(
         default="hard",
-        description='"hard" (the paper) or p >= 1 of the soft minimum',
+        description='"hard" (the paper), p >= 1 of the soft minimum, or "auto": p is '
+        "one of the unknowns",
     )
 
 
@@ -207,6 +208,16 @@ class GraspConfig(Section):
             raise ValueError(
                 "parameters.F_0 is a prior of an estimated preload; "
                 'set grasp.preload_n = "estimate" or remove it'
+            )
+        if self.parameters.p is not None and self.transition.sharpness != "auto":
+            raise ValueError(
+                "parameters.p is a prior of an unknown sharpness; "
+                'set transition.sharpness = "auto" or remove it'
+            )
+        if self.parameters.p is not None and self.parameters.p.fixed is not None:
+            raise ValueError(
+                "parameters.p is a prior, and a value is none; "
+                f"set transition.sharpness = {self.parameters.p.fixed:g}"
             )
         reason = self.why_not_tilting()
         if self.grasp.mechanics == "tilting" and reason is not None:

@@ -33,7 +33,7 @@ def make_grasp(config: GraspConfig, unit: str) -> Grasp:
 
     Returns:
         Grasp with the preload in newtons, or in the unit of uncalibrated heights; 0
-        where it is to be estimated.
+        where it is to be estimated, as a transition to be found out is hard.
 
     Raises:
         ConfigError: If the preload is given in a unit that cannot be converted.
@@ -48,7 +48,7 @@ def make_grasp(config: GraspConfig, unit: str) -> Grasp:
         push_length=length * 1e-3,
         preload=0.0 if preload == "estimate" else float(preload) / gain,
         gain=gain,
-        sharpness=math.inf if sharpness == "hard" else float(sharpness),
+        sharpness=math.inf if isinstance(sharpness, str) else sharpness,
         support_span=None if span is None else span * 1e-3,
         mechanics=config.by_mechanics()[0].grasp.mechanics,
     )

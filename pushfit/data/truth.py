@@ -33,7 +33,8 @@ def simulate_from_config(
         The recording, with the angles of the joints as channels.
 
     Raises:
-        ConfigError: A parameter is missing, or the preload cannot be converted.
+        ConfigError: A parameter is missing, the preload cannot be converted, or it or
+            the sharpness of the transition is an unknown.
     """
     preload = config.preload_in(unit)
     if isinstance(preload, str):
@@ -62,8 +63,15 @@ def stated_parameters(config: GraspConfig) -> Parameters:
         The `fixed` value, the mean, the median or the middle of the range of each.
 
     Raises:
-        ConfigError: A parameter is missing: a simulation has no default truth.
+        ConfigError: A parameter is missing, or the sharpness of the transition is an
+            unknown: a simulation has no default truth.
     """
+    if config.transition.sharpness == "auto":
+        raise ConfigError(
+            "the sharpness of the transition is to be found out; a simulation needs "
+            '"hard" or a number for [transition] sharpness',
+            code="no_truth",
+        )
     values = {name: _centre(prior) for name, prior in config.parameters.items()}
     values.pop("F_0", None)
     missing = {"K_sn", "K_dn", "K_st", "C_rr", "C_d", "L"} - set(values)

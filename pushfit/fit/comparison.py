@@ -76,7 +76,8 @@ class ModelScore:
     Args:
         name: "hard", "soft" or "no_rolling" by the mechanics of the configuration;
             "tilting" or "linear" for a hard transition by the other mechanics.
-        sharpness: Sharpness of the transition; infinite for a hard switch.
+        sharpness: Sharpness of the transition, infinite for a hard switch; None where
+            it is one of the unknowns.
         is_adequate: Whether it describes the heights within their noise.
         verdict: The same in words.
         log_evidence: ln p(h); None where the sweep was not to be trusted.
@@ -90,7 +91,7 @@ class ModelScore:
     """
 
     name: str
-    sharpness: float
+    sharpness: float | None
     is_adequate: bool
     verdict: str
     log_evidence: float | None
@@ -340,7 +341,7 @@ def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
     )
     return ModelScore(
         name=name,
-        sharpness=float(problem.grasp.sharpness),
+        sharpness=None if "p" in problem.priors else float(problem.grasp.sharpness),
         is_adequate=quality.is_adequate,
         verdict=quality.sentence,
         log_evidence=posterior.log_evidence if is_trusted else None,

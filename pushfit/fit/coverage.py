@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -227,7 +226,7 @@ def _forward(
 
     def one(x: Float[Array, " p"]) -> Channels:
         state = problem.state(x)
-        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+        grasp = problem.grasp_at(state)
         return forward(state.params, pushes, grasp)
 
     channels = jax.vmap(one)(x)

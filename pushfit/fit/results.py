@@ -208,8 +208,8 @@ class PosteriorResult:
     """Draws from the posterior and how far they may be trusted.
 
     Args:
-        samples: Draws by name: the six parameters, e1, e2, F_0, sigma_<channel>, A, B,
-            f1, f2, theta_c [deg], alpha_star [deg].
+        samples: Draws by name: the six parameters, e1, e2, F_0, p, sigma_<channel>, A,
+            B, f1, f2, theta_c [deg], alpha_star [deg].
         prior_samples: Draws from the prior, same names.
         log_prob: Unnormalised log posterior of each draw.
         chain: Fitting coordinates (n_ensembles, n_steps, n_walkers, n_coordinates) of
@@ -404,7 +404,7 @@ class Identification:
         alpha_star: Best push direction [deg].
         alpha_star_model_free: The same from a cosine fit to the heights; None without
             an azimuth sweep.
-        parameters: The six parameters, e1, e2, F_0 and sigma, as far as they exist.
+        parameters: The six parameters, e1, e2, F_0, p and sigma, as far as they exist.
         combinations: A, B and the other combinations that the data meet.
         profiles: Likelihood profiles by quantity name.
         identifiability: What the data can tell.

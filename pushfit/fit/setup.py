@@ -18,7 +18,12 @@ from pushfit.fit.likelihood.curve import Search
 from pushfit.fit.problem.constraint_terms import with_constraints
 from pushfit.fit.problem.data_coordinates import data_names
 from pushfit.fit.problem.noise import Noise, choose_noise
-from pushfit.fit.problem.priors import Prior, default_priors, priors_from_config
+from pushfit.fit.problem.priors import (
+    SHARPNESS,
+    Prior,
+    default_priors,
+    priors_from_config,
+)
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.uninformative import check_informative
 from pushfit.model import Grasp, Pushes, as_float
@@ -94,6 +99,10 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
         priors.setdefault("F_0", Prior("lognormal", force, 1.0))
     else:
         priors.pop("F_0", None)
+    if config.transition.sharpness == "auto":
+        priors.setdefault("p", Prior(*SHARPNESS))
+    else:
+        priors.pop("p", None)
     if noise.kind == "sampled":
         for name in table.channels:
             median = SIGMA_SHARE * float(np.max(np.abs(table.heights(name)[used])))
@@ -140,7 +149,7 @@ def sampling_names(
         names.append("ln_r")
     if {"K_st", "C_d"} & free:
         names.append("ln_s")
-    names += [f"ln_{n}" for n in ("L", "F_0") if n in free]
+    names += [f"ln_{n}" for n in ("L", "F_0", "p") if n in free]
     names += [f"ln_{n}" for n in priors if n.startswith("sigma_")]
     return tuple(names)
 
@@ -179,4 +188,4 @@ def _assemble(
         data_names=data_names(priors, fixed, grasp),
         likelihood=config.noise.likelihood,
     )
-    return with_constraints(problem) if grasp.mechanics == "tilting" else problem
+    return with_constraints(problem)

@@ -215,10 +215,12 @@ def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, "
         q_x and q_y to about 1e-15 of their size [rad], and whether they were found;
         without derivatives where they were not.
     """
-    frozen = jax.lax.stop_gradient(frame)
+    frozen, steady = jax.lax.stop_gradient(frame), sharpness
+    if isinstance(sharpness, jax.Array):
+        steady = jax.lax.stop_gradient(sharpness)
 
     def tried(lean: Pair) -> tuple[Vector, Pair]:
-        step, residual = _newton(frozen, lean, sharpness)
+        step, residual = _newton(frozen, lean, steady)
         return norm2(*residual), step
 
     def advance(search: _Search) -> _Search:
@@ -242,7 +244,7 @@ def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, "
             n_steps=search.n_steps + 1,
         )
 
-    start = _start(frozen, sharpness)
+    start = _start(frozen, steady)
     size, step = tried(start)
     first = _Search(
         lean=start,

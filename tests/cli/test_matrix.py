@@ -1,4 +1,4 @@
-"""Every mechanics, channel and engine through the command, written and read back."""
+"""Every mechanics, channel, engine and transition through the command and back."""
 
 import itertools
 import json
@@ -22,7 +22,10 @@ CHANNELS = {
 }
 MECHANICS = ("linear", "tilting", "auto")
 ENGINES = ("sweep", "emcee")
-ROWS = list(itertools.product(MECHANICS, CHANNELS, ENGINES))
+ROWS = [
+    *itertools.product(MECHANICS, CHANNELS, ENGINES, ["hard"]),
+    *itertools.product(MECHANICS, ["height"], ENGINES, ["auto"]),
+]
 # L and K_dn are known: emcee then converges in seconds.
 CONFIG = """\
 [push]
@@ -32,6 +35,9 @@ length_mm = 5.0
 mechanics = "{mechanics}"
 preload_n = 1.0
 
+[transition]
+sharpness = "{transition}"
+
 [parameters]
 K_dn = {{ fixed = 600.0 }}
 L = {{ fixed = 0.04 }}
@@ -39,9 +45,9 @@ L = {{ fixed = 0.04 }}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mechanics", "channels", "engine"), ROWS)
+@pytest.mark.parametrize(("mechanics", "channels", "engine", "transition"), ROWS)
 def test_what_a_command_writes_is_what_it_said(
-    mechanics, channels, engine, tmp_path, capsys
+    mechanics, channels, engine, transition, tmp_path, capsys
 ):
     table = simulate_table(
         paper_parameters(),
@@ -56,7 +62,8 @@ def test_what_a_command_writes_is_what_it_said(
     )
     peaks, config = tmp_path / "peaks.csv", tmp_path / "grasp.toml"
     write_table(table, peaks)
-    config.write_text(CONFIG.format(mechanics=mechanics), encoding="utf-8")
+    text = CONFIG.format(mechanics=mechanics, transition=transition)
+    config.write_text(text, encoding="utf-8")
     words = ["fit", str(peaks), "--config", str(config), "--engine", engine]
     out = tmp_path / "result"
     code = main([*words, "--out", str(out), "--json"])
@@ -67,6 +74,7 @@ def test_what_a_command_writes_is_what_it_said(
     assert json.loads((out / "summary.json").read_text(encoding="utf-8")) == said
     assert (out / "report.txt").read_text(encoding="utf-8") == render_text(again)
     assert said["posterior"]["engine"] == engine
+    assert ("p" in said["parameters"]) == (transition == "auto")
     expected = {"linear", "tilting"} if mechanics == "auto" else {mechanics}
     assert {one["mechanics"] for one in said["by_mechanics"]} == expected
     page = tmp_path / "page.html"

@@ -69,6 +69,7 @@ class Kind:
 
 
 GRASP = "[grasp]\npreload_n = 2.0\n"
+OPEN = '[transition]\nsharpness = "auto"\n'
 MEASURED = "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
 KINDS = {
     "plain": Kind(preload=0.0, sweeps=("theta",)),
@@ -86,6 +87,7 @@ KINDS = {
         text=GRASP + '[noise]\nsigma = "sampled"\nlikelihood = "student_t"\n'
     ),
     "soft": Kind(text=GRASP + "[transition]\nsharpness = 4\n"),
+    "open_transition": Kind(text=GRASP + OPEN),
     "two_supports": Kind(text=GRASP + "support_span_mm = 40\n", support_span=0.04),
     "uniform": Kind(
         text=GRASP
@@ -101,5 +103,10 @@ KINDS = {
     "friction_fixed": Kind(text=GRASP + "[parameters.C_rr]\nfixed = 0.25\n"),
     "tilting": Kind(
         text=GRASP + 'mechanics = "tilting"\n' + MEASURED, mechanics="tilting"
+    ),
+    "open_transition_tilting": Kind(
+        text=GRASP + 'mechanics = "tilting"\n' + MEASURED + OPEN,
+        mechanics="tilting",
+        sweeps=("theta",),
     ),
 }

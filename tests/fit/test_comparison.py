@@ -114,6 +114,9 @@ def test_rivals_differ_in_the_transition_alone():
     assert rivals["hard"].transition.sharpness == "hard"
     assert rivals["no_rolling"].parameters.C_rr.fixed == NEVER_ROLLS
     assert rival_configs(config())["soft"].transition.sharpness == SOFT_SHARPNESS
+    open_ = config('[transition]\nsharpness = "auto"\n')
+    assert rival_configs(open_)["soft"] == open_
+    assert rival_configs(open_)["hard"].transition.sharpness == "hard"
     for rival in rivals.values():
         same = rival.model_copy(
             update={"transition": base.transition, "parameters": base.parameters}

@@ -103,7 +103,7 @@ def test_s_and_L_are_data_coordinates_as_far_as_they_are_free(text, names):
 def test_what_is_known_of_L_and_s_holds_them_and_nothing_else():
     text = MECHANICS + "[parameters.L]\nlognormal = { median = 0.04, sd_log = 0.05 }\n"
     problem = build_problem(pushed(noise=0.1, repeats=1), config(text)).problem
-    assert held_names(problem.data_names) == ("ln_L", "ln_s")
+    assert held_names(problem) == ("ln_L", "ln_s")
     pull = np.asarray(problem.constraint)
     on_L = dict(zip(problem.data_names, pull[0], strict=True))
     # 4000 draws know a standard deviation to 1.1 %.

@@ -78,6 +78,45 @@ def test_soft_minimum_is_finite_at_two_zeros(p):
     assert np.isfinite(gradient).all()
 
 
+@pytest.mark.parametrize(
+    ("ratio", "p"),
+    [
+        (0.3, 0.5),
+        (0.3, 1.0),
+        (0.3, 4.0),
+        (0.9, 4.0),
+        (0.9, 40.0),
+        (1.0, 4.0),
+        (1.0, 1e3),
+    ],
+)
+def test_slope_in_the_sharpness_is_that_of_the_printed_formula(ratio, p):
+    """In ln p, as it is fitted; differences of the formula in extended precision."""
+
+    def printed(ln_p):
+        power, one = np.exp(ln_p), np.longdouble(1)
+        return (np.longdouble(ratio) ** -power + one) ** (-1 / power)
+
+    ln_p, step = np.log(np.longdouble(p)), np.longdouble(STEP)
+    expected = (printed(ln_p + step) - printed(ln_p - step)) / (2 * step)
+    found = jax.grad(lambda u: softmin(jnp.float64(ratio), jnp.float64(1), jnp.exp(u)))
+    np.testing.assert_allclose(found(float(ln_p)), float(expected), rtol=DIFFERENCE)
+
+
+@pytest.mark.parametrize("p", [0.5, 1.0, 8.0, 1e3, 1e9])
+@pytest.mark.parametrize(("a", "b"), [(0.0, 2.0), (2.0, 0.0), (0.0, 0.0), (1.0, 2.0)])
+def test_an_unknown_sharpness_has_finite_slopes_and_the_hard_limit(a, b, p):
+    """A traced p never is the plain minimum, but comes as near as ln 2 / p."""
+    at = (jnp.float64(a), jnp.float64(b), jnp.float64(p))
+    value, slopes = jax.jit(jax.value_and_grad(softmin, argnums=(0, 1, 2)))(*at)
+    assert np.isfinite(slopes).all()
+    assert min(a, b) * 2 ** (-1 / p) <= float(value) * (1 + EXACT)
+    assert float(value) <= min(a, b)
+    if p == 1e9 or min(a, b) == 0:
+        np.testing.assert_allclose(value, min(a, b), rtol=EXACT)
+        np.testing.assert_allclose(slopes[2], 0.0, atol=EXACT)
+
+
 @pytest.mark.parametrize("p", [2.0, 7.5, np.inf])
 def test_a_number_far_below_its_limit_passes_with_slope_one(p):
     for value in (-1e-9, 0.0, 1e-9):

@@ -299,13 +299,16 @@ def test_a_push_along_the_face_lifts_off_without_a_preload():
 def test_slopes_equal_differences(name, ellipse):
     grasp, pushes = tilting(**GRASPS[name]), sweep(THETA_DEG[:-1], [0.0, 65.0])
     params = paper_parameters(**ellipse)
-    leaves, structure = jax.tree.flatten((params, grasp.preload))
+    known = {"preload": grasp.preload}
+    if math.isfinite(grasp.sharpness):
+        known["sharpness"] = jnp.asarray(grasp.sharpness)
+    leaves, structure = jax.tree.flatten((params, known))
     x = jnp.stack(leaves)
 
     @jax.jit
     def heights(x):
-        scaled, preload = jax.tree.unflatten(structure, list(x))
-        at = eqx.tree_at(lambda g: g.preload, grasp, preload)
+        scaled, numbers = jax.tree.unflatten(structure, list(x))
+        at = dataclasses.replace(grasp, **numbers)
         channels = forward(scaled, pushes, at)
         return jnp.stack(
             [channels.height, channels.height_normal, channels.height_tangential]

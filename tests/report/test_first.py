@@ -54,6 +54,7 @@ def test_the_first_look_says_where_the_fit_is_best(quantity, costs, said):
         quantity=quantity,
         reference_alpha=np.pi / 2,
         curve=curve,
+        is_thorough=True,
     )
     assert look_line(search) == said
 

@@ -13,13 +13,13 @@ from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.problem.problem import STUDENT_DOF
+from pushfit.fit.problem.problem import OF_GRASP, STUDENT_DOF
 from pushfit.model import Grasp
 
 # Draws of a belief, always as many: programs are compiled for one shape. A gain from
 # so many loses 0.4 % of the best one, from 500 it loses 4 %.
 N_DRAWS = 8192
-PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "e1", "e2", "F_0")
+PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "e1", "e2", *OF_GRASP)
 # Words that ask for angles.
 ANGLES: dict[str, tuple[str, ...]] = {
     "theta_c": ("theta_c",),
@@ -62,8 +62,8 @@ class Belief:
     """Draws of everything that is not known, with their weights.
 
     Args:
-        samples: Draws by name: the parameters, F_0 where it is free, and the angles
-            theta_c and alpha_star [deg].
+        samples: Draws by name: the parameters, F_0 and p where they are free, and the
+            angles theta_c and alpha_star [deg].
         log_weights: Log of the weight of every draw, up to a constant.
         scatter: Noise that is not stated with each height, by channel and draw [unit].
         sd: Noise to expect that is stated with a height, by channel [unit].

@@ -4,15 +4,15 @@ One compiled program serves every belief of a grasp: numbers of candidates are p
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.explore.belief.belief import Belief
+from pushfit.fit.problem.problem import OF_GRASP, grasp_with
 from pushfit.fit.programs import compiled
 from pushfit.model import Channels, Grasp, Parameters, Pushes, as_float, forward
 
@@ -101,16 +101,13 @@ def _at_draws(
     """Heights, force and contact of every push and draw."""
 
     def one(draw: Mapping[str, Float[Array, ""]]) -> tuple[Array, Array, Array]:
-        own = {name: value for name, value in draw.items() if name != "F_0"}
-        preload = draw.get("F_0", grasp.preload)
-        held = eqx.tree_at(
-            lambda g: (g.preload, g.push_length),
-            grasp,
-            (preload, grasp.push_length * length_share),
+        own = {name: value for name, value in draw.items() if name not in OF_GRASP}
+        held = replace(
+            grasp_with(grasp, draw), push_length=grasp.push_length * length_share
         )
         found = forward(Parameters(**own), pushes, held)
         heights = jnp.stack([getattr(found, name) for name in channels], axis=1)
-        force = (found.height - held.offset) / held.gain + preload
+        force = (found.height - held.offset) / held.gain + held.preload
         return heights, force, found.in_contact
 
     return jax.vmap(one, out_axes=-1)(draws)

@@ -6,14 +6,13 @@ believes the curve lies, not where the next height will fall.
 
 from collections.abc import Mapping
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.problem import OF_GRASP, Problem, grasp_with
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import Band, FitResult
 from pushfit.model import Parameters, Pushes, as_float, forward
@@ -111,7 +110,7 @@ def predicted_heights(
     """
     n = samples["A"].size
     index = np.unique(np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int))
-    names = (*Parameters.__dataclass_fields__, "F_0")
+    names = (*Parameters.__dataclass_fields__, *OF_GRASP)
     draws = {k: as_float(samples[k][index]) for k in names if k in samples}
     return index, np.asarray(_curves(problem, draws, pushes))
 
@@ -121,11 +120,10 @@ def _curves(
     problem: Problem, draws: Mapping[str, Float[Array, " m"]], pushes: Pushes
 ) -> Float[Array, "m c g"]:
     def curve(draw: Mapping[str, Float[Array, ""]]) -> Float[Array, "c g"]:
-        shape = {k: v for k, v in draw.items() if k != "F_0"}
+        shape = {k: v for k, v in draw.items() if k not in OF_GRASP}
         for name in ("e1", "e2"):
             shape.setdefault(name, problem.fixed.get(name, jnp.zeros(())))
-        preload = draw.get("F_0", problem.grasp.preload)
-        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, preload)
+        grasp = grasp_with(problem.grasp, draw)
         channels = forward(Parameters(**shape), pushes, grasp)
         return jnp.stack([getattr(channels, name) for name in problem.channels])
 
@@ -137,6 +135,6 @@ def _best_curve(
     problem: Problem, y: Float[Array, " q"], pushes: Pushes
 ) -> Float[Array, "c g"]:
     state = problem.data_state(y)
-    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+    grasp = problem.grasp_at(state)
     channels = forward(state.params, pushes, grasp)
     return jnp.stack([getattr(channels, name) for name in problem.channels])

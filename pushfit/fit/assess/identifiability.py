@@ -17,7 +17,7 @@ from pushfit.fit.programs import compiled
 from pushfit.fit.results import Combination, IdentifiabilityResult
 from pushfit.model import Parameters, as_float
 
-LOG_PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0")
+LOG_PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0", "p")
 # Singular values below this share of the largest are rounding.
 RANK_TOLERANCE = 1e-8
 # A direction counts as fixed by the data when they remove this share of its prior
@@ -112,8 +112,10 @@ def _log_jacobian(
         for name, value in zip(names, values, strict=True):
             point[name] = value if name in ("e1", "e2") else jnp.exp(value)
         preload = point.pop("F_0", problem.grasp.preload)
-        n_channels = len(problem.channels)
-        state = State(Parameters(**point), preload, jnp.zeros(n_channels), as_float(0))
+        sharpness = point.pop("p", None)
+        no_sigma = jnp.zeros(len(problem.channels))
+        params = Parameters(**point)
+        state = State(params, preload, no_sigma, as_float(0), sharpness)
         return problem.residuals(state)
 
     return jax.jacfwd(residuals)(u)

@@ -18,6 +18,7 @@ from pushfit.fit.problem.derived import (
     median,
 )
 from pushfit.fit.problem.priors import UNITS
+from pushfit.fit.problem.problem import OF_GRASP
 from pushfit.fit.results import (
     LikelihoodProfile,
     Piece,
@@ -36,7 +37,7 @@ FORMULAS = {
     "f1": "log ratio of the axes of B, part along x",
     "f2": "log ratio of the axes of B, part at 45°",
 }
-LOG_QUANTITIES = ("A", "B", *PARAMETERS, "F_0")
+LOG_QUANTITIES = ("A", "B", *PARAMETERS, *OF_GRASP)
 
 
 def angle_quantity(
@@ -111,9 +112,9 @@ def parameter_quantities(
         with_sets: Whether to look for highest-density sets, the slowest part.
 
     Returns:
-        The six parameters, e1, e2, F_0 and sigmas, as far as they exist.
+        The six parameters, e1, e2, F_0, p and sigmas, as far as they exist.
     """
-    names = [*PARAMETERS, "e1", "e2", "F_0"]
+    names = [*PARAMETERS, "e1", "e2", *OF_GRASP]
     names = [n for n in names if n in posterior.samples]
     names += [n for n in posterior.samples if n.startswith("sigma_")]
     quantities = []

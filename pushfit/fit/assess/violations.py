@@ -81,7 +81,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
-    is_hard = np.isinf(float(problem.grasp.sharpness))
+    is_hard = np.isinf(float(problem.grasp.sharpness)) and "p" not in problem.priors
     if is_hard and problem.grasp.mechanics == "linear":
         softened = np.asarray(_softened(problem, best))[mask]
         found.append(_soft(free, basis, (softened - fit.predicted) / fit.sigma))
@@ -130,7 +130,7 @@ def _soft(
         code="looks_soft",
         p_value=float(scipy.stats.t.sf(t, dof)),
         text="residuals around θ_c are those of a soft transition: set [transition] "
-        f"sharpness = {SOFT:g}, or compare both by `pushfit compare`",
+        'sharpness = "auto", which leaves it open, or compare by `pushfit compare`',
     )
 
 

@@ -79,38 +79,46 @@ class Curve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Search:
-    """Best fits along one quantity, from guesses alone.
+    """Best fits along one quantity, from end to end.
 
     Args:
         observed: Heights that were fitted.
         quantity: Name of the quantity: θ_c, or what else is free.
         reference_alpha: Azimuth of θ_c [rad].
+        is_thorough: Whether the fits began with those of a search, or guesses are many
+            beside the shapes of a problem without an ellipse.
         curve: The fits.
     """
 
     observed: Float[np.ndarray, "c n"]
     quantity: str
     reference_alpha: float
+    is_thorough: bool
     curve: Curve
 
 
-def search(problem: Problem, reference_alpha: float | None = None) -> Search:
+def search(
+    problem: Problem,
+    reference_alpha: float | None = None,
+    pool: Float[np.ndarray, "p q"] | None = None,
+) -> Search:
     """Look at the whole likelihood before any solver starts, so that no mode is missed.
 
     Args:
         problem: Problem.
         reference_alpha: Azimuth of θ_c [rad]; None for that of the first push, since
             any will do to tell valleys apart.
+        pool: Data coordinates to begin with; None for guesses.
     """
     if reference_alpha is None:
         reference_alpha = float(np.asarray(problem.pushes.alpha)[0])
-    quantities, pool = imposable(problem), guesses(problem)
+    quantities, guessed = imposable(problem), guesses(problem)
     name = "theta_c" if "theta_c" in quantities else quantities[0]
     curve = profile_curve(
         problem,
         quantities.index(name),
-        first_values(problem, name, pool[:, 0]),
-        pool,
+        first_values(problem, name, guessed[:, 0]),
+        guessed if pool is None else pool,
         reference_alpha=reference_alpha,
         level=LEVEL,
     )
@@ -118,6 +126,7 @@ def search(problem: Problem, reference_alpha: float | None = None) -> Search:
         observed=np.asarray(problem.observed),
         quantity=name,
         reference_alpha=reference_alpha,
+        is_thorough=pool is not None or "f1" not in problem.data_names,
         curve=curve,
     )
 

@@ -49,6 +49,7 @@ def guesses(problem: Problem) -> Float[np.ndarray, "k q"]:
             "ln_F_0": np.log(force) + ln_F_0,
             "ln_s": ln_s,
             "ln_L": _middle_log(problem, "L"),
+            "ln_p": 0.0,
         }
         points.append([values[name] for name in names])
     return held_values(problem, np.array(points))

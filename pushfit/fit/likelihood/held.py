@@ -13,13 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from pushfit.fit.problem.problem import Problem, State
+from pushfit.fit.problem.problem import Problem
 from pushfit.fit.sweep.target import IMPOSSIBLE, STEP, Expansion, finite
 from pushfit.mechanics.critical_tilt import critical_friction
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import (
     Contact,
-    Grasp,
     Scalar,
     rolling_limits,
     tangential_stiffness,
@@ -203,10 +202,6 @@ class Likelihood(eqx.Module):
         is_switch = (F + A * sine > 0) & (A + F * sine >= 0)
         return is_switch | (self.index != self.quantities.index("theta_c"))
 
-    def _grasp(self, state: State) -> Grasp:
-        """The grasp with the preload of a point."""
-        return eqx.tree_at(lambda g: g.preload, self.problem.grasp, state.preload)
-
     def _pivot_value(self, pivot: str, angle: Scalar, z: Float[Array, " q"]) -> Scalar:
         """Log of the pivot that puts the critical angle at an angle.
 
@@ -217,7 +212,7 @@ class Likelihood(eqx.Module):
         group: Contact = state.params  # pyright: ignore[reportAssignmentType]
         if grasp.mechanics == "tilting":
             direction = (angle, self.reference_alpha)
-            friction = critical_friction(group, self._grasp(state), direction)
+            friction = critical_friction(group, self.problem.grasp_at(state), direction)
             return _safe_log(jnp.where(jnp.isnan(friction), 0.0, friction))
         preload = state.preload / grasp.push_length
         sine, cosine = jnp.sin(angle), jnp.cos(angle)

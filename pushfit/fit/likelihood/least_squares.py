@@ -242,9 +242,10 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         if is_sampled:
             at = _around(problem, as_float(points), as_float(reference_alpha or 0.0))
             problem = with_noise_of(problem, np.asarray(at.predicted))
-    if has_weights:
-        # Other weights have other best fits.
-        setup = replace(setup, search=search(problem, reference_alpha))
+    if has_weights and setup.search is not None:
+        # Other weights have other best fits, near the first ones.
+        pool = setup.search.curve.points
+        setup = replace(setup, search=search(problem, reference_alpha, pool))
     return replace(setup, problem=problem)
 
 

@@ -23,8 +23,8 @@ from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.setup import Setup
 from pushfit.model import as_float
 
-# The ellipse is reported by its axis; s and L are bounded by their priors alone.
-UNPROFILED = ("f1", "f2", "ln_s", "ln_L")
+# The ellipse is reported by its axis; the others are held by what is known beforehand.
+UNPROFILED = ("f1", "f2", "ln_s", "ln_L", "ln_p")
 # Distance from the end of the reach that stands for none [deg].
 JUMP = 1e-6
 
@@ -117,8 +117,7 @@ def _curves(
         if name in UNPROFILED or (wanted is not None and name not in wanted):
             continue
         at_modes = _values_at(problem, name, modes, reference_alpha)
-        # With an ellipse guesses are few beside its shapes: another look pays.
-        is_found = "f1" not in problem.data_names and name == search.quantity
+        is_found = search.is_thorough and name == search.quantity
         if is_found and reference_alpha == search.reference_alpha:
             curve = _weighed_anew(problem, search.curve)
         else:

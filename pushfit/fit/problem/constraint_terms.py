@@ -2,8 +2,9 @@
 
 Where the object tilts, heights depend on s = K_st L²/C_d and on L, but so little that a
 least-squares fit would walk off along them, and what it says of A, B, C_rr and θ_c with
-it. L is measured and s has a prior given B: both enter the fit as one residual each, as
-if they had been observed. Excluded: A, B and C_rr, on which no prior may act here.
+it. Of an unknown sharpness p they say nothing where it is large. L is measured, s has a
+prior given B, and p one of its own: each enters the fit as one residual, as if it had
+been observed. Excluded: A, B and C_rr, on which no prior may act here.
 """
 
 from dataclasses import replace
@@ -20,22 +21,24 @@ N_DRAWS = 4000
 
 
 def with_constraints(problem: Problem) -> Problem:
-    """The problem with a residual for ln L, and one for ln s where B is free.
+    """The problem with a residual for every coordinate of `held_names`.
 
         (ln L - mean) / sd,   (ln s - mean(ln s | ln B, ln L)) / sd
+        (ln p - mean) / sd
 
     The conditional mean is the linear regression over draws from the prior; for
-    lognormal priors the first is exact.
+    lognormal priors the first and the last are exact.
 
     Args:
-        problem: Problem by tilting mechanics.
+        problem: Problem.
     """
+    held = held_names(problem)
+    if not held:
+        return problem
     names = problem.data_names
     x = prior_x_samples(problem, np.random.default_rng(0), N_DRAWS)
     draws = {name: x[:, i] for i, name in enumerate(problem.names)}
-    found = [_residual(names, draws, name) for name in held_names(names)]
-    if not found:
-        return problem
+    found = [_residual(names, draws, name) for name in held]
     rows, offsets = zip(*found, strict=True)
     return replace(
         problem,
@@ -44,15 +47,18 @@ def with_constraints(problem: Problem) -> Problem:
     )
 
 
-def held_names(names: tuple[str, ...]) -> tuple[str, ...]:
+def held_names(problem: Problem) -> tuple[str, ...]:
     """Data coordinates that have a residual of their own, in the order of the rows.
 
     Args:
-        names: Names of the data coordinates of tilting mechanics.
+        problem: Problem.
     """
-    held = ["ln_L"] if "ln_L" in names else []
+    names = problem.data_names
+    # With two supports and small tilts L is what heights see it by.
+    held = ["ln_L"] if "ln_L" in names and problem.grasp.mechanics == "tilting" else []
     # Without ln B it is ln s that the heights see in its place.
-    return (*held, "ln_s") if {"ln_s", "ln_B"} <= set(names) else tuple(held)
+    held += ["ln_s"] if {"ln_s", "ln_B"} <= set(names) else []
+    return (*held, "ln_p") if "ln_p" in names else tuple(held)
 
 
 def held_values(
@@ -73,7 +79,7 @@ def held_values(
     names = problem.data_names
     points = points.copy()
     # In the order in which one depends on the other.
-    for name, row, target in zip(held_names(names), rows, offsets, strict=True):
+    for name, row, target in zip(held_names(problem), rows, offsets, strict=True):
         own = names.index(name)
         rest = points @ row - points[:, own] * row[own]
         points[:, own] = (target - rest) / row[own]

@@ -47,6 +47,8 @@ def data_names(
         names += ["f1", "f2"]
     if "F_0" in priors:
         names.append("ln_F_0")
+    if "p" in priors:
+        names.append("ln_p")
     if is_tilting and {"K_st", "C_d"} & set(priors):
         names.append("ln_s")
     if "L" in priors and (is_tilting or grasp.support_span is not None):

@@ -4,7 +4,6 @@
 no propagated standard error ever stands in for it. Angles leave here in degrees.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -39,8 +38,8 @@ def samples_mapping(
 
     Returns:
         The six parameters, A and B; e1, e2, f1, f2 and alpha_star [deg] where the
-        ellipse is free; F_0 and sigma_<channel> where sampled; theta_c [deg], NaN where
-        the contact never rolls.
+        ellipse is free; F_0, p and sigma_<channel> where sampled; theta_c [deg], NaN
+        where the contact never rolls.
     """
     x, alpha = as_float(x_samples), as_float(reference_alpha)
     columns = _quantities(problem, x, alpha, reach)
@@ -59,7 +58,7 @@ def in_contact(problem: Problem, y: Float[Array, " q"]) -> Bool[Array, " n"]:
         One entry for each row of the problem, padding included.
     """
     state = problem.data_state(y)
-    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+    grasp = problem.grasp_at(state)
     return forward(state.params, problem.pushes, grasp).in_contact
 
 
@@ -87,7 +86,7 @@ def critical_angle_at(
         θ_c; NaN where the contact never rolls [rad].
     """
     state = problem.data_state(y)
-    grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+    grasp = problem.grasp_at(state)
     return critical_angle(state.params, grasp, reference_alpha)
 
 
@@ -103,7 +102,7 @@ def _quantities(
     def one(x: Float[Array, " p"]) -> dict[str, Float[Array, ""]]:
         state = problem.state(x)
         p, group = state.params, contact(state.params)
-        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+        grasp = problem.grasp_at(state)
         angle = critical_angle(p, grasp, reference_alpha)
         values = {name: getattr(p, name) for name in PARAMETERS}
         values |= {"A": group.A, "B": group.B, "theta_c": jnp.degrees(angle)}
@@ -113,6 +112,8 @@ def _quantities(
             values["alpha_star"] = jnp.degrees(direction)
         if "F_0" in problem.priors:
             values["F_0"] = state.preload
+        if state.sharpness is not None:
+            values["p"] = state.sharpness
         for channel, sigma in zip(problem.channels, state.sigma, strict=True):
             if f"sigma_{channel}" in problem.priors:
                 values[f"sigma_{channel}"] = sigma

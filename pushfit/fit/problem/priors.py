@@ -18,7 +18,7 @@ from pushfit.config import GraspConfig
 from pushfit.fit.programs import compiled
 from pushfit.model import Scalar, as_float
 
-POSITIVE = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0")
+POSITIVE = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0", "p")
 UNITS = {
     "K_sn": "N/m",
     "K_dn": "N/m",
@@ -29,7 +29,10 @@ UNITS = {
     "e1": "1",
     "e2": "1",
     "F_0": "N",
+    "p": "1",
 }
+# Of the transition where it is to be found out: 5 % lie below 1.5 and above 41.
+SHARPNESS = ("lognormal", 8.0, 1.0)
 
 
 class Prior(eqx.Module):

@@ -7,6 +7,7 @@ Excluded: searching and sampling.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Generic, TypeVar
 
 import equinox as eqx
@@ -30,6 +31,8 @@ from pushfit.model import (
 
 # Degrees of freedom of the Student-t likelihood: heavy tails with a finite variance.
 STUDENT_DOF = 4.0
+# Numbers of the grasp that may be unknown, and its fields.
+OF_GRASP = {"F_0": "preload", "p": "sharpness"}
 
 
 P = TypeVar("P", Parameters, Contact)
@@ -43,12 +46,14 @@ class State(eqx.Module, Generic[P]):
         preload: F_0 [N].
         sigma: Sampled noise of each channel [table unit]; 0 where it is not sampled.
         log_volume: Log |det| of the map from the coordinates to the prior's scale.
+        sharpness: p of the soft transition [-]; None where it is that of the grasp.
     """
 
     params: P
     preload: Scalar
     sigma: Float[Array, " c"]
     log_volume: Scalar
+    sharpness: Scalar | None = None
 
 
 class Problem(eqx.Module):
@@ -98,9 +103,15 @@ class Problem(eqx.Module):
 
     def predict(self, state: State) -> Float[Array, "c n"]:
         """Noise-free heights of every channel and row [table unit]."""
-        grasp = eqx.tree_at(lambda g: g.preload, self.grasp, state.preload)
-        channels = forward(state.params, self.pushes, grasp)
+        channels = forward(state.params, self.pushes, self.grasp_at(state))
         return jnp.stack([getattr(channels, name) for name in self.channels])
+
+    def grasp_at(self, state: State) -> Grasp:
+        """The grasp with what is unknown of it as a point has it."""
+        values = {"F_0": state.preload}
+        if state.sharpness is not None:
+            values["p"] = state.sharpness
+        return grasp_with(self.grasp, values)
 
     def residuals(self, state: State) -> Float[Array, " m"]:
         """(prediction - observation) / reference sigma, 0 for padding.
@@ -173,7 +184,7 @@ class Problem(eqx.Module):
             x: Values in the order of `names`.
 
         Returns:
-            Parameters, preload, noise and volume ratio.
+            Parameters, preload, noise, volume ratio and sharpness.
         """
         z = dict(zip(self.names, x, strict=True))
         K_sn, K_dn = _normal_pair(z, self.fixed)
@@ -186,6 +197,7 @@ class Problem(eqx.Module):
             preload,
             jnp.exp(jnp.stack(sigma)),
             volume,
+            jnp.exp(z["ln_p"]) if "ln_p" in z else None,
         )
 
     def data_state(self, y: Float[Array, " q"]) -> State[Contact]:
@@ -195,12 +207,25 @@ class Problem(eqx.Module):
             y: Values in the order of `data_names`.
 
         Returns:
-            Contact combinations and preload.
+            Contact combinations, preload and sharpness.
         """
         w = dict(zip(self.data_names, y, strict=True))
         group = POINTS[self.grasp.mechanics](w, self.fixed)
         preload = jnp.exp(w["ln_F_0"]) if "ln_F_0" in w else self.grasp.preload
-        return State(group, preload, jnp.zeros(len(self.channels)), jnp.zeros(()))
+        sharpness = jnp.exp(w["ln_p"]) if "ln_p" in w else None
+        no_sigma = jnp.zeros(len(self.channels))
+        return State(group, preload, no_sigma, jnp.zeros(()), sharpness)
+
+
+def grasp_with(grasp: Grasp, values: Mapping[str, Scalar]) -> Grasp:
+    """A grasp with those of its numbers that a point or a draw names.
+
+    Args:
+        grasp: Grasp and sensor.
+        values: Values by name; names that are none of `OF_GRASP` do not matter.
+    """
+    known = {field: values[name] for name, field in OF_GRASP.items() if name in values}
+    return replace(grasp, **known)
 
 
 def _normal_pair(
@@ -264,6 +289,8 @@ def _prior_scale(
         for name in ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
     }
     scale |= {"e1": p.e1, "e2": p.e2, "F_0": jnp.log(state.preload)}
+    if state.sharpness is not None:
+        scale["p"] = jnp.log(state.sharpness)
     for channel, sigma in zip(channels, state.sigma, strict=True):
         scale[f"sigma_{channel}"] = jnp.log(sigma)
     return scale

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -158,7 +157,7 @@ def _theta_c(
 
     def one(x: Float[Array, " p"]) -> Float[Array, ""]:
         state = problem.state(x)
-        grasp = eqx.tree_at(lambda g: g.preload, problem.grasp, state.preload)
+        grasp = problem.grasp_at(state)
         angle = critical_angle(state.params, grasp, alpha)
         return jnp.where(jnp.isnan(angle), -jnp.pi, angle)
 

@@ -37,6 +37,9 @@ from pushfit.model import Scalar
 
 # The Gaussian rest in several widths, and as the prior has it: shares of each.
 WIDTHS, SHARES = (1.0, 1.7, 3.5), (0.55, 0.2, 0.1, 0.15)
+# The same with an unknown sharpness: the last has it from the prior, the rest given it.
+# Its likelihood is flat towards a hard transition, and steep where it is too soft.
+SHARES_WITH_P = (0.45, 0.15, 0.1, 0.1, 0.2)
 # Normal scores end here: beyond lies 1e-6 of a prior.
 SMALLEST = 1e-6
 # Steps towards the B of a round contact of the same K_st.
@@ -156,20 +159,31 @@ def _rest(
     n, k = held.size, near.centre.size
     prior = cholesky(precision[n:, n:])
     offset = solve(prior, -(precision[n:, :n] @ (held - mean[:n])))
+    has_p = target.roles.others[-1] == "ln_p"
+    shares = SHARES_WITH_P if has_p else SHARES
     scores = jnp.stack([numbers.score() for _ in range(k)])
-    which = jnp.sum(numbers.one() > np.cumsum(SHARES)[:-1])
-    width = jnp.asarray([*WIDTHS, 1.0])[which]
-    around = near.centre + width * back_solve(near.factor, scores)
+    which = jnp.sum(numbers.one() > np.cumsum(shares)[:-1])
+    width = jnp.asarray([*WIDTHS, 1.0, 1.0])[which]
+    # The score of the last coordinate is its own: it comes first, the others given it.
+    own, centre = near.factor[-1, -1], near.centre[-1]
+    p_mean, p_sd = mean[-1], 1 / jnp.sqrt(precision[-1, -1])
+    moved = scores.at[-1].set(own * (p_mean + p_sd * scores[-1] - centre))
+    scaled = width * jnp.where(which > len(WIDTHS), moved, scores)
+    around = near.centre + back_solve(near.factor, scaled)
     anywhere = mean[n:] + offset + back_solve(prior, scores)
     rest = jnp.where(which == len(WIDTHS), anywhere, around)
     square = squared_length(near.factor, rest - near.centre)
     levels = [
-        np.log(share) + log_diagonal(near.factor) - square / (2 * w**2) - k * np.log(w)
-        for share, w in zip(SHARES, WIDTHS, strict=False)
+        log_diagonal(near.factor) - square / (2 * w**2) - k * np.log(w) for w in WIDTHS
     ]
-    square = squared_length(prior, rest - mean[n:] - offset)
-    levels.append(np.log(SHARES[-1]) + log_diagonal(prior) - square / 2)
-    return rest, logsumexp(jnp.stack(levels)) - k * np.log(2 * np.pi) / 2
+    from_prior = squared_length(prior, rest - mean[n:] - offset)
+    levels.append(log_diagonal(prior) - from_prior / 2)
+    if has_p:
+        others = square - (own * (rest[-1] - centre)) ** 2
+        others = others + ((rest[-1] - p_mean) / p_sd) ** 2
+        levels.append(log_diagonal(near.factor) - jnp.log(own * p_sd) - others / 2)
+    log_density = logsumexp(jnp.stack(levels) + np.log(shares))
+    return rest, log_density - k * np.log(2 * np.pi) / 2
 
 
 def _conditional(

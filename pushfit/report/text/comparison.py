@@ -105,6 +105,8 @@ def comparison_dict(comparison: Comparison) -> dict[str, Json]:
 def model_name(model: ModelScore) -> str:
     """Name of a model in prose."""
     name = model.name.replace("_", " ")
+    if model.sharpness is None:
+        return f"{name} (p free)"
     return name if math.isinf(model.sharpness) else f"{name} (p = {model.sharpness:g})"
 
 
@@ -183,7 +185,7 @@ def _entry(model: ModelScore) -> dict[str, object]:
     """One model in the document."""
     densities = model.densities
     return {
-        "sharpness": "hard" if math.isinf(model.sharpness) else model.sharpness,
+        "sharpness": _transition(model.sharpness),
         "engine": model.engine,
         "status": model.status.name.lower(),
         "is_adequate": model.is_adequate,
@@ -199,6 +201,13 @@ def _entry(model: ModelScore) -> dict[str, object]:
         "max_pareto_k": None if densities is None else float(densities.pareto_k.max()),
         "n_unreliable": None if densities is None else densities.n_unreliable,
     }
+
+
+def _transition(sharpness: float | None) -> float | str:
+    """As `[transition] sharpness` states it."""
+    if sharpness is None:
+        return "auto"
+    return "hard" if math.isinf(sharpness) else sharpness
 
 
 def _wrapped(sentence: str) -> str:

@@ -25,12 +25,16 @@ OFFSETS = np.array([-2.0, -1.0, 1.0, 2.0])
 WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12
 DIFFERENCE = 1e-6
 SOFT = "[transition]\nsharpness = 12.0\n"
+# All draws of p are below 50, so that h p is no larger than with the others.
+OPEN = '[transition]\nsharpness = "auto"\n[parameters.p]\n'
+OPEN += "lognormal = { median = 8.0, sd_log = 0.4 }\n"
 PROBLEMS = {
     "six parameters": ("firm", ""),
     "a soft switch": ("firm", SOFT),
     "sampled noise": ("firm", '[noise]\nsigma = "sampled"\n'),
     "heavy tails": ("firm", '[noise]\nlikelihood = "student_t"\n'),
     "an unknown preload": ("preload", '[grasp]\npreload_n = "estimate"\n'),
+    "an unknown sharpness": ("firm", OPEN),
     "an ellipse": ("ellipse", ""),
 }
 

@@ -12,6 +12,7 @@ from pushfit.fit.problem.priors import (
     default_priors,
     priors_from_config,
 )
+from pushfit.fit.problem.problem import OF_GRASP
 from tests.fit.tables import config
 
 PRIORS = {
@@ -90,4 +91,4 @@ def test_default_priors_scale_with_uncalibrated_heights():
         np.testing.assert_allclose(found, ratio, rtol=1e-12)
     for name in ("C_rr", "L"):
         assert float(scaled[name].first) == float(plain[name].first)
-    assert set(POSITIVE) - {"F_0"} <= set(plain)
+    assert set(POSITIVE) - set(OF_GRASP) <= set(plain)

@@ -100,3 +100,15 @@ def test_text_fits_80_columns_and_the_document_is_strict_json(evidence):
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     assert document["schema"] == "pushfit.compare/1"
     assert list(document["models"]) == ["hard", "soft", "no_rolling"]
+
+
+def test_a_sharpness_that_is_unknown_is_no_number():
+    found = make_comparison()
+    open_ = tuple(
+        replace(m, sharpness=None) if m.name == "soft" else m for m in found.models
+    )
+    found = replace(found, models=open_)
+    assert "soft (p free)" in comparison_text(found)
+    models = comparison_dict(found)["models"]
+    assert models["soft"]["sharpness"] == "auto"
+    assert models["hard"]["sharpness"] == "hard"
