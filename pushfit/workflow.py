@@ -26,11 +26,13 @@ from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
+from pushfit.fit.programs import ANALYSIS, has_run, note_run
 from pushfit.fit.results import Recipe
+from pushfit.fit.stages import Progress, Stages, stages_of
+from pushfit.report.text.first import First
 from pushfit.result import Result
 
 Read = TypeVar("Read")
-Progress = Callable[[str, float], None]
 Named = str | Path
 Source = Named | pd.DataFrame | Recording | PeakTable
 Plan = Named | pd.DataFrame | PushSchedule
@@ -73,46 +75,60 @@ def identify(
         FitError: No start gives finite residuals.
     """
     enable_compile_cache()
+    is_compiled = has_run(ANALYSIS)
     settings = as_config(config)
     sources, plans = _several(recordings_or_table), _several(schedule)
     table = gather(sources, plans, settings)
-    with shown_progress(progress) as report:
+    with shown_progress(progress) as (report, tell):
+        names = [*stages_of(settings, engine), "next push"]
+        stages = Stages(names, report, is_compiled=is_compiled)
         found = identify_table(
             table,
             settings,
             seed=seed,
             engine=engine,
-            progress=report,
+            stages=stages,
+            listener=First(tell=tell),
             checkpoint=checkpoint,
         )
-    found = with_next_push(found)
+        stages.begin("next push")
+        found = with_next_push(found)
+    note_run(ANALYSIS)
     return Result.of(replace(found, recipe=recipe_of(sources, plans, settings)))
 
 
 @contextlib.contextmanager
-def shown_progress(progress: Progress | None) -> Iterator[Progress | None]:
-    """The user's way to show progress, else a line in a notebook, else none.
+def shown_progress(
+    progress: Progress | None,
+) -> Iterator[tuple[Progress | None, Callable[[str], None]]]:
+    """The user's way to show progress, else lines in a notebook, else none.
 
     Args:
         progress: Of the user.
 
     Yields:
-        Function of a stage and the share of it that is done.
+        Function of a stage and the share of it that is done, and one of a line that
+        says what is known already.
     """
     notebook = sys.modules.get("IPython")
     shell = notebook.get_ipython() if notebook else None
     if progress is not None or notebook is None or not hasattr(shell, "kernel"):
-        yield progress
+        yield progress, lambda line: None
         return
     handle = notebook.display.display({"text/plain": ""}, raw=True, display_id=True)
+    known: list[str] = []
 
-    def show(stage: str, share: float) -> None:
-        handle.update({"text/plain": f"{stage} {100 * share:.0f} %"}, raw=True)
+    def write(*more: str) -> None:
+        handle.update({"text/plain": "\n".join([*known, *more])}, raw=True)
+
+    def tell(line: str) -> None:
+        known.append(line)
+        write()
 
     try:
-        yield show
+        yield lambda stage, share: write(f"{stage}: {100 * share:.0f} %"), tell
     finally:
-        handle.update({"text/plain": ""}, raw=True)
+        write()
 
 
 def as_config(config: Settings | None) -> GraspConfig:

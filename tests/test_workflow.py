@@ -137,7 +137,7 @@ def test_compiled_programs_are_kept_although_jax_is_loaded(monkeypatch, tmp_path
     assert settings["jax_compilation_cache_dir"] == str(tmp_path / "compiled")
 
 
-def test_a_notebook_shows_the_stage_and_its_share(monkeypatch):
+def test_a_notebook_shows_what_is_known_and_the_stage(monkeypatch):
     shown = []
 
     class Handle:
@@ -151,15 +151,19 @@ def test_a_notebook_shows_the_stage_and_its_share(monkeypatch):
         "Display", (), {"display": staticmethod(lambda *a, **k: Handle())}
     )
     monkeypatch.setitem(sys.modules, "IPython", notebook)
-    with workflow.shown_progress(None) as progress:
+    with workflow.shown_progress(None) as (progress, tell):
+        assert progress is not None
+        tell("best fit: θ_c = 41°")
         progress("sampling", 0.25)
-    assert shown == ["sampling 25 %", ""]
+    known = "best fit: θ_c = 41°"
+    assert shown == [known, f"{known}\nsampling: 25 %", known]
 
 
 def test_without_a_notebook_nothing_is_shown(monkeypatch, capsys):
     monkeypatch.delitem(sys.modules, "IPython", raising=False)
-    with workflow.shown_progress(None) as progress:
+    with workflow.shown_progress(None) as (progress, tell):
         assert progress is None
+        tell("best fit")
     assert capsys.readouterr().out == ""
 
 
@@ -168,4 +172,4 @@ def test_a_frame_becomes_a_result(table):
     result = pushfit.identify(pd.read_csv(table), config={"push": {"length_mm": 5}})
     assert isinstance(result, pushfit.Result)
     assert isinstance(result, Identification)
-    assert str(result).startswith("pushfit ")
+    assert "6 pushes, 6 used" in str(result)

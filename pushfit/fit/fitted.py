@@ -16,17 +16,22 @@ from pushfit.fit.assess.notices import (
     scatter_notice,
     table_notices,
 )
-from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
+from pushfit.fit.likelihood.least_squares import (
+    fit_least_squares,
+    searched,
+    settle_noise,
+)
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
+    LikelihoodProfile,
     Notice,
     PosteriorResult,
 )
 from pushfit.fit.setup import Setup, build_problem
+from pushfit.fit.stages import Progress
 from pushfit.fit.sweep.posterior import sweep_posterior
 
-Progress = Callable[[str, float], None]
 ENGINES = ("auto", "sweep", "emcee")
 
 
@@ -51,12 +56,31 @@ class Fitted:
     notices: tuple[Notice, ...]
 
 
-def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:
+class Listener:
+    """Who waits for an answer and hears what is known already; this one ignores it."""
+
+    def searched(self, setup: Setup) -> None:
+        """The whole likelihood was looked at, by weights still to be settled."""
+
+    def fitted(self, fitted: Fitted) -> None:
+        """There is a best fit."""
+
+    def confined(self, fitted: Fitted, theta_c: LikelihoodProfile | None) -> None:
+        """There is a likelihood set of θ_c, or none."""
+
+
+def fit_table(
+    table: PeakTable,
+    config: GraspConfig,
+    *,
+    searching: Callable[[Setup], None] | None = None,
+) -> Fitted:
     """Least squares of a table, with the noise model settled.
 
     Args:
         table: Peak heights.
         config: Configuration in force.
+        searching: Called with the problem once its likelihood was looked at.
 
     Returns:
         The fit and everything a posterior needs.
@@ -68,17 +92,20 @@ def fit_table(table: PeakTable, config: GraspConfig) -> Fitted:
     """
     config, notices = prepared(table, config)
     reference_alpha = reference_azimuth(table, config)
-    setup, fit = _fit(table, config, reference_alpha)
+    setup = searched(build_problem(table, config), reference_alpha)
+    if searching is not None:
+        searching(setup)
+    setup, fit = _fit(setup, reference_alpha)
     lost = lost_contact_rows(setup, fit)
     if lost:
         table = table.with_flag(lost, "lost_contact")
         notices = (*notices, contact_notice(table, lost))
-        setup, fit = _fit(table, config, reference_alpha)
+        setup, fit = _fit(build_problem(table, config), reference_alpha)
     excess = scatter_notice(setup, fit) if config.noise.sigma == "auto" else None
     if excess is not None:
         config = with_sigma(config, "sampled")
         notices = (*notices, excess)
-        setup, fit = _fit(table, config, reference_alpha)
+        setup, fit = _fit(build_problem(table, config), reference_alpha)
     return Fitted(
         table=table,
         config=with_sigma(config, setup.noise.kind),
@@ -122,11 +149,9 @@ def fit_notices(setup: Setup, fit: FitResult) -> tuple[Notice, ...]:
     return (*setup.noise.notices, *((contradiction,) if contradiction else ()))
 
 
-def _fit(
-    table: PeakTable, config: GraspConfig, reference_alpha: float
-) -> tuple[Setup, FitResult]:
+def _fit(setup: Setup, reference_alpha: float) -> tuple[Setup, FitResult]:
     """Problem with its noise weights settled, and its best fit."""
-    setup = settle_noise(build_problem(table, config), reference_alpha)
+    setup = settle_noise(setup, reference_alpha)
     return setup, fit_least_squares(setup, reference_alpha=reference_alpha)
 
 

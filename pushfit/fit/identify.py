@@ -4,7 +4,7 @@ This is the only place that knows the order of things; commands, batches and rep
 all start from `identify_table`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -43,7 +43,7 @@ from pushfit.fit.assess.violations import violation_notices, violations
 from pushfit.fit.environment import environment
 from pushfit.fit.fitted import (
     Fitted,
-    Progress,
+    Listener,
     check_engine,
     draw_posterior,
     fit_table,
@@ -60,12 +60,10 @@ from pushfit.fit.results import (
     PosteriorResult,
     Quantity,
 )
+from pushfit.fit.stages import Stages, stages_of
 
-# Shares of a warm run after which each stage begins.
-SETS, POSTERIOR, CHECKS = 0.25, 0.5, 0.75
 # What one row of a table says of likelihood sets.
 ANGLES = ("theta_c", "alpha_star")
-FirstAnswer = Callable[["Fitted", Mapping[str, LikelihoodProfile]], None]
 
 
 def identify_table(
@@ -75,8 +73,8 @@ def identify_table(
     seed: int,
     engine: str = "auto",
     is_brief: bool = False,
-    progress: Progress | None = None,
-    first: FirstAnswer | None = None,
+    stages: Stages | None = None,
+    listener: Listener | None = None,
     checkpoint: Path | None = None,
 ) -> Identification:
     """Everything that a table of peak heights can tell.
@@ -89,9 +87,8 @@ def identify_table(
             are not to be trusted.
         is_brief: Whether to leave out what one row of a table has no place for: sets
             of parameters and combinations, advice, and bands.
-        progress: Called with a stage and the share of all work that is done.
-        first: Called with the fit as soon as it is known, and once more with the
-            likelihood sets.
+        stages: Tells how far the work is; has those of `stages_of`.
+        listener: Hears of every answer as soon as it is known.
         checkpoint: File in which a run of emcee is kept, to be resumed.
 
     Returns:
@@ -103,29 +100,28 @@ def identify_table(
         FitError: If no start gives finite residuals.
     """
     check_engine(engine)
-    told = progress or (lambda stage, share: None)
-    hear = first or (lambda fitted, profiles: None)
-    told("least squares", 0.0)
-    fits = _fitted_by_all(table, config, hear)
-    told("likelihood sets", SETS)
-    answers = [_measured(fit, seed, hear) for fit in fits] if len(fits) > 1 else []
+    stages = stages or Stages(stages_of(config, engine))
+    hearing = listener or Listener()
+    fits = _fitted_by_all(table, config, stages, hearing)
+    answers = [_measured(f, seed, stages, hearing) for f in fits if len(fits) > 1]
     answers = _leading_first(answers)
     fitted = answers[0].fitted if answers else fits[0]
+    stages.begin(f"likelihood sets by {_mechanics(fitted)} mechanics")
     profiles = _profiles(fitted, ANGLES if is_brief else None)
     if not answers:
-        hear(fitted, profiles)
-    told("posterior", POSTERIOR)
+        hearing.confined(fitted, profiles.get("theta_c"))
+        stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
+    if engine == "emcee":
+        stages.begin("emcee")
     posterior = draw_posterior(
         fitted,
         seed=seed,
         engine=engine,
         swept=answers[0].swept if answers else None,
-        progress=lambda stage, share: told(
-            stage, POSTERIOR + share * (CHECKS - POSTERIOR)
-        ),
+        progress=stages.within,
         checkpoint=checkpoint,
     )
-    told("checks", CHECKS)
+    stages.begin("checks")
     return _conclude(
         fitted,
         profiles,
@@ -235,30 +231,42 @@ class _Measured:
 
 
 def _fitted_by_all(
-    table: PeakTable, config: GraspConfig, hear: FirstAnswer
+    table: PeakTable, config: GraspConfig, stages: Stages, hearing: Listener
 ) -> list[Fitted]:
     """Least squares by every mechanics; those that do not fit at all are only said."""
-    first, *others = config.by_mechanics()
-    fits, notices = [fit_table(table, first)], []
-    hear(fits[0], {})
-    for other in others:
+    fits, notices = [], []
+    for one in config.by_mechanics():
+        stages.begin(f"least squares by {one.grasp.mechanics} mechanics")
         try:
-            fits.append(fit_table(table, other))
-            hear(fits[-1], {})
+            # One first look is enough for who waits.
+            look = None if fits else hearing.searched
+            fits.append(fit_table(table, one, searching=look))
+            hearing.fitted(fits[-1])
         except FitError as error:
-            text = f"no fit by {other.grasp.mechanics} mechanics: {error}"
+            if not fits:
+                raise
+            text = f"no fit by {one.grasp.mechanics} mechanics: {error}"
             notices.append(Notice(code="one_mechanics", text=text))
     return [replace(fit, notices=(*fit.notices, *notices)) for fit in fits]
 
 
-def _measured(fitted: Fitted, seed: int, hear: FirstAnswer) -> _Measured:
+def _measured(
+    fitted: Fitted, seed: int, stages: Stages, hearing: Listener
+) -> _Measured:
     """Evidence and θ_c of one of the mechanics."""
+    stages.begin(f"set of θ_c by {_mechanics(fitted)} mechanics")
     profiles = _profiles(fitted, ("theta_c",))
-    hear(fitted, profiles)
+    hearing.confined(fitted, profiles.get("theta_c"))
+    stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
     swept = sweep(fitted, seed)
     prob = fitted.config.report.prob
     theta_c = angle_quantity("theta_c", swept, profiles.get("theta_c"), prob=prob)
     return _Measured(fitted=fitted, swept=swept, answer=_answer(fitted, swept, theta_c))
+
+
+def _mechanics(fitted: Fitted) -> str:
+    """By which a table was fitted."""
+    return fitted.setup.problem.grasp.mechanics
 
 
 def _leading_first(measured: list[_Measured]) -> list[_Measured]:
@@ -292,7 +300,7 @@ def _answer(
     best, wanted = fitted.fit.modes[0], fitted.config.report.wanted_width_deg
     is_trusted = posterior.status is FitStatus.OK
     return MechanicsAnswer(
-        mechanics=fitted.setup.problem.grasp.mechanics,
+        mechanics=_mechanics(fitted),
         theta_c=within_verdict(theta_c, wanted_width_deg=wanted)
         if is_trusted
         else unknown(theta_c),

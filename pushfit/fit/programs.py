@@ -46,6 +46,8 @@ ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
 # Files of arrays that are kept; another one replaces the oldest.
 MAX_ARRAYS = 64
+# Name of the analysis of one table.
+ANALYSIS = "analysis"
 
 
 def _origin(package: Path) -> str:
@@ -216,6 +218,31 @@ def kept_arrays(
         for old in others[:-MAX_ARRAYS]:
             old.unlink()
     return made
+
+
+def has_run(name: str) -> bool:
+    """Whether an analysis ended before, so that its programs are kept.
+
+    Args:
+        name: Of the analysis.
+    """
+    folder = programs_folder()
+    return folder is not None and _mark(folder, name).exists()
+
+
+def note_run(name: str) -> None:
+    """Keep that an analysis has ended.
+
+    Args:
+        name: Of the analysis.
+    """
+    folder = programs_folder()
+    if folder is not None:
+        _write(_mark(folder, name), b"")
+
+
+def _mark(folder: Path, name: str) -> Path:
+    return folder / f"{_fingerprint(name)}-run"
 
 
 def in_chunks(

@@ -61,7 +61,8 @@ body { font-family: system-ui, sans-serif; background: #fff; }
 """
 HELP = (
     "Click a hump to leave it out or to take it in. Type θ and α into the table, or "
-    "fill in a plan: every α in turn, at it all θ, each so often in a row."
+    "fill in a plan: every α in turn, at it all θ, or the other way round, each so "
+    "often in a row."
 )
 PICTURE, LINE, NARROW = 320, 25, 150
 # Lines of the table that are seen at once.
@@ -165,14 +166,22 @@ class Page:
         alpha = TextInput(title="α of a plan [deg]", placeholder="0, 30, 60")
         repeats = Spinner(title="repeats", low=1, value=1, step=1, mode="int")
         repeats.name = "repeats"
+        by_theta = Checkbox(label="every θ in turn")
         fill, keep = Button(label="Fill in"), Button(label="Save")
         keep.button_type = "primary"
         fill.on_click(
-            lambda: self._do(look.fill, theta.value, alpha.value, repeats.value or 1)
+            lambda: self._do(
+                lambda: look.fill(
+                    theta.value,
+                    alpha.value,
+                    int(repeats.value or 1),
+                    by_theta=bool(by_theta.active),
+                )
+            )
         )
         keep.on_click(lambda: self._do(save, look))
         both.on_change("active", lambda name, old, new: self._do(look.search, new))
-        widgets: tuple[LayoutDOM, ...] = (theta, alpha, repeats, fill, keep)
+        widgets: tuple[LayoutDOM, ...] = (theta, alpha, repeats, by_theta, fill, keep)
         for widget in widgets:
             widget.width = NARROW
         plan = row(*widgets, sizing_mode="stretch_width")

@@ -169,7 +169,9 @@ class Look:
         ]
         self.theta_deg[hump], self.alpha_deg[hump] = both
 
-    def fill(self, theta: str, alpha: str, repeats: int) -> str:
+    def fill(
+        self, theta: str, alpha: str, repeats: int, *, by_theta: bool = False
+    ) -> str:
         """Give the pushes the directions of a plan, in order.
 
         Every azimuth in turn is pushed at all elevations, each so often in a row. A
@@ -179,6 +181,7 @@ class Look:
             theta: Elevations, as `angles_of` reads them [deg].
             alpha: Azimuths [deg].
             repeats: Pushes per direction.
+            by_theta: Whether every elevation in turn is pushed at all azimuths instead.
 
         Returns:
             What was done.
@@ -190,7 +193,7 @@ class Look:
         azimuth, elevation = np.meshgrid(
             np.radians(angles_of(alpha, "alpha")),
             np.radians(angles_of(theta, "theta")),
-            indexing="ij",
+            indexing="xy" if by_theta else "ij",
         )
         plan = PushSchedule.planned(elevation.ravel(), azimuth.ravel(), repeats=repeats)
         n_cycles, left = divmod(len(self.pushes), plan.n_pushes)

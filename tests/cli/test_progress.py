@@ -84,9 +84,10 @@ def test_a_command_says_theta_c_before_the_posterior(capsys, tmp_path):
     table.write_text("\n".join(rows))
     assert main(["fit", str(table)]) == 0
     said, out = capsys.readouterr()[::-1]
-    order = ["least squares", "best fit by", "likelihood set of", "posterior: "]
+    order = ["least squares", "first look", "best fit by"]
+    order += ["likelihood set of", "posterior by"]
     places = [said.index(words) for words in order]
     assert places == sorted(places)
-    assert not any(words in out for words in order[:3])
+    assert not any(words in out for words in order[:4])
     assert main(["fit", str(table), "--quiet"]) == 0
     assert capsys.readouterr() == (out, "")

@@ -281,3 +281,13 @@ def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
     assert os.environ[cache.PROGRAMS] == str(tmp_path / "compiled")
     assert cache.programs_folder() == tmp_path / "compiled"
     assert os.environ[cache.COMPILED] == "chosen by the user"
+
+
+def test_an_analysis_is_known_once_it_has_ended(folder, monkeypatch):
+    assert not programs.has_run("lines")
+    programs.note_run("lines")
+    assert programs.has_run("lines")
+    assert not programs.has_run("circles")
+    # Other source has other programs.
+    monkeypatch.setattr(programs, "ORIGIN", "another")
+    assert not programs.has_run("lines")

@@ -123,7 +123,7 @@ def test_what_cannot_be_saved_says_why(look):
 def test_dips_are_shown_as_soon_as_pushes_go_both_ways():
     page = Page(a_look(*HUMPS, DIP), title="a.csv", save=lambda own: "")
     assert len(cells(page)["push"]) == len(HUMPS)
-    one(page, Checkbox).active = True
+    one(page, Checkbox, label="pushes go both ways").active = True
     assert len(cells(page)["push"]) == len(HUMPS) + 1
     lowest = min(float(height) for height in cells(page)["height"] if height)
     assert lowest == pytest.approx(DIP[1], rel=0.02)

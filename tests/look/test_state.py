@@ -128,6 +128,14 @@ def test_a_plan_fills_every_azimuth_with_all_elevations():
     assert look.alpha_deg == [60.0] * 3 + [90.0] * 3
 
 
+def test_a_plan_may_go_through_the_azimuths_at_every_elevation():
+    look = a_look()
+    look.toggle(FAINT)
+    look.fill("0:30:15", "60, 90", 1, by_theta=True)
+    assert look.theta_deg == [0.0, 0.0, 15.0, 15.0, 30.0, 30.0]
+    assert look.alpha_deg == [60.0, 90.0] * 3
+
+
 def test_a_recording_may_run_through_a_plan_several_times():
     look = a_look()
     look.toggle(FAINT)

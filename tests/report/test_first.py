@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from pushfit.fit.likelihood.curve import Curve, Search
 from pushfit.fit.results import FitResult, LikelihoodProfile, Mode, Verdict
-from pushfit.report.text.first import fit_line, set_line
+from pushfit.report.text.first import fit_line, look_line, set_line
 
 
 def fit(*modes: tuple[float | None, float]) -> FitResult:
@@ -35,6 +36,27 @@ def fit(*modes: tuple[float | None, float]) -> FitResult:
 def test_the_best_fit_is_said_with_what_fits_as_well(modes, said):
     expected = f"best fit by linear mechanics: {said}"
     assert fit_line(fit(*modes), 90.0, "linear") == expected
+
+
+@pytest.mark.parametrize(
+    ("quantity", "costs", "said"),
+    [
+        ("theta_c", [9.0, 2.0, 5.0], "first look: θ_c near 40° at α = 90°"),
+        ("theta_c", [np.inf] * 3, None),
+        ("ln_A", [9.0, 2.0, 5.0], None),
+    ],
+)
+def test_the_first_look_says_where_the_fit_is_best(quantity, costs, said):
+    values = np.radians([20.0, 40.2, 60.0])
+    curve = Curve(values=values, points=np.zeros((3, 0)), chi_square=np.array(costs))
+    search = Search(
+        observed=np.zeros((1, 0)),
+        quantity=quantity,
+        reference_alpha=np.pi / 2,
+        curve=curve,
+        is_thorough=True,
+    )
+    assert look_line(search) == said
 
 
 @pytest.mark.parametrize(

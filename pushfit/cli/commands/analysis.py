@@ -119,11 +119,6 @@ def demo(
     )
 
 
-# Shares of a warm run of the example after which the inference is done, without and
-# with a folder of figures to be written.
-INFERRED, INFERRED_OF_FOLDER = 0.9, 0.55
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
     """What the user wants of an analysis.
@@ -173,29 +168,34 @@ def analyse(
     # Before anything is loaded, so that a name already taken costs nothing.
     if request.out is not None:
         check_target(request.out, force=request.force)
-    from pushfit.explore.advice import with_next_push
-    from pushfit.fit.identify import identify_table
-    from pushfit.fit.results import FitStatus, Recipe
-    from pushfit.report.store.folder import write_result_folder
-    from pushfit.report.store.summary import summary_dict
-    from pushfit.report.text.first import First
-    from pushfit.report.text.result import render_text
+    from pushfit.fit.programs import ANALYSIS, has_run, note_run
 
+    is_compiled = has_run(ANALYSIS)
     table = load(settings)
     if request.checkpoint is not None:
         keep(f"the chain is kept in {request.checkpoint}; the same command goes on")
-    inferred = INFERRED if request.out is None else INFERRED_OF_FOLDER
+    from pushfit.fit.identify import identify_table
+    from pushfit.fit.results import FitStatus, Recipe
+    from pushfit.fit.stages import Stages, stages_of
+    from pushfit.report.text.first import First
+
+    own = stages_of(settings, request.engine)
+    later = ["next push"] + ["report and figures"] * (request.out is not None)
     with session.progress() as progress:
+        stages = Stages([*own, *later], progress, is_compiled=is_compiled)
         found = identify_table(
             table,
             settings,
             seed=request.seed,
             engine=request.engine,
-            progress=lambda stage, share: progress(stage, share * inferred),
-            first=First(tell=progress.tell),
+            stages=stages,
+            listener=First(tell=progress.tell),
             checkpoint=request.checkpoint,
         )
-        progress("next push", inferred)
+        stages.begin("next push")
+        # What takes long to load comes when the first answers are on the screen.
+        from pushfit.explore.advice import with_next_push
+
         recipe = Recipe(
             config=settings.model_dump(mode="json"),
             recordings=request.recordings,
@@ -204,15 +204,22 @@ def analyse(
         )
         found = replace(with_next_push(found), recipe=recipe)
         if request.out is not None:
-            progress("report and figures", inferred + 0.05)
+            stages.begin("report and figures")
+            from pushfit.report.store.folder import write_result_folder
+
             write_result_folder(
                 found, request.out, force=request.force, pictures=request.pictures
             )
+    note_run(ANALYSIS)
     if request.out is not None:
         session.wrote(request.out)
     if request.json:
+        from pushfit.report.store.summary import summary_dict
+
         session.print_json(summary_dict(found))
     else:
+        from pushfit.report.text.result import render_text
+
         print(render_text(found))
     return 0 if found.status is FitStatus.OK else FitError.exit_code
 

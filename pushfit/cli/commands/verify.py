@@ -138,6 +138,7 @@ def run_again(
     from pushfit.data.tables.peak_table import read_table
     from pushfit.explore.advice import with_next_push
     from pushfit.fit.identify import identify_table
+    from pushfit.fit.stages import Stages, stages_of
 
     config, recipe = recorded_config(summary), summary["recipe"]
     if recipe["table"] is None:
@@ -146,15 +147,14 @@ def run_again(
         table = load_peaks(session, recordings, schedules, config)
     else:
         table = read_table(found[recipe["table"]])
+    engine = summary["posterior"]["engine"]
     with session.progress() as progress:
+        stages = Stages([*stages_of(config, engine), "next push"], progress)
         again = identify_table(
-            table,
-            config,
-            seed=summary["seed"],
-            engine=summary["posterior"]["engine"],
-            progress=progress,
+            table, config, seed=summary["seed"], engine=engine, stages=stages
         )
-    return with_next_push(again)
+        stages.begin("next push")
+        return with_next_push(again)
 
 
 def recorded_config(summary: dict[str, Any]) -> "GraspConfig":

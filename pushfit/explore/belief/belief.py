@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.special import logsumexp
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
@@ -87,7 +87,7 @@ class Belief:
     @property
     def weights(self) -> Float[np.ndarray, " n"]:
         """Weights that sum to 1."""
-        return np.exp(self.log_weights - logsumexp(self.log_weights))
+        return np.exp(self.log_weights - scipy.special.logsumexp(self.log_weights))
 
     @property
     def effective_share(self) -> float:

@@ -78,7 +78,6 @@ def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn:
         seed=seed,
         reference_alpha=reference_azimuth(table, settings),
         reach=reach_of(settings),
-        is_hasty=True,
     )
     if posterior.status is FitStatus.OK:
         return _Drawn(setup=setup, posterior=posterior)

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
-from scipy.special import ndtr
 
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
 
@@ -292,7 +292,7 @@ def _binned(
     index = ((scaled - low[:, None]) / step[:, None]).astype(np.int64)
     np.clip(index, 0, size - 1, out=index)
     offset = np.arange(-size + 1, size)
-    profile = ndtr((offset + 0.5) * step[:, None]) - ndtr(
+    profile = scipy.special.ndtr((offset + 0.5) * step[:, None]) - scipy.special.ndtr(
         (offset - 0.5) * step[:, None]
     )
     # Tails of the noise that add nothing, but whose squares are slow to reckon with.

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 from jaxtyping import Float, Int
-from scipy.special import chdtrc, fdtrc
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.noise import Noise
@@ -148,7 +147,7 @@ def _chi_square_p_value(fit: FitResult, noise: Noise) -> float | None:
     """Chance of a larger chi-square; None where sigma was made to fit it."""
     if noise.kind != "given" or fit.degrees_of_freedom < 1:
         return None
-    return float(chdtrc(fit.degrees_of_freedom, fit.chi_square))
+    return float(scipy.special.chdtrc(fit.degrees_of_freedom, fit.chi_square))
 
 
 def _lack_of_fit_p_value(
@@ -167,7 +166,9 @@ def _lack_of_fit_p_value(
     if pure_dof < 1 or lack_dof < 1 or pure == 0:
         return None
     lack = float(np.sum(counts * means**2))
-    return float(fdtrc(lack_dof, pure_dof, lack / lack_dof / (pure / pure_dof)))
+    return float(
+        scipy.special.fdtrc(lack_dof, pure_dof, lack / lack_dof / (pure / pure_dof))
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,8 +7,8 @@ model's, one of the two assumptions fails.
 """
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.special import fdtri
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.derived import (
@@ -109,4 +109,4 @@ def _amplitude_may_vanish(
     if np.linalg.matrix_rank(covariance) < 2:
         return not np.any(wave)
     distance = float(wave @ np.linalg.solve(covariance, wave)) / 2
-    return bool(distance < fdtri(2, dof, prob))
+    return bool(distance < scipy.special.fdtri(2, dof, prob))

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import jax
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
@@ -106,7 +106,7 @@ def scatter_notice(setup: Setup, fit: FitResult) -> Notice | None:
     """
     if setup.noise.kind != "given" or fit.degrees_of_freedom < 1:
         return None
-    if chdtrc(fit.degrees_of_freedom, fit.chi_square) > LEVEL:
+    if scipy.special.chdtrc(fit.degrees_of_freedom, fit.chi_square) > LEVEL:
         return None
     ratio = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
     return Notice(

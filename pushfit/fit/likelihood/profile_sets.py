@@ -7,8 +7,8 @@ import itertools
 import math
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.special import chdtri, fdtri
 
 from pushfit.fit.results import LikelihoodProfile, Piece, Verdict
 
@@ -29,8 +29,8 @@ def threshold(prob: float, degrees_of_freedom: float) -> float:
         Quantile of chi-square with one degree of freedom, or of F(1, dof).
     """
     if math.isinf(degrees_of_freedom):
-        return float(chdtri(1, 1 - prob))
-    return float(fdtri(1, max(degrees_of_freedom, 1.0), prob))
+        return float(scipy.special.chdtri(1, 1 - prob))
+    return float(scipy.special.fdtri(1, max(degrees_of_freedom, 1.0), prob))
 
 
 def pieces_below(

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 from jaxtyping import Array, Float
-from scipy.special import ndtr
 
 from pushfit.fit.problem.priors import Prior
 from pushfit.fit.problem.quadrature import draw_from_nodes, gauss_legendre
@@ -122,7 +121,7 @@ class Pair(abc.ABC):
         start, step = float(table.start), float(table.step)
         rows = np.linspace(start, start + step * (table.values.size - 1), N_ROWS)
         t, log_joint, _ = self._joint(rows)
-        probs = np.broadcast_to(ndtr(SCORES), (N_ROWS, SCORES.size))
+        probs = np.broadcast_to(scipy.special.ndtr(SCORES), (N_ROWS, SCORES.size))
         # The outermost rows may lie outside the range of both.
         return rows, draw_from_nodes(t, np.maximum(log_joint, -1e300), probs)
 

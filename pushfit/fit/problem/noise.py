@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.special import chdtrc
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
@@ -179,4 +179,4 @@ def _contradiction(
         heights, weight = table.heights(name)[used], sd[used] ** -2.0
         mean = np.bincount(group, weight * heights) / np.bincount(group, weight)
         total += float(np.sum(weight * (heights - mean[group]) ** 2))
-    return float(chdtrc(dof, total)), float(np.sqrt(total / dof))
+    return float(scipy.special.chdtrc(dof, total)), float(np.sqrt(total / dof))

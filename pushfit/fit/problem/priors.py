@@ -10,9 +10,9 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax.scipy.stats import norm
 from jaxtyping import Array, Float
-from scipy.special import ndtr, ndtri
 
 from pushfit.config import GraspConfig
 from pushfit.fit.programs import compiled
@@ -91,8 +91,8 @@ class Prior(eqx.Module):
             value = rng.uniform(first, second, n)
         else:
             low = -first / second if self.is_positive else -np.inf
-            share_above = ndtr(-low) * (1 - rng.uniform(size=n))
-            value = first - second * ndtri(share_above)
+            share_above = scipy.special.ndtr(-low) * (1 - rng.uniform(size=n))
+            value = first - second * scipy.special.ndtri(share_above)
         return np.log(value) if self.is_positive else np.asarray(value)
 
     def describe(self) -> str:

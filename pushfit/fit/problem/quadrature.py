@@ -5,8 +5,8 @@ what is integrated.
 """
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.special import logsumexp
 
 
 def gauss_legendre(
@@ -15,7 +15,7 @@ def gauss_legendre(
     half_width: Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, "..."]:
     """Log integral of exp(log_f) given at Gauss nodes of intervals."""
-    return logsumexp(log_f, b=weights, axis=-1) + np.log(half_width)
+    return scipy.special.logsumexp(log_f, b=weights, axis=-1) + np.log(half_width)
 
 
 def draw_from_nodes(

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy import special
 from threadpoolctl import threadpool_limits
 
 if TYPE_CHECKING:
@@ -64,11 +64,11 @@ class Mixture:
         scaled = inverses.reshape(-1, dim) @ x.T - offsets.reshape(-1, 1)
         squares = np.sum(scaled.reshape(-1, dim, x.shape[0]) ** 2, axis=1)
         log_volume = np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
-        norm = special.gammaln((nu + dim) / 2) - special.gammaln(nu / 2)
+        norm = scipy.special.gammaln((nu + dim) / 2) - scipy.special.gammaln(nu / 2)
         norm -= dim / 2 * np.log(nu * np.pi)
         log_weight = (np.log(self.weights) - log_volume)[:, None]
         log_shape = -(nu + dim) / 2 * np.log1p(squares / nu)
-        return norm + special.logsumexp(log_weight + log_shape, axis=0)
+        return norm + scipy.special.logsumexp(log_weight + log_shape, axis=0)
 
 
 def fit_mixture(points: Float[np.ndarray, "n p"], rng: np.random.Generator) -> Mixture:

@@ -34,9 +34,6 @@ MAX_CALLS = 4
 # Below so many effective draws, or with a heavier tail of the weights, averages are not
 # to be trusted. The second is the limit of Vehtari et al. (2024), arXiv:1507.02646.
 TOO_FEW, MAX_PARETO_K = 400.0, 0.7
-# Share of draws that count above which, where time matters, nobody asks how heavy the
-# tail of the weights is: their variance is then at most 1.5 squared means.
-EVEN_SHARE = 0.4
 # Times that a mixture is fitted to the draws where they are not to be trusted yet, the
 # draws it is fitted to, and those from it.
 MAX_REFINEMENTS, N_FITTED, N_REFINED = 3, 8192, 16384
@@ -55,7 +52,7 @@ class WeightedDraws:
         log_evidence: Log marginal likelihood.
         log_evidence_error: Its standard error.
         ess: Effective number of draws.
-        pareto_k: Shape of the tail of the weights; NaN where it was not looked at.
+        pareto_k: Shape of the tail of the weights.
     """
 
     x: Float[np.ndarray, "n p"]
@@ -69,7 +66,7 @@ class WeightedDraws:
     @property
     def is_trusted(self) -> bool:
         """Whether averages over the draws mean what they say."""
-        return self.ess >= TOO_FEW and not self.pareto_k > MAX_PARETO_K
+        return self.ess >= TOO_FEW and self.pareto_k <= MAX_PARETO_K
 
     def resampled(
         self, n: int, rng: np.random.Generator
@@ -83,12 +80,7 @@ class WeightedDraws:
 
 
 def sweep_posterior(
-    setup: Setup,
-    *,
-    seed: int,
-    reference_alpha: float,
-    reach: tuple[float, float],
-    is_hasty: bool = False,
+    setup: Setup, *, seed: int, reference_alpha: float, reach: tuple[float, float]
 ) -> PosteriorResult:
     """Draws from the posterior of a table, and its evidence.
 
@@ -97,8 +89,6 @@ def sweep_posterior(
         seed: Seed of the draws.
         reference_alpha: Azimuth of θ_c [rad].
         reach: Lowest and highest azimuth for α* [rad].
-        is_hasty: Whether to leave the tail of the weights alone where most draws
-            count: what looks at it takes a second to load.
 
     Returns:
         Posterior with engine "sweep"; its status is NOT_CONVERGED where too few draws
@@ -115,8 +105,7 @@ def sweep_posterior(
             code="nothing_free",
         )
     rng = np.random.default_rng(seed)
-    target = make_target(problem, reference_alpha)
-    weighted = weighted_draws(target, seed=seed, is_hasty=is_hasty)
+    weighted = weighted_draws(make_target(problem, reference_alpha), seed=seed)
     x, log_prob = weighted.resampled(N_RETURNED, rng)
     prior = prior_points(problem, reference_alpha, rng)
     both = samples_mapping(problem, np.concatenate([x, prior]), reference_alpha, reach)
@@ -138,18 +127,15 @@ def sweep_posterior(
     )
 
 
-def weighted_draws(
-    target: Target, *, seed: int, is_hasty: bool = False
-) -> WeightedDraws:
+def weighted_draws(target: Target, *, seed: int) -> WeightedDraws:
     """Draws with weights, as many as it takes.
 
     Args:
         target: Posterior.
         seed: Seed of the draws.
-        is_hasty: Whether to leave the tail of the weights alone where most draws count.
     """
     rng = np.random.default_rng([seed, 1])
-    found = _swept(target, rng, is_hasty=is_hasty)
+    found = _swept(target, rng)
     if found.ess >= ENOUGH and found.is_trusted:
         return found
     for _ in range(MAX_REFINEMENTS):
@@ -159,9 +145,7 @@ def weighted_draws(
     return found
 
 
-def _swept(
-    target: Target, rng: np.random.Generator, *, is_hasty: bool
-) -> WeightedDraws:
+def _swept(target: Target, rng: np.random.Generator) -> WeightedDraws:
     """Draws proposed by the sweep."""
     sheet = _sheet(target)
     parts: list[Draw] = []
@@ -170,12 +154,7 @@ def _swept(
         parts.append(jax.tree.map(np.asarray, _draws(target, sheet, shift)))
         draws = jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
         order = np.argsort(draws.outer, kind="stable")
-        found = _weighed(
-            draws.x[order],
-            draws.log_prob[order],
-            draws.log_weight[order],
-            is_hasty=is_hasty,
-        )
+        found = _weighed(draws.x[order], draws.log_prob[order], draws.log_weight[order])
         if found.ess >= ENOUGH or len(parts) == MAX_CALLS:
             return found
 
@@ -196,15 +175,11 @@ def _weighed(
     x: Float[np.ndarray, "n p"],
     log_prob: Float[np.ndarray, " n"],
     log_weight: Float[np.ndarray, " n"],
-    *,
-    is_hasty: bool = False,
 ) -> WeightedDraws:
     """Draws with smoothed weights, and what these are worth."""
     n, is_possible = log_weight.size, np.isfinite(log_weight)
     smoothed, pareto_k, ess = np.full(n, -np.inf), np.inf, _ess(log_weight)
-    if is_hasty and ess >= EVEN_SHARE * n:
-        smoothed, pareto_k = log_weight - _log_sum(log_weight), np.nan
-    elif np.sum(is_possible) > 1:
+    if np.sum(is_possible) > 1:
         from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
 
         # It takes minus the log of the weights, as it would take log likelihoods, and

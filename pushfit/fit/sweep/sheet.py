@@ -10,9 +10,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import logsumexp
+from jax.scipy.special import logsumexp, ndtri
 from jaxtyping import Array, Float, Int
-from scipy.special import ndtri
 
 from pushfit.fit.sweep.cholesky import (
     back_solve,
@@ -30,9 +29,8 @@ from pushfit.model import Scalar
 N_SIDE, N_STEPS = 8, 3
 # Innermost distance of the nodes, about, in conditional standard deviations.
 STRETCH = 0.7
-# Equally probable parts of the prior of ln s given B, and the score in their middle.
+# Equally probable parts of the prior of ln s given B.
 N_STRATA = 8
-MIDDLES = ndtri((np.arange(N_STRATA) + 0.5) / N_STRATA)
 # Furthest that the inner coordinate follows the ridge between nodes, in its own sd.
 FOLLOWED = 2.0
 # Longest move of the others from one inner node to the next, in logs.
@@ -164,7 +162,7 @@ def log_volumes(target: Target, node: Expansion) -> Float[Array, " s"]:
         held = jnp.concatenate([node.y[:2], ln_s[None]])
         return local(target, node, held).log_volume
 
-    return jax.vmap(one)(jnp.asarray(MIDDLES))
+    return jax.vmap(one)(ndtri((jnp.arange(N_STRATA) + 0.5) / N_STRATA))
 
 
 def local(target: Target, node: Expansion, held: Float[Array, " h"]) -> Local:

@@ -1,16 +1,32 @@
 """What is known of θ_c before the posterior is: a line for who waits."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from pushfit.fit.fitted import Fitted
+from pushfit.fit.fitted import Fitted, Listener
+from pushfit.fit.likelihood.curve import Search
 from pushfit.fit.results import FitResult, LikelihoodProfile
+from pushfit.fit.setup import Setup
 from pushfit.report.strings import format_angle, format_range, join_or
 
 # Optima this much worse are no answer [Δχ²]; those this near are the same one [deg].
 ALIKE, APART = 2.7, 2.0
+
+
+def look_line(search: Search) -> str | None:
+    """θ_c near the best fit, before anything is polished; None where it has none.
+
+    Args:
+        search: Best fits along one quantity.
+    """
+    best = int(np.argmin(search.curve.chi_square))
+    if search.quantity != "theta_c" or not np.isfinite(search.curve.chi_square[best]):
+        return None
+    angle = float(np.degrees(search.curve.values[best]))
+    alpha = np.degrees(search.reference_alpha)
+    return f"first look: θ_c near {angle:.0f}° at α = {alpha:g}°"
 
 
 def fit_line(fit: FitResult, reference_alpha_deg: float, mechanics: str) -> str:
@@ -50,7 +66,7 @@ def set_line(profile: LikelihoodProfile, mechanics: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class First:
+class First(Listener):
     """Says of θ_c what is known already, for `identify_table`.
 
     Args:
@@ -59,13 +75,23 @@ class First:
 
     tell: Callable[[str], None]
 
-    def __call__(
-        self, fitted: Fitted, profiles: Mapping[str, LikelihoodProfile]
-    ) -> None:
-        """Say the fit, and once there are profiles, the set."""
-        mechanics = fitted.setup.problem.grasp.mechanics
-        if "theta_c" in profiles:
-            self.tell(set_line(profiles["theta_c"], mechanics))
-        elif not profiles and fitted.fit.modes:
+    def searched(self, setup: Setup) -> None:
+        """Say where the likelihood is highest."""
+        line = None if setup.search is None else look_line(setup.search)
+        if line is not None:
+            self.tell(line)
+
+    def fitted(self, fitted: Fitted) -> None:
+        """Say the best fit."""
+        if fitted.fit.modes:
             alpha = float(np.degrees(fitted.reference_alpha))
-            self.tell(fit_line(fitted.fit, alpha, mechanics))
+            self.tell(fit_line(fitted.fit, alpha, _mechanics(fitted)))
+
+    def confined(self, fitted: Fitted, theta_c: LikelihoodProfile | None) -> None:
+        """Say the set."""
+        if theta_c is not None:
+            self.tell(set_line(theta_c, _mechanics(fitted)))
+
+
+def _mechanics(fitted: Fitted) -> str:
+    return fitted.setup.problem.grasp.mechanics
