@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 # A log gets a line when at least so much more is done: stages do, 10 000 items do not.
-WORTH_A_LINE = 0.05
+WORTH_A_LINE = 0.03
 # Below this share what is left would be a guess.
 FORESEEABLE = 0.15
 # Seconds of which the bar takes the speed: stages are long and few.

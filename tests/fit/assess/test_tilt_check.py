@@ -97,16 +97,20 @@ def test_mechanics_that_cannot_be_fitted_are_said_and_stop_nothing(
         notices=(),
     )
 
-    def fit_table(_, config):
+    def fit_table(_, config, *, searching):
         if config.grasp.mechanics == "tilting":
             raise FitError("no finite start", code="no_finite_start")
         return fitted
 
     monkeypatch.setattr(identify, "fit_table", fit_table)
     heard = []
-    (only,) = identify._fitted_by_all(
-        fitted.table, fitted.config, lambda *said: heard.append(said)
-    )
-    assert heard == [(fitted, {})]
+
+    class Hearing(identify.Listener):
+        def fitted(self, fitted):
+            heard.append(fitted)
+
+    stages = identify.Stages(["least squares by linear mechanics"])
+    (only,) = identify._fitted_by_all(fitted.table, fitted.config, stages, Hearing())
+    assert heard == [fitted]
     assert [notice.code for notice in only.notices] == ["one_mechanics"]
     assert "no finite start" in only.notices[0].text
