@@ -146,6 +146,10 @@ def test_every_example_of_the_template_is_valid(section, line):
             '[parameters.p]\nfixed = 4\n[transition]\nsharpness = "auto"',
             "set transition.sharpness = 4",
         ),
+        (
+            '[parameters.F_0]\nfixed = 2\n[grasp]\npreload_n = "estimate"',
+            "set grasp.preload_n = 2",
+        ),
         ("[push]\nlength_known = true", "length_known = true needs length_mm"),
         ("[transition]\nsharpness = 0.5", "sharpness = 0.5: must be 'hard' or 'auto'"),
         ("[reach]\nalpha_deg = [0]", "reach.alpha_deg = [0]: has too few values"),

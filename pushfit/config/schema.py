@@ -204,21 +204,23 @@ class GraspConfig(Section):
     @model_validator(mode="after")
     def check_sections_agree(self) -> "GraspConfig":
         """Refuse sections that need each other and do not fit."""
-        if self.parameters.F_0 is not None and not self.preload_is_estimated:
-            raise ValueError(
-                "parameters.F_0 is a prior of an estimated preload; "
-                'set grasp.preload_n = "estimate" or remove it'
-            )
-        if self.parameters.p is not None and self.transition.sharpness != "auto":
-            raise ValueError(
-                "parameters.p is a prior of an unknown sharpness; "
-                'set transition.sharpness = "auto" or remove it'
-            )
-        if self.parameters.p is not None and self.parameters.p.fixed is not None:
-            raise ValueError(
-                "parameters.p is a prior, and a value is none; "
-                f"set transition.sharpness = {self.parameters.p.fixed:g}"
-            )
+        unknowns = (
+            ("F_0", "an estimated preload", "grasp.preload_n", "estimate"),
+            ("p", "an unknown sharpness", "transition.sharpness", "auto"),
+        )
+        is_unknown = (self.preload_is_estimated, self.transition.sharpness == "auto")
+        for (name, what, key, word), is_open in zip(unknowns, is_unknown, strict=True):
+            prior = getattr(self.parameters, name)
+            if prior is not None and not is_open:
+                raise ValueError(
+                    f"parameters.{name} is a prior of {what}; "
+                    f'set {key} = "{word}" or remove it'
+                )
+            if prior is not None and prior.fixed is not None:
+                raise ValueError(
+                    f"parameters.{name} is a prior, and a value is none; "
+                    f"set {key} = {prior.fixed:g}"
+                )
         reason = self.why_not_tilting()
         if self.grasp.mechanics == "tilting" and reason is not None:
             raise ValueError(f'grasp.mechanics = "tilting": {reason}')
