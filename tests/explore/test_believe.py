@@ -49,6 +49,7 @@ def interval(belief):
     return np.quantile(belief.samples["theta_c"], [0.05, 0.95])
 
 
+@pytest.mark.slow
 def test_a_large_tilt_is_believed_as_it_is():
     """5 mm on an object of 40 mm; the paper's equations miss θ_c there."""
     grasp = Grasp(push_length=0.005, mechanics="tilting")

@@ -68,7 +68,13 @@ def swept(setup):
     return sweep_posterior(setup, seed=1, reference_alpha=ALPHA, reach=REACH)
 
 
-@pytest.mark.parametrize("name", ["open_transition", "open_transition_tilting"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "open_transition",
+        pytest.param("open_transition_tilting", marks=pytest.mark.slow),
+    ],
+)
 def test_a_point_is_one_of_a_stated_sharpness_and_its_prior(name):
     kind = KINDS[name]
     problem = build_problem(kind.table(0), config(kind.text)).problem
