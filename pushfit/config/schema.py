@@ -208,15 +208,17 @@ class GraspConfig(Section):
             ("F_0", "an estimated preload", "grasp.preload_n", "estimate"),
             ("p", "an unknown sharpness", "transition.sharpness", "auto"),
         )
-        is_unknown = (self.preload_is_estimated, self.transition.sharpness == "auto")
-        for (name, what, key, word), is_open in zip(unknowns, is_unknown, strict=True):
+        stated = {"F_0": self.grasp.preload[0], "p": self.transition.sharpness}
+        for name, what, key, word in unknowns:
             prior = getattr(self.parameters, name)
-            if prior is not None and not is_open:
+            if prior is None:
+                continue
+            if stated[name] != word:
                 raise ValueError(
                     f"parameters.{name} is a prior of {what}; "
                     f'set {key} = "{word}" or remove it'
                 )
-            if prior is not None and prior.fixed is not None:
+            if prior.fixed is not None:
                 raise ValueError(
                     f"parameters.{name} is a prior, and a value is none; "
                     f"set {key} = {prior.fixed:g}"
