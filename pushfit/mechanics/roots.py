@@ -1,7 +1,8 @@
 """Roots of functions of one number, many at a time, with derivatives.
 
 Newton steps inside a bracket that always holds the root; where a step would leave it,
-the bracket is halved. Excluded: anything that knows what a push is.
+or is hardly shorter than the last one, the bracket is halved. Excluded: anything that
+knows what a push is.
 """
 
 from collections.abc import Callable
@@ -15,6 +16,9 @@ from jaxtyping import Array, Bool, Float, Int
 # Relative step at which the search ends: that step leaves about its square, and the one
 # after it, which also carries the derivatives, the square of that.
 RTOL = 2e-4
+# Newton's steps go to and fro for ever across some kinks: each is at most this share of
+# the one before it.
+SHORTER = 0.9
 # Halving alone would take this many steps to reach it from a bracket of length 1.
 MAX_STEPS = 60
 # Smallest slope, as a share of the mean slope over the bracket: at a fold the
@@ -26,12 +30,22 @@ Numbers = Float[Array, " n"]
 
 
 class _Search(eqx.Module):
-    """State of a search: bracket, last point and where Newton's step leads from it."""
+    """State of a search.
+
+    Args:
+        x: Last point.
+        lower: Lower end of the bracket.
+        upper: Upper end.
+        newton: Where Newton's step leads from the last point.
+        length: Of the step that led to it.
+        n_steps: Steps so far.
+    """
 
     x: Numbers
     lower: Numbers
     upper: Numbers
     newton: Numbers
+    length: Numbers
     n_steps: Int[Array, ""]
 
     @property
@@ -39,6 +53,12 @@ class _Search(eqx.Module):
         """Entries whose step is short, or whose function is not a number."""
         is_settled = jnp.abs(self.newton - self.x) <= RTOL * jnp.abs(self.x)
         return is_settled | jnp.isnan(self.newton)
+
+    @property
+    def is_over(self) -> Bool[Array, " n"]:
+        """Entries that have arrived, or whose bracket leaves nothing to look for."""
+        is_narrow = self.upper - self.lower <= RTOL * self.upper
+        return self.has_arrived | is_narrow
 
 
 def falling_root(
@@ -83,15 +103,18 @@ def falling_root(
         low = jnp.where(search.newton > search.x, search.x, search.lower)
         high = jnp.where(search.newton < search.x, search.x, search.upper)
         is_inside = (search.newton > low) & (search.newton < high)
+        is_shorter = jnp.abs(search.newton - search.x) <= SHORTER * search.length
         is_guess = jnp.isnan(search.x)
-        found = jnp.where(is_inside | is_guess, search.newton, (low + high) / 2)
-        # Entries that have arrived stay, so that none depends on its neighbours.
-        stays = search.has_arrived
+        is_good = (is_inside & is_shorter) | is_guess
+        found = jnp.where(is_good, search.newton, (low + high) / 2)
+        # Entries whose search is over stay, so that none depends on its neighbours.
+        stays = search.is_over
         return _Search(
             x=jnp.where(stays, search.x, found),
             lower=low,
             upper=high,
             newton=jnp.where(stays, search.newton, newton(found)),
+            length=jnp.where(is_guess, jnp.inf, jnp.abs(found - search.x)),
             n_steps=search.n_steps + 1,
         )
 
@@ -102,10 +125,11 @@ def falling_root(
         lower=lower,
         upper=upper,
         newton=jnp.where(is_falling, guess, lower),
+        length=jnp.full_like(lower, jnp.inf),
         n_steps=jnp.zeros((), int),
     )
     last = jax.lax.while_loop(
-        lambda search: ~jnp.all(search.has_arrived) & (search.n_steps < MAX_STEPS),
+        lambda search: ~jnp.all(search.is_over) & (search.n_steps < MAX_STEPS),
         advance,
         first,
     )

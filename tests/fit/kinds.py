@@ -29,6 +29,7 @@ class Kind:
         support_span: Distance between two supports [m].
         channels: Channels of the table.
         sweeps: "theta", "alpha", or both.
+        sd_spread: Of ln sd from height to height, where each states its own.
     """
 
     text: str = ""
@@ -37,6 +38,7 @@ class Kind:
     support_span: float | None = None
     channels: tuple[str, ...] = ("height",)
     sweeps: tuple[str, ...] = ("theta", "alpha")
+    sd_spread: float = 0.0
 
     def table(self, seed: int, repeats: int = 3) -> PeakTable:
         """Heights with noise of `NOISE` newtons."""
@@ -47,7 +49,8 @@ class Kind:
         if "alpha" in self.sweeps:
             theta = np.append(theta, np.full(ALPHA_DEG.size, 15.0))
             alpha = np.append(alpha, ALPHA_DEG)
-        return simulate_table(
+        rng = np.random.default_rng(seed)
+        table = simulate_table(
             paper_parameters(**ellipse(2.0, 160.0)),
             Grasp(
                 push_length=PUSH,
@@ -59,8 +62,18 @@ class Kind:
             alpha=np.radians(alpha),
             repeats=repeats,
             noise=NOISE,
-            rng=np.random.default_rng(seed),
+            rng=rng,
             channels=self.channels,
+        )
+        if not self.sd_spread:
+            return table
+        sd = NOISE / 2 * rng.lognormal(sigma=self.sd_spread, size=table.n_pushes)
+        return PeakTable.from_arrays(
+            theta=table.theta,
+            alpha=table.alpha,
+            heights={name: table.heights(name) for name in table.channels},
+            unit=table.unit,
+            sd=dict.fromkeys(table.channels, sd),
         )
 
     def setup(self, seed: int) -> Setup:
@@ -86,6 +99,7 @@ KINDS = {
     "student_sampled": Kind(
         text=GRASP + '[noise]\nsigma = "sampled"\nlikelihood = "student_t"\n'
     ),
+    "uneven": Kind(text=GRASP + '[noise]\nsigma = "sampled"\n', sd_spread=0.5),
     "soft": Kind(text=GRASP + "[transition]\nsharpness = 4\n"),
     "open_transition": Kind(text=GRASP + OPEN),
     "two_supports": Kind(text=GRASP + "support_span_mm = 40\n", support_span=0.04),

@@ -278,6 +278,16 @@ def test_the_critical_angle_grows_with_the_push():
     np.testing.assert_allclose(angles[0], math.degrees(float(linear)), atol=1e-2)
 
 
+def test_a_push_at_a_kink_is_found_where_newton_steps_go_to_and_fro():
+    """The two sides of the switch send each other's steps across it for ever."""
+    params = Parameters(8443.0, 1067.4, 96.87, 0.21754, 2.2673, 0.0126156)
+    pushes, grasp = sweep([20.0], [0.0]), tilting(preload=0.2)
+    found = forces(params, pushes, grasp)
+    expected = planar_forces(paper.numbers(params), grasp, math.radians(20.0))
+    got = (found.normal[0], found.tangential_x[0])
+    np.testing.assert_allclose(got, expected, rtol=0, atol=TWO_ROUTES)
+
+
 def test_a_push_that_lifts_the_finger_off_meets_no_force():
     pushes = sweep([-80.0, -30.0], [0.0])
     found = forces(paper_parameters(), pushes, tilting())

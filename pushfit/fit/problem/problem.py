@@ -63,7 +63,7 @@ class Problem(eqx.Module):
     reach any result or gradient.
 
     Args:
-        pushes: Directions of the rows.
+        pushes: Directions of the rows, or those that `repeats` refers to.
         observed: Heights by channel and row [table unit].
         sd: Known noise of each height, 0 where unknown [table unit].
         reference_sigma: Noise that weights the residuals of least squares.
@@ -79,6 +79,8 @@ class Problem(eqx.Module):
             see, as residuals constraint · y - constraint_offset of unit variance; no
             rows where heights see all of them.
         constraint_offset: See `constraint`.
+        repeats: 1 where a row repeats one of `pushes`, else 0; None where each row has
+            its own.
     """
 
     pushes: Pushes
@@ -95,6 +97,7 @@ class Problem(eqx.Module):
     likelihood: str = eqx.field(static=True, default="normal")
     constraint: Float[Array, "k q"] | None = None
     constraint_offset: Float[Array, " k"] | None = None
+    repeats: Float[Array, "d n"] | None = None
 
     @property
     def n_constraints(self) -> int:
@@ -104,7 +107,8 @@ class Problem(eqx.Module):
     def predict(self, state: State) -> Float[Array, "c n"]:
         """Noise-free heights of every channel and row [table unit]."""
         channels = forward(state.params, self.pushes, self.grasp_at(state))
-        return jnp.stack([getattr(channels, name) for name in self.channels])
+        heights = jnp.stack([getattr(channels, name) for name in self.channels])
+        return heights if self.repeats is None else heights @ self.repeats
 
     def grasp_at(self, state: State) -> Grasp:
         """The grasp with what is unknown of it as a point has it."""

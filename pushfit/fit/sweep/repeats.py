@@ -1,8 +1,8 @@
-"""Repeated pushes pooled: fewer rows, the same likelihood.
+"""Repeated pushes pooled: fewer rows and fewer predictions, the same likelihood.
 
 Heights of one direction with one standard deviation enter a normal likelihood through
-their number, their mean and their scatter alone. A Student-t likelihood has no such
-sums, so that its rows stay apart.
+their number, their mean and their scatter alone. Other heights of a direction stay
+apart, as do all of a Student-t likelihood; what they share is one prediction.
 """
 
 from dataclasses import replace
@@ -47,36 +47,49 @@ def pool_repeats(problem: Problem) -> Pooled:
     observed = np.asarray(problem.observed)[:, used]
     sd = np.asarray(problem.sd)[:, used]
     sigma = np.asarray(problem.reference_sigma)[:, used]
-    theta = np.asarray(problem.pushes.theta)[used]
-    alpha = np.asarray(problem.pushes.alpha)[used]
+    angles = np.stack([problem.pushes.theta, problem.pushes.alpha])[:, used]
     if problem.likelihood == "normal":
-        key = np.concatenate([[theta, alpha], np.log(np.maximum(sd, 1e-300))])
-        key = np.rint(np.concatenate([key, np.log(sigma)]) / SAME)
-        _, first, group = np.unique(key, axis=1, return_index=True, return_inverse=True)
+        key = np.concatenate([angles, np.log(np.maximum(sd, 1e-300)), np.log(sigma)])
+        first, group = _alike(key)
     else:
-        first = group = np.arange(theta.size)
-    n, size = first.size, -(-first.size // PADDING) * PADDING
+        first = group = np.arange(angles.shape[1])
+    n = first.size
+    at, direction = _alike(angles[:, first])
+    theta, alpha = angles[:, first[at]]
     count = np.bincount(group, minlength=n).astype(float)
     mean = np.stack([np.bincount(group, row, minlength=n) / count for row in observed])
     scatter = (observed - mean[:, group]) ** 2
     scatter = np.stack([np.bincount(group, row, minlength=n) for row in scatter])
-    channels = len(problem.channels)
-
-    def padded(values: np.ndarray, fill: float) -> np.ndarray:
-        ends = np.full((*values.shape[:-1], size - n), fill)
-        return np.concatenate([values, ends], axis=-1)
-
+    pushes = Pushes(_padded(theta, 0.5), _padded(alpha, 0.0))
+    repeats = np.arange(pushes.theta.size)[:, None] == direction
+    mask = _padded(np.ones(mean.shape), 0.0) > 0
     pooled = replace(
         problem,
-        pushes=Pushes(padded(theta[first], 0.5), padded(alpha[first], 0.0)),
-        observed=padded(mean, 0.0),
-        sd=padded(sd[:, first], 0.0),
-        reference_sigma=padded(sigma[:, first], 1.0),
-        mask=jnp.asarray(np.tile(np.arange(size) < n, (channels, 1)), dtype=bool),
+        pushes=pushes,
+        repeats=as_float(_padded(repeats.astype(float), 0.0)),
+        observed=_padded(mean, 0.0),
+        sd=_padded(sd[:, first], 0.0),
+        reference_sigma=_padded(sigma[:, first], 1.0),
+        mask=jnp.asarray(mask),
     )
     return Pooled(
         pooled,
-        as_float(np.tile(padded(count, 0.0), (channels, 1))),
-        as_float(padded(scatter, 0.0)),
+        as_float(np.where(mask, _padded(count, 0.0), 0.0)),
+        as_float(_padded(scatter, 0.0)),
         has_sd=bool(np.any(sd > 0)),
     )
+
+
+def _alike(key: Float[np.ndarray, "k n"]) -> tuple[np.ndarray, np.ndarray]:
+    """First column of each group of equal ones, and the group of every column."""
+    _, first, group = np.unique(
+        np.rint(key / SAME), axis=1, return_index=True, return_inverse=True
+    )
+    return first, group
+
+
+def _padded(values: np.ndarray, fill: float) -> np.ndarray:
+    """Rows up to the next length that programs are compiled for."""
+    n = values.shape[-1]
+    ends = np.full((*values.shape[:-1], -n % PADDING), fill, dtype=values.dtype)
+    return np.concatenate([values, ends], axis=-1)
