@@ -1,7 +1,7 @@
 """What the push model is told and what it says: parameters, pushes, grasp, forces.
 
 Small containers, the combinations of the parameters that forces depend on, and the way
-back from these to the parameters. Excluded: mechanics (`pushfit.model`,
+back from these to the parameters. Excluded: mechanics (`pushfit.mechanics.linear`,
 `pushfit.mechanics.tilting`).
 
 References:
@@ -18,6 +18,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
+from pushfit.registry import Mechanics, mechanics_named
 
 jax.config.update("jax_enable_x64", True)
 
@@ -101,7 +102,7 @@ class Grasp(eqx.Module):
             paper's hard switch [-].
         support_span: |AB|, distance between two supports [m]; None is the paper's
             single limit.
-        mechanics: Name of an entry of `MECHANICS`.
+        mechanics: Name of the mechanics, as of `pushfit.registry.mechanics_named`.
     """
 
     push_length: Scalar = eqx.field(converter=as_float)
@@ -111,6 +112,11 @@ class Grasp(eqx.Module):
     sharpness: float | Scalar = math.inf
     support_span: float | None = eqx.field(static=True, default=None)
     mechanics: str = eqx.field(static=True, default="linear")
+
+    @property
+    def law(self) -> Mechanics:
+        """The mechanics; by name above, so that programs are told apart by it."""
+        return mechanics_named(self.mechanics)
 
 
 class Contact(eqx.Module):

@@ -17,7 +17,7 @@ With a hard transition each axis bears the smaller of C_d q_i and its rolling li
 A soft one needs the moment Q_i would have had without rolling, which q_i no longer
 tells: the soft minimum is of E_i = w_i Q_i + (1 - w_i) C_d q_i and c_i L N, where w_i
 is the share of the support in the compliance of axis i. For small pushes L⁻¹ E is the
-elastic force of `pushfit.model.linear_forces`; where nothing rolls E_i = Q_i = C_d q_i
+elastic force of `pushfit.mechanics.linear`; where nothing rolls E_i = Q_i = C_d q_i
 whatever w_i is, so that the hard transition does not depend on it.
 """
 
@@ -38,7 +38,7 @@ from pushfit.mechanics.containers import (
     rolling_limits,
 )
 from pushfit.mechanics.numerics import Sharpness, lean_factors, norm2, softclip
-from pushfit.mechanics.tilting import MAX_TILT, Hold, make_hold
+from pushfit.mechanics.tilting import MAX_TILT, Hold, make_hold, one_support_forces
 
 # Relative step at which the search ends; the step after it leaves the square of that.
 RTOL = 1e-7
@@ -81,6 +81,24 @@ class Lean(eqx.Module):
     tangential: Pair
     moment: Pair
     across: Vector
+
+
+def tilting_forces(
+    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
+) -> Forces:
+    """Contact forces of pushes that tilt an object, on one support or on two.
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor.
+
+    Returns:
+        Forces of every push, in the frame that does not tilt.
+    """
+    is_single = grasp.support_span is None
+    solve = one_support_forces if is_single else two_support_forces
+    return solve(params, pushes, grasp)
 
 
 def two_support_forces(
