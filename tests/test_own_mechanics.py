@@ -159,11 +159,11 @@ def test_programs_are_not_kept_for_a_process_in_which_the_file_may_have_changed(
     own_mechanics, tmp_path, monkeypatch
 ):
     monkeypatch.setenv(cache.PROGRAMS, str(tmp_path))
-    compiled(lambda x: x + 1)(jnp.arange(3.0))
-    kept = len(list(tmp_path.iterdir()))
+    following = compiled(lambda x: x + 1)
+    following(jnp.arange(3.0))
     mechanics_named("hertz")
-    compiled(lambda x: x + 2)(jnp.arange(3.0))
-    assert len(list(tmp_path.iterdir())) == kept
+    following(jnp.arange(4.0))
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_its_rivals_are_those_that_come_with_pushfit(own_mechanics):

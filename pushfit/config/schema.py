@@ -107,6 +107,12 @@ class GraspSection(Section):
         description="distance between two supports; absent: one rolling limit",
         examples=[40.0],
     )
+    tip_radius_mm: NotNegative | None = Field(
+        default=None,
+        description="radius of the fingertips, pushing and supporting, which roll as "
+        "the object tilts; absent: points",
+        examples=[8.0],
+    )
     reference_alpha_deg: Number | None = Field(
         default=None,
         description="azimuth at which theta_c is quoted; absent: the most pushed one",

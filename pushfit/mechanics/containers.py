@@ -34,6 +34,11 @@ def as_float(value: ArrayLike) -> Array:
     return jnp.asarray(value, dtype=jnp.float64)
 
 
+def _if_given(value: ArrayLike | None) -> Array | None:
+    """`as_float` of what is not None."""
+    return None if value is None else as_float(value)
+
+
 def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
     """(cos, sin) of an angle [rad]."""
     if isinstance(angle, Tracer):
@@ -102,6 +107,8 @@ class Grasp(eqx.Module):
             paper's hard switch [-].
         support_span: |AB|, distance between two supports [m]; None is the paper's
             single limit.
+        tip_radius: Radius of the fingertips, pushing and supporting; matters where the
+            object tilts [m]. None is a point.
         mechanics: Name of the mechanics, as of `pushfit.registry.mechanics_named`.
     """
 
@@ -111,6 +118,7 @@ class Grasp(eqx.Module):
     offset: Scalar = eqx.field(converter=as_float, default=0.0)
     sharpness: float | Scalar = math.inf
     support_span: float | None = eqx.field(static=True, default=None)
+    tip_radius: Scalar | None = eqx.field(converter=_if_given, default=None)
     mechanics: str = eqx.field(static=True, default="linear")
 
     @property

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pushfit.mechanics import searched
+from pushfit.mechanics import linear, searched
 from pushfit.mechanics.linear import critical_C_rr, linear_critical_angle
 from pushfit.model import Contact, Grasp, contact
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters
@@ -60,6 +60,22 @@ def test_the_friction_that_holds_is_that_of_the_closed_form(span):
         np.testing.assert_allclose(
             friction(group, grasp, direction), expected, rtol=EXACT
         )
+
+
+@pytest.mark.parametrize(
+    ("name", "span"),
+    [("A", None), ("B", None), ("B", 0.01), ("C_rr", None), ("C_rr", 0.01)],
+)
+def test_a_contact_made_to_just_not_roll_has_that_critical_angle(name, span):
+    grasp = Grasp(PUSH, 0.5, support_span=span)
+    group = contact(paper_parameters(**TILTED_ELLIPSE))
+    theta, alpha = jnp.asarray(0.4), jnp.asarray(0.7)
+    value = getattr(linear, f"critical_{name}")(group, grasp, (theta, alpha))
+    held = dataclasses.replace(group, **{name: value})
+    np.testing.assert_allclose(
+        linear_critical_angle(held, grasp, alpha), theta, rtol=EXACT
+    )
+    assert linear.is_upper_tie(held, grasp, theta)
 
 
 def test_a_push_that_lifts_off_is_held_by_no_friction():
