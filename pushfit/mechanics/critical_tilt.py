@@ -20,17 +20,15 @@ from pushfit.mechanics.containers import (
     tangential_stiffness,
     unit_vector,
 )
+from pushfit.mechanics.hold import Hold, make_hold, tilted
 from pushfit.mechanics.numerics import norm2
 from pushfit.mechanics.roots import falling_root
 from pushfit.mechanics.tilting import (
     MAX_TILT,
-    Hold,
     displacement,
     elastic_force,
     lean_direction,
-    make_hold,
     pressed_force,
-    tilted,
     unrolled_tilt,
 )
 

@@ -8,11 +8,11 @@ friction acts along the tilted face. Each push is one scalar equilibrium for the
     F_t = K_st (S_p cos θ - L sin γ)
     F_t L cos γ + F_n L sin γ = min( C_d γ, C_rr L N ),   N = F_n cos γ - F_t sin γ
 
-where the fingertips are points; round ones roll (`tilted`). It is solved here once
-with each argument of the minimum. Since F_t falls with γ, the smaller of the two forces
-is the equilibrium, and `softmin` of them is the soft transition. A support with a
-stiffness ellipse deflects along a direction of its own, but the object leans along its
-tangential force, so the equilibrium stays scalar.
+where the fingertips are points; round ones roll (`pushfit.mechanics.hold`). It is
+solved here once with each argument of the minimum. Since F_t falls with γ, the smaller
+of the two forces is the equilibrium, and `softmin` of them is the soft transition. A
+support with a stiffness ellipse deflects along a direction of its own, but the object
+leans along its tangential force, so the equilibrium stays scalar.
 Excluded: two supports, whose limits differ (`pushfit.mechanics.two_supports`).
 """
 
@@ -20,7 +20,6 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from pushfit.mechanics.containers import (
     Contact,
@@ -31,15 +30,13 @@ from pushfit.mechanics.containers import (
     Scalar,
     Vector,
     contact,
-    support,
-    tangential_compliance,
 )
+from pushfit.mechanics.hold import Hold, Tilt, make_hold, tilted
 from pushfit.mechanics.numerics import (
     Sharpness,
     is_hard,
     norm2,
     positive_part,
-    sine_versine,
     softmin,
 )
 from pushfit.mechanics.roots import falling_root
@@ -48,119 +45,6 @@ from pushfit.mechanics.roots import falling_root
 MAX_TILT = 1.43
 # Newton steps on polynomials, cheap beside those on the equilibrium.
 N_GUESSES = 2
-
-
-class Hold(eqx.Module):
-    """Springs, friction and pushes of an equilibrium.
-
-    Args:
-        A: Normal series stiffness [N/m].
-        C_rr: Rolling friction coefficient [-].
-        C_d: Rotational deformation coefficient [N·m/rad].
-        L: Distance between the contacts [m].
-        preload: F_0 [N].
-        rolling_length: ρ, the radii of both fingertips together; None for points [m].
-        compliance: Inverse of the tangential stiffness of the support, xx, xy, yy
-            [m/N].
-        azimuth: (cos α, sin α) of each push [-].
-        along: S_p cos θ [m].
-        into: S_p sin θ [m].
-    """
-
-    A: Scalar
-    C_rr: Scalar
-    C_d: Scalar
-    L: Scalar
-    preload: Scalar
-    rolling_length: Scalar | None
-    compliance: tuple[Scalar, Scalar, Scalar]
-    azimuth: tuple[Vector, Vector]
-    along: Vector
-    into: Vector
-
-
-class Tilt(eqx.Module):
-    """A tilt with what forces need of it.
-
-    Args:
-        angle: γ [rad].
-        sine: sin γ [-].
-        cosine: cos γ [-].
-        aside: How far the push point goes aside, X [m].
-        below: How far it sinks, Z [m].
-        lift: Arm of F_t about the support contact over L, X' / L [-].
-        tip: Arm of F_n over L, Z' / L [-].
-    """
-
-    angle: Vector
-    sine: Vector
-    cosine: Vector
-    aside: Vector
-    below: Vector
-    lift: Vector
-    tip: Vector
-
-
-def tilted(hold: Hold, angle: Vector) -> Tilt:
-    """The tilt of an angle of at most 1.5 rad.
-
-        X = L sin γ + ρ (sin γ - γ cos γ),   X' = L cos γ + ρ γ sin γ
-        Z = L (1 - cos γ) + ρ (1 - cos γ - γ sin γ),   Z' = L sin γ - ρ γ cos γ
-
-    Args:
-        hold: L and ρ.
-        angle: γ [rad].
-    """
-    sine, versine = sine_versine(angle)
-    cosine = 1 - versine
-    aside, below, lift, tip = hold.L * sine, hold.L * versine, cosine, sine
-    if hold.rolling_length is not None:
-        # Rolling moves each contact along its face, by its radius times γ.
-        rolled = hold.rolling_length / hold.L * angle
-        aside = aside + hold.rolling_length * (sine - angle * cosine)
-        below = below + hold.rolling_length * (versine - angle * sine)
-        lift, tip = cosine + rolled * sine, sine - rolled * cosine
-    return Tilt(
-        angle=angle,
-        sine=sine,
-        cosine=cosine,
-        aside=aside,
-        below=below,
-        lift=lift,
-        tip=tip,
-    )
-
-
-def make_hold(
-    group: Contact,
-    grasp: Grasp,
-    *,
-    elevation: Float[Array, "2 n"],
-    azimuth: Float[Array, "2 n"],
-) -> Hold:
-    """What the equilibrium of every push needs.
-
-    Args:
-        group: Contact combinations.
-        grasp: Grasp.
-        elevation: (cos θ, sin θ) [-].
-        azimuth: (cos α, sin α) [-].
-    """
-    springs = support(group)
-    tensor = tangential_compliance(springs)
-    cosine, sin = elevation
-    return Hold(
-        A=group.A,
-        C_rr=group.C_rr,
-        C_d=springs.C_d,
-        L=group.L,
-        preload=grasp.preload,
-        rolling_length=None if grasp.tip_radius is None else 2 * grasp.tip_radius,
-        compliance=(tensor[0, 0], tensor[0, 1], tensor[1, 1]),
-        azimuth=(azimuth[0], azimuth[1]),
-        along=grasp.push_length * cosine,
-        into=grasp.push_length * sin,
-    )
 
 
 def one_support_forces(
@@ -346,10 +230,7 @@ def elastic_force(hold: Hold, tilt: Tilt) -> Vector:
 
 
 def rolling_force(hold: Hold, tilt: Tilt) -> Vector:
-    """F_t at which C_rr L N balances the moments [N].
-
-        F_n tan(φ - γ),   tan φ = C_rr + ρ γ / L
-    """
+    """F_t at which C_rr L N balances, F_n tan(φ - γ) where tan φ = C_rr + ργ/L [N]."""
     normal = positive_part(pressed_force(hold, tilt))
     held = hold.C_rr * tilt.cosine - tilt.tip
     return normal * held / (tilt.lift + hold.C_rr * tilt.sine)

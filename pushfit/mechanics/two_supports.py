@@ -9,7 +9,7 @@ p = L (sin γ n, cos γ), and the push exerts along ∂p/∂q_i the moments
     F_t = K (S_p cos θ u - L sin γ n)
     F_n = max( F_0 + A (S_p sin θ - L (1 - cos γ)), 0 )
 
-for fingertips that are points; round ones roll, as in `pushfit.mechanics.tilting`.
+for fingertips that are points; round ones roll, as in `pushfit.mechanics.hold`.
 With a hard transition each axis bears the smaller of C_d q_i and its rolling limit,
 
     Q_i = min( C_d |q_i|, c_i L N ) sign q_i,   N = F_n cos γ - F_t·n sin γ
@@ -38,8 +38,9 @@ from pushfit.mechanics.containers import (
     contact,
     rolling_limits,
 )
+from pushfit.mechanics.hold import Hold, make_hold
 from pushfit.mechanics.numerics import Sharpness, lean_factors, norm2, softclip
-from pushfit.mechanics.tilting import MAX_TILT, Hold, make_hold, one_support_forces
+from pushfit.mechanics.tilting import MAX_TILT, one_support_forces
 
 # Relative step at which the search ends; the step after it leaves the square of that.
 RTOL = 1e-7
