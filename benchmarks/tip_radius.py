@@ -88,7 +88,9 @@ def run(n_tables: int, seed: int, *, is_components: bool) -> pd.DataFrame:
                 if found.estimate is not None and found.interval is not None:
                     low, high = found.interval
                     row["error"] = found.estimate - theta_c
-                    row |= {"width": high - low, "holds": low <= theta_c <= high}
+                    # A float, since the sum of NumPy's booleans is a boolean.
+                    holds = float(low <= theta_c <= high)
+                    row |= {"width": high - low, "holds": holds}
                 rows.append(row)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -22,7 +22,7 @@ REPEATS, NOISE = 3, 0.02
 TILTING = '[grasp]\nmechanics = "tilting"\n'
 LENGTH = "[parameters.L]\nfixed = 0.04\n"
 WITHIN_DEG = 1.0  # what is asked of tips of 8 mm
-EXACT_DEG = 0.01  # heights without noise, solved to 1e-11 N
+EXACT_DEG = 0.05  # heights without noise; what is known of s weighs a little
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_heights_without_noise_give_the_angle(
     pushed, true_deg, is_components, least_bias_deg
 ):
     """And by tips that are points another one."""
-    table = table_of(pushed, is_components=is_components, noise=0.0, sd=1e-5)
+    table = table_of(pushed, is_components=is_components, noise=0.0, sd=1e-3)
     rolling = fit_table(table, config(TILTING + "tip_radius_mm = 8\n" + LENGTH))
     points = fit_table(table, config(TILTING + LENGTH))
     assert abs(rolling.fit.modes[0].theta_c_deg - true_deg) < EXACT_DEG
