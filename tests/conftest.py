@@ -1,11 +1,15 @@
 """Configuration shared by all tests."""
 
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax
 import pytest
 from hypothesis import settings
+
+from pushfit.registry import mechanics_named
 
 # A (3,) against a (3, 1) is a mistake in the model, never a wish.
 jax.config.update("jax_enable_x64", True)
@@ -25,6 +29,16 @@ os.environ.pop("PUSHFIT_PROGRAMS", None)
 # which would say how busy the machine is. --hypothesis-profile=default tries others.
 settings.register_profile("gate", deadline=None, derandomize=True)
 settings.load_profile("gate")
+
+
+@pytest.fixture
+def own_mechanics(monkeypatch) -> Iterator[None]:
+    """The worked example of mechanics of one's own, where Python finds it."""
+    folder = Path(__file__).parents[1] / "examples" / "own_mechanics"
+    monkeypatch.syspath_prepend(folder)
+    yield
+    sys.modules.pop("pushfit_hertz", None)
+    mechanics_named.cache_clear()
 
 
 @pytest.fixture(scope="session")

@@ -55,7 +55,7 @@ PAGES_WITH_COMMANDS = [page for page in PAGES if commands(page)]
 
 
 @pytest.fixture
-def workplace(tmp_path, monkeypatch) -> Path:
+def workplace(own_mechanics, tmp_path, monkeypatch) -> Path:
     """A folder that looks like a checkout to the commands."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)

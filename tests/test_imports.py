@@ -20,6 +20,7 @@ LAYERS = (
 MEMBERS = {
     "atomic": "errors",
     "cache": "errors",
+    "registry": "errors",
     "result": "report",
     "workflow": "batch",
     "__main__": "cli",

@@ -7,9 +7,10 @@ reference page are made from them. Excluded: the text of the file
 
 import hashlib
 import json
-from typing import Literal
+import operator
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from pushfit.config.inputs import PeakSettings, RecordingSection
 from pushfit.config.parameters import ParametersSection
@@ -23,6 +24,7 @@ from pushfit.config.section import (
 )
 from pushfit.config.sensor import SensorSection
 from pushfit.errors import ConfigError
+from pushfit.registry import BUILT_IN, COMPARED, mechanics_named
 
 Estimate = Literal["estimate"]
 Preload = NotNegative | Estimate | None
@@ -65,15 +67,26 @@ class PushSection(Section):
         return self.length_known
 
 
+_MECHANICS = "".join(f'"{name}": {law.summary}; ' for name, law in BUILT_IN.items())
+
+
+def _known_mechanics(name: str) -> str:
+    """A name that stands for mechanics."""
+    if name != "auto":
+        try:
+            mechanics_named(name)
+        except LookupError as error:
+            raise ValueError(str(error)) from error
+    return name
+
+
 class GraspSection(Section):
     """How the object is held."""
 
-    mechanics: Literal["auto", "linear", "tilting"] = Field(
+    mechanics: Annotated[str, AfterValidator(_known_mechanics)] = Field(
         default="auto",
-        description='"linear": the equations of the paper, for small tilts; "tilting": '
-        "for pushes of millimetres, needs push.length_mm and parameters.L; "
-        '"auto": both where these are given, and the tilting ones lead where the tilt '
-        "matters to θ_c",
+        description=_MECHANICS + '"auto": both where these are given, and the tilting '
+        "ones lead where the tilt matters to θ_c; or the name of mechanics of your own",
     )
     preload_n: Preload = Field(
         default=None,
@@ -93,6 +106,12 @@ class GraspSection(Section):
         default=None,
         description="distance between two supports; absent: one rolling limit",
         examples=[40.0],
+    )
+    tip_radius_mm: NotNegative | None = Field(
+        default=None,
+        description="radius of the fingertips, pushing and supporting, which roll as "
+        "the object tilts; absent: points",
+        examples=[8.0],
     )
     reference_alpha_deg: Number | None = Field(
         default=None,
@@ -223,32 +242,33 @@ class GraspConfig(Section):
                     f"parameters.{name} is a prior, and a value is none; "
                     f"set {key} = {prior.fixed:g}"
                 )
-        reason = self.why_not_tilting()
-        if self.grasp.mechanics == "tilting" and reason is not None:
-            raise ValueError(f'grasp.mechanics = "tilting": {reason}')
+        name = self.grasp.mechanics
+        reason = None if name == "auto" else self.why_not(name)
+        if reason is not None:
+            raise ValueError(f'grasp.mechanics = "{name}": {reason}')
         return self
 
     def by_mechanics(self) -> tuple["GraspConfig", ...]:
         """The configuration for each of the mechanics to compute by, "linear" first."""
         names = (self.grasp.mechanics,)
         if names == ("auto",):
-            can_tilt = self.why_not_tilting() is None
-            names = ("linear", "tilting") if can_tilt else ("linear",)
-        return tuple(self._with_mechanics(name) for name in names)
+            names = tuple(name for name in COMPARED if self.why_not(name) is None)
+        return tuple(self.with_mechanics(name) for name in names)
 
-    def _with_mechanics(self, name: str) -> "GraspConfig":
+    def with_mechanics(self, name: str) -> "GraspConfig":
+        """The same settings by mechanics of a name, or by "auto"."""
         grasp = self.grasp.model_copy(update={"mechanics": name})
         return self.model_copy(update={"grasp": grasp})
 
-    def why_not_tilting(self) -> str | None:
-        """Why tilting mechanics do not apply, and what to do; None where they do."""
-        if not self.push.is_length_known:
-            return "the tilt depends on the push length; set push.length_mm"
-        if self.parameters.L is None:
-            return (
-                "the tilt depends on L; measure it and set parameters.L, for example "
-                "normal = { mean = 0.04, sd = 0.001 }"
-            )
+    def why_not(self, name: str) -> str | None:
+        """Why mechanics do not apply, and what to do; None where they do.
+
+        Args:
+            name: Name of the mechanics.
+        """
+        for key, reason in mechanics_named(name).needs.items():
+            if not operator.attrgetter(key)(self):
+                return reason
         return None
 
     @property

@@ -43,6 +43,7 @@ def make_grasp(config: GraspConfig, unit: str) -> Grasp:
     preload = config.preload_in(unit)
     sharpness = config.transition.sharpness
     span = config.grasp.support_span_mm
+    radius = config.grasp.tip_radius_mm
     length = config.push.length_mm
     return Grasp(
         push_length=length * 1e-3,
@@ -50,5 +51,6 @@ def make_grasp(config: GraspConfig, unit: str) -> Grasp:
         gain=gain,
         sharpness=math.inf if isinstance(sharpness, str) else sharpness,
         support_span=None if span is None else span * 1e-3,
+        tip_radius=None if radius is None else radius * 1e-3,
         mechanics=config.by_mechanics()[0].grasp.mechanics,
     )

@@ -230,12 +230,10 @@ def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
             "hard", config.model_copy(update={"parameters": parameters})
         ),
     }
-    if config.why_not_tilting() is None:
-        grasp = config.grasp.model_copy(update={"mechanics": "auto"})
-        own = config.by_mechanics()[0].grasp.mechanics
-        for rival in config.model_copy(update={"grasp": grasp}).by_mechanics():
-            if rival.grasp.mechanics != own:
-                configs[rival.grasp.mechanics] = with_transition("hard", rival)
+    own = config.by_mechanics()[0].grasp.mechanics
+    for rival in config.with_mechanics("auto").by_mechanics():
+        if rival.grasp.mechanics != own:
+            configs[rival.grasp.mechanics] = with_transition("hard", rival)
     return configs
 
 

@@ -4,7 +4,8 @@ Tracing and lowering a program takes longer than loading the machine code that J
 of it. Where the compile cache is on, `compiled` therefore keeps the traced program too,
 in the portable form of `jax.export`, under a fingerprint of the source of pushfit, the
 versions of the packages that trace, the kind of processor, and the arguments but for
-the numbers in arrays. `kept_arrays` keeps what follows from settings alone. A file that
+the numbers in arrays; none where mechanics from outside the package are in use, whose
+source may change. `kept_arrays` keeps what follows from settings alone. A file that
 is damaged, or cannot be written, is as good as none.
 """
 
@@ -29,6 +30,7 @@ from jaxtyping import Array, Float
 from pushfit.atomic import atomic_path
 from pushfit.cache import programs_folder
 from pushfit.model import as_float
+from pushfit.registry import has_foreign
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -133,7 +135,7 @@ def _program(
     text: str,
 ) -> Callable[..., R]:
     """A function of arrays compiled, from its file if there is one."""
-    if folder is None or ADDRESS in text:
+    if folder is None or ADDRESS in text or has_foreign():
         return jit(function)
     path = folder / f"{_fingerprint(text)}-traced"
     return _load(path) or _trace(function, arrays, path)
@@ -203,7 +205,7 @@ def kept_arrays(
         Arrays by name.
     """
     folder = programs_folder()
-    if folder is None:
+    if folder is None or has_foreign():
         return make()
     path = folder / f"{_fingerprint(text)}-arrays"
     content = _read(path)

@@ -353,7 +353,7 @@ class MechanicsAnswer:
     """What one of the mechanics says, to stand beside the other.
 
     Args:
-        mechanics: "linear", the equations of the paper, or "tilting".
+        mechanics: Name of the mechanics, as `[grasp] mechanics` has it.
         theta_c: Critical angle [deg].
         best_fit_deg: θ_c of the best fit; None where the contact never rolls [deg].
         chi_square: Of the best fit.

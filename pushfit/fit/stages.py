@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from types import MappingProxyType
 
 from pushfit.config import GraspConfig
+from pushfit.registry import mechanics_named
 
 Progress = Callable[[str, float], None]
 # Processor seconds of the example, with programs kept and with nothing compiled, as
@@ -57,7 +58,16 @@ def usual_seconds(stages: Sequence[str], *, is_compiled: bool = True) -> float:
         stages: Names of stages.
         is_compiled: Whether programs are kept.
     """
-    return sum((SECONDS[name][not is_compiled] for name in stages), 0.0)
+    return sum((_seconds(name)[not is_compiled] for name in stages), 0.0)
+
+
+def _seconds(stage: str) -> tuple[float, float]:
+    """Time of a stage, with programs kept and with none [s]."""
+    what, _, by = stage.partition(" by ")
+    if by and stage not in SECONDS:
+        is_searched = mechanics_named(by.removesuffix(" mechanics")).is_searched
+        stage = f"{what} by {'tilting' if is_searched else 'linear'} mechanics"
+    return SECONDS[stage]
 
 
 class Stages:

@@ -1,7 +1,7 @@
 """What the push model is told and what it says: parameters, pushes, grasp, forces.
 
 Small containers, the combinations of the parameters that forces depend on, and the way
-back from these to the parameters. Excluded: mechanics (`pushfit.model`,
+back from these to the parameters. Excluded: mechanics (`pushfit.mechanics.linear`,
 `pushfit.mechanics.tilting`).
 
 References:
@@ -18,6 +18,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
+from pushfit.registry import Mechanics, mechanics_named
 
 jax.config.update("jax_enable_x64", True)
 
@@ -31,6 +32,11 @@ def as_float(value: ArrayLike) -> Array:
         value = np.asarray(value, dtype=np.float64)
     # Without the type JAX compiles a program for each shape.
     return jnp.asarray(value, dtype=jnp.float64)
+
+
+def _if_given(value: ArrayLike | None) -> Array | None:
+    """`as_float` of what is not None."""
+    return None if value is None else as_float(value)
 
 
 def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
@@ -101,7 +107,9 @@ class Grasp(eqx.Module):
             paper's hard switch [-].
         support_span: |AB|, distance between two supports [m]; None is the paper's
             single limit.
-        mechanics: Name of an entry of `MECHANICS`.
+        tip_radius: Radius of the fingertips, pushing and supporting; matters where the
+            object tilts [m]. None is a point.
+        mechanics: Name of the mechanics, as of `pushfit.registry.mechanics_named`.
     """
 
     push_length: Scalar = eqx.field(converter=as_float)
@@ -110,7 +118,13 @@ class Grasp(eqx.Module):
     offset: Scalar = eqx.field(converter=as_float, default=0.0)
     sharpness: float | Scalar = math.inf
     support_span: float | None = eqx.field(static=True, default=None)
+    tip_radius: Scalar | None = eqx.field(converter=_if_given, default=None)
     mechanics: str = eqx.field(static=True, default="linear")
+
+    @property
+    def law(self) -> Mechanics:
+        """The mechanics; by name above, so that programs are told apart by it."""
+        return mechanics_named(self.mechanics)
 
 
 class Contact(eqx.Module):

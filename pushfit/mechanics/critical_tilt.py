@@ -20,17 +20,15 @@ from pushfit.mechanics.containers import (
     tangential_stiffness,
     unit_vector,
 )
+from pushfit.mechanics.hold import Hold, make_hold, tilted
 from pushfit.mechanics.numerics import norm2
 from pushfit.mechanics.roots import falling_root
 from pushfit.mechanics.tilting import (
     MAX_TILT,
-    Hold,
     displacement,
     elastic_force,
     lean_direction,
-    make_hold,
     pressed_force,
-    tilted,
     unrolled_tilt,
 )
 
@@ -52,7 +50,8 @@ def tilting_critical_angle(
 
     At θ_c both arguments of the minimum are equal: the resultant F leans by φ from the
     normal of the tilted face, and its moment is C_d γ. The two displacements are those
-    of one push where the sum of their squares is S_p², which fixes F. With two supports
+    of one push where the sum of their squares is S_p², which fixes F. Fingertips that
+    roll add F cos φ ργ/L along the face, with which γ stays as it is. With two supports
     it is the larger of the angles at which C_d γ |n_i| = c_i L N about either axis.
 
     Args:
@@ -138,11 +137,11 @@ def critical_friction(
 
 def _unrolled_moments(hold: Hold) -> tuple[tuple[Vector, Vector], Vector]:
     """|C_d q_i| / L of an object that does not roll, and N; N = 0 without contact."""
-    tilt = tilted(unrolled_tilt(hold))
+    tilt = tilted(hold, unrolled_tilt(hold))
     tangential = elastic_force(hold, tilt)
     direction = lean_direction(hold, tangential, tilt)
     normal = pressed_force(hold, tilt)
-    across = normal * (1 - tilt.versine) - tangential * tilt.sine
+    across = normal * tilt.cosine - tangential * tilt.sine
     torque = hold.C_d * tilt.angle / hold.L
     moments = (torque * jnp.abs(direction[0]), torque * jnp.abs(direction[1]))
     return moments, jnp.where(normal > 0, across, 0.0)
@@ -220,7 +219,13 @@ def _critical_displacement(
     hold: Hold, lean: Scalar, force: Vector
 ) -> tuple[Vector, Vector]:
     """Displacement along and into the object of a push that ends at the tie."""
-    tilt = tilted(force * hold.L * jnp.sin(lean) / hold.C_d)
-    along = displacement(hold, force * jnp.sin(lean - tilt.angle), tilt)
-    pressing = (force * jnp.cos(lean - tilt.angle) - hold.preload) / hold.A
-    return along, pressing + hold.L * tilt.versine
+    tilt = tilted(hold, force * hold.L * jnp.sin(lean) / hold.C_d)
+    tangential = force * jnp.sin(lean - tilt.angle)
+    normal = force * jnp.cos(lean - tilt.angle)
+    if hold.rolling_length is not None:
+        # Off the support contact N has an arm of its own, which more force opposes.
+        share = hold.rolling_length / hold.L * tilt.angle * jnp.cos(lean)
+        tangential = tangential + share * force * tilt.cosine
+        normal = normal + share * force * tilt.sine
+    along = displacement(hold, tangential, tilt)
+    return along, (normal - hold.preload) / hold.A + tilt.below

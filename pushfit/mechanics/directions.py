@@ -8,7 +8,6 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.mechanics.critical_tilt import tilting_critical_angle
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import (
     Contact,
@@ -19,7 +18,6 @@ from pushfit.model import (
     as_float,
     contact,
     push_resistance,
-    rolling_limits,
     tangential_stiffness,
     unit_vector,
 )
@@ -45,43 +43,7 @@ def critical_angle(
         θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
         rolls [rad].
     """
-    return CRITICAL_ANGLES[grasp.mechanics](params, grasp, as_float(alpha))
-
-
-def linear_critical_angle(
-    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
-) -> Float[Array, "*n"]:
-    """Elevation below which the object rolls in small pushes.
-
-        θ_c = atan(B / (A C_rr)) - arcsin(C_rr F_0 / (S_p R))
-        R = sqrt(B² + (A C_rr)²)
-
-    The first term is the paper's, the second moves it by the preload. With two supports
-    it is the larger of the angles about the two axes: below it one of them rolls.
-
-    Args:
-        params: Parameters.
-        grasp: Grasp.
-        alpha: Azimuth of the push [rad].
-
-    Returns:
-        θ_c in (-π/2, π/2]; NaN where the contact never rolls because C_rr F_0 > S_p R
-        [rad].
-
-    References:
-        Eq. (11).
-    """
-    group = contact(params)
-    x, y = tangential_stiffness(group, unit_vector(alpha))
-    if grasp.support_span is None:
-        return _switch_angle(norm2(x, y), group.C_rr, group.A, grasp)
-    limit_x, limit_y = rolling_limits(group, grasp.support_span)
-    about_y = _switch_angle(jnp.abs(x), limit_x, group.A, grasp)
-    about_x = _switch_angle(jnp.abs(y), limit_y, group.A, grasp)
-    return jnp.fmax(about_y, about_x)
-
-
-CRITICAL_ANGLES = {"linear": linear_critical_angle, "tilting": tilting_critical_angle}
+    return grasp.law.critical_angle(params, grasp, as_float(alpha))
 
 
 def soft_axis(params: Parameters) -> Scalar:
@@ -165,16 +127,3 @@ def _half_turn(angle: Scalar) -> Scalar:
     """Angle modulo π, in [0, π) also where rounding returns π itself."""
     folded = jnp.mod(angle, jnp.pi)
     return jnp.where(folded >= jnp.pi, 0.0, folded)
-
-
-def _switch_angle(
-    stiffness: Float[Array, "*n"], limit: Scalar, A: Scalar, grasp: Grasp
-) -> Float[Array, "*n"]:
-    """Elevation at which the unrolled force equals the rolling limit."""
-    radius = jnp.sqrt(stiffness**2 + (A * limit) ** 2)
-    sine = limit * grasp.preload / (grasp.push_length * radius)
-    never_rolls = sine > 1
-    lowered = jnp.arcsin(jnp.where(never_rolls, 0.0, sine))
-    # arctan2, not arctan of the ratio: finite value and gradient at C_rr = 0.
-    angle = jnp.arctan2(stiffness, A * limit) - lowered
-    return jnp.where(never_rolls, jnp.nan, angle)

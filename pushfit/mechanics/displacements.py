@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from pushfit.mechanics.linear import linear_forces
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import (
     Grasp,
@@ -15,7 +16,6 @@ from pushfit.model import (
     Pushes,
     Vector,
     contact,
-    linear_forces,
     support_stiffness,
 )
 

@@ -8,10 +8,11 @@ friction acts along the tilted face. Each push is one scalar equilibrium for the
     F_t = K_st (S_p cos θ - L sin γ)
     F_t L cos γ + F_n L sin γ = min( C_d γ, C_rr L N ),   N = F_n cos γ - F_t sin γ
 
-solved here once with each argument of the minimum. Since F_t falls with
-γ, the smaller of the two forces is the equilibrium, and `softmin` of them is the soft
-transition. A support with a stiffness ellipse deflects along a direction of its own,
-but the object leans along its tangential force, so the equilibrium stays scalar.
+where the fingertips are points; round ones roll (`pushfit.mechanics.hold`). It is
+solved here once with each argument of the minimum. Since F_t falls with γ, the smaller
+of the two forces is the equilibrium, and `softmin` of them is the soft transition. A
+support with a stiffness ellipse deflects along a direction of its own, but the object
+leans along its tangential force, so the equilibrium stays scalar.
 Excluded: two supports, whose limits differ (`pushfit.mechanics.two_supports`).
 """
 
@@ -19,7 +20,6 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from pushfit.mechanics.containers import (
     Contact,
@@ -30,15 +30,13 @@ from pushfit.mechanics.containers import (
     Scalar,
     Vector,
     contact,
-    support,
-    tangential_compliance,
 )
+from pushfit.mechanics.hold import Hold, Tilt, make_hold, tilted
 from pushfit.mechanics.numerics import (
     Sharpness,
     is_hard,
     norm2,
     positive_part,
-    sine_versine,
     softmin,
 )
 from pushfit.mechanics.roots import falling_root
@@ -47,84 +45,6 @@ from pushfit.mechanics.roots import falling_root
 MAX_TILT = 1.43
 # Newton steps on polynomials, cheap beside those on the equilibrium.
 N_GUESSES = 2
-
-
-class Hold(eqx.Module):
-    """Springs, friction and pushes of an equilibrium.
-
-    Args:
-        A: Normal series stiffness [N/m].
-        C_rr: Rolling friction coefficient [-].
-        C_d: Rotational deformation coefficient [N·m/rad].
-        L: Distance between the contacts [m].
-        preload: F_0 [N].
-        compliance: Inverse of the tangential stiffness of the support, xx, xy, yy
-            [m/N].
-        azimuth: (cos α, sin α) of each push [-].
-        along: S_p cos θ [m].
-        into: S_p sin θ [m].
-    """
-
-    A: Scalar
-    C_rr: Scalar
-    C_d: Scalar
-    L: Scalar
-    preload: Scalar
-    compliance: tuple[Scalar, Scalar, Scalar]
-    azimuth: tuple[Vector, Vector]
-    along: Vector
-    into: Vector
-
-
-class Tilt(eqx.Module):
-    """A tilt with what forces need of it.
-
-    Args:
-        angle: γ [rad].
-        sine: sin γ [-].
-        versine: 1 - cos γ [-].
-    """
-
-    angle: Vector
-    sine: Vector
-    versine: Vector
-
-
-def tilted(angle: Vector) -> Tilt:
-    """The tilt of an angle of at most 1.5 rad."""
-    sine, versine = sine_versine(angle)
-    return Tilt(angle=angle, sine=sine, versine=versine)
-
-
-def make_hold(
-    group: Contact,
-    grasp: Grasp,
-    *,
-    elevation: Float[Array, "2 n"],
-    azimuth: Float[Array, "2 n"],
-) -> Hold:
-    """What the equilibrium of every push needs.
-
-    Args:
-        group: Contact combinations.
-        grasp: Grasp.
-        elevation: (cos θ, sin θ) [-].
-        azimuth: (cos α, sin α) [-].
-    """
-    springs = support(group)
-    tensor = tangential_compliance(springs)
-    cosine, sin = elevation
-    return Hold(
-        A=group.A,
-        C_rr=group.C_rr,
-        C_d=springs.C_d,
-        L=group.L,
-        preload=grasp.preload,
-        compliance=(tensor[0, 0], tensor[0, 1], tensor[1, 1]),
-        azimuth=(azimuth[0], azimuth[1]),
-        along=grasp.push_length * cosine,
-        into=grasp.push_length * sin,
-    )
 
 
 def one_support_forces(
@@ -145,7 +65,7 @@ def one_support_forces(
         contact(params), grasp, elevation=pushes.elevation, azimuth=pushes.azimuth
     )
     angle, force = equilibrium(hold, grasp.sharpness)
-    tilt = tilted(angle)
+    tilt = tilted(hold, angle)
     lean_x, lean_y = lean_direction(hold, force, tilt)
     pressed = pressed_force(hold, tilt)
     return Forces(
@@ -176,7 +96,7 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
 
         start = jnp.maximum(_unrolled_guess(hold), _rolled_guess(hold))
         angle = _tilted_by(smaller, hold, start)
-        return angle, smaller(hold, tilted(angle))
+        return angle, smaller(hold, tilted(hold, angle))
     elastic, limit, start = _both_forces(hold)
     smallest = jnp.minimum(elastic, limit)
     # A force that turns negative is the smaller one by far: nothing is left to soften.
@@ -185,7 +105,9 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
     force = jnp.where(is_soft, softmin(a, b, sharpness), smallest)
 
     def given(state: tuple[Hold, Vector], angle: Vector) -> Vector:
-        return state[0].along - displacement(state[0], state[1], tilted(angle))
+        return state[0].along - displacement(
+            state[0], state[1], tilted(state[0], angle)
+        )
 
     return falling_root(given, (hold, force), _bracket(hold), start), force
 
@@ -208,7 +130,7 @@ def _both_forces(hold: Hold) -> tuple[Vector, Vector, Vector]:
 
     start = jnp.concatenate([_unrolled_guess(hold), _rolled_guess(hold)])
     angle = _tilted_by(balance, twice, start)
-    force = balance(twice, tilted(angle))
+    force = balance(twice, tilted(twice, angle))
     return force[:n], force[n:], jnp.maximum(angle[:n], angle[n:])
 
 
@@ -228,7 +150,7 @@ def _tilted_by(
     """Tilt at which the push has just the length that the forces need."""
 
     def excess(hold: Hold, angle: Vector) -> Vector:
-        tilt = tilted(angle)
+        tilt = tilted(hold, angle)
         return hold.along - displacement(hold, balance(hold, tilt), tilt)
 
     return falling_root(excess, hold, _bracket(hold), start)
@@ -240,7 +162,7 @@ def _unrolled_guess(hold: Hold) -> Vector:
     With a stiffness ellipse the mean compliance stands for that along the lean.
     """
     compliance, pressed, sinking = _upright(hold)
-    turning = hold.C_d / hold.L - pressed
+    turning = hold.C_d / hold.L - pressed + _righting(hold, pressed)
     third = compliance * (turning / 2 + pressed / 6 + sinking) - hold.L / 6
     zero = jnp.zeros_like(pressed)
     return _reached(hold, (zero, hold.L + compliance * turning, zero, third))
@@ -256,7 +178,7 @@ def _rolled_guess(hold: Hold) -> Vector:
     steeper = mu * slope * (2 + 3 * mu**2) / 3
     force = (
         pressed * mu,
-        -pressed * slope,
+        -pressed * slope + _righting(hold, pressed),
         (pressed * slope - sinking) * mu,
         sinking * slope - pressed * steep,
         pressed * steeper + sinking * mu * (1 / 12 - slope),
@@ -272,6 +194,12 @@ def _upright(hold: Hold) -> tuple[Scalar, Vector, Vector]:
     pressed = positive_part(hold.preload + hold.A * hold.into)
     sinking = jnp.where(pressed > 0, hold.A * hold.L / 2, 0.0)
     return _mean_compliance(hold), pressed, sinking
+
+
+def _righting(hold: Hold, pressed: Vector) -> Vector:
+    """Slope of the moment by which tips that roll right the object, over L [N]."""
+    length = hold.rolling_length
+    return jnp.zeros_like(pressed) if length is None else pressed * length / hold.L
 
 
 def _reached(hold: Hold, displacement: tuple[Vector, ...]) -> Vector:
@@ -290,28 +218,28 @@ def _reached(hold: Hold, displacement: tuple[Vector, ...]) -> Vector:
 
 
 def pressed_force(hold: Hold, tilt: Tilt) -> Vector:
-    """F_0 + A (S_p sin θ - L (1 - cos γ)); negative where contact is lost [N]."""
-    return hold.preload + hold.A * (hold.into - hold.L * tilt.versine)
+    """F_0 + A (S_p sin θ - Z); negative where contact is lost [N]."""
+    return hold.preload + hold.A * (hold.into - tilt.below)
 
 
 def elastic_force(hold: Hold, tilt: Tilt) -> Vector:
-    """F_t at which C_d γ balances the moments, (C_d γ/L - F_n sin γ) / cos γ [N]."""
+    """F_t at which C_d γ balances the moments, (C_d γ - F_n Z') / X' [N]."""
     normal = positive_part(pressed_force(hold, tilt))
     torque = hold.C_d / hold.L * tilt.angle
-    return (torque - normal * tilt.sine) / (1 - tilt.versine)
+    return (torque - normal * tilt.tip) / tilt.lift
 
 
 def rolling_force(hold: Hold, tilt: Tilt) -> Vector:
-    """F_t at which C_rr L N balances the moments, F_n tan(atan C_rr - γ) [N]."""
+    """F_t at which C_rr L N balances, F_n tan(φ - γ) where tan φ = C_rr + ργ/L [N]."""
     normal = positive_part(pressed_force(hold, tilt))
-    sin, cos = tilt.sine, 1 - tilt.versine
-    return normal * (hold.C_rr * cos - sin) / (cos + hold.C_rr * sin)
+    held = hold.C_rr * tilt.cosine - tilt.tip
+    return normal * held / (tilt.lift + hold.C_rr * tilt.sine)
 
 
 def displacement(hold: Hold, force: Vector, tilt: Tilt) -> Vector:
     """How far a push must go along its azimuth for a force and a tilt along one line.
 
-        S_p cos θ u = (F_t K⁻¹ + L sin γ) n,   |n| = 1
+        S_p cos θ u = (F_t K⁻¹ + X) n,   |n| = 1
 
     Args:
         hold: Springs and pushes.
@@ -319,7 +247,7 @@ def displacement(hold: Hold, force: Vector, tilt: Tilt) -> Vector:
         tilt: Tilt.
 
     Returns:
-        S_p cos θ; F_t / K_st + L sin γ without an ellipse [m].
+        S_p cos θ; F_t / K_st + X without an ellipse [m].
     """
     (x, y), determinant, trace = _solved_lean(hold, force, tilt)
     size = norm2(x, y)
@@ -346,10 +274,9 @@ def lean_direction(hold: Hold, force: Vector, tilt: Tilt) -> tuple[Vector, Vecto
 def _solved_lean(
     hold: Hold, force: Vector, tilt: Tilt
 ) -> tuple[tuple[Vector, Vector], Vector, Vector]:
-    """Adj(M) u, det M and tr M of M = F_t K⁻¹ + L sin γ."""
+    """Adj(M) u, det M and tr M of M = F_t K⁻¹ + X."""
     xx, xy, yy = (force * c for c in hold.compliance)
-    leaned = hold.L * tilt.sine
-    xx, yy = xx + leaned, yy + leaned
+    xx, yy = xx + tilt.aside, yy + tilt.aside
     u_x, u_y = hold.azimuth
     return (yy * u_x - xy * u_y, xx * u_y - xy * u_x), xx * yy - xy * xy, xx + yy
 

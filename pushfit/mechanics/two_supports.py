@@ -9,6 +9,7 @@ p = L (sin γ n, cos γ), and the push exerts along ∂p/∂q_i the moments
     F_t = K (S_p cos θ u - L sin γ n)
     F_n = max( F_0 + A (S_p sin θ - L (1 - cos γ)), 0 )
 
+for fingertips that are points; round ones roll, as in `pushfit.mechanics.hold`.
 With a hard transition each axis bears the smaller of C_d q_i and its rolling limit,
 
     Q_i = min( C_d |q_i|, c_i L N ) sign q_i,   N = F_n cos γ - F_t·n sin γ
@@ -17,7 +18,7 @@ With a hard transition each axis bears the smaller of C_d q_i and its rolling li
 A soft one needs the moment Q_i would have had without rolling, which q_i no longer
 tells: the soft minimum is of E_i = w_i Q_i + (1 - w_i) C_d q_i and c_i L N, where w_i
 is the share of the support in the compliance of axis i. For small pushes L⁻¹ E is the
-elastic force of `pushfit.model.linear_forces`; where nothing rolls E_i = Q_i = C_d q_i
+elastic force of `pushfit.mechanics.linear`; where nothing rolls E_i = Q_i = C_d q_i
 whatever w_i is, so that the hard transition does not depend on it.
 """
 
@@ -37,8 +38,9 @@ from pushfit.mechanics.containers import (
     contact,
     rolling_limits,
 )
+from pushfit.mechanics.hold import Hold, make_hold
 from pushfit.mechanics.numerics import Sharpness, lean_factors, norm2, softclip
-from pushfit.mechanics.tilting import MAX_TILT, Hold, make_hold
+from pushfit.mechanics.tilting import MAX_TILT, one_support_forces
 
 # Relative step at which the search ends; the step after it leaves the square of that.
 RTOL = 1e-7
@@ -81,6 +83,24 @@ class Lean(eqx.Module):
     tangential: Pair
     moment: Pair
     across: Vector
+
+
+def tilting_forces(
+    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
+) -> Forces:
+    """Contact forces of pushes that tilt an object, on one support or on two.
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor.
+
+    Returns:
+        Forces of every push, in the frame that does not tilt.
+    """
+    is_single = grasp.support_span is None
+    solve = one_support_forces if is_single else two_support_forces
+    return solve(params, pushes, grasp)
 
 
 def two_support_forces(
@@ -148,23 +168,30 @@ def leaned(frame: Frame, lean: Pair) -> Lean:
     x, y = lean
     square = x * x + y * y
     sine, sink, turn = lean_factors(square)
-    stretch_x = hold.along * hold.azimuth[0] - hold.L * sine * x
-    stretch_y = hold.along * hold.azimuth[1] - hold.L * sine * y
+    cosine = 1 - sink * square
+    # X, Z and their slopes over L, but for powers of γ.
+    aside, below, bend, tip = sine, sink, turn, sine
+    if hold.rolling_length is not None:
+        rolled = hold.rolling_length / hold.L
+        aside, below = aside + rolled * (sine - cosine), below + rolled * (sink - sine)
+        bend, tip = bend + rolled * (turn + sine), tip - rolled * cosine
+    stretch_x = hold.along * hold.azimuth[0] - hold.L * aside * x
+    stretch_y = hold.along * hold.azimuth[1] - hold.L * aside * y
     xx, xy, yy = frame.stiffness
     force_x = xx * stretch_x + xy * stretch_y
     force_y = xy * stretch_x + yy * stretch_y
-    pressed = hold.preload + hold.A * (hold.into - hold.L * sink * square)
+    pressed = hold.preload + hold.A * (hold.into - hold.L * below * square)
     normal = jnp.maximum(pressed, 0.0)
     drawn = force_x * x + force_y * y
-    outward = turn * drawn + sine * normal
+    outward = bend * drawn + tip * normal
     return Lean(
         pressed=pressed,
         tangential=(force_x, force_y),
         moment=(
-            hold.L * (sine * force_x + outward * x),
-            hold.L * (sine * force_y + outward * y),
+            hold.L * (aside * force_x + outward * x),
+            hold.L * (aside * force_y + outward * y),
         ),
-        across=normal * (1 - sink * square) - sine * drawn,
+        across=normal * cosine - sine * drawn,
     )
 
 

@@ -18,6 +18,7 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
+from pushfit.registry import mechanics_named
 from pushfit.report.strings import (
     format_angle,
     format_range,
@@ -125,7 +126,7 @@ def _draws(identification: Identification, name: str) -> Float[np.ndarray, " n"]
 def _theta_c_subject(identification: Identification) -> str:
     """The critical angle with the circumstances that it depends on."""
     config, circumstances = identification.config, []
-    if identification.mechanics == "tilting":
+    if mechanics_named(identification.mechanics).has_length:
         circumstances.append(f"of {config.push.length_mm:g} mm")
     if np.unique(identification.table.alpha).size > 1:
         circumstances.append(f"at α = {identification.reference_alpha_deg:g}°")

@@ -15,6 +15,7 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
+from pushfit.registry import mechanics_named
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
 from pushfit.report.strings import (
@@ -41,7 +42,6 @@ PREDICTIVE = {
     "largest": "largest residual",
     "pattern": "pattern",
 }
-MECHANICS = {"linear": "θ_c, paper's equations", "tilting": "θ_c, tilting mechanics"}
 WORDS = {
     Verdict.LEARNED: "learned",
     Verdict.PARTLY: "partly learned",
@@ -239,7 +239,8 @@ def _mechanics_row(answer: MechanicsAnswer) -> tuple[str, str]:
     parts = [text, f"chi-square {format_number(answer.chi_square)}"]
     if answer.log_evidence is not None:
         parts.append(f"ln evidence {answer.log_evidence:.1f}")
-    return MECHANICS[answer.mechanics], "; ".join(parts)
+    title = mechanics_named(answer.mechanics).title
+    return f"θ_c, {title}", "; ".join(parts)
 
 
 def correlation_rows(identification: Identification) -> list[tuple[str, str]]:

@@ -13,7 +13,8 @@ from scipy import optimize
 from pushfit import model
 from pushfit.mechanics.containers import support
 from pushfit.mechanics.critical_tilt import critical_tilt
-from pushfit.mechanics.directions import critical_angle, linear_critical_angle
+from pushfit.mechanics.directions import critical_angle
+from pushfit.mechanics.linear import linear_critical_angle
 from pushfit.mechanics.tilting import (
     _rolled_guess,
     _unrolled_guess,

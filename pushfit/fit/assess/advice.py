@@ -49,7 +49,7 @@ def measurements(
     tangential = {"K_st", "C_d", "L"} & free
     if len(tangential) > 1:
         # Where the object tilts, forces tell K_st and C_d apart, if hardly.
-        extent = "best" if problem.grasp.mechanics == "tilting" else "only"
+        extent = "best" if problem.grasp.law.sees_tilt else "only"
         sentences.append(
             f"The data fix B = K_st C_d/(L² K_st + C_d) {extent}; with L by callipers "
             "and K_st from the finger controller, C_d follows."

@@ -10,6 +10,7 @@ from pushfit.fit.results import MechanicsAnswer, Notice, PosteriorResult
 from pushfit.fit.setup import Setup
 from pushfit.mechanics.displacements import displacements
 from pushfit.model import Grasp, Parameters, Pushes
+from pushfit.registry import mechanics_named
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
 LARGE_TILT_DEG = 2.0
@@ -115,21 +116,22 @@ def tilt_notice(
         tilt_deg: Tilt that the leading ones imply [deg].
     """
     leading, *others = answers
-    if leading.mechanics == "tilting" or tilt_deg < LARGE_TILT_DEG:
+    law = mechanics_named(leading.mechanics)
+    if law.sees_tilt or tilt_deg < LARGE_TILT_DEG:
         return None
     start = f"the fit implies that the object tilts by up to {tilt_deg:.0f}°"
     if others:
         if not does_tilt_matter(leading, others[0], tilt_deg):
             return None
         text = (
-            f"{start}, which the paper's equations leave out; yet the heights prefer "
+            f"{start}, which the {law.title} leave out; yet the heights prefer "
             "them to tilting mechanics, so check L, the push length and the unit of "
             "the heights"
         )
     else:
-        reason = config.why_not_tilting() or 'set grasp.mechanics = "auto"'
+        reason = config.why_not("tilting") or 'set grasp.mechanics = "auto"'
         text = (
-            f"{start}; the paper's equations hold for small tilts, and at 2° and more "
+            f"{start}; the {law.title} hold for small tilts, and at 2° and more "
             "θ_c may be off by several degrees beyond its interval. It is not computed "
             f"by tilting mechanics: {reason}"
         )

@@ -82,7 +82,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
     is_hard = np.isinf(float(problem.grasp.sharpness)) and "p" not in problem.priors
-    if is_hard and problem.grasp.mechanics == "linear":
+    if is_hard and not problem.grasp.law.is_searched:
         softened = np.asarray(_softened(problem, best))[mask]
         found.append(_soft(free, basis, (softened - fit.predicted) / fit.sigma))
     kept = [v for v in found if v is not None and np.isfinite(v.p_value)]

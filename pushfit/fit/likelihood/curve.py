@@ -3,7 +3,6 @@
 One program serves every quantity of a problem, however it is imposed.
 """
 
-import math
 from dataclasses import dataclass, replace
 
 import jax
@@ -26,7 +25,7 @@ THETA_ENDS, PRELOADED_ENDS, AXIS_ENDS = (0.05, 89.95), (-89.0, 89.95), (-90.0, 9
 # Distances from where a log is expected at which it is tried; the last is a factor 3000
 # and stands for the end of the range.
 LOG_OFFSETS = np.geomspace(0.003, 8.0, 13)
-# Distance of an imposed θ_c of tilting mechanics from another crossing [rad].
+# Distance of an imposed θ_c from another crossing, where only a search tells [rad].
 SAME_ANGLE = 1e-6
 # Δχ² that a search resolves best, that of 90 %.
 LEVEL = 2.7
@@ -39,13 +38,10 @@ TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
 CROSSING, AT_CROSSING = 0.15, 0.35
 # Sharpness of the transition in each round, for each point of the pool and afterwards.
 # Across the hard switch the other branch has no slope: a soft one leads there, and
-# sharpens round by round. Where the object tilts the switch is rounder, and programs
+# sharpens round by round. Where forces are searched the switch is rounder, and programs
 # are slow to compile: points of the pool are not followed one by one.
 FAMILY_SHARPNESS = (16.0, 1024.0)
-SHARPNESS = {
-    "linear": (16.0, 256.0, 4096.0, 1e6, 1e6, 1e6),
-    "tilting": (math.inf,) * 6,
-}
+SHARPNESS = (16.0, 256.0, 4096.0, 1e6, 1e6, 1e6)
 # θ_c held where a point has none [rad].
 SOME_ANGLE = 0.1
 
@@ -194,7 +190,7 @@ def profile_curve(
         )
     )
     chi_square = np.where(cost < IMPOSSIBLE, 2 * cost + scatter, np.inf)
-    if imposable(problem)[index] == "theta_c" and problem.grasp.mechanics == "tilting":
+    if imposable(problem)[index] == "theta_c" and problem.grasp.law.is_tie is None:
         alpha = as_float(reference_alpha)
         angles = np.asarray(critical_angles(problem, as_float(points), alpha))
         is_other = ~(np.abs(angles - at) < SAME_ANGLE)
@@ -215,7 +211,7 @@ def _curve(
 
     def family(y: Float[Array, " q"]) -> tuple[Array, Array]:
         """Best fits along the values with θ_c as it is, where it can be held."""
-        if problem.grasp.mechanics == "tilting":
+        if problem.grasp.law.is_searched:
             w = jax.vmap(lambda value: target.start(value, y))(values)
             return w, jax.vmap(target.cost)(w)
         angle = critical_angle_at(problem, y, reference_alpha)
@@ -244,7 +240,7 @@ def _curve(
     extra = jnp.arange(N_VALUES) % values.size
     nodes = follow(
         target.softened,
-        jnp.asarray(SHARPNESS[problem.grasp.mechanics]),
+        jnp.asarray(SHARPNESS),
         starts[jnp.sort(extra)],
         target.is_free,
         placing,

@@ -15,19 +15,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.sweep.target import IMPOSSIBLE, STEP, Expansion, finite
-from pushfit.mechanics.critical_tilt import critical_friction
 from pushfit.mechanics.numerics import norm2
-from pushfit.model import (
-    Contact,
-    Scalar,
-    rolling_limits,
-    tangential_stiffness,
-    unit_vector,
-)
+from pushfit.model import Scalar
 
-# Coordinates that θ_c replaces, first choice first. Where the object tilts only C_rr
-# follows from the angle without a search: it is what the unrolled push needs there.
-PIVOTS = {"linear": ("ln_B", "ln_C_rr", "ln_A"), "tilting": ("ln_C_rr",)}
 # Least factor on forces by which a guess is brought to the heights, and the largest.
 SCALES = (1e-3, 1e3)
 # Least information on any coordinate: steps stay finite where heights say nothing.
@@ -84,11 +74,11 @@ class Likelihood(eqx.Module):
         """Coordinates that may keep θ_c while another quantity is held, and when."""
         names = self.problem.data_names
         is_left = self.index != len(names)
-        is_linear = self.problem.grasp.mechanics == "linear"
-        if "theta_c" not in self.quantities or not is_linear:
+        law = self.problem.grasp.law
+        if "theta_c" not in self.quantities or law.is_searched:
             return []
         found = []
-        for pivot in PIVOTS[self.problem.grasp.mechanics]:
+        for pivot in law.ties:
             if pivot in names:
                 is_other = self.index != names.index(pivot)
                 found.append((is_left & is_other, pivot))
@@ -98,12 +88,12 @@ class Likelihood(eqx.Module):
     def softened(self, sharpness: Scalar) -> "Likelihood":
         """The same with a transition that is at most so sharp.
 
-        Where the object tilts it stays as it is: a soft one costs three searches for
-        the tilt, and the tilt rounds the switch by itself.
+        Where forces are searched it stays as it is: a soft one costs three searches
+        for the tilt, and the tilt rounds the switch by itself.
         """
-        if self.problem.grasp.mechanics == "tilting":
-            return self
         grasp = self.problem.grasp
+        if grasp.law.is_searched:
+            return self
         softer = jnp.minimum(sharpness, grasp.sharpness)
         grasp = replace(grasp, sharpness=softer)
         return replace(self, problem=replace(self.problem, grasp=grasp))
@@ -190,50 +180,21 @@ class Likelihood(eqx.Module):
     def is_possible(self, value: Scalar, y: Float[Array, " q"]) -> Array:
         """Whether θ_c of the model at y is the angle imposed: not beyond lift-off.
 
-        Where the object tilts that takes a search of its own, and is left to others.
+        Where that takes a search of its own it is left to others.
         """
-        is_linear = self.problem.grasp.mechanics == "linear"
-        if "theta_c" not in self.quantities or not is_linear:
+        is_tie = self.problem.grasp.law.is_tie
+        if "theta_c" not in self.quantities or is_tie is None:
             return jnp.asarray(True)
         state = self.problem.data_state(y)
-        A, F = state.params.A, state.preload / self.problem.grasp.push_length
-        sine = jnp.sin(value)
-        # Below the second bound the angle is the lower end of the rolling range.
-        is_switch = (F + A * sine > 0) & (A + F * sine >= 0)
+        is_switch = is_tie(state.params, self.problem.grasp_at(state), value)
         return is_switch | (self.index != self.quantities.index("theta_c"))
 
     def _pivot_value(self, pivot: str, angle: Scalar, z: Float[Array, " q"]) -> Scalar:
-        """Log of the pivot that puts the critical angle at an angle.
-
-        B |u_e| cos θ_c = limit (F_0/S_p + A sin θ_c)
-        """
-        grasp = self.problem.grasp
-        state = self.problem.data_state(z)
-        group: Contact = state.params  # pyright: ignore[reportAssignmentType]
-        if grasp.mechanics == "tilting":
-            direction = (angle, self.reference_alpha)
-            friction = critical_friction(group, self.problem.grasp_at(state), direction)
-            return _safe_log(jnp.where(jnp.isnan(friction), 0.0, friction))
-        preload = state.preload / grasp.push_length
-        sine, cosine = jnp.sin(angle), jnp.cos(angle)
-        unit = eqx.tree_at(lambda c: c.B, group, jnp.ones_like(group.B))
-        x, y = tangential_stiffness(unit, unit_vector(self.reference_alpha))
-        if pivot == "ln_A":
-            ratio = group.B * norm2(x, y) * cosine / group.C_rr
-            return _safe_log((ratio - preload) / sine)
-        pressed = (preload + group.A * sine) / cosine
-        if grasp.support_span is None:
-            size = norm2(x, y)
-            if pivot == "ln_B":
-                return _safe_log(pressed * group.C_rr / size)
-            return _safe_log(group.B * size / pressed)
-        x, y = jnp.abs(x), jnp.abs(y)
-        limit_x, limit_y = rolling_limits(group, grasp.support_span)
-        if pivot == "ln_B":
-            # θ_c is the larger of the angles about both axes.
-            return _safe_log(pressed * jnp.minimum(limit_x / x, limit_y / y))
-        needed = group.B / pressed
-        return _safe_log(jnp.maximum(needed * x - (limit_x - group.C_rr), needed * y))
+        """Log of the pivot that puts the critical angle at an angle."""
+        state, direction = self.problem.data_state(z), (angle, self.reference_alpha)
+        tie = self.problem.grasp.law.ties[pivot]
+        value = tie(state.params, self.problem.grasp_at(state), direction)
+        return _safe_log(jnp.where(jnp.isnan(value), 0.0, value))
 
 
 def imposable(problem: Problem) -> tuple[str, ...]:
@@ -251,8 +212,8 @@ def imposable(problem: Problem) -> tuple[str, ...]:
 
 def pivot_name(problem: Problem) -> str | None:
     """Data coordinate that θ_c replaces; None where nothing is free to move it."""
-    pivots = PIVOTS[problem.grasp.mechanics]
-    return next((name for name in pivots if name in problem.data_names), None)
+    ties = problem.grasp.law.ties
+    return next((name for name in ties if name in problem.data_names), None)
 
 
 def _safe_log(value: Scalar) -> Scalar:

@@ -55,7 +55,7 @@ def held_names(problem: Problem) -> tuple[str, ...]:
     """
     names = problem.data_names
     # With two supports and small tilts L is what heights see it by.
-    held = ["ln_L"] if "ln_L" in names and problem.grasp.mechanics == "tilting" else []
+    held = ["ln_L"] if "ln_L" in names and problem.grasp.law.sees_tilt else []
     # Without ln B it is ln s that the heights see in its place.
     held += ["ln_s"] if {"ln_s", "ln_B"} <= set(names) else []
     return (*held, "ln_p") if "ln_p" in names else tuple(held)

@@ -22,42 +22,53 @@ def data_names(
 ) -> tuple[str, ...]:
     """Names of the data coordinates: the combinations that forces depend on.
 
-    By tilting mechanics they depend on s and L as well; where K_st or C_d is fixed, B
-    follows from these.
+    By mechanics that see the tilt they depend on s and L as well; where K_st or C_d is
+    fixed, B follows from these.
 
     Args:
         priors: Priors of the free parameters.
         fixed: Values of the fixed ones.
         grasp: Grasp, which names the mechanics.
     """
-    is_tilting = grasp.mechanics == "tilting"
-    names = []
+    sees_tilt, names = grasp.law.sees_tilt, []
     if not {"K_sn", "K_dn"} <= set(fixed):
         names.append("ln_A")
     is_B_known = {"K_st", "C_d", "L"} <= set(fixed)
-    if is_tilting:
+    if sees_tilt:
         is_B_known = bool({"K_st", "C_d"} & set(fixed))
     if not is_B_known:
         names.append("ln_B")
     if "C_rr" in priors:
         names.append("ln_C_rr")
     # A fixed ellipse of the support is one of B only where s is known.
-    has_shape = bool(fixed.get("e1", 0.0) or fixed.get("e2", 0.0)) and not is_tilting
+    has_shape = bool(fixed.get("e1", 0.0) or fixed.get("e2", 0.0)) and not sees_tilt
     if "e1" in priors or has_shape:
         names += ["f1", "f2"]
     if "F_0" in priors:
         names.append("ln_F_0")
     if "p" in priors:
         names.append("ln_p")
-    if is_tilting and {"K_st", "C_d"} & set(priors):
+    if sees_tilt and {"K_st", "C_d"} & set(priors):
         names.append("ln_s")
-    if "L" in priors and (is_tilting or grasp.support_span is not None):
+    if "L" in priors and (sees_tilt or grasp.support_span is not None):
         names.append("ln_L")
     return tuple(names)
 
 
+def data_point(y: Values, fixed: Values, grasp: Grasp) -> Contact:
+    """Combinations that forces depend on.
+
+    Args:
+        y: Data coordinates by name.
+        fixed: Values of the fixed parameters.
+        grasp: Grasp, which names the mechanics.
+    """
+    point = tilting_point if grasp.law.sees_tilt else linear_point
+    return point(y, fixed)
+
+
 def linear_point(y: Values, fixed: Values) -> Contact:
-    """Combinations that linear forces depend on.
+    """Combinations that forces depend on where they know the springs by B alone.
 
     Args:
         y: Data coordinates by name.
@@ -103,9 +114,6 @@ def tilting_point(y: Values, fixed: Values) -> Contact:
         K_st = fixed["K_st"] if "K_st" in fixed else s * fixed["C_d"] / L**2
         B = K_st * per_stiffness
     return eqx.tree_at(lambda g: (g.A, g.B), group, (_series(y, fixed), B))
-
-
-POINTS = {"linear": linear_point, "tilting": tilting_point}
 
 
 def _series(y: Values, fixed: Values) -> Scalar:

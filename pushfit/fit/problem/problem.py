@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from pushfit.fit.problem.data_coordinates import POINTS
+from pushfit.fit.problem.data_coordinates import data_point
 from pushfit.fit.problem.priors import Prior
 from pushfit.mechanics.coordinates import Coordinates, log_volume, parameters
 from pushfit.mechanics.numerics import norm2
@@ -214,7 +214,7 @@ class Problem(eqx.Module):
             Contact combinations, preload and sharpness.
         """
         w = dict(zip(self.data_names, y, strict=True))
-        group = POINTS[self.grasp.mechanics](w, self.fixed)
+        group = data_point(w, self.fixed, self.grasp)
         preload = jnp.exp(w["ln_F_0"]) if "ln_F_0" in w else self.grasp.preload
         sharpness = jnp.exp(w["ln_p"]) if "ln_p" in w else None
         no_sigma = jnp.zeros(len(self.channels))

@@ -73,16 +73,16 @@ def roles_of(problem: Problem) -> Roles:
 def _conditional(problem: Problem) -> tuple[str, ...]:
     """Coordinates whose prior given the others is tabulated."""
     names = problem.names
-    is_linear = problem.grasp.mechanics == "linear"
+    sees_tilt = problem.grasp.law.sees_tilt
     # A fixed ellipse of the support is one of B that changes with s.
     is_shape_open = "f1" in problem.data_names and "f1" not in names
     found = []
     if {"ln_A", "ln_r"} <= set(names):
         found.append("ln_r")
     # Tilting forces depend on s: there it is one of the others.
-    if is_linear and {"ln_B", "ln_s"} <= set(names) and not is_shape_open:
+    if not sees_tilt and {"ln_B", "ln_s"} <= set(names) and not is_shape_open:
         found.append("ln_s")
-    is_L_unseen = is_linear and problem.grasp.support_span is None
+    is_L_unseen = not sees_tilt and problem.grasp.support_span is None
     # With C_d fixed, L and s together make K_st, and B with it.
     if {"ln_L", "ln_s"} <= set(names) and is_L_unseen and "C_d" not in problem.fixed:
         found.append("ln_L")

@@ -44,8 +44,9 @@ def next_text(explorer: Explorer, suggestions: Sequence[Suggestion]) -> str:
             f"{push.gain:5.3f}      {after}     {push.p_decided:4.0%}  "
             f"{push.force_q99:11.3g}"
         )
-    if explorer.belief.grasp.mechanics == "tilting":
-        lines += ["", "The object tilts so far that tilting mechanics are believed."]
+    law = explorer.belief.grasp.law
+    if law.sees_tilt:
+        lines += ["", f"The object tilts so far that {law.title} are believed."]
     if suggestions and suggestions[0].length_share < 1:
         share = suggestions[0].length_share
         lines += ["", f"Push only {share:.0%} of the length: the force is not known."]

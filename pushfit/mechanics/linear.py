@@ -1,0 +1,212 @@
+"""The paper's equations: forces of small pushes, and where rolling ends in closed form.
+
+Excluded: objects that tilt (`pushfit.mechanics.tilting`).
+
+References:
+    Eq. (n) is equation n of He & Zhang (2014), doi:10.1007/s11432-014-5216-3.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from pushfit.mechanics.containers import (
+    Contact,
+    Forces,
+    Grasp,
+    Parameters,
+    Pushes,
+    Scalar,
+    contact,
+    rolling_limits,
+    tangential_stiffness,
+    unit_vector,
+)
+from pushfit.mechanics.numerics import norm2, softclip
+
+Direction = tuple[Scalar, Scalar]
+
+
+def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
+    """Contact forces of small pushes.
+
+        F_n = |F_0 + A S_p sin θ|
+        F_pt = softmin(C_rr F_n, |B u(α)| S_p cos θ)
+
+    With `Grasp.support_span` the limit is a box: C_rr F_n across the supports and
+    (C_rr + |AB|/(2L)) F_n along them, taken per component.
+
+    Args:
+        params: Parameters.
+        pushes: Push directions.
+        grasp: Grasp and sensor.
+
+    Returns:
+        Forces of every push.
+
+    References:
+        Eqs. (6), (8), (10).
+    """
+    group = contact(params)
+    cosine, sine = pushes.elevation
+    pressed = grasp.preload + group.A * grasp.push_length * sine
+    # |.| makes an unloaded contact even in θ, as Eqs. (12)-(14) are.
+    normal = jnp.abs(pressed)
+    x, y = limited_tangential(
+        group,
+        grasp,
+        reach=grasp.push_length * cosine,
+        azimuth=pushes.azimuth,
+        normal=normal,
+    )
+    return Forces(
+        normal=normal,
+        tangential_x=x,
+        tangential_y=y,
+        in_contact=(grasp.preload <= 0) | (pressed >= 0),
+    )
+
+
+def limited_tangential(
+    group: Contact,
+    grasp: Grasp,
+    *,
+    reach: Float[Array, " n"],
+    azimuth: Float[Array, "xy=2 n"],
+    normal: Float[Array, " n"],
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Tangential force of springs B that rolling limits.
+
+    Args:
+        group: Contact combinations.
+        grasp: Grasp.
+        reach: Tangential displacement of each push [m].
+        azimuth: Its direction, as of `unit_vector` [-].
+        normal: F_n, which sets the limit [N].
+
+    Returns:
+        Components along and across the supports [N].
+
+    References:
+        Eqs. (8), (10).
+    """
+    stiffness_x, stiffness_y = tangential_stiffness(group, azimuth)
+    if grasp.support_span is None:
+        stiffness = norm2(stiffness_x, stiffness_y)
+        limit = group.C_rr * normal
+        ratio = softclip(stiffness * reach, limit, grasp.sharpness) / stiffness
+        return ratio * stiffness_x, ratio * stiffness_y
+    limit_x, limit_y = rolling_limits(group, grasp.support_span)
+    return (
+        softclip(stiffness_x * reach, limit_x * normal, grasp.sharpness),
+        softclip(stiffness_y * reach, limit_y * normal, grasp.sharpness),
+    )
+
+
+def linear_critical_angle(
+    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """Elevation below which the object rolls in small pushes.
+
+        θ_c = atan(B / (A C_rr)) - arcsin(C_rr F_0 / (S_p R))
+        R = sqrt(B² + (A C_rr)²)
+
+    The first term is the paper's, the second moves it by the preload. With two supports
+    it is the larger of the angles about the two axes: below it one of them rolls.
+
+    Args:
+        params: Parameters.
+        grasp: Grasp.
+        alpha: Azimuth of the push [rad].
+
+    Returns:
+        θ_c in (-π/2, π/2]; NaN where the contact never rolls because C_rr F_0 > S_p R
+        [rad].
+
+    References:
+        Eq. (11).
+    """
+    group = contact(params)
+    x, y = tangential_stiffness(group, unit_vector(alpha))
+    if grasp.support_span is None:
+        return _switch_angle(norm2(x, y), group.C_rr, group.A, grasp)
+    limit_x, limit_y = rolling_limits(group, grasp.support_span)
+    about_y = _switch_angle(jnp.abs(x), limit_x, group.A, grasp)
+    about_x = _switch_angle(jnp.abs(y), limit_y, group.A, grasp)
+    return jnp.fmax(about_y, about_x)
+
+
+def critical_B(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
+    """B with which a push just does not roll.
+
+        B |u_e| cos θ_c = limit (F_0/S_p + A sin θ_c)
+
+    Args:
+        group: Contact combinations; their B plays no part.
+        grasp: Grasp.
+        direction: θ and α of the push [rad].
+
+    Returns:
+        B, not positive where no spring is soft enough [N/m].
+    """
+    x, y = _unit_stiffness(group, direction)
+    pressed = _pressed(group, grasp, direction)
+    if grasp.support_span is None:
+        return pressed * group.C_rr / norm2(x, y)
+    limit_x, limit_y = rolling_limits(group, grasp.support_span)
+    # θ_c is the larger of the angles about both axes.
+    return pressed * jnp.minimum(limit_x / jnp.abs(x), limit_y / jnp.abs(y))
+
+
+def critical_C_rr(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
+    """Rolling friction with which a push just does not roll; see `critical_B` [-]."""
+    x, y = _unit_stiffness(group, direction)
+    pressed = _pressed(group, grasp, direction)
+    if grasp.support_span is None:
+        return group.B * norm2(x, y) / pressed
+    limit_x, _ = rolling_limits(group, grasp.support_span)
+    needed = group.B / pressed
+    return jnp.maximum(
+        needed * jnp.abs(x) - (limit_x - group.C_rr), needed * jnp.abs(y)
+    )
+
+
+def critical_A(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
+    """A with which a push on one support just does not roll; see `critical_B` [N/m]."""
+    x, y = _unit_stiffness(group, direction)
+    sine, cosine = jnp.sin(direction[0]), jnp.cos(direction[0])
+    ratio = group.B * norm2(x, y) * cosine / group.C_rr
+    return (ratio - grasp.preload / grasp.push_length) / sine
+
+
+def is_upper_tie(group: Contact, grasp: Grasp, theta: Scalar) -> Bool[Array, ""]:
+    """Whether a tie at an elevation is θ_c: not beyond lift-off, nor the lower one."""
+    A, F = group.A, grasp.preload / grasp.push_length
+    sine = jnp.sin(theta)
+    # Below the second bound the angle is the lower end of the rolling range.
+    return (F + A * sine > 0) & (A + F * sine >= 0)
+
+
+def _unit_stiffness(group: Contact, direction: Direction) -> tuple[Scalar, Scalar]:
+    """B u(α) / B [-]."""
+    unit = eqx.tree_at(lambda c: c.B, group, jnp.ones_like(group.B))
+    return tangential_stiffness(unit, unit_vector(direction[1]))
+
+
+def _pressed(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
+    """Normal force over the tangential displacement of a push [N/m]."""
+    sine, cosine = jnp.sin(direction[0]), jnp.cos(direction[0])
+    return (grasp.preload / grasp.push_length + group.A * sine) / cosine
+
+
+def _switch_angle(
+    stiffness: Float[Array, "*n"], limit: Scalar, A: Scalar, grasp: Grasp
+) -> Float[Array, "*n"]:
+    """Elevation at which the unrolled force equals the rolling limit."""
+    radius = jnp.sqrt(stiffness**2 + (A * limit) ** 2)
+    sine = limit * grasp.preload / (grasp.push_length * radius)
+    never_rolls = sine > 1
+    lowered = jnp.arcsin(jnp.where(never_rolls, 0.0, sine))
+    # arctan2, not arctan of the ratio: finite value and gradient at C_rr = 0.
+    angle = jnp.arctan2(stiffness, A * limit) - lowered
+    return jnp.where(never_rolls, jnp.nan, angle)
