@@ -194,8 +194,10 @@ def highest_density_set(
         return ()
     if is_axis:
         centre, finite = _unwrapped(finite)
+    # Draws of equal weight repeat, which any other bandwidth takes for narrow modes.
+    bandwidth = array_stats.get_bw(np.unique(finite), bw="isj")
     pieces = array_stats.hdi(
-        finite, prob=prob, method="multimodal", max_modes=MAX_PIECES
+        finite, prob=prob, method="multimodal", max_modes=MAX_PIECES, bw=bandwidth
     )
     pieces = np.asarray(pieces).reshape(-1, 2)
     # Unused places are NaN, and a single bin of the density has no width.

@@ -82,16 +82,18 @@ def follow(
         starts: A point for each node.
         is_free: Coordinates that follow the first.
         placing: Where the nodes of the next round are wanted, some of them free to
-            slide to minima; None where all stay.
+            slide to minima, but in the last; None where all stay.
     """
     n, q = starts.shape
 
-    def round_(carry: Round, number: Scalar) -> tuple[Round, None]:
+    def round_(carry: Round, this: tuple[Scalar, Array]) -> tuple[Round, None]:
         starts, is_moving, _last = carry
+        number, is_final = this
         objective = target(number)
 
         def one(starts: Array, moves: Array) -> Expansion:
-            along = moves & (jnp.arange(q) == 0)
+            # What slides may halt halfway, above the nodes that it passes.
+            along = moves & ~is_final & (jnp.arange(q) == 0)
             return descend(objective, starts, is_free | along, N_STEPS)
 
         nodes = jax.vmap(one)(starts, is_moving)
@@ -101,8 +103,8 @@ def follow(
         if placing is None:
             return (_near(objective, nodes, is_free, u), is_moving, nodes), None
         at = jnp.interp(jnp.linspace(0, 1, n - N_MODES), placing(nodes), u)
-        minima = jnp.repeat(nodes.y[_minima(nodes)][:, None], N_NEAR, axis=1)
-        starts = jnp.concatenate([minima, _near(objective, nodes, is_free, at)])
+        at = jnp.concatenate([u[_minima(nodes)], at])
+        starts = _near(objective, nodes, is_free, at)
         return (starts, jnp.arange(n) < N_MODES, nodes), None
 
     nothing = Expansion(
@@ -114,7 +116,8 @@ def follow(
     )
     starts = jnp.repeat(starts[:, None], N_NEAR, axis=1)
     first = (starts, jnp.zeros(n, bool), nothing)
-    last, _ = jax.lax.scan(round_, first, rounds)
+    is_final = jnp.arange(rounds.size) == rounds.size - 1
+    last, _ = jax.lax.scan(round_, first, (rounds, is_final))
     return last[2]
 
 

@@ -82,6 +82,17 @@ def test_set_of_two_modes_has_two_pieces():
     np.testing.assert_allclose(second, [56 - half, 56 + half], atol=0.2)
 
 
+def test_draws_that_repeat_are_not_taken_for_modes():
+    """A normal posterior by weights, drawn anew from 3000 draws of Student's t."""
+    rng = np.random.default_rng(0)
+    proposed = rng.standard_t(3.0, size=3000)
+    weights = stats.norm.pdf(proposed) / stats.t.pdf(proposed, 3.0)
+    draws = rng.choice(proposed, size=8192, p=weights / np.sum(weights))
+    ((low, high),) = highest_density_set(draws, 0.9)
+    half = stats.norm.ppf(0.95)
+    np.testing.assert_allclose([low, high], [-half, half], atol=0.2)
+
+
 def test_set_of_an_axis_crosses_the_seam():
     ((low, high),) = highest_density_set(
         np.mod(draws_about(179.0, 3.0), 180), 0.9, is_axis=True
