@@ -61,11 +61,6 @@ class PushSection(Section):
             raise ValueError("length_known = true needs length_mm")
         return self
 
-    @property
-    def is_length_known(self) -> bool:
-        """Whether stiffness may be quoted."""
-        return self.length_known
-
 
 _MECHANICS = "".join(f'"{name}": {law.summary}; ' for name, law in BUILT_IN.items())
 
