@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import optimize
 
 from pushfit import model
 from pushfit.mechanics.containers import support
@@ -24,6 +23,7 @@ from pushfit.mechanics.tilting import (
 )
 from pushfit.model import Grasp, Parameters, Pushes, contact
 from tests import paper
+from tests.mechanics.statics import planar_forces
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters, sweep
 
 EXACT = 1e-12  # equal on paper
@@ -61,51 +61,6 @@ tilt_at_tie = eqx.filter_jit(critical_tilt)
 
 def tilting(push_length=PUSH, **changes) -> Grasp:
     return Grasp(push_length=push_length, mechanics="tilting", **changes)
-
-
-def planar_forces(p, grasp, theta):
-    """F_n and F_t of one push, by brentq on each argument of the minimum."""
-    F_0, S_p = float(grasp.preload), float(grasp.push_length)
-    series = p.K_sn * p.K_dn / (p.K_sn + p.K_dn)
-
-    def parts(tilt):
-        sinking = p.L * (1 - math.cos(tilt))
-        normal = max(F_0 + series * (S_p * math.sin(theta) - sinking), 0.0)
-        reach = S_p * math.cos(theta) - p.L * math.sin(tilt)
-        return normal, p.K_st * reach
-
-    def balance(tilt, torque):
-        normal, tangential = parts(tilt)
-        across = normal * math.cos(tilt) - tangential * math.sin(tilt)
-        moment = tangential * math.cos(tilt) + normal * math.sin(tilt)
-        return moment * p.L - torque(tilt, across)
-
-    def solved(torque):
-        # Of several equilibria a push that grows from nothing reaches the first.
-        grid = np.linspace(0, 1.4, 600)
-        first = next(i for i, tilt in enumerate(grid) if balance(tilt, torque) < 0)
-        ends = grid[first - 1], grid[first]
-        return parts(optimize.brentq(balance, *ends, (torque,), xtol=1e-15, rtol=1e-14))
-
-    def elastic(tilt, across):
-        return p.C_d * tilt
-
-    def rolling(tilt, across):
-        return p.C_rr * p.L * across
-
-    if math.isinf(grasp.sharpness):
-        return solved(lambda *state: min(elastic(*state), rolling(*state)))
-    unrolled = solved(elastic)[1]
-    # A limit beyond what the support alone could pull is met without any tilt.
-    beyond = p.C_rr * (F_0 + series * S_p * math.sin(theta))
-    is_reached = beyond < p.K_st * S_p * math.cos(theta)
-    rolled = solved(rolling)[1] if is_reached else beyond
-    power = grasp.sharpness
-    force = min(unrolled, rolled)
-    if force > 0:
-        force = (unrolled**-power + rolled**-power) ** (-1 / power)
-    sine = (S_p * math.cos(theta) - force / p.K_st) / p.L
-    return parts(math.asin(sine))[0], force
 
 
 def along(found, alpha):
