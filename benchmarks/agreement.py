@@ -5,8 +5,9 @@
 Truths are drawn from the priors. Both share the model and the priors, nothing else:
 emcee runs until its own diagnostics pass, and the evidence beside it is that of draws
 from a mixture fitted to its chain. Compared are mean and standard deviation of θ_c and
-of every sampling coordinate, in standard deviations, and the log evidence. Prints the
-tables that differ by more than Monte-Carlo error and the limit allow, and the worst.
+of every sampling coordinate, in standard deviations, and the log evidence. Prints of
+each table whether any differs by more than Monte-Carlo error and the limit allow, and
+the worst of all.
 """
 
 import argparse
@@ -171,7 +172,11 @@ def main() -> None:
             if isinstance(answer, str):
                 print(f"{kind} {i}: {answer}", flush=True)
                 continue
-            found += answer
+            own = sorted(answer, key=lambda one: -abs(one.value))
+            word = "a miss" if any(one.is_miss for one in own) else "agrees"
+            worst = f"{own[0].value:+.3f}, {own[0].what}"
+            print(f"{kind} {i}: {word}; {worst}", flush=True)
+            found += own
             n_compared += 1
     n_missed = len({one.table for one in found if one.is_miss})
     print(f"{n_compared} tables compared, {n_missed} differ by more than is allowed")
