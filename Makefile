@@ -20,7 +20,7 @@ explore-demo: .stamps/run        ## The example grasp explored by a simulated ha
 ros:                             ## What the nodes for a real robot need
 	@$(BIN)/python -c "from pushfit.explore.hands.ros.messages import ros; ros(); print('ROS 1 is here')"
 
-test: lint                       ## Everything that gates a change; ten minutes on two cores
+test: lint                       ## Everything that gates a change; a quarter of an hour on two cores
 	$(BIN)/pytest -q -n 2 --dist loadfile -m "not slow"
 
 test-slow: .stamps/test          ## Statistical calibration and other long tests
