@@ -9,9 +9,8 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Float
 from scipy import stats
 
 from pushfit.config import GraspConfig
@@ -25,10 +24,9 @@ from pushfit.fit.problem.derived import (
     samples_mapping,
 )
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.problem.predictions import heights_of, predict_draws
 from pushfit.fit.results import FitStatus, Identification, Piece, Verdict
-from pushfit.model import Channels, Pushes, forward
+from pushfit.model import Pushes
 
 LEVELS = (0.5, 0.9, 0.95)
 ANGLES = ("theta_c", "alpha_star")
@@ -194,11 +192,14 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
     table, setup = fitted.table, fitted.setup
     problem, rows = setup.problem, np.array(setup.rows)
     x = prior_x_samples(problem, rng, n)
-    clean, in_contact = _forward(
-        problem, jax.numpy.asarray(x), Pushes(table.theta[rows], table.alpha[rows])
+    truths = samples_mapping(
+        problem, x, fitted.reference_alpha, reach_of(fitted.config)
     )
+    pushes = Pushes(table.theta[rows], table.alpha[rows])
+    channels = predict_draws(problem, truths, pushes)
+    clean = heights_of(problem, channels)
     sigma = np.asarray(problem.reference_sigma)[:, : rows.size]
-    heights = np.asarray(clean) + sigma * rng.standard_normal(clean.shape)
+    heights = clean + sigma * rng.standard_normal(clean.shape)
     sds = {c: sd[rows] for c in table.channels if (sd := table.sd(c)) is not None}
     tables = [
         PeakTable.from_arrays(
@@ -210,28 +211,9 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
             repeat=table.frame["repeat"].to_numpy()[rows],
             flags=tuple("" if c else "lost_contact" for c in contact),
         )
-        for values, contact in zip(heights, np.asarray(in_contact), strict=True)
+        for values, contact in zip(heights, channels.in_contact, strict=True)
     ]
-    truths = samples_mapping(
-        problem, x, fitted.reference_alpha, reach_of(fitted.config)
-    )
     return Simulation(tables=tuple(tables), truths=truths)
-
-
-@compiled
-def _forward(
-    problem: Problem, x: Float[Array, "k p"], pushes: Pushes
-) -> tuple[Float[Array, "k c n"], Bool[Array, "k n"]]:
-    """Noise-free heights of many truths, and which pushes keep in touch."""
-
-    def one(x: Float[Array, " p"]) -> Channels:
-        state = problem.state(x)
-        grasp = problem.grasp_at(state)
-        return forward(state.params, pushes, grasp)
-
-    channels = jax.vmap(one)(x)
-    heights = [getattr(channels, name) for name in problem.channels]
-    return jax.numpy.stack(heights, axis=1), channels.in_contact
 
 
 def _identified(

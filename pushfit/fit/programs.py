@@ -18,7 +18,7 @@ import io
 from collections.abc import Callable, Hashable, Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, get_args, get_origin
 
 import equinox as eqx
 import jax
@@ -112,6 +112,9 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 def _make_storable(returned: object) -> None:
     """Let programs be kept that return a module of arrays."""
+    for part in get_args(returned):
+        _make_storable(part)
+    returned = get_origin(returned) or returned
     if not (isinstance(returned, type) and issubclass(returned, eqx.Module)):
         return
     example = object.__new__(returned)

@@ -58,7 +58,7 @@ def case_table(
         noise=noise,
         rng=np.random.default_rng(seed),
         channels=channels,
-        state_sd=noise > 0,
+        state_sd=bool(noise > 0),
     )
 
 

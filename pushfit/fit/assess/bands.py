@@ -6,16 +6,18 @@ believes the curve lies, not where the next height will fall.
 
 from collections.abc import Mapping
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.problem.problem import OF_GRASP, Problem, grasp_with
-from pushfit.fit.programs import compiled
+from pushfit.fit.problem.predictions import (
+    heights_of,
+    predict_draws,
+    predict_points,
+)
+from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import Band, FitResult
-from pushfit.model import Parameters, Pushes, as_float, forward
+from pushfit.model import Pushes
 
 MIN_ANGLES = 3
 MAX_BANDS = 16
@@ -56,7 +58,8 @@ def prediction_bands(
         theta, alpha = (grid, other) if swept == "theta" else (other, grid)
         pushes = Pushes(np.radians(theta), np.radians(alpha))
         _, curves = predicted_heights(problem, samples, pushes)
-        best = np.asarray(_best_curve(problem, as_float(fit.estimate), pushes))
+        found = predict_points(problem, fit.estimate[None], pushes)
+        best = heights_of(problem, found)[0]
         quantiles = np.quantile(curves, [(1 - prob) / 2, 0.5, (1 + prob) / 2], axis=0)
         for c, channel in enumerate(problem.channels):
             lower, median, upper = quantiles[:, c]
@@ -110,31 +113,5 @@ def predicted_heights(
     """
     n = samples["A"].size
     index = np.unique(np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int))
-    names = (*Parameters.__dataclass_fields__, *OF_GRASP)
-    draws = {k: as_float(samples[k][index]) for k in names if k in samples}
-    return index, np.asarray(_curves(problem, draws, pushes))
-
-
-@compiled
-def _curves(
-    problem: Problem, draws: Mapping[str, Float[Array, " m"]], pushes: Pushes
-) -> Float[Array, "m c g"]:
-    def curve(draw: Mapping[str, Float[Array, ""]]) -> Float[Array, "c g"]:
-        shape = {k: v for k, v in draw.items() if k not in OF_GRASP}
-        for name in ("e1", "e2"):
-            shape.setdefault(name, problem.fixed.get(name, jnp.zeros(())))
-        grasp = grasp_with(problem.grasp, draw)
-        channels = forward(Parameters(**shape), pushes, grasp)
-        return jnp.stack([getattr(channels, name) for name in problem.channels])
-
-    return jax.vmap(curve)(draws)
-
-
-@compiled
-def _best_curve(
-    problem: Problem, y: Float[Array, " q"], pushes: Pushes
-) -> Float[Array, "c g"]:
-    state = problem.data_state(y)
-    grasp = problem.grasp_at(state)
-    channels = forward(state.params, pushes, grasp)
-    return jnp.stack([getattr(channels, name) for name in problem.channels])
+    draws = {name: values[index] for name, values in samples.items()}
+    return index, heights_of(problem, predict_draws(problem, draws, pushes))

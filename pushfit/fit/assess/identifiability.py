@@ -12,10 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.problem import Problem, State
+from pushfit.fit.problem.problem import OF_GRASP, Problem
+from pushfit.fit.problem.slopes import residuals_at
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import Combination, IdentifiabilityResult
-from pushfit.model import Parameters, as_float
+from pushfit.model import Parameters, as_float, contact
 
 LOG_PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0", "p")
 # Singular values below this share of the largest are rounding.
@@ -46,7 +47,7 @@ def identifiability(
     """
     names = free_parameters(problem)
     middle = np.array([np.median(_scaled(n, samples[n])) for n in names])
-    jacobian = np.asarray(_log_jacobian(problem, as_float(middle), names))
+    jacobian = _log_jacobian(problem, middle, names)
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=True)
     singular_values = np.pad(singular_values, (0, len(names) - singular_values.size))
     spread = np.array([np.var(_scaled(n, prior_samples[n])) for n in names])
@@ -103,19 +104,32 @@ def _scaled(name: str, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n
     return values if name in ("e1", "e2") else np.log(values)
 
 
-@compiled
 def _log_jacobian(
+    problem: Problem, u: Float[np.ndarray, " p"], names: tuple[str, ...]
+) -> Float[np.ndarray, "m p"]:
+    """Slopes of the residuals, by way of the data coordinates that they depend on."""
+    y, slopes = (np.asarray(a) for a in _data_coordinates(problem, as_float(u), names))
+    _, jacobians = residuals_at(problem, y[None])
+    n_heights = problem.observed.size
+    return jacobians[0, :n_heights] @ slopes
+
+
+@compiled
+def _data_coordinates(
     problem: Problem, u: Float[Array, " p"], names: tuple[str, ...]
-) -> Float[Array, "m p"]:
-    def residuals(values: Float[Array, " p"]) -> Float[Array, " m"]:
+) -> tuple[Float[Array, " q"], Float[Array, "q p"]]:
+    """Data coordinates at logs of parameters, and their derivatives."""
+
+    def coordinates(values: Float[Array, " p"]) -> Float[Array, " q"]:
         point = dict(problem.fixed)
         for name, value in zip(names, values, strict=True):
             point[name] = value if name in ("e1", "e2") else jnp.exp(value)
-        preload = point.pop("F_0", problem.grasp.preload)
-        sharpness = point.pop("p", None)
-        no_sigma = jnp.zeros(len(problem.channels))
-        params = Parameters(**point)
-        state = State(params, preload, no_sigma, as_float(0), sharpness)
-        return problem.residuals(state)
+        rest = {name: point.pop(name) for name in OF_GRASP if name in point}
+        group = contact(Parameters(**point))
+        of_group = {"f1": group.f1, "f2": group.f2}
+        known = {"A": group.A, "B": group.B, "C_rr": group.C_rr, "s": group.s}
+        logs = known | {"L": group.L} | rest
+        y = of_group | {f"ln_{name}": jnp.log(value) for name, value in logs.items()}
+        return jnp.stack([y[name] for name in problem.data_names])
 
-    return jax.jacfwd(residuals)(u)
+    return coordinates(u), jax.jacfwd(coordinates)(u)

@@ -9,7 +9,7 @@ import scipy
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import LEVEL, label
-from pushfit.fit.problem.derived import in_contact
+from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -80,8 +80,8 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
         Rows; by linear mechanics none without a preload, which are even in θ then.
     """
     problem = setup.problem
-    is_held = np.asarray(in_contact(problem, as_float(fit.estimate)))
-    is_lost = ~is_held[: len(setup.rows)]
+    found = predict_points(problem, fit.estimate[None], problem.pushes)
+    is_lost = ~found.in_contact[0, : len(setup.rows)]
     return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
 
 

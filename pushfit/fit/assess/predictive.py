@@ -13,18 +13,17 @@ References:
     Sinica 6, 733.
 """
 
-import jax
+from collections.abc import Mapping
+
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import Directions, pushed_directions
-from pushfit.fit.problem.encoding import encode
+from pushfit.fit.problem.predictions import heights_of, predict_draws
 from pushfit.fit.problem.problem import STUDENT_DOF, Problem
-from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitStatus, PosteriorResult, PredictiveCheck
 from pushfit.fit.setup import Setup
-from pushfit.model import as_float
 
 # Simulated tables: enough to see a share of 1e-3, fewer of large tables so that all
 # their heights take 32 MB.
@@ -57,8 +56,9 @@ def predictive_checks(
     n = posterior.log_prob.size
     index = np.linspace(0, n - 1, min(n, n_draws)).astype(int)
     draws = {name: values[index] for name, values in posterior.samples.items()}
-    residuals = _residuals(problem, as_float(encode(problem, draws)))
-    observed = np.asarray(residuals)[:, :, :n_rows]
+    predicted = heights_of(problem, predict_draws(problem, draws, problem.pushes))
+    residuals = (predicted - np.asarray(problem.observed)) / _scale(problem, draws)
+    observed = residuals[:, :, :n_rows]
     simulated = _noise(problem, observed.shape, np.random.default_rng([seed, 3]))
     directions = pushed_directions(table, np.array(setup.rows))
     features = zip(
@@ -96,12 +96,17 @@ def _noise(
     return rng.standard_normal(shape)
 
 
-@compiled
-def _residuals(problem: Problem, x: Float[Array, "m p"]) -> Float[Array, "m c n"]:
-    """Residuals of the observed heights over the noise, at each draw."""
-
-    def one(x: Float[Array, " p"]) -> Float[Array, "c n"]:
-        state = problem.state(x)
-        return (problem.predict(state) - problem.observed) / problem.noise(state)
-
-    return jax.vmap(one)(x)
+def _scale(
+    problem: Problem, draws: Mapping[str, Float[np.ndarray, " m"]]
+) -> Float[np.ndarray, "m c n"]:
+    """`Problem.noise` at each draw [table unit]."""
+    sd, known = np.asarray(problem.sd), np.asarray(problem.reference_sigma)
+    n = next(iter(draws.values())).size
+    sampled = [draws.get(f"sigma_{channel}") for channel in problem.channels]
+    scale = [
+        np.broadcast_to(known[c], (n, known.shape[1]))
+        if sigma is None
+        else np.hypot(sd[c], sigma[:, None])
+        for c, sigma in enumerate(sampled)
+    ]
+    return np.where(problem.mask, np.stack(scale, axis=1), 1.0)

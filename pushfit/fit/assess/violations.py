@@ -12,15 +12,13 @@ References:
 
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.likelihood.angle_errors import angle_slopes
-from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.results import FitResult, Notice
 from pushfit.fit.setup import Setup
 
@@ -75,15 +73,16 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     # Rows of the Jacobian beyond the data are what is known beforehand.
     basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
     free = residuals - basis @ (basis.T @ residuals)
-    best = jnp.asarray(fit.estimate)
-    slope = np.asarray(angle_slopes(problem, best))[0][mask]
+    slope = angle_slopes(problem, fit.estimate)[0][mask]
     found = [_steep(free, slope / fit.sigma), _tall(free, fit.predicted)]
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
     is_hard = np.isinf(float(problem.grasp.sharpness)) and "p" not in problem.priors
     if is_hard and not problem.grasp.law.is_searched:
-        softened = np.asarray(_softened(problem, best))[mask]
+        soft = replace(problem, grasp=replace(problem.grasp, sharpness=SOFT))
+        found_soft = predict_points(soft, fit.estimate[None], problem.pushes)
+        softened = heights_of(problem, found_soft)[0][mask]
         found.append(_soft(free, basis, (softened - fit.predicted) / fit.sigma))
     kept = [v for v in found if v is not None and np.isfinite(v.p_value)]
     return tuple(sorted(kept, key=lambda v: v.p_value))
@@ -193,10 +192,3 @@ def _scatter_follows(
     deviation = squares - np.mean(squares)
     z = slope * np.sqrt(spread * free.size / float(deviation @ deviation))
     return float(scipy.stats.norm.sf(z)), slope
-
-
-@compiled
-def _softened(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "c n"]:
-    """Heights with a soft transition [table unit]."""
-    soft = replace(problem, grasp=replace(problem.grasp, sharpness=SOFT))
-    return soft.predict(problem.data_state(y))

@@ -12,40 +12,41 @@ share, and its correlation between the channels of one push.
 
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled
 from pushfit.model import Pushes
 
+# Far above the rounding of forces and far below the angles that bend them [rad].
+STEP = 1e-6
 
-@compiled
-def angle_slopes(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "2 c n"]:
+
+def angle_slopes(
+    problem: Problem, y: Float[np.ndarray, " q"]
+) -> Float[np.ndarray, "2 c n"]:
     """Slopes of noise-free heights in θ and α [table unit/rad].
 
     Args:
         problem: Problem.
         y: Data coordinates.
     """
-    state = problem.data_state(y)
-
-    def heights(
-        theta: Float[Array, " n"], alpha: Float[Array, " n"]
-    ) -> Float[Array, "c n"]:
-        return replace(problem, pushes=Pushes(theta, alpha)).predict(state)
-
-    angles = (problem.pushes.theta, problem.pushes.alpha)
-    ones = jnp.ones_like(angles[0])
-    along = ((ones, 0 * ones), (0 * ones, ones))
-    return jnp.stack([jax.jvp(heights, angles, tangent)[1] for tangent in along])
+    theta, alpha = np.asarray(problem.pushes.theta), np.asarray(problem.pushes.alpha)
+    # Central differences: before and behind along each angle.
+    turned = Pushes(
+        np.concatenate([theta - STEP, theta + STEP, theta, theta]),
+        np.concatenate([alpha, alpha, alpha - STEP, alpha + STEP]),
+    )
+    heights = heights_of(problem, predict_points(problem, y[None], turned))[0]
+    of_theta, of_alpha = np.split(heights, 2, axis=1)
+    differences = [np.subtract(*np.split(h, 2, axis=1)) for h in (of_theta, of_alpha)]
+    return -np.stack(differences) / (2 * STEP)
 
 
 def with_angle_errors(
     problem: Problem,
-    y: Float[Array, " q"],
+    y: Float[np.ndarray, " q"],
     *,
     stated: Problem,
     angle_sd: tuple[float, float],
@@ -61,7 +62,7 @@ def with_angle_errors(
     Returns:
         The problem with other known noise, and weights to go with it.
     """
-    slopes = np.where(problem.mask, np.asarray(angle_slopes(problem, y)), 0.0)
+    slopes = np.where(problem.mask, angle_slopes(problem, y), 0.0)
     added = np.hypot(slopes[0] * angle_sd[0], slopes[1] * angle_sd[1])
     return replace(
         problem,

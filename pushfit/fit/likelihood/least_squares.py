@@ -7,7 +7,6 @@ residuals, the rank of the Jacobian, the best of all modes rather than the first
 from collections.abc import Callable
 from dataclasses import replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,9 +16,10 @@ from pushfit.errors import FitError
 from pushfit.fit.likelihood.angle_errors import with_angle_errors
 from pushfit.fit.likelihood.curve import search
 from pushfit.fit.likelihood.weights import with_noise_of
-from pushfit.fit.problem.derived import critical_angle_at
+from pushfit.fit.problem.derived import critical_angles
+from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.slopes import linearised
+from pushfit.fit.problem.slopes import linearised, residuals_at
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.setup import Setup
@@ -96,12 +96,13 @@ def fit_result(
         FitError: If the best has no finite residuals and `throw` is set.
     """
     problem, (points, costs, is_done) = setup.problem, found
-    at = _around(problem, as_float(points), as_float(reference_alpha))
     mask = np.asarray(problem.mask)
     is_data = np.r_[mask.ravel(), np.ones(problem.n_constraints, bool)]
-    jacobians = np.asarray(at.jacobians)[:, is_data]
+    step = BESIDE * np.eye(points.shape[1])
+    beside = np.concatenate([np.zeros((1, len(step))), step, -step])
+    residuals, jacobians = residuals_at(problem, points[0] + beside)
+    residuals, jacobians = residuals[0, is_data], jacobians[:, is_data]
     jacobian = jacobians[0]
-    residuals = np.asarray(at.residuals)[is_data]
     if not np.isfinite(costs[0]):
         status = FitStatus.NO_FINITE_START
     elif is_done[0] or _is_flat(jacobian, residuals):
@@ -111,14 +112,15 @@ def fit_result(
     if throw and status is not FitStatus.OK:
         raise FitError(status.value, code=status.name.lower())
     channel_index, column = np.nonzero(mask)
-    predicted = np.asarray(at.predicted)
+    predicted = _heights_at(problem, points[0])
+    angles = critical_angles(problem, points, reference_alpha)
     return FitResult(
         names=problem.data_names,
         estimate=points[0],
         covariance=_covariance(jacobians),
         jacobian=jacobian,
         singular_values=np.linalg.svd(jacobian, compute_uv=False),
-        modes=_modes(problem, points, costs, np.asarray(at.angles)),
+        modes=_modes(problem, points, costs, angles),
         chi_square=float(costs[0]),
         n_data=int(mask.sum()),
         n_free=len(problem.data_names) - problem.n_constraints,
@@ -149,7 +151,7 @@ def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
     if setup.search is None:
         return np.zeros((N_STARTS, 0))
     pool = setup.search.curve.points
-    costs = np.asarray(costs_at(setup.problem, as_float(pool)))
+    costs = costs_at(setup.problem, pool)
     padded = np.r_[np.inf, np.where(np.isfinite(costs), costs, np.inf), np.inf]
     is_low = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
     valleys = np.flatnonzero(is_low)
@@ -236,12 +238,12 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     )
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
-        best = as_float(points[0])
         if any(angle_sd):
-            problem = with_angle_errors(problem, best, stated=stated, angle_sd=angle_sd)
+            problem = with_angle_errors(
+                problem, points[0], stated=stated, angle_sd=angle_sd
+            )
         if is_sampled:
-            at = _around(problem, as_float(points), as_float(reference_alpha or 0.0))
-            problem = with_noise_of(problem, np.asarray(at.predicted))
+            problem = with_noise_of(problem, _heights_at(problem, points[0]))
     if has_weights and setup.search is not None:
         # Other weights have other best fits, near the first ones.
         pool = setup.search.curve.points
@@ -282,40 +284,6 @@ def minimise(
     cost = jnp.sum(residuals(solution.value) ** 2)
     is_done = solution.result == optx.RESULTS.successful
     return solution.value, cost, is_done
-
-
-class Around(eqx.Module):
-    """What optima are judged by.
-
-    Args:
-        jacobians: At the best, and beside it along every coordinate.
-        residuals: At the best.
-        predicted: Heights at the best [table unit].
-        angles: θ_c of every optimum [rad].
-    """
-
-    jacobians: Float[Array, "s m q"]
-    residuals: Float[Array, " m"]
-    predicted: Float[Array, "c n"]
-    angles: Float[Array, " k"]
-
-
-@compiled
-def _around(
-    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
-) -> Around:
-    y = points[0]
-    step = BESIDE * jnp.eye(y.size)
-    beside = jnp.concatenate([jnp.zeros((1, y.size)), step, -step])
-    slopes = jax.jacfwd(linearised(problem.data_residuals))
-    return Around(
-        jacobians=jax.vmap(lambda shift: slopes(y + shift))(beside),
-        residuals=problem.data_residuals(y),
-        predicted=problem.predict(problem.data_state(y)),
-        angles=jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(
-            points
-        ),
-    )
 
 
 def _is_flat(
@@ -381,13 +349,28 @@ def _modes(
     return tuple(modes)
 
 
-@compiled
-def residuals_at(problem: Problem, y: Float[Array, " q"]) -> Float[Array, " m"]:
-    """Residuals at data coordinates."""
-    return problem.data_residuals(y)
+def costs_at(
+    problem: Problem, points: Float[np.ndarray, "k q"]
+) -> Float[np.ndarray, " k"]:
+    """Sum of squared residuals at data coordinates."""
+    heights = heights_of(problem, predict_points(problem, points, problem.pushes))
+    sums = _sums_of_squares(problem, as_float(heights), as_float(points))
+    return np.asarray(sums)
+
+
+def _heights_at(
+    problem: Problem, y: Float[np.ndarray, " q"]
+) -> Float[np.ndarray, "c n"]:
+    """Heights of the rows at data coordinates [table unit]."""
+    found = predict_points(problem, y[None], problem.pushes)
+    return heights_of(problem, found)[0]
 
 
 @compiled
-def costs_at(problem: Problem, points: Float[Array, "k q"]) -> Float[Array, " k"]:
-    """Sum of squared residuals at points."""
-    return jax.vmap(lambda y: jnp.sum(problem.data_residuals(y) ** 2))(points)
+def _sums_of_squares(
+    problem: Problem, heights: Float[Array, "k c n"], points: Float[Array, "k q"]
+) -> Float[Array, " k"]:
+    def one(heights: Float[Array, "c n"], y: Float[Array, " q"]) -> Float[Array, ""]:
+        return jnp.sum(problem.with_constraint(problem.residuals_of(heights), y) ** 2)
+
+    return jax.vmap(one)(heights, points)

@@ -21,7 +21,6 @@ from pushfit.fit.problem.priors import UNITS
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.setup import Setup
-from pushfit.model import as_float
 
 # The ellipse is reported by its axis; the others are held by what is known beforehand.
 UNPROFILED = ("f1", "f2", "ln_s", "ln_L", "ln_p")
@@ -141,7 +140,7 @@ def _curves(
 
 def _weighed_anew(problem: Problem, curve: Curve) -> Curve:
     """A curve with the sums of squares that settled noise gives its fits."""
-    chi_square = np.asarray(costs_at(problem, as_float(curve.points)))
+    chi_square = costs_at(problem, curve.points)
     is_possible = np.isfinite(curve.chi_square) & np.isfinite(chi_square)
     return replace(curve, chi_square=np.where(is_possible, chi_square, np.inf))
 
@@ -159,8 +158,7 @@ def _values_at(
         f1 = problem.data_names.index("f1")
         axis = np.arctan2(-modes[:, f1 + 1], -modes[:, f1]) / 2
         return np.mod(axis + np.pi / 2, np.pi) - np.pi / 2
-    alpha = as_float(reference_alpha)
-    return np.asarray(critical_angles(problem, as_float(modes), alpha))
+    return critical_angles(problem, modes, reference_alpha)
 
 
 def _axis_profile(

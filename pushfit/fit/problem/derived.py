@@ -7,17 +7,19 @@ no propagated standard error ever stands in for it. Angles leave here in degrees
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import Piece
 from pushfit.mechanics.directions import best_direction, critical_angle
-from pushfit.model import as_float, contact, forward
+from pushfit.model import as_float, contact
 
 PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
 # Period of an axis: pushing along α and along α + 180° is the same line [deg].
 HALF_TURN = 180.0
+# Data coordinates of one call.
+N_POINTS = 128
 # A density estimate has fewer bumps than this.
 MAX_PIECES = 100
 
@@ -46,28 +48,12 @@ def samples_mapping(
     return {name: np.asarray(values) for name, values in columns.items()}
 
 
-@compiled
-def in_contact(problem: Problem, y: Float[Array, " q"]) -> Bool[Array, " n"]:
-    """Which pushes keep the finger on the object at data coordinates.
-
-    Args:
-        problem: Problem.
-        y: Data coordinates.
-
-    Returns:
-        One entry for each row of the problem, padding included.
-    """
-    state = problem.data_state(y)
-    grasp = problem.grasp_at(state)
-    return forward(state.params, problem.pushes, grasp).in_contact
-
-
-@compiled
 def critical_angles(
-    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
-) -> Float[Array, " k"]:
+    problem: Problem, points: Float[np.ndarray, "k q"], reference_alpha: float
+) -> Float[np.ndarray, " k"]:
     """θ_c at many data coordinates [rad]; see `critical_angle_at`."""
-    return jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(points)
+    alpha = as_float(reference_alpha)
+    return in_chunks(lambda rows: _angles(problem, rows, alpha), points, N_POINTS)
 
 
 def critical_angle_at(
@@ -86,8 +72,15 @@ def critical_angle_at(
         θ_c; NaN where the contact never rolls [rad].
     """
     state = problem.data_state(y)
-    grasp = problem.grasp_at(state)
+    grasp = state.grasp(problem.grasp)
     return critical_angle(state.params, grasp, reference_alpha)
+
+
+@compiled
+def _angles(
+    problem: Problem, points: Float[Array, "k q"], reference_alpha: Float[Array, ""]
+) -> Float[Array, " k"]:
+    return jax.vmap(lambda y: critical_angle_at(problem, y, reference_alpha))(points)
 
 
 @compiled
@@ -102,7 +95,7 @@ def _quantities(
     def one(x: Float[Array, " p"]) -> dict[str, Float[Array, ""]]:
         state = problem.state(x)
         p, group = state.params, contact(state.params)
-        grasp = problem.grasp_at(state)
+        grasp = state.grasp(problem.grasp)
         angle = critical_angle(p, grasp, reference_alpha)
         values = {name: getattr(p, name) for name in PARAMETERS}
         values |= {"A": group.A, "B": group.B, "theta_c": jnp.degrees(angle)}

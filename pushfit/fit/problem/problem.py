@@ -55,6 +55,13 @@ class State(eqx.Module, Generic[P]):
     log_volume: Scalar
     sharpness: Scalar | None = None
 
+    def grasp(self, grasp: Grasp) -> Grasp:
+        """The grasp with what is unknown of it as this point has it."""
+        values = {"F_0": self.preload}
+        if self.sharpness is not None:
+            values["p"] = self.sharpness
+        return grasp_with(grasp, values)
+
 
 class Problem(eqx.Module):
     """Data, grasp, noise and priors.
@@ -106,25 +113,22 @@ class Problem(eqx.Module):
 
     def predict(self, state: State) -> Float[Array, "c n"]:
         """Noise-free heights of every channel and row [table unit]."""
-        channels = forward(state.params, self.pushes, self.grasp_at(state))
+        channels = forward(state.params, self.pushes, state.grasp(self.grasp))
         heights = jnp.stack([getattr(channels, name) for name in self.channels])
         return heights if self.repeats is None else heights @ self.repeats
 
-    def grasp_at(self, state: State) -> Grasp:
-        """The grasp with what is unknown of it as a point has it."""
-        values = {"F_0": state.preload}
-        if state.sharpness is not None:
-            values["p"] = state.sharpness
-        return grasp_with(self.grasp, values)
-
     def residuals(self, state: State) -> Float[Array, " m"]:
-        """(prediction - observation) / reference sigma, 0 for padding.
+        """(prediction - observation) / reference sigma, 0 for padding."""
+        return self.residuals_of(self.predict(state))
+
+    def residuals_of(self, predicted: Float[Array, "c n"]) -> Float[Array, " m"]:
+        """The same of predicted heights.
 
         With the Student-t likelihood each residual r becomes the signed root of its
         deviance (ν + 1) ln(1 + r²/ν), so that half the sum of squares stays the
         negative log likelihood up to a constant.
         """
-        difference = (self.predict(state) - self.observed) / self.reference_sigma
+        difference = (predicted - self.observed) / self.reference_sigma
         difference = jnp.where(self.mask, difference, 0.0)
         if self.likelihood == "student_t":
             difference = _signed_root_deviance(difference)
@@ -132,7 +136,12 @@ class Problem(eqx.Module):
 
     def data_residuals(self, y: Float[Array, " q"]) -> Float[Array, " m"]:
         """`residuals` at data coordinates, followed by those of `constraint`."""
-        residuals = self.residuals(self.data_state(y))
+        return self.with_constraint(self.residuals(self.data_state(y)), y)
+
+    def with_constraint(
+        self, residuals: Float[Array, " n"], y: Float[Array, " q"]
+    ) -> Float[Array, " m"]:
+        """Residuals followed by those of `constraint` at data coordinates."""
         if self.constraint is None or self.constraint_offset is None:
             return residuals
         return jnp.concatenate(

@@ -1,4 +1,4 @@
-"""Jacobians of residuals with respect to a few coordinates.
+"""Residuals with their slopes against the data coordinates.
 
 `jax.jacfwd` works with the coordinates as the last axis of every number on the way:
 loops over four entries, which the processor cannot run many at a time. Excluded: what
@@ -9,30 +9,39 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.programs import compiled
+from pushfit.model import as_float
+
 Residuals = Callable[[Float[Array, " q"]], Float[Array, " m"]]
-Jacobian = Callable[[Float[Array, " q"]], Float[Array, "m q"]]
+# Points of one call.
+N_POINTS = 24
 
 
-def jacobian(function: Residuals) -> Jacobian:
-    """As `jax.jacfwd`, one coordinate after the other.
+def with_slopes(
+    function: Residuals, y: Float[Array, " q"]
+) -> tuple[Float[Array, " m"], Float[Array, "m q"]]:
+    """A function and its Jacobian as by `jax.jacfwd`, one coordinate after the other.
 
     Args:
         function: Function of the coordinates.
+        y: Where.
 
     Returns:
-        Its Jacobian as a function of the coordinates.
+        Its values, and their derivatives.
     """
 
-    def columns(y: Float[Array, " q"]) -> Float[Array, "m q"]:
-        def along(direction: Float[Array, " q"]) -> Float[Array, " m"]:
-            return jax.jvp(function, (y,), (direction,))[1]
+    def along(direction: Float[Array, " q"]) -> tuple[Array, Array]:
+        return jax.jvp(function, (y,), (direction,))
 
-        # Not `jax.vmap`: the compiler would move the axis to the end again.
-        return jax.lax.map(along, jnp.eye(y.size)).T
-
-    return columns
+    # Not `jax.vmap`: the compiler would move the axis to the end again. A direction of
+    # length zero has the values where nothing is free.
+    directions = np.concatenate([np.zeros((1, y.size)), np.eye(y.size)])
+    values, columns = jax.lax.map(along, jnp.asarray(directions))
+    return values[0], columns[1:].T
 
 
 def linearised(function: Residuals) -> Residuals:
@@ -45,11 +54,38 @@ def linearised(function: Residuals) -> Residuals:
 
     Returns:
         Function of the same values, wherever derivatives are finite, and of the first
-        derivatives that `jacobian` has.
+        derivatives that `with_slopes` has.
     """
 
     def tangent_plane(y: Float[Array, " q"]) -> Float[Array, " m"]:
         fixed = jax.lax.stop_gradient(y)
-        return function(fixed) + jacobian(function)(fixed) @ (y - fixed)
+        values, slopes = with_slopes(function, fixed)
+        return values + slopes @ (y - fixed)
 
     return tangent_plane
+
+
+def residuals_at(
+    problem: Problem, points: Float[np.ndarray, "k q"]
+) -> tuple[Float[np.ndarray, "k m"], Float[np.ndarray, "k m q"]]:
+    """Residuals and their Jacobians at a few data coordinates.
+
+    Args:
+        problem: Problem.
+        points: Data coordinates, `N_POINTS` of them at most.
+
+    Returns:
+        Residuals of the rows, padding included, then those of the constraint; their
+        derivatives.
+    """
+    rows = np.minimum(np.arange(N_POINTS), len(points) - 1)
+    found = _residuals_at(problem, as_float(points[rows]))
+    residuals, jacobians = (np.asarray(a)[: len(points)] for a in found)
+    return residuals, jacobians
+
+
+@compiled
+def _residuals_at(
+    problem: Problem, points: Float[Array, "k q"]
+) -> tuple[Float[Array, "k m"], Float[Array, "k m q"]]:
+    return jax.vmap(lambda y: with_slopes(problem.data_residuals, y))(points)

@@ -157,7 +157,7 @@ def _theta_c(
 
     def one(x: Float[Array, " p"]) -> Float[Array, ""]:
         state = problem.state(x)
-        grasp = problem.grasp_at(state)
+        grasp = state.grasp(problem.grasp)
         angle = critical_angle(state.params, grasp, alpha)
         return jnp.where(jnp.isnan(angle), -jnp.pi, angle)
 

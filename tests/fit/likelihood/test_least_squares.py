@@ -206,5 +206,5 @@ def test_a_search_has_the_weights_that_noise_settles_at():
     setup = setup_of(table, '[noise]\nsigma = "sampled"\n')
     curve = setup.search.curve
     is_possible = np.isfinite(curve.chi_square)
-    costs = costs_at(setup.problem, jnp.asarray(curve.points[is_possible]))
+    costs = costs_at(setup.problem, curve.points[is_possible])
     np.testing.assert_allclose(costs, curve.chi_square[is_possible], rtol=1e-4)

@@ -1,0 +1,133 @@
+"""What sensors would report at many points and for any pushes.
+
+Pictures, checks, weights and simulated tables all ask here: points and pushes are
+padded to one shape, so that a mechanics needs one program for them all.
+"""
+
+from collections.abc import Callable, Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from pushfit.fit.problem.problem import OF_GRASP, Problem, State, grasp_with
+from pushfit.fit.programs import compiled
+from pushfit.model import (
+    Channels,
+    Contact,
+    Grasp,
+    Parameters,
+    Pushes,
+    as_float,
+    contact,
+    forward,
+)
+
+# Points and pushes of one call.
+N_POINTS, N_PUSHES = 128, 128
+
+
+def predict_points(
+    problem: Problem, points: Float[np.ndarray, "k q"], pushes: Pushes
+) -> Channels:
+    """What sensors report at data coordinates.
+
+    Args:
+        problem: Problem.
+        points: Data coordinates.
+        pushes: Directions, of the problem or not.
+
+    Returns:
+        Arrays of NumPy, by point and push.
+    """
+
+    def states(rows: Int[np.ndarray, " m"]) -> State[Contact]:
+        return _of_points(problem, as_float(points[rows]))
+
+    return _predict(problem.grasp, states, len(points), pushes)
+
+
+def predict_draws(
+    problem: Problem, samples: Mapping[str, Float[np.ndarray, " n"]], pushes: Pushes
+) -> Channels:
+    """What sensors report at draws, or at any values of the parameters.
+
+    Args:
+        problem: Problem.
+        samples: Values of all that is unknown by name.
+        pushes: Directions, of the problem or not.
+
+    Returns:
+        Arrays of NumPy, by draw and push.
+    """
+    names = (*Parameters.__dataclass_fields__, *OF_GRASP)
+    known = {name: samples[name] for name in names if name in samples}
+
+    def states(rows: Int[np.ndarray, " m"]) -> State[Contact]:
+        return _of_draws(problem, {n: as_float(v[rows]) for n, v in known.items()})
+
+    return _predict(problem.grasp, states, next(iter(known.values())).size, pushes)
+
+
+def heights_of(problem: Problem, channels: Channels) -> Float[np.ndarray, "k c n"]:
+    """Heights of the channels of a problem [table unit].
+
+    Args:
+        problem: Problem.
+        channels: What `predict_points` and `predict_draws` return.
+    """
+    return np.stack([getattr(channels, name) for name in problem.channels], axis=1)
+
+
+def _predict(
+    grasp: Grasp,
+    states: Callable[[Int[np.ndarray, " m"]], State[Contact]],
+    n_points: int,
+    pushes: Pushes,
+) -> Channels:
+    """Channels of all points and pushes, given the states of some points."""
+    n = pushes.theta.size
+    theta, alpha = np.asarray(pushes.theta), np.asarray(pushes.alpha)
+    parts = [Pushes(theta[rows], alpha[rows]) for rows in _padded_rows(n, N_PUSHES)]
+    # All calls are sent off before the first is waited for.
+    calls = []
+    for rows in _padded_rows(n_points, N_POINTS):
+        at = states(rows)
+        calls.append([_channels(at, part, grasp) for part in parts])
+    blocks = [jax.tree.map(lambda *a: np.concatenate(a, axis=1), *row) for row in calls]
+    return jax.tree.map(lambda *a: np.concatenate(a)[:n_points, :n], *blocks)
+
+
+def _padded_rows(n: int, size: int) -> list[Int[np.ndarray, " m"]]:
+    """Indices in calls of one size, the last index repeated."""
+    return [np.minimum(np.arange(i, i + size), n - 1) for i in range(0, n, size)]
+
+
+@compiled
+def _of_points(problem: Problem, points: Float[Array, "k q"]) -> State[Contact]:
+    return jax.vmap(problem.data_state)(points)
+
+
+@compiled
+def _of_draws(
+    problem: Problem, draws: Mapping[str, Float[Array, " k"]]
+) -> State[Contact]:
+    def one(draw: Mapping[str, Float[Array, ""]]) -> State[Contact]:
+        own = {name: value for name, value in draw.items() if name not in OF_GRASP}
+        for name in Parameters.__dataclass_fields__:
+            own.setdefault(name, problem.fixed.get(name, jnp.zeros(())))
+        preload = grasp_with(problem.grasp, draw).preload
+        no_sigma = jnp.zeros(len(problem.channels))
+        group = contact(Parameters(**own))
+        return State(group, preload, no_sigma, jnp.zeros(()), draw.get("p"))
+
+    return jax.vmap(one)(draws)
+
+
+@compiled
+def _channels(states: State[Contact], pushes: Pushes, grasp: Grasp) -> Channels:
+    def one(state: State[Contact]) -> Channels:
+        return forward(state.params, pushes, state.grasp(grasp))
+
+    return jax.vmap(one)(states)

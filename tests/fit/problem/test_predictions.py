@@ -1,0 +1,59 @@
+"""Predictions of many points and pushes against the model, one at a time."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from pushfit.fit.problem.derived import samples_mapping
+from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.predictions import (
+    N_POINTS,
+    N_PUSHES,
+    heights_of,
+    predict_draws,
+    predict_points,
+)
+from pushfit.fit.setup import build_problem
+from pushfit.model import Parameters, Pushes, forward
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+EXACT = 1e-12  # equal on paper
+ESTIMATED = '[grasp]\npreload_n = "estimate"\n'
+
+
+@pytest.fixture(scope="module")
+def problem():
+    table = case_table(CASES["ellipse"], noise=0.02)
+    return build_problem(table, config(ESTIMATED)).problem
+
+
+@pytest.fixture(scope="module")
+def pushes():
+    rng = np.random.default_rng(1)
+    n = N_PUSHES + 9
+    return Pushes(rng.uniform(0.1, 1.5, n), rng.uniform(0.0, np.pi, n))
+
+
+def test_points_are_predicted_as_one_by_one(problem, pushes):
+    """More points and pushes than one call takes, in their order."""
+    rng = np.random.default_rng(2)
+    points = rng.normal(0.0, 0.3, (N_POINTS + 5, len(problem.data_names)))
+    found = predict_points(problem, points, pushes)
+    assert found.height.shape == (len(points), pushes.theta.size)
+    for i in (0, N_POINTS - 1, N_POINTS, len(points) - 1):
+        state = problem.data_state(jnp.asarray(points[i]))
+        one = forward(state.params, pushes, state.grasp(problem.grasp))
+        np.testing.assert_allclose(found.height[i], one.height, rtol=EXACT)
+        np.testing.assert_array_equal(found.in_contact[i], one.in_contact)
+
+
+def test_draws_are_predicted_with_what_is_fixed_and_unknown(problem, pushes):
+    x = prior_x_samples(problem, np.random.default_rng(3), 4)
+    samples = samples_mapping(problem, x, np.pi / 2, (0.0, np.pi))
+    heights = heights_of(problem, predict_draws(problem, samples, pushes))
+    for i in range(len(x)):
+        state = problem.state(jnp.asarray(x[i]))
+        assert isinstance(state.params, Parameters)
+        one = forward(state.params, pushes, state.grasp(problem.grasp))
+        np.testing.assert_allclose(heights[i, 0], one.height, rtol=1e-9)
