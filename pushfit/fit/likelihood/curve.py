@@ -36,12 +36,13 @@ N_POOL, N_PLAIN_POOL = 24, 8
 # gathers where it crosses the level, within so many standard deviations.
 TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
 CROSSING, AT_CROSSING = 0.15, 0.35
-# Sharpness of the transition in each round, for each point of the pool and afterwards.
-# Across the hard switch the other branch has no slope: a soft one leads there, and
-# sharpens round by round. Where forces are searched the switch is rounder, and programs
+# Sharpness of the transition in each round, for points of the pool in turn and
+# afterwards. Across the hard switch the other branch has no slope: a soft one leads
+# there, and sharpens round by round. Its own valley may be another one, and so half of
+# the points do without. Where forces are searched the switch is rounder, and programs
 # are slow to compile: points of the pool are not followed one by one.
-FAMILY_SHARPNESS = (16.0, 1024.0)
-SHARPNESS = (16.0, 256.0, 4096.0, 1e6, 1e6, 1e6)
+FAMILY_SHARPNESS = ((16.0, 1024.0), (4096.0, 4096.0))
+SHARPNESS = (256.0, 4096.0, 1e6, 1e6, 1e6, 1e6)
 # θ_c held where a point has none [rad].
 SOME_ANGLE = 0.1
 
@@ -191,8 +192,7 @@ def profile_curve(
     )
     chi_square = np.where(cost < IMPOSSIBLE, 2 * cost + scatter, np.inf)
     if imposable(problem)[index] == "theta_c" and problem.grasp.law.is_tie is None:
-        alpha = as_float(reference_alpha)
-        angles = np.asarray(critical_angles(problem, as_float(points), alpha))
+        angles = critical_angles(problem, points, reference_alpha)
         is_other = ~(np.abs(angles - at) < SAME_ANGLE)
         chi_square = np.where(is_other, np.inf, chi_square)
     return Curve(values=at, points=points, chi_square=chi_square)
@@ -209,24 +209,26 @@ def _curve(
 ) -> tuple[Float[Array, " g"], Float[Array, "g q"], Float[Array, " g"]]:
     target = Likelihood(problem, index, reference_alpha)
 
-    def family(y: Float[Array, " q"]) -> tuple[Array, Array]:
+    def family(
+        y: Float[Array, " q"], rounds: Float[Array, " r"]
+    ) -> tuple[Array, Array]:
         """Best fits along the values with θ_c as it is, where it can be held."""
         if problem.grasp.law.is_searched:
-            w = jax.vmap(lambda value: target.start(value, y))(values)
-            return w, jax.vmap(target.cost)(w)
+            return jax.vmap(lambda value: target.start(value, y))(values)
         angle = critical_angle_at(problem, y, reference_alpha)
         held = replace(target, angle=jnp.where(jnp.isnan(angle), SOME_ANGLE, angle))
         nodes = follow(
             held.softened,
-            jnp.asarray(FAMILY_SHARPNESS),
-            jax.vmap(lambda value: held.start(value, y))(values),
+            rounds,
+            jax.vmap(lambda value: held.start(value, y)[0])(values),
             held.is_free,
             None,
         )
         w = jax.vmap(lambda w: target.at(w[0], held.point(w)))(nodes.y)
         return w, nodes.cost
 
-    w, costs = jax.vmap(family)(pool)
+    kinds = jnp.asarray(FAMILY_SHARPNESS)[jnp.arange(len(pool)) % 2]
+    w, costs = jax.vmap(family)(pool, kinds)
     best = jnp.argmin(costs, axis=0)
 
     def placing(nodes: Expansion) -> Float[Array, " g"]:

@@ -109,12 +109,6 @@ class Likelihood(eqx.Module):
             y = y.at[at].set(jnp.where(is_used, value, y[at]))
         return y
 
-    def cost(self, w: Float[Array, " w"]) -> Scalar:
-        """Half the sum of squares; very large where the value is impossible."""
-        y = self.point(w)
-        cost = finite(jnp.sum(self.problem.data_residuals(y) ** 2) / 2)
-        return jnp.where(self.is_possible(w[0], y), cost, IMPOSSIBLE)
-
     def expand(self, w: Float[Array, " w"]) -> Expansion:
         """Second-order expansion by Gauss-Newton."""
         points = jnp.concatenate([w[None], w[None] + STEP * jnp.eye(w.size)])
@@ -134,17 +128,34 @@ class Likelihood(eqx.Module):
         """Coordinates of data coordinates that have the value."""
         return jnp.concatenate([value[None], self.chart(y)])
 
-    def start(self, value: Scalar, y: Float[Array, " q"]) -> Float[Array, " w"]:
-        """Coordinates near data coordinates, stiffness scaled to the heights."""
-        problem, z = self.problem, self.chart(y)
-        predicted = problem.predict(problem.data_state(self.impose(value, z)))
+    def start(
+        self, value: Scalar, y: Float[Array, " q"]
+    ) -> tuple[Float[Array, " w"], Scalar]:
+        """Coordinates near data coordinates, stiffness scaled to the heights.
+
+        Returns:
+            The coordinates, and half the sum of squares there, very large where the
+            value is impossible.
+        """
+        problem = self.problem
         weight = jnp.where(problem.mask, problem.reference_sigma**-2, 0.0)
-        scale = jnp.sum(weight * predicted * problem.observed)
-        scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
         # Forces are proportional to these together.
         is_scaled = np.isin(problem.data_names, ["ln_A", "ln_B", "ln_F_0"])
-        shift = jnp.where(is_scaled, jnp.log(jnp.clip(scale, *SCALES)), 0.0)
-        return jnp.concatenate([value[None], z + shift])
+
+        def at(z: Array, is_last: Array) -> tuple[Array, Array]:
+            y = self.impose(value, z)
+            predicted = problem.predict(problem.data_state(y))
+            scale = jnp.sum(weight * predicted * problem.observed)
+            scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
+            shift = jnp.where(is_scaled, jnp.log(jnp.clip(scale, *SCALES)), 0.0)
+            residuals = problem.with_constraint(problem.residuals_of(predicted), y)
+            cost = finite(jnp.sum(residuals**2) / 2)
+            cost = jnp.where(self.is_possible(value, y), cost, IMPOSSIBLE)
+            return jnp.where(is_last, z, z + shift), cost
+
+        # Both predictions are one evaluation, which is what takes long to compile.
+        z, costs = jax.lax.scan(at, self.chart(y), jnp.array([False, True]))
+        return jnp.concatenate([value[None], z]), costs[1]
 
     def impose(self, value: Scalar, z: Float[Array, " q"]) -> Float[Array, " q"]:
         """Data coordinates near z at which the quantity has the value.
@@ -186,14 +197,14 @@ class Likelihood(eqx.Module):
         if "theta_c" not in self.quantities or is_tie is None:
             return jnp.asarray(True)
         state = self.problem.data_state(y)
-        is_switch = is_tie(state.params, self.problem.grasp_at(state), value)
+        is_switch = is_tie(state.params, state.grasp(self.problem.grasp), value)
         return is_switch | (self.index != self.quantities.index("theta_c"))
 
     def _pivot_value(self, pivot: str, angle: Scalar, z: Float[Array, " q"]) -> Scalar:
         """Log of the pivot that puts the critical angle at an angle."""
         state, direction = self.problem.data_state(z), (angle, self.reference_alpha)
         tie = self.problem.grasp.law.ties[pivot]
-        value = tie(state.params, self.problem.grasp_at(state), direction)
+        value = tie(state.params, state.grasp(self.problem.grasp), direction)
         return _safe_log(jnp.where(jnp.isnan(value), 0.0, value))
 
 

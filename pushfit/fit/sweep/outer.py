@@ -33,6 +33,8 @@ REACH = 6.0
 TEMPERS = ((1.0, 0.5), (0.2, 0.3), (0.02, 0.2))
 # Starts of a node from those around it.
 N_NEAR = 4
+# A node is lower than another by more than this, in units of the log density.
+MARGIN = 0.1
 # Longest move along a ridge from one node to the next [log units].
 MAX_MOVE = 1.5
 # First guesses: ln C_rr in standard deviations from its prior mean, and ellipses.
@@ -182,19 +184,28 @@ def _first_starts(target: Target) -> Float[Array, "n q"]:
         for i, name in enumerate(names):
             if name in ("f1", "e1", "f2", "e2"):
                 y = y.at[i].add(shift[int(name[1])])
-        if "ln_A" in names:
-            y = y.at[names.index("ln_A")].add(_ln_scale(target, y))
-        return y, target.cost(y)
+
+        def at(y: Array, is_last: Array) -> tuple[Array, Array]:
+            difference = target.differences(y)
+            scaled = y
+            if "ln_A" in names:
+                ln_scale = _ln_scale(target, difference)
+                scaled = y.at[names.index("ln_A")].add(ln_scale)
+            return jnp.where(is_last, y, scaled), target.cost(y, difference)
+
+        # Both predictions are one evaluation, which is what takes long to compile.
+        y, costs = jax.lax.scan(at, y, jnp.array([False, True]))
+        return y, costs[1]
 
     tried, costs = jax.vmap(lambda u: jax.vmap(lambda s: guess(u, s))(guesses))(u)
     return tried[jnp.arange(N_NODES), jnp.argmin(costs, axis=1)]
 
 
-def _ln_scale(target: Target, y: Float[Array, " q"]) -> Array:
+def _ln_scale(target: Target, difference: Float[Array, "c n"]) -> Array:
     """Log of the factor that brings predictions closest to the heights."""
     problem = target.pooled.problem
     observed = jnp.where(problem.mask, problem.observed, 0.0)
-    predicted = target.differences(y) + observed
+    predicted = difference + observed
     weight = target.pooled.count / problem.reference_sigma**2
     scale = jnp.sum(weight * predicted * observed)
     scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
@@ -210,8 +221,9 @@ def _near(
 ) -> Float[Array, "m k q"]:
     """Starts at values of the first coordinate, as the nodes around them offer.
 
-    Those to the left, to the right and beyond follow their ridge; the one to the left
-    is also taken as it is.
+    Those to the left, to the right and beyond follow their ridge. The nearest one that
+    is lower is also taken as it is, however far: ridges lead through a valley node by
+    node, and rounds are fewer than nodes. Where none is lower, that is the left one.
     """
     u = nodes.y[:, 0]
     right = jnp.clip(jnp.searchsorted(u, at), 1, u.size - 1)
@@ -222,7 +234,11 @@ def _near(
         return nodes.y[start] + jnp.clip(move, -MAX_MOVE, MAX_MOVE)
 
     beyond = jnp.clip(right + 1, 1, u.size - 1)
-    tried = (nodes.y[right - 1], along(right - 1), along(right), along(beyond))
+    here = jnp.interp(at, u, nodes.cost)
+    is_lower = nodes.cost[None] < here[:, None] - MARGIN
+    distance = jnp.where(is_lower, jnp.abs(u[None] - at[:, None]), jnp.inf)
+    lower = jnp.where(is_lower.any(axis=1), jnp.argmin(distance, axis=1), right - 1)
+    tried = (nodes.y[lower], along(right - 1), along(right), along(beyond))
     return jnp.stack(tried, axis=1).at[:, :, 0].set(at[:, None])
 
 

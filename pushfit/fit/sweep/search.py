@@ -8,7 +8,6 @@ from jaxtyping import Array, Bool, Float
 
 from pushfit.fit.sweep.cholesky import cholesky, solve
 from pushfit.fit.sweep.target import Expansion
-from pushfit.model import Scalar
 
 # Longest step of a coordinate, in logs: beyond it the expansion says nothing.
 MAX_STEP = 1.5
@@ -30,12 +29,8 @@ class Objective(Protocol):
         """Of the normal prior."""
         ...
 
-    def cost(self, y: Float[Array, " q"], /) -> Scalar:
-        """What is to be least."""
-        ...
-
     def expand(self, y: Float[Array, " q"], /) -> Expansion:
-        """The same without the prior, with its slope and curvature."""
+        """What is to be least, and the same without the prior: slope and curvature."""
         ...
 
 

@@ -124,9 +124,9 @@ class Target(eqx.Module):
         value = level + self.pooled.problem.log_prior(x)
         return jnp.where(jnp.isnan(value), -jnp.inf, value)
 
-    def cost(self, y: Float[Array, " q"]) -> Scalar:
+    def cost(self, y: Float[Array, " q"], difference: Float[Array, "c n"]) -> Scalar:
         """Negative log of likelihood times normal prior, up to a constant."""
-        terms = noise_terms(self.pooled, self.differences(y))
+        terms = noise_terms(self.pooled, difference)
         return finite(-terms.log_likelihood) + self.half_square(y)
 
     def half_square(self, y: Float[Array, " q"]) -> Scalar:
