@@ -12,11 +12,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
 from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.ends import are_cut
 from pushfit.data.pushes.feet import (
     FOOT,
     WIDTH_PER_SMOOTHING,
     Feet,
-    are_cut,
     trace_feet,
 )
 from pushfit.data.pushes.humps import Humps
@@ -204,8 +204,10 @@ def _detect(
     """
     trace = _reduce(time, signal, noise, tau, usual_step)
     significant = _SIGNIFICANT * trace.noise
-    humps = Humps.between(trace.y, _maxima(trace.y, significant))
+    tops = _maxima(trace.y, significant)
+    humps = Humps.between(trace.y, tops)
     humps.join(split)
+    humps = _regained(humps, tops, trace)
     large = _LARGE * float(humps.heights.max(initial=0.0))
     wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
     by_noise = max(_BEYOND_NOISE * trace.noise, wander)
@@ -214,6 +216,28 @@ def _detect(
     pushes = replace(humps)
     pushes.drop_below(smallest)
     return _coarse(humps, trace), ~np.isin(humps.peaks, pushes.peaks)
+
+
+def _regained(humps: Humps, tops: Int[np.ndarray, " t"], trace: _Trace) -> Humps:
+    """Give back tops that were joined with a hump though they lie beyond its feet.
+
+    Below a step of the rest level a rest looks too high for one.
+    """
+    while len(humps.peaks) and (tops := np.setdiff1d(tops, humps.peaks)).size:
+        k = np.searchsorted(humps.valleys, tops) - 1
+        # At an end of the signal the hump itself may be a wiggle of a cut push.
+        is_inner = (k > 0) & (k < len(humps.peaks) - 1)
+        k, tops = k[is_inner], tops[is_inner]
+        feet = [_feet(humps, int(own), trace) for own in np.unique(k)]
+        first, last = np.array(feet).reshape(-1, 2)[np.searchsorted(np.unique(k), k)].T
+        heights = humps.heights[k]
+        rise = trace.y[tops] - trace.y[humps.peaks[k]] + heights
+        lost = tops[((tops < first) | (tops > last)) & (rise >= _LARGE * heights)]
+        if lost.size == 0:
+            break
+        highest = lost[np.argmax(trace.y[lost])]
+        humps = Humps.between(trace.y, np.sort(np.append(humps.peaks, highest)))
+    return humps
 
 
 def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:
@@ -330,5 +354,6 @@ def _coarse(humps: Humps, trace: _Trace) -> Feet[np.ndarray]:
         half_down=trace.at(half_down),
         end=trace.at(end),
         height=heights,
+        moved=np.zeros(len(heights)),
         step=np.full(len(heights), trace.step),
     )

@@ -23,7 +23,7 @@ FOOT = 0.05
 WIDTH_PER_SMOOTHING = 10.0
 # The signal is on its way before it passes the foot: by a ninth of the way to half
 # height on a straight flank, by more on a curved one.
-_BEGINS, _GUARD = 0.11, 0.35
+_GUARD = 0.35
 # A rest is looked at for this share of the width, at most for so long [s]: an old
 # baseline is no better than a fresh one, and the next push may be near.
 _SPAN, _LONGEST = 0.6, 1.0
@@ -31,15 +31,14 @@ _FEWEST = 8
 # Sensors recover after a release.
 _SETTLING = 0.4
 # Less of a rest than this share of what is wanted shows no level.
-_LEAST = 0.25
+LEAST = 0.25
+# Share of the height by which drift may move a rest; sensors and grasps are shifted by
+# more.
+SHIFT = 0.08
 # A hump that is lower than this share of the step below it is an overshoot.
 ON_STEP = 0.33
-# Share of the time from a neighbour in which the signal comes to rest.
-_TAIL = 0.5
-# Samples of rest that show that a push had not begun.
-_SHOWN = 3
 _GRID, _FINE = 240, 17
-_ROUNDS, _REACH = 4, 2.0
+_ROUNDS, _SAME, _REACH = 12, 1e-5, 2.0
 # Times that the integral is kept at, for each smoothing time; and steps that the usual
 # one is judged by. More would only cost time.
 _KNOTS, _STEPS = 16, 250
@@ -66,6 +65,7 @@ class Feet(Generic[Number]):
         half_down: Passes half of the height on the way down.
         end: Passes the foot on the way down.
         height: Smoothed top over the higher of the two rests [unit].
+        moved: Rest after it over the rest before it, where both are seen [unit].
         step: Usual sampling step around it [s].
     """
 
@@ -75,6 +75,7 @@ class Feet(Generic[Number]):
     half_down: Number
     end: Number
     height: Number
+    moved: Number
     step: Number
 
     @staticmethod
@@ -96,21 +97,63 @@ class Feet(Generic[Number]):
         """Time above half of the height [s]."""
         return self.half_down - self.half_up
 
-    @property
-    def before(self: "Feet[np.ndarray]") -> tuple[Numbers, Numbers]:
-        """Stretches whose level is the rest before the pushes [s]."""
-        last = self.start - _GUARD * (self.half_up - self.start)
-        return last - self._span, last
+    def room(
+        self: "Feet[np.ndarray]", time: Float[np.ndarray, " n"]
+    ) -> tuple[Numbers, Numbers]:
+        """Halves of the rests beside pushes in order: a cut between takes nothing [s].
+
+        Args:
+            time: Sample times [s].
+        """
+        n = len(self.start)
+        end, start = np.append(self.end, np.nan), np.append(self.start, np.nan)
+        earlier, later = self._neighbours(-1), self._neighbours(1)
+        lowest = np.where(earlier < 0, time[0], (end[earlier] + self.start) / 2)
+        highest = np.where(later == n, time[-1], (self.end + start[later]) / 2)
+        return np.minimum(lowest, self.start), np.maximum(highest, self.end)
+
+    def _neighbours(self: "Feet[np.ndarray]", step: int) -> Int[np.ndarray, " p"]:
+        """Next pushes in one direction; what is lower than a foot is but a wiggle."""
+        found = np.arange(len(self.start)) + step
+        height = np.concatenate([self.height, [np.inf]])
+        while (is_wiggle := height[found] < FOOT * self.height).any():
+            found[is_wiggle] += step
+        return found
+
+    def before(self: "Feet[np.ndarray]", lowest: Numbers) -> tuple[Numbers, Numbers]:
+        """Stretches whose level is the rest before the pushes [s].
+
+        Args:
+            lowest: Begins of their room [s].
+        """
+        # In a short rest a part of it has to do.
+        guard = np.minimum(
+            _GUARD * (self.half_up - self.start), (self.start - lowest) / 2
+        )
+        last = self.start - guard
+        return np.minimum(np.maximum(last - self.span, lowest), last), last
+
+    def after(
+        self: "Feet[np.ndarray]", highest: Numbers, *, waited: float = 0.5
+    ) -> tuple[Numbers, Numbers]:
+        """Stretches whose level is the rest after the pushes [s].
+
+        Args:
+            highest: Ends of their room [s].
+            waited: Share of a short room that sensors may take to recover.
+        """
+        wait = np.maximum(_GUARD * (self.end - self.half_down), self.settling)
+        first = self.end + np.minimum(wait, waited * (highest - self.end))
+        return first, np.maximum(np.minimum(first + self.span, highest), first)
 
     @property
-    def after(self: "Feet[np.ndarray]") -> tuple[Numbers, Numbers]:
-        """Stretches whose level is the rest after the pushes [s]."""
-        settling = _SETTLING * np.minimum(self.width, _LONGEST)
-        first = self.end + np.maximum(_GUARD * (self.end - self.half_down), settling)
-        return first, first + self._span
+    def settling(self: "Feet[np.ndarray]") -> Numbers:
+        """Times that a sensor takes to recover after the pushes [s]."""
+        return _SETTLING * np.minimum(self.width, _LONGEST)
 
     @property
-    def _span(self: "Feet[np.ndarray]") -> Numbers:
+    def span(self: "Feet[np.ndarray]") -> Numbers:
+        """Times that rests are looked at for [s]."""
         return np.maximum(_SPAN * np.minimum(self.width, _LONGEST), _FEWEST * self.step)
 
 
@@ -128,8 +171,7 @@ def trace_feet(
     """Trace the feet of pushes from their own samples.
 
     Feet depend on the levels of the rests, and rests lie beyond the feet: both are
-    found in turns, which changes next to nothing after the second. Their number is
-    fixed, because rounding must not decide when to stop.
+    found in turns, until nothing changes: where the search began must not matter.
 
     Args:
         time: Sample times [s].
@@ -141,11 +183,10 @@ def trace_feet(
     Returns:
         The feet.
     """
-    lowest = np.minimum(np.append(time[0], coarse.end[:-1]), coarse.start)
-    highest = np.maximum(np.append(coarse.start[1:], time[-1]), coarse.end)
     reach = 2 * _reach(coarse)
-    lowest = np.maximum(np.maximum(lowest, coarse.start - reach), time[0])
-    highest = np.minimum(np.minimum(highest, coarse.end + reach), time[-1])
+    lowest, highest = coarse.room(time)
+    lowest = np.maximum(lowest, coarse.start - reach)
+    highest = np.minimum(highest, coarse.end + reach)
     ends = np.searchsorted(time, [lowest, highest])
     feet = replace(coarse, step=_usual_steps(time, ends))
     finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
@@ -154,7 +195,11 @@ def trace_feet(
     for _ in range(_ROUNDS):
         tau = _smoothing(feet, sigma) if smoothing is None else smoothing
         tau = np.broadcast_to(tau, feet.start.shape)
-        feet = _trace(course, feet, (lowest, highest), tau=tau, sigma=sigma)
+        was = feet
+        feet = _trace(course, feet, feet.room(time), tau=tau, sigma=sigma)
+        off = np.maximum(np.abs(feet.start - was.start), np.abs(feet.end - was.end))
+        if np.all(off <= _SAME * feet.step):
+            break
     return feet
 
 
@@ -162,27 +207,9 @@ def _usual_steps(
     time: Float[np.ndarray, " n"], ends: Int[np.ndarray, "2 p"]
 ) -> Numbers:
     """Median sampling steps of stretches, by the first of their steps [s]."""
-    if np.diff(ends, axis=0).min() + 1 >= _STEPS:
+    if np.diff(ends, axis=0).min() >= _STEPS:
         return np.median(np.diff(time[ends[0][:, None] + np.arange(_STEPS)]), axis=1)
     return np.array([np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T])
-
-
-def are_cut(
-    time: Float[np.ndarray, " n"], feet: Feet[np.ndarray]
-) -> Bool[np.ndarray, " p"]:
-    """Whether the samples begin or end before a rest is seen beside each push.
-
-    Args:
-        time: Sample times [s].
-        feet: All pushes in order.
-    """
-    early = feet.start - _BEGINS * (feet.half_up - feet.start)
-    late = feet.end + _BEGINS * (feet.end - feet.half_down)
-    shown = np.searchsorted(time, [early, late])
-    is_cut = np.zeros(len(early), dtype=bool)
-    is_cut[0] |= shown[0, 0] < _SHOWN
-    is_cut[-1] |= len(time) - shown[1, -1] < _SHOWN
-    return is_cut
 
 
 def _reach(feet: Feet[np.ndarray]) -> Numbers:
@@ -223,7 +250,7 @@ def _trace(
     inside = off <= np.maximum((feet.end - feet.start) / 2, off.min(axis=1))[:, None]
     peak = np.argmax(np.where(inside, y, -np.inf), axis=1)
     t_peak, top = _tops(smooth, when, peak)
-    before, after = _rests(course, feet, lowest, highest, top, y)
+    before, after = _rests(course, feet, ends, y, peak, top=top, sigma=sigma)
     rises = [np.maximum(top - rest, 1e-300) for rest in (before, after)]
     noise = _SIGMAS * sigma * np.minimum(1.0, (feet.step / tau) ** 0.5)
     feet_up, feet_down = (np.maximum(FOOT * rise, noise) for rise in rises)
@@ -246,6 +273,7 @@ def _trace(
         half_down=half_down,
         end=end,
         height=np.minimum(*rises),
+        moved=after - before,
         step=feet.step,
     )
 
@@ -253,31 +281,42 @@ def _trace(
 def _rests(
     course: Course,
     feet: Feet[np.ndarray],
-    lowest: Numbers,
-    highest: Numbers,
-    top: Numbers,
+    ends: tuple[Numbers, Numbers],
     y: Float[np.ndarray, "p m"],
+    peak: Int[np.ndarray, " p"],
+    *,
+    top: Numbers,
+    sigma: float,
 ) -> tuple[Numbers, Numbers]:
     """Levels before and after pushes, each in place of the other if that is unseen."""
-    has_before = np.arange(len(top)) > 0
-    # Beside a neighbour the signal may still be, or already be, on its way.
-    first = lowest + _TAIL * (feet.start - lowest) * has_before
-    last = highest - _TAIL * (highest - feet.end) * has_before[::-1]
-    before = _level(course, feet.before, first, highest)
-    after = _level(course, feet.after, lowest, last)
+    first, last = feet.before(ends[0])
+    part = np.minimum(LEAST * feet.span, last - first)
+    noise = sigma * np.sqrt(feet.step / np.maximum(part, feet.step))
+    far = np.maximum(FOOT * feet.height, _SIGMAS * noise)
+    before = _level(course, (first, last), (last - part, last), feet.span, far)
+    first, last = feet.after(ends[1])
+    part = np.minimum(LEAST * feet.span, last - first)
+    after = _level(course, (first, last), (first, first + part), feet.span, far)
     # What the samples begin or end with is a rest only if a push stands on it.
-    no_before = ~has_before & _is_top(before, after, top)
-    no_after = ~has_before[::-1] & _is_top(after, before, top)
+    is_first, is_last = ends[0] <= course.time[0], ends[1] >= course.time[-1]
+    no_before = is_first & _is_top(before, after, top)
+    no_after = is_last & _is_top(after, before, top)
     before = np.where(no_before, np.nan, before)
     after = np.where(no_after, np.nan, after)
+    # Beside a neighbour the course goes down as far as it ever does.
+    index = np.arange(_GRID)
+    low_before = np.where(index <= peak[:, None], y, np.inf).min(axis=1)
+    low_after = np.where(index >= peak[:, None], y, np.inf).min(axis=1)
     other = np.minimum(y[:, 0], y[:, -1])
-    before, after = (
-        np.where(np.isnan(before), after, before),
-        np.where(np.isnan(after), before, after),
+    low_before = np.where(
+        is_first, np.where(np.isnan(after), other, -np.inf), low_before
     )
+    low_after = np.where(is_last, np.where(np.isnan(before), other, -np.inf), low_after)
+    other_before = np.fmax(after, low_before)
+    other_after = np.fmax(before, low_after)
     return (
-        np.where(np.isnan(before), other, before),
-        np.where(np.isnan(after), other, after),
+        np.where(np.isnan(before), other_before, before),
+        np.where(np.isnan(after), other_after, after),
     )
 
 
@@ -302,13 +341,28 @@ def _tops(
 def _level(
     course: Course,
     window: tuple[Numbers, Numbers],
-    lowest: Numbers,
-    highest: Numbers,
+    part: tuple[Numbers, Numbers],
+    span: Numbers,
+    far: Numbers,
 ) -> Numbers:
-    """Means of rests; NaN where the samples end too soon to show them."""
-    first, last = np.maximum(window[0], lowest), np.minimum(window[1], highest)
-    is_shown = last - first >= _LEAST * (window[1] - window[0])
-    return np.where(is_shown, course.mean(first, last), np.nan)
+    """Means of rests, NaN where too little is there to show them.
+
+    That of the part beside the push where the rest has another level: it has stepped.
+    """
+    near = course.mean(*part)
+    off = course.mean(*window) - near
+    level = near + likeness(off, far) * off
+    return np.where(window[1] - window[0] >= LEAST * span, level, np.nan)
+
+
+def likeness(moved: Numbers, far: Numbers | float) -> Numbers:
+    """Whether moves of rests may be drift: 1 for small ones, 0 for large ones.
+
+    Args:
+        moved: How far rests have moved.
+        far: What is too far, in the same unit.
+    """
+    return 1 / (1 + np.clip(moved / np.maximum(far, 1e-300), -1e3, 1e3) ** 4)
 
 
 def _falls(

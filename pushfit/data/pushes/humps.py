@@ -25,6 +25,8 @@ _NEARLY = 1.1
 # A hump on a step has fallen from its top to this share of it at least; the
 # step is held for so many times as long as the hump, or is a part of a push.
 _FALLEN, _SHELF = 0.7, 1.5
+# A step is short beside the time that its level is held; a flank is not.
+_WAY = 0.3
 # A rest level that is never left is one that is come back to so many times.
 _RETURNS = 3
 # Humps lower than this share of the whole are wiggles of a plateau.
@@ -84,19 +86,24 @@ class Humps:
         if not np.isfinite(inner):
             return False
         peak, edge = int(self.peaks[end]), 0 if end == 0 else len(self.y) - 1
-        outer, top = self.y[self.valleys[end]], self.y[peak]
+        outer, top = float(self.y[self.valleys[end]]), float(self.y[peak])
         if outer - inner <= _FOOTLESS * (top - inner):
             return False
         foot = int(self.valleys[1 if end == 0 else -2])
         part = self.y[min(foot, edge) : max(foot, edge) + 1]
-        shelf = float(np.median(part[part - inner > _FOOTLESS * (top - inner)]))
-        return not any(
-            top - level >= ON_STEP * (level - inner)
-            and outer - level <= _FALLEN * (top - level)
-            and longest_run(np.abs(part - level) <= _LEVEL * (top - level))
-            >= _SHELF * self._width(end)
-            for level in (outer, shelf)
-        )
+        shelf = np.median(part[part - inner > _FOOTLESS * (top - inner)])
+
+        def is_step(level: float) -> bool:
+            near = _LEVEL * (top - level)
+            held = longest_run(np.abs(part - level) <= near)
+            between = np.count_nonzero((part > inner + near) & (part < level - near))
+            return bool(
+                top - level >= ON_STEP * (level - inner)
+                and outer - level <= _FALLEN * (top - level)
+                and held >= max(_SHELF * self._width(end), between / _WAY)
+            )
+
+        return not (is_step(outer) or is_step(float(shelf)))
 
     def _width(self, k: int) -> int:
         """Bins of a hump above half of its height over the higher valley."""
