@@ -12,9 +12,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
 from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.doubles import join_one, part_doubles
 from pushfit.data.pushes.ends import are_cut
 from pushfit.data.pushes.feet import (
     FOOT,
+    ON_STEP,
     WIDTH_PER_SMOOTHING,
     Feet,
     trace_feet,
@@ -126,14 +128,24 @@ def find_extents(
         return ()
     tau = smoothing or _FIRST_SMOOTHING
     rules = (split, min_height, course.step)
-    found, is_low = _detect(time, signal, noise, tau, *rules)
+    found, is_low, is_rest = _detect(time, signal, noise, tau, *rules)
     if smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found, is_low = _detect(time, signal, noise, wider, *rules)
+            found, is_low, is_rest = _detect(time, signal, noise, wider, *rules)
     if found.start.size == 0:
         return ()
-    feet = trace_feet(time, course, found, sigma=noise.sigma, smoothing=smoothing)
+    feet, whose = _resolved(
+        time,
+        course,
+        found,
+        # A hump that is too low is no part of a push.
+        is_rest=is_rest | is_low | np.append(is_low[1:], True),
+        sigma=noise.sigma,
+        smoothing=smoothing,
+        split=split,
+    )
+    is_low = is_low[whose]
     is_cut = are_cut(time, feet)
     is_push = ~_are_trends(feet, is_cut, time, is_low)
     smallest = 0.0 if min_height is not None else _smallest_push(feet.height[is_push])
@@ -152,6 +164,38 @@ def find_extents(
         for k, own in enumerate(feet.apart())
         if is_push[k]
     )
+
+
+def _resolved(
+    time: Float[np.ndarray, " n"],
+    course: Course,
+    found: Feet[np.ndarray],
+    *,
+    is_rest: Bool[np.ndarray, " p"],
+    sigma: float,
+    smoothing: float | None,
+    split: float,
+) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
+    """Feet of pushes that are one and no more, each by its own course; and whose."""
+    whose = np.arange(len(is_rest))
+
+    def traced(coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
+        return trace_feet(time, course, coarse, sigma=sigma, smoothing=smoothing)
+
+    by = {"sigma": sigma, "smoothing": smoothing, "split": split}
+    feet = traced(found)
+    # First all that is one is joined, then all that is two is parted, so that it ends.
+    while True:
+        found, own = join_one(time, course, feet, is_rest=is_rest[whose], **by)
+        if len(own) == len(whose):
+            break
+        whose, feet = whose[own], traced(found)
+    while True:
+        found, own = part_doubles(time, course, feet, **by)
+        if len(own) == len(whose):
+            break
+        whose, feet = whose[own], traced(found)
+    return feet, whose
 
 
 def _are_trends(
@@ -197,8 +241,10 @@ def _detect(
     split: float,
     min_height: float | None,
     usual_step: float,
-) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"]]:
-    """One pass at one smoothing time: where the humps are, roughly, and which are low.
+) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]]:
+    """One pass at one smoothing time: the humps, roughly, and which are low.
+
+    And which are followed by a level that is a rest however high it is.
 
     A hump that is too low for a push stays one, so that it is no rest of the others.
     """
@@ -206,7 +252,7 @@ def _detect(
     significant = _SIGNIFICANT * trace.noise
     tops = _maxima(trace.y, significant)
     humps = Humps.between(trace.y, tops)
-    humps.join(split)
+    rests = humps.join(split)
     humps = _regained(humps, tops, trace)
     large = _LARGE * float(humps.heights.max(initial=0.0))
     wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
@@ -215,7 +261,11 @@ def _detect(
     humps.drop_below(min(by_noise, smallest))
     pushes = replace(humps)
     pushes.drop_below(smallest)
-    return _coarse(humps, trace), ~np.isin(humps.peaks, pushes.peaks)
+    return (
+        _coarse(humps, trace),
+        ~np.isin(humps.peaks, pushes.peaks),
+        np.isin(humps.valleys[1:], list(rests)),
+    )
 
 
 def _regained(humps: Humps, tops: Int[np.ndarray, " t"], trace: _Trace) -> Humps:
@@ -225,14 +275,19 @@ def _regained(humps: Humps, tops: Int[np.ndarray, " t"], trace: _Trace) -> Humps
     """
     while len(humps.peaks) and (tops := np.setdiff1d(tops, humps.peaks)).size:
         k = np.searchsorted(humps.valleys, tops) - 1
-        # At an end of the signal the hump itself may be a wiggle of a cut push.
-        is_inner = (k > 0) & (k < len(humps.peaks) - 1)
-        k, tops = k[is_inner], tops[is_inner]
-        feet = [_feet(humps, int(own), trace) for own in np.unique(k)]
-        first, last = np.array(feet).reshape(-1, 2)[np.searchsorted(np.unique(k), k)].T
-        heights = humps.heights[k]
-        rise = trace.y[tops] - trace.y[humps.peaks[k]] + heights
-        lost = tops[((tops < first) | (tops > last)) & (rise >= _LARGE * heights)]
+        kept = np.clip(k, 0, len(humps.peaks) - 1) == k
+        k, tops = k[kept], tops[kept]
+        low = trace.y[humps.valleys]
+        rest = np.maximum(low[:-1], low[1:])
+        own = np.unique(k)
+        feet = [_feet(humps, int(j), trace, rest=float(rest[j])) for j in own]
+        first, last = np.array(feet).reshape(-1, 2)[np.searchsorted(own, k)].T
+        heights = trace.y[humps.peaks[k]] - rest[k]
+        rise = trace.y[tops] - rest[k]
+        is_lost = ((tops < first) | (tops > last)) & (rise >= _LARGE * heights)
+        # A push that an end cuts may have wiggles there, which do not go back far.
+        is_lost &= heights >= ON_STEP * np.abs(low[k] - low[k + 1])
+        lost = tops[is_lost]
         if lost.size == 0:
             break
         highest = lost[np.argmax(trace.y[lost])]
@@ -303,9 +358,7 @@ def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
     scatters = []
     start = 0
     for k in [*np.flatnonzero(may_be_large), None]:
-        first, last = (
-            (len(trace.y), 0) if k is None else _feet(humps, int(k), trace, own=True)
-        )
+        first, last = (len(trace.y), 0) if k is None else _feet(humps, int(k), trace)
         ordered = np.sort(trace.y[start:first])
         n_third = len(ordered) // 3
         is_inner = start > 0 and k is not None
@@ -316,16 +369,17 @@ def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
     return sorted(scatters)[(len(scatters) - 1) // 3] if scatters else 0.0
 
 
-def _feet(humps: Humps, k: int, trace: _Trace, *, own: bool = False) -> tuple[int, int]:
+def _feet(
+    humps: Humps, k: int, trace: _Trace, *, rest: float | None = None
+) -> tuple[int, int]:
     """First and last grid position of a push above its feet.
 
-    Both feet are those over the higher valley, because the other one may lie beyond a
-    step of the rest level; or with `own` each that over its own.
+    Both feet are those over one rest, such as that of the higher valley, because the
+    other one may lie beyond a step of the rest level; or each that over its own.
     """
     y, peak = trace.y, int(humps.peaks[k])
     left, right = int(humps.valleys[k]), int(humps.valleys[k + 1])
-    rest = y[peak] - max(float(humps.heights[k]), 0.0)
-    rests = (y[left], y[right]) if own else (rest, rest)
+    rests = (y[left], y[right]) if rest is None else (rest, rest)
     feet = [low + max(FOOT * (y[peak] - low), 3 * trace.noise) for low in rests]
     below = np.flatnonzero(y[left:peak] < feet[0])
     start = left + below[-1] + 1 if below.size else left
@@ -337,7 +391,8 @@ def _feet(humps: Humps, k: int, trace: _Trace, *, own: bool = False) -> tuple[in
 def _coarse(humps: Humps, trace: _Trace) -> Feet[np.ndarray]:
     """Feet of humps on the grid, each over the higher of its valleys."""
     y, heights = trace.y, humps.heights
-    feet = np.array([_feet(humps, k, trace) for k in range(len(heights))])
+    rests = (y[humps.peaks] - np.maximum(heights, 0.0)).tolist()
+    feet = np.array([_feet(humps, k, trace, rest=low) for k, low in enumerate(rests)])
     start, end = feet.reshape(-1, 2).T
     half = y[humps.peaks] - heights / 2
     above = np.array(

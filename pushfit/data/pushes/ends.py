@@ -3,12 +3,14 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pushfit.data.pushes.feet import FOOT, Feet
+from pushfit.data.pushes.feet import Feet
 
 # A push begins a ninth of the way to half height before it passes the foot.
 _BEGINS = 0.11
 # Samples of rest that show that a push had not begun.
 _SHOWN = 3
+# An end that lies higher over the other rest than this share of the height is none.
+_HIGH = 0.15
 
 
 def are_cut(
@@ -24,8 +26,15 @@ def are_cut(
     late = feet.end + _BEGINS * (feet.end - feet.half_down)
     shown = np.searchsorted(time, [early, late])
     lowest, highest = feet.room(time)
-    # At an end a level over the rest of the push is one that it has on its way.
-    high = FOOT * feet.height
-    begins = (shown[0] < _SHOWN) | (feet.moved < -high)
-    ends = (len(time) - shown[1] < _SHOWN) | (feet.moved > high)
-    return ((lowest <= time[0]) & begins) | ((highest >= time[-1]) & ends)
+    is_first, is_last = lowest <= time[0], highest >= time[-1]
+    # A level over that of the other rest is one on the way, unless drift leads there
+    # or it is held for as long as the push.
+    length = np.maximum(feet.end - feet.start, feet.step)
+    rates = (feet.moved / length)[~(is_first | is_last)]
+    drift = float(np.median(rates)) * length if rates.size else 0.0
+    high = _HIGH * feet.height
+    is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
+    is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
+    begins = (shown[0] < _SHOWN) | is_high[0]
+    ends = (len(time) - shown[1] < _SHOWN) | is_high[1]
+    return (is_first & begins) | (is_last & ends)

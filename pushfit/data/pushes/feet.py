@@ -44,9 +44,9 @@ _ROUNDS, _SAME, _REACH = 12, 1e-5, 2.0
 _KNOTS, _STEPS = 16, 250
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 _SIGMAS = 3.0
-# Height over the noise that makes feet clear, and the share of the width that may be
-# smoothed over to get there.
-_CLEAR, _MOST_SMOOTHING = 30.0, 3.0
+# Height over the noise that makes feet clear, that which makes a top, and the share of
+# the width that may be smoothed over to get there.
+_CLEAR, _SEEN, _MOST_SMOOTHING = 30.0, 9.0, 3.0
 
 
 Number = TypeVar("Number", float, np.ndarray)
@@ -92,10 +92,50 @@ class Feet(Generic[Number]):
         rows = zip(*(getattr(self, n).tolist() for n in _NAMES), strict=True)
         return tuple(Feet(**dict(zip(_NAMES, row, strict=True))) for row in rows)
 
+    def where(
+        self: "Feet[np.ndarray]",
+        kept: Bool[np.ndarray, " p"],
+        other: "Feet[np.ndarray]",
+    ) -> "Feet[np.ndarray]":
+        """Courses of some pushes, and of the rest from another record.
+
+        Args:
+            kept: Which stay.
+            other: The same pushes.
+        """
+        rows = ((getattr(self, n), getattr(other, n)) for n in _NAMES)
+        both = (np.where(kept, *row) for row in rows)
+        return Feet(**dict(zip(_NAMES, both, strict=True)))
+
     @property
     def width(self) -> Number:
         """Time above half of the height [s]."""
         return self.half_down - self.half_up
+
+    def rows(
+        self: "Feet[np.ndarray]", some: Int[np.ndarray, " q"]
+    ) -> "Feet[np.ndarray]":
+        """Courses of some pushes.
+
+        Args:
+            some: Their places.
+        """
+        return Feet(**{n: getattr(self, n)[some] for n in _NAMES})
+
+    def averaging(
+        self: "Feet[np.ndarray]", sigma: float, smoothing: float | None
+    ) -> Numbers:
+        """Times to average over: a share of the width, and more to rise from noise [s].
+
+        Args:
+            sigma: Noise of a sample [unit].
+            smoothing: What is asked for; None for that of each push [s].
+        """
+        if smoothing is not None:
+            return np.full(len(self.start), smoothing)
+        blurred = np.minimum(_CLEAR * sigma / np.maximum(self.height, 1e-300), 1e6)
+        least = np.minimum(self.step * blurred**2, self.width / _MOST_SMOOTHING)
+        return np.maximum.reduce([self.width / WIDTH_PER_SMOOTHING, least, self.step])
 
     def room(
         self: "Feet[np.ndarray]", time: Float[np.ndarray, " n"]
@@ -193,10 +233,12 @@ def trace_feet(
     stride = int(finest / _KNOTS / feet.step.max())
     course = course.thinned(max(1, stride))
     for _ in range(_ROUNDS):
-        tau = _smoothing(feet, sigma) if smoothing is None else smoothing
-        tau = np.broadcast_to(tau, feet.start.shape)
+        tau = feet.averaging(sigma, smoothing)
         was = feet
-        feet = _trace(course, feet, feet.room(time), tau=tau, sigma=sigma)
+        seen = _trace(course, feet, feet.room(time), tau=tau, sigma=sigma)
+        # What shrinks until it is as low as noise is held where it was more.
+        is_more = seen.height >= _SEEN * sigma * np.minimum(1, feet.step / tau) ** 0.5
+        feet = seen.where(is_more, feet)
         off = np.maximum(np.abs(feet.start - was.start), np.abs(feet.end - was.end))
         if np.all(off <= _SAME * feet.step):
             break
@@ -216,13 +258,6 @@ def _reach(feet: Feet[np.ndarray]) -> Numbers:
     """Time around pushes that their rests lie in [s]."""
     width = np.maximum(np.minimum(feet.width, 2 * _LONGEST), 4 * feet.step)
     return _REACH * width + feet.half_up - feet.start + feet.end - feet.half_down
-
-
-def _smoothing(feet: Feet[np.ndarray], sigma: float) -> Numbers:
-    """A share of the width, and more where the noise would hide the feet [s]."""
-    blurred = np.minimum(_CLEAR * sigma / np.maximum(feet.height, 1e-300), 1e6)
-    least = np.minimum(feet.step * blurred**2, feet.width / _MOST_SMOOTHING)
-    return np.maximum(np.maximum(feet.width / WIDTH_PER_SMOOTHING, least), feet.step)
 
 
 def _trace(
