@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.feet import Feet, Numbers
+from pushfit.data.pushes.feet import CLEAR, Feet, Numbers
 
 _GRID = 240
+_FINE = 0.125
 # A valley is deeper than noise makes one [sigma].
 _SIGNIFICANT = 6.0
 
@@ -42,6 +43,8 @@ def join_one(
         All pushes, the feet of a joined one roughly; and which each was.
     """
     places = np.arange(len(feet.start))
+    if len(places) < 2:
+        return feet, places
     tau = feet.averaging(sigma, smoothing)
     room = feet.room(time)
     ends = room[0][:, None], room[1][:, None]
@@ -58,17 +61,20 @@ def join_one(
         height=np.maximum(top[:-1], top[1:]) - np.maximum(before[:-1], after[1:]),
         moved=after[1:] - before[:-1],
     )
-    # By the middle of both rests, for drift under two pushes fills no valley; and over
-    # no longer times than each by itself, which would.
-    _, _, share = _valleys(
-        course,
-        both,
-        (room[0][:-1], room[1][1:]),
-        tau=np.minimum(tau[:-1], tau[1:]),
-        sigma=sigma,
-        moved=np.abs(both.moved) / 2,
-    )
-    is_one = ~is_rest[:-1] & (share.min(axis=1, initial=1.0) >= split)
+    room = room[0][:-1], room[1][1:]
+    # By the middle of both rests, for drift under two pushes fills no valley. Averaging
+    # fills a short rest: in a finer course half of the share has to do.
+    usual = both.averaging(sigma, smoothing)
+    fine = np.maximum(_FINE * usual, feet.step[1:]) if smoothing is None else usual
+    moved = np.abs(both.moved) / 2
+    shares = [
+        _valleys(course, both, room, tau=own, sigma=0.0, moved=moved)[2].min(axis=1)
+        for own in (usual, fine)
+    ]
+    is_filled = (shares[0] >= split) & (shares[1] >= split / 2)
+    noise = sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
+    is_clear = feet.height > CLEAR * noise
+    is_one = ~is_rest[:-1] & is_clear[:-1] & is_clear[1:] & is_filled
     if not is_one.any():
         return feet, places
     k = int(is_one.argmax())

@@ -3,14 +3,12 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pushfit.data.pushes.feet import Feet
+from pushfit.data.pushes.feet import FOOT, Feet
 
 # A push begins a ninth of the way to half height before it passes the foot.
 _BEGINS = 0.11
 # Samples of rest that show that a push had not begun.
 _SHOWN = 3
-# An end that lies higher over the other rest than this share of the height is none.
-_HIGH = 0.15
 
 
 def are_cut(
@@ -32,7 +30,7 @@ def are_cut(
     length = np.maximum(feet.end - feet.start, feet.step)
     rates = (feet.moved / length)[~(is_first | is_last)]
     drift = float(np.median(rates)) * length if rates.size else 0.0
-    high = _HIGH * feet.height
+    high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
     is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
     begins = (shown[0] < _SHOWN) | is_high[0]

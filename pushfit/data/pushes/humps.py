@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.feet import ON_STEP
+from pushfit.data.pushes.tracing import ON_STEP
 
 # A dip is briefer than the smoothing, which is so many bins; a rest is not.
 _DIP_BINS = 3
