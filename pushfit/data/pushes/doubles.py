@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.ends import are_cut
 from pushfit.data.pushes.feet import CLEAR, Feet, Numbers
 
 _GRID = 240
@@ -51,6 +52,11 @@ def join_one(
     top = course.smooth(feet.peak[:, None], tau=tau[:, None], ends=ends)[:, 0]
     before = top - feet.height - np.maximum(feet.moved, 0.0)
     after = top - feet.height + np.minimum(feet.moved, 0.0)
+    # The rest that a cut push is not seen to go back to is that of the other one.
+    is_cut = are_cut(time, feet)
+    first, last = before[:-1].copy(), after[1:].copy()
+    last[-1:] = np.where(is_cut[-1], first[-1:], last[-1:])
+    first[:1] = np.where(is_cut[0], last[:1], first[:1])
     left, right = feet.rows(places[:-1]), feet.rows(places[1:])
     is_left = top[:-1] >= top[1:]
     both = replace(
@@ -58,8 +64,8 @@ def join_one(
         peak=np.where(is_left, left.peak, right.peak),
         half_down=right.half_down,
         end=right.end,
-        height=np.maximum(top[:-1], top[1:]) - np.maximum(before[:-1], after[1:]),
-        moved=after[1:] - before[:-1],
+        height=np.maximum(top[:-1], top[1:]) - np.maximum(first, last),
+        moved=last - first,
     )
     room = room[0][:-1], room[1][1:]
     # By the middle of both rests, for drift under two pushes fills no valley. Averaging

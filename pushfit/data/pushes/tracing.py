@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.feet import (
+    CLEAR,
     FOOT,
     LEAST,
     LONGEST,
@@ -76,9 +77,18 @@ def trace_feet(
         tau = feet.averaging(sigma, smoothing)
         was = feet
         seen = _trace(course, feet, feet.room(time), tau=tau, sigma=sigma)
+        noise = sigma * np.minimum(1.0, feet.step / tau) ** 0.5
+        # A clear push is not left where it still is, or is again, half as high.
+        is_clear = seen.height > CLEAR * noise
+        seen = replace(
+            seen,
+            start=np.where(
+                is_clear, np.minimum(seen.start, coarse.half_up), seen.start
+            ),
+            end=np.where(is_clear, np.maximum(seen.end, coarse.half_down), seen.end),
+        )
         # What shrinks until it is as low as noise is held where it was more.
-        is_more = seen.height >= _SEEN * sigma * np.minimum(1, feet.step / tau) ** 0.5
-        feet = seen.where(is_more, feet)
+        feet = seen.where(seen.height >= _SEEN * noise, feet)
         off = np.maximum(np.abs(feet.start - was.start), np.abs(feet.end - was.end))
         if np.all(off <= _SAME * feet.step):
             break
