@@ -22,6 +22,8 @@ _GUARD = 0.35
 # baseline is no better than a fresh one, and the next push may be near.
 _SPAN, LONGEST = 0.6, 1.0
 _FEWEST = 8
+# What is lower than this share of a push is rest to it, found or not.
+_WIGGLE = 0.1
 # Sensors recover after a release.
 _SETTLING = 0.4
 # Less of a rest than this share of what is wanted shows no level.
@@ -137,10 +139,10 @@ class Feet(Generic[Number]):
         return np.minimum(lowest, self.start), np.maximum(highest, self.end)
 
     def _neighbours(self: "Feet[np.ndarray]", step: int) -> Int[np.ndarray, " p"]:
-        """Next pushes in one direction; what is lower than a foot is but a wiggle."""
+        """Next pushes in one direction; what is far lower is but a wiggle of a rest."""
         found = np.arange(len(self.start)) + step
         height = np.concatenate([self.height, [np.inf]])
-        while (is_wiggle := height[found] < FOOT * self.height).any():
+        while (is_wiggle := height[found] < _WIGGLE * self.height).any():
             found[is_wiggle] += step
         return found
 

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int, Real
 from pushfit.data.pushes.feet import FOOT, Feet
 from pushfit.data.pushes.humps import Humps
 from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.tracing import ON_STEP
 
 # Smoothing lowers a push by less than this share.
 _SMOOTHED = 0.8
@@ -138,8 +139,11 @@ def _reduce(
 
 
 def _is_inside(humps: Humps, trace: _Trace, k: int) -> bool:
-    """Whether a hump has a neighbour or a rest on either side."""
+    """Whether a hump has a neighbour or a rest on either side, that it stands on."""
     y, near = trace.y, _LARGE * humps.heights[k]
+    low = y[humps.valleys[k : k + 2]]
+    if y[humps.peaks[k]] - low.max() < ON_STEP * np.ptp(low):
+        return False
     edges = (y[:_FEWEST_BINS], k == 0), (y[-_FEWEST_BINS:], k == len(humps.peaks) - 1)
     return all(not at_end or np.ptp(edge) <= near for edge, at_end in edges)
 

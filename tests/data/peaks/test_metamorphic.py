@@ -178,20 +178,12 @@ def real_signal(real_data, request):
     return time, y, whole, np.searchsorted(time, rests)
 
 
-# Two pushes whose own rests a transformation changes: what is left of one is a few
-# samples after the push, and a bump of another counts as a hump or as rest by how calm
-# the rests of the file are. Their heights may move by less than what is stated of them.
-TOUCHED = {119.0: 1.0, 1.955: 0.5}
-
-
 def assert_real_same(found, expected, *, within=SAME):
     """None is lost, and no height moves."""
     assert len(found) == len(expected)
     for own, other in zip(found, expected, strict=True):
         assert own.definition == other.definition
-        touched = [v for h, v in TOUCHED.items() if abs(other.height - h) < other.sd]
-        limit = max([within, *touched])
-        assert abs(own.height - other.height) < limit * other.sd
+        assert abs(own.height - other.height) < within * other.sd
 
 
 def test_real_recordings_cut_at_rests_keep_their_pushes(real_signal):
