@@ -224,8 +224,8 @@ def _no_table(
     if len(cells) < 2:
         return refuse(
             "no_table",
-            "no comma, semicolon, tab or blank separates fields; a recording needs a "
-            "header and at least a time and a signal column",
+            "no comma, semicolon, tab or blank separates fields; name the only column, "
+            "for example --columns pressure_kpa --rate 100, or export time and signal",
             path=path,
             line=first + 1,
         )
