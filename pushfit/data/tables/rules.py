@@ -17,7 +17,7 @@ FLAGS = {
     "saturated": "the sensor was at its limit, the height is a lower bound",
     "clipped": "the recording starts or ends inside the push",
     "gap": "samples are missing at the top of the push",
-    "drift": "the rests before and after differ by more than 15 % of the height",
+    "drift": "the baseline moved by more than 15 % of the height",
     "missing": "no hump at the planned moment, the height is what is there",
     "lost_contact": "the push lifted the finger off",
     "outlier": "the height is far from those of the same direction",
