@@ -110,7 +110,7 @@ def find_extents(
     rules = (split, min_height, course.step)
     found, is_low, is_rest = search(time, signal, noise, tau, *rules)
     if smoothing is None and not is_low.all():
-        wider = float(np.quantile(found.width[~is_low], 0.25)) / WIDTH_PER_SMOOTHING
+        wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
             found, is_low, is_rest = search(time, signal, noise, wider, *rules)
     if found.start.size == 0:

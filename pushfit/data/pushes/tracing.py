@@ -36,7 +36,7 @@ _KNOTS, _STEPS = 16, 250
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 _SIGMAS = 3.0
 # Height over the noise of a mean that makes a top.
-_SEEN = 9.0
+_SEEN = 6.0
 
 Smooth = Callable[[Float[np.ndarray, "p m"]], Float[np.ndarray, "p m"]]
 

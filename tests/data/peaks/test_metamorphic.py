@@ -39,7 +39,7 @@ def simulated(heights=(100.0, 160.0, 130.0, 90.0, 150.0, 120.0), *, shape="trian
 
 @dataclass(frozen=True)
 class Push:
-    """What a table says of a push."""
+    """What a table says of a push, and how long the shorter rest beside it is."""
 
     height: float
     sd: float
@@ -47,6 +47,7 @@ class Push:
     end: float
     definition: str
     flags: str
+    rest: float = np.inf
 
 
 def measured(time, y, **settings) -> list[Push]:
@@ -175,7 +176,15 @@ def real_signal(real_data, request):
     time, y = real(real_data, *request.param)
     whole = measured(time, y)
     rests = [(a.end + b.start) / 2 for a, b in pairwise(whole)]
+    gaps = [np.inf, *(b.start - a.end for a, b in pairwise(whole)), np.inf]
+    whole = [replace(p, rest=min(gaps[k : k + 2])) for k, p in enumerate(whole)]
     return time, y, whole, np.searchsorted(time, rests)
+
+
+# Of a rest that is so short a push has less than the part that shows a level: what is
+# cut there, or changed, is its own [s].
+SHORT = 0.35
+BESIDE = 1.0
 
 
 def assert_real_same(found, expected, *, within=SAME):
@@ -183,7 +192,8 @@ def assert_real_same(found, expected, *, within=SAME):
     assert len(found) == len(expected)
     for own, other in zip(found, expected, strict=True):
         assert own.definition == other.definition
-        assert abs(own.height - other.height) < within * other.sd
+        limit = max(within, BESIDE) if other.rest < SHORT else within
+        assert abs(own.height - other.height) < limit * other.sd
 
 
 def test_real_recordings_cut_at_rests_keep_their_pushes(real_signal):
