@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.ends import are_cut
-from pushfit.data.pushes.feet import CLEAR, Feet, Numbers
+from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers
 
 _GRID = 240
 _FINE = 0.125
@@ -30,6 +30,8 @@ def join_one(
     split: float,
 ) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
     """Join two pushes whose course does not fall low between them, the first such two.
+
+    They are clear of the noise, and nearer to each other than they are wide.
 
     Args:
         time: Sample times [s].
@@ -158,7 +160,9 @@ def _valleys(
     length = (feet.end - feet.start)[:, None]
     when = feet.start[:, None] + length * np.linspace(0.0, 1.0, _GRID)
     y = course.smooth(when, tau=tau[:, None], ends=(room[0][:, None], room[1][:, None]))
-    base = (y.max(axis=1) - feet.height - moved)[:, None]
+    # The foot is near the rest, or the rest is not that of this course.
+    least = y.min(axis=1) - 2 * FOOT * np.ptp(y, axis=1)
+    base = np.maximum(y.max(axis=1) - feet.height - moved, least)[:, None]
     tops = np.minimum(
         np.maximum.accumulate(y, axis=1),
         np.maximum.accumulate(y[:, ::-1], axis=1)[:, ::-1],
