@@ -51,6 +51,12 @@ def recordings(folder: Path) -> Iterator[tuple[str, Recording]]:
         path, mapping={CHANNEL: "/trial4.real_hall"}, units={CHANNEL: "au"}
     )
     yield "ur5_honeycomb, -real_hall", of(hall.time, -hall.channels[CHANNEL])
+    poke = read_recording(
+        folder / "peg_poke/forcetorque-20+0.txt",
+        columns=("fx_n", "fy_n", "fz_n", "..."),
+        rate=125.0,
+    )
+    yield "peg_poke, -fz", of(poke.time, -poke.channels["fz"])
     press = read_recording(folder / "indenter_ddf/1000 mN data file.ddf")
     yield "indenter_ddf, AI1", of(press.time, press.channels["AI1"])
 

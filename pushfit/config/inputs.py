@@ -138,7 +138,7 @@ class PeakSettings(Section):
         examples=[5.0],
     )
     split: Probability = Field(
-        default=0.41,
+        default=0.4,
         description="two humps are two pushes if the signal falls between them below "
         "this share of the lower one",
     )

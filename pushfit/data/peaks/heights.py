@@ -22,11 +22,12 @@ from pushfit.data.peaks.shape import (
     are_held,
     bin_means,
     calmed,
-    held_part,
+    held_window,
     profiles,
 )
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
 
 Definition = Literal["auto", "apex", "plateau"]
 
@@ -35,13 +36,16 @@ Definition = Literal["auto", "apex", "plateau"]
 _DEPTH = (0.3, 0.7)
 # Misfit that noise reaches once in 10^4 windows: chi-square of 11 degrees of freedom.
 _MAX_MISFIT = 3.3
+# Windows are given up smoothly about it; what is left of the doubt ends here. And the
+# power that makes a mean of parts one of the highest.
+_STEEP, _NEGLIGIBLE, _SHARP = 8, 0.01, 16
 # A longer stretch without samples may hide the top: share of the window, usual steps.
 _MAX_GAP = 0.25
 _STEPS_OF_GAP = 3.0
 # Eight parts scatter more than this by chance once in 10^3 (chi-square, 7 degrees).
 _BEYOND_CHANCE = 1.86
 # What the family of shapes misses where there is no noise, as a share of the height.
-_SHAPE = 0.0015
+_SHAPE = 0.001
 _MOST = 0.5
 # Share of the width on either side of the moment of a missing push.
 _MOMENT = 0.1
@@ -144,6 +148,7 @@ def measure_heights(
     )
     tops = _tops(pushes, calm, held, missing)
     drift = base.drift(tops.time)
+    is_push = np.array([not e.is_brush for e in extents])
     is_cut = saturated_pushes(
         signal,
         extents,
@@ -151,18 +156,21 @@ def measure_heights(
         limit=limit,
         # Where most are held, readings pile up at levels by themselves; among pointed
         # pushes a level is that of the limit.
-        sigma=np.where(held & (held.mean() > _MOST), 0.0, noise.sigma),
+        sigma=np.where(held & (held[is_push].mean() > _MOST), 0.0, noise.sigma),
     )
     # The drift of an upright picture of a dip goes the other way.
     rise = tops.level - base.level - signs * drift
     family = np.where(held, 0.0, _SHAPE * rise)
     sd = np.sqrt(tops.sd**2 + base.sd_at(tops.time) ** 2 + family**2)
+    # A rest that is too short to tell of drift shows a step; half of it is at the top.
+    step = np.abs([e.feet.moved for e in extents]) / 2
+    moved = np.maximum(_moved(base, tops.time), step)
     checks = {
         "clipped": np.array([e.is_cut for e in extents]),
         "gap": tops.has_gap,
         "saturated": is_cut & ~missing,
         "missing": missing,
-        "drift": ~missing & (_moved(base, tops.time) > _MAX_DRIFT * np.abs(rise)),
+        "drift": ~missing & (moved > _MAX_DRIFT * np.abs(rise)),
     }
     return tuple(
         Height(
@@ -234,7 +242,7 @@ def _plateaus(pushes: _Pushes) -> _Tops:
     windows = np.empty((len(pushes.extents), 2))
     for k, extent in enumerate(pushes.extents):
         rise = pushes.profile[k] - pushes.base[k]
-        first, last = held_part(rise / max(rise.max(), 1e-300))
+        first, last = held_window(rise / max(rise.max(), 1e-300))
         margin = 0.15 * (last - first)
         share = np.array([first + margin, max(last - margin, first + margin + 1)])
         step = (extent.t_end - extent.t_start) / PROFILE_BINS
@@ -260,28 +268,45 @@ def _apexes(pushes: _Pushes) -> _Tops:
     depth = np.clip(0.25 + 3 * pushes.noise.sigma / rise, *_DEPTH)
     windows = _top_windows(smooth, depth * rise, pushes.extents)
     time = pushes.course.time
-    level, sd, when, gap = np.full((4, len(windows)), np.nan)
-    step = pushes.course.step
+    # Sums over windows, from the widest to the narrowest, by how far each is believed.
+    level, square, when, gap = np.zeros((4, len(windows)))
+    doubt = np.ones(len(windows))
+    width = np.array([e.width for e in pushes.extents])
+    brief = np.maximum(width / WIDTH_PER_SMOOTHING, pushes.course.step)
     todo = np.arange(len(windows))
     while todo.size:
         bins, counts = bin_means(pushes.course, windows[todo], N_BINS)
         n = counts.sum(axis=1)
         per_bin = pushes.noise.of_part(n / N_BINS, todo)
         fit = fit_apex(bins, per_bin)
-        middle = windows[todo].mean(axis=1)
         half = np.diff(windows[todo], axis=1)[:, 0] / 2
-        level[todo] = np.where(np.isnan(fit.height), bins.max(axis=1), fit.height)
-        sd[todo] = np.where(np.isnan(fit.sd), per_bin, fit.sd)
-        when[todo] = middle + half * fit.position
-        least = np.maximum(2 * _MAX_GAP * half, _STEPS_OF_GAP * step)
-        gap[todo] = _largest_gap(time, windows[todo]) > least
-        again = (fit.misfit > _MAX_MISFIT) & (n > 2 * N_BINS)
-        peak = bins.argmax(axis=1)
-        centre = middle + half * (2 * (peak + 0.5) / N_BINS - 1)
-        narrower = np.stack([centre - 0.6 * half, centre + 0.6 * half], axis=1)
-        windows[todo[again]] = narrower[again]
-        todo = todo[again]
-    return _Tops(level, sd, when, gap.astype(bool))
+        middle = windows[todo].mean(axis=1)
+        top = np.where(np.isnan(fit.height), bins.max(axis=1), fit.height)
+        top -= pushes.base[todo]
+        own_sd = np.where(np.isnan(fit.sd), per_bin, fit.sd)
+        misfit = np.minimum(fit.misfit / _MAX_MISFIT, 1e3) ** _STEEP
+        # Of few samples a narrower window shows nothing more, and of what is briefer
+        # than the smoothing it would show a tremor.
+        more = np.minimum(n / (2 * N_BINS), half / brief[todo])
+        misfit *= np.clip(more - 1, 0.0, 1.0)
+        left = doubt[todo] * misfit / (1 + misfit)
+        left[left < _NEGLIGIBLE] = 0.0
+        weight = doubt[todo] - left
+        level[todo] += weight * top
+        square[todo] += weight * (own_sd**2 + top**2)
+        when[todo] += weight * (middle + half * fit.position)
+        least = np.maximum(2 * _MAX_GAP * half, _STEPS_OF_GAP * pushes.course.step)
+        gap[todo] += weight * (_largest_gap(time, windows[todo]) > least)
+        doubt[todo] = left
+        # Around the highest parts, without a jump where two of them are alike.
+        share = bins - bins.min(axis=1, keepdims=True)
+        share = (share / np.maximum(share.max(axis=1, keepdims=True), 1e-300)) ** _SHARP
+        where = (2 * np.arange(N_BINS) + 1) / N_BINS - 1
+        centre = middle + half * (share @ where) / np.maximum(share.sum(axis=1), 1e-300)
+        windows[todo] = np.stack([centre - 0.6 * half, centre + 0.6 * half], axis=1)
+        todo = todo[left > 0]
+    sd = np.sqrt(np.maximum(square - level**2, 0.0))
+    return _Tops(level + pushes.base, sd, when, gap > _MOST)
 
 
 def _top_windows(
@@ -291,12 +316,24 @@ def _top_windows(
 ) -> Float[np.ndarray, "p 2"]:
     """Stretch around the largest part of each course that stays near the top."""
     index, peak = np.arange(PROFILE_BINS), smooth.argmax(axis=1)[:, None]
-    is_low = smooth < smooth.max(axis=1, keepdims=True) - depth[:, None]
-    left = np.where(is_low & (index < peak), index, -0.5).max(axis=1)
-    right = np.where(is_low & (index > peak), index, PROFILE_BINS - 0.5).min(axis=1)
+    over = smooth - smooth.max(axis=1, keepdims=True) + depth[:, None]
+    left = np.where((over < 0) & (index < peak), index, 0).max(axis=1)
+    right = np.where((over < 0) & (index > peak), index, PROFILE_BINS - 1).min(axis=1)
+    # Between two parts, so that what moves a level by little moves a window by little.
+    rows = np.arange(len(over))
+    left = left + _share(over[rows, left], over[rows, left + 1])
+    right = right - _share(over[rows, right], over[rows, right - 1])
     start, end = np.array([[e.t_start, e.t_end] for e in extents]).T
     step = (end - start) / PROFILE_BINS
-    return start[:, None] + step[:, None] * (np.stack([left, right], axis=1) + 0.5)
+    # Half a part more on either side: a part is below the level as a whole.
+    return start[:, None] + step[:, None] * np.stack([left, right + 1], axis=1)
+
+
+def _share(
+    low: Float[np.ndarray, " p"], high: Float[np.ndarray, " p"]
+) -> Float[np.ndarray, " p"]:
+    """Where lines from one part to the next pass 0; at their begin if they do not."""
+    return np.where(low < 0, -low / np.maximum(high - low, 1e-300), 0.0)
 
 
 def _largest_gap(

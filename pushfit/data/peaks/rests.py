@@ -1,32 +1,31 @@
 """The rests between pushes: their level, their drift and their noise."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
+from pushfit.data.peaks.blocks import MAX_SAMPLES, correlation_of, scatter
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.feet import Feet
+from pushfit.data.pushes.feet import FOOT, LEAST, SHIFT, Feet, likeness
 from pushfit.data.pushes.noise import Noise
 
-# Share of the time between two pushes in which the signal comes to rest.
-_TAIL = 0.5
 # A rest of fewer samples shows no level.
 _FEWEST = 3
-_FEWEST_BLOCKS = 4
 # Share of the height by which a rest may lie above the one after the push, if it is
 # short: the signal had not come to rest.
 _MAX_UNREST = 0.1
-# Share of the height by which drift may move the rest under a push; sensors and grasps
-# are shifted by more. And how many sd a rest may move that has settled.
-_SHIFT, _UNSETTLED = 0.08, 4.0
+# Share of half of a rest that a sensor may take to recover, if the rest is short.
+_WAITED = 2 / 3
+# How many sd a rest may move that has settled.
+_UNSETTLED = 4.0
+# So many sd may parts of a rest differ by.
+_UNLIKE = 3.0
 # The mean of the middle half scatters by 9 % more than the mean.
 _MIDDLE = 1.09
 _ALL = slice(None)
-_BLOCK, _SMALL_BLOCK = 16, 8
-_MAX_SAMPLES = 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,16 +172,14 @@ def rest_windows(
         Rests before and after; empty where there is none.
     """
     feet = Feet.together([extent.feet for extent in extents])
-    before, after = np.stack(feet.before, axis=1), np.stack(feet.after, axis=1)
+    lowest, highest = feet.room(time)
+    before = np.stack(feet.before(lowest), axis=1)
+    after = np.stack(feet.after(highest, waited=_WAITED), axis=1)
     if is_long:
-        before[:, 0] -= _MAX_SAMPLES * feet.step
-        after[:, 1] += _MAX_SAMPLES * feet.step
-    room = feet.start[1:] - feet.end[:-1]
-    before[1:, 0] = np.maximum(before[1:, 0], feet.end[:-1] + _TAIL * room)
-    # In a short rest a part of it has to do.
-    before[1:, 1] = np.maximum(before[1:, 1], feet.start[1:] - _TAIL * room / 2)
-    middle = feet.end[:-1] + room / 2
-    after[:-1, 1] = np.maximum(np.minimum(after[:-1, 1], middle), after[:-1, 0])
+        reach = MAX_SAMPLES * feet.step
+        before[:, 0] = np.maximum(before[:, 0] - reach, lowest)
+        after[:, 1] = np.minimum(after[:, 1] + reach, highest)
+        after = np.maximum(after, after[:, :1])
     return np.searchsorted(time, before), np.searchsorted(time, after)
 
 
@@ -208,16 +205,27 @@ def baselines(
         The baselines.
     """
     windows = rest_windows(time, extents)
-    # Rests before and after, by level, middle and number of samples.
-    parts = [np.array([_rest(time, signal, w) for w in own]) for own in windows]
-    (level, when, n), (level_after, when_after, n_after) = (p.T for p in parts)
-    sd, sd_after = (_MIDDLE * noise.of_mean(count) for count in (n, n_after))
     height = np.array([max(e.height, 1e-300) for e in extents])
-    only_after = np.isnan(level) | _is_unrest(extents, level - level_after, height)
+    # Levels, middles and numbers of samples of the rests.
+    level, when, n = _levels(time, signal, windows[0], -1, height, noise)
+    level_after, when_after, n_after = _levels(
+        time, signal, windows[1], 1, height, noise
+    )
+    sd, sd_after = (_MIDDLE * noise.of_mean(count) for count in (n, n_after))
+    feet = Feet.together([extent.feet for extent in extents])
+    # A rest that is hardly there may be the flank of a push.
+    is_scanty = (n < LEAST * feet.span / feet.step) & (n_after > n)
+    only_after = np.isnan(level) | is_scanty
+    only_after |= _is_unrest(extents, level - level_after, height)
     rate = (level_after - level) / np.maximum(when_after - when, 1e-9)
-    shift = np.clip((level_after - level) / height, -1e3, 1e3)
-    unsettled = np.clip(_unsettled(signal, time, windows[1], rate, noise), -1e3, 1e3)
-    trust = 1 / (1 + (shift / _SHIFT) ** 4) / (1 + (unsettled / _UNSETTLED) ** 4)
+    first = time[np.minimum(windows[1][:, 0], len(time) - 1)]
+    early = np.maximum(feet.settling - (first - feet.end), 0.0)
+    waited = likeness(early, feet.settling / 2)
+    small = likeness(level_after - level, SHIFT * height)
+    calm = likeness(_unsettled(signal, time, windows[1], rate, noise), _UNSETTLED)
+    trust = waited * small * calm
+    # A sensor that had no time to recover tells of shifts that are large.
+    doubt = 1 - small * (waited * calm + 1 - waited)
     has_both = np.isfinite(rate) & ~only_after
     starts = np.array([e.t_start for e in extents])
     return Baselines(
@@ -225,24 +233,50 @@ def baselines(
         time=np.nan_to_num(np.where(only_after, when_after, when), nan=0.0)
         + np.where(only_after & np.isnan(when_after), starts, 0.0),
         slope=np.where(has_both, trust * rate, 0.0),
-        doubt=np.where(has_both, (1 - trust) * np.abs(rate) / 2, 0.0),
+        doubt=np.where(has_both, doubt * np.abs(rate) / 2, 0.0),
         sd=np.where(only_after, sd_after, sd),
         sd_after=sd_after,
         time_after=when_after,
     )
 
 
+def _levels(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    windows: Int[np.ndarray, "p 2"],
+    side: int,
+    height: Float[np.ndarray, " p"],
+    noise: RestNoise,
+) -> Float[np.ndarray, "3 p"]:
+    """Levels, middles and samples of rests; NaN where there is next to nothing of one.
+
+    Those of the part beside the push where the rest has another level: it has stepped.
+    """
+    first, last = windows.T
+    n = np.minimum(np.maximum((last - first) // 4, _FEWEST), last - first)
+    begin = first if side > 0 else last - n
+    whole = [_rest(time, signal, own, _middle_mean) for own in windows]
+    near = [
+        _rest(time, signal, own, np.mean) for own in np.stack([begin, begin + n], 1)
+    ]
+    whole, near = np.array(whole).T, np.array(near).T
+    far = np.maximum(FOOT * height, _UNLIKE * noise.of_mean(n))
+    level, when, n = near + likeness(whole[0] - near[0], far) * (whole - near)
+    return np.stack([level, when, np.nan_to_num(n)])
+
+
 def _rest(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     window: Int[np.ndarray, " 2"],
+    mean: Callable[[Float[np.ndarray, " m"]], float],
 ) -> tuple[float, float, int]:
-    """Level, middle and samples of a rest; NaN where there is next to nothing of it."""
-    first, last = (int(k) for k in window)
+    """Level, middle and number of samples of a rest."""
+    first, last = window.tolist()
     if last - first < _FEWEST:
         return np.nan, np.nan, 0
     part = slice(first, last)
-    return _middle_mean(signal[part]), float(time[part].mean()), last - first
+    return float(mean(signal[part])), float(time[part].mean()), last - first
 
 
 def _filled(
@@ -309,72 +343,14 @@ def rest_noise(
         np.concatenate(rest_windows(time, extents, is_long=is_long))
         for is_long in (False, True)
     )
-    sigma = _scatter(signal, near, n, floor)
+    sigma = scatter(signal, near, n, floor)
     if np.isnan(sigma).any():
-        sigma = np.where(np.isnan(sigma), _scatter(signal, far, n, floor), sigma)
+        sigma = np.where(np.isnan(sigma), scatter(signal, far, n, floor), sigma)
     return RestNoise(
         sigma=np.nan_to_num(sigma, nan=general.sigma),
-        correlation=_correlation(signal, far, n, floor),
+        correlation=correlation_of(signal, far, n, floor),
         quantum=general.quantum,
     )
-
-
-def _blocks(
-    signal: Float[np.ndarray, " n"], windows: Int[np.ndarray, "w 2"], length: int
-) -> tuple[Float[np.ndarray, "m b"], Int[np.ndarray, " b"]]:
-    """Samples of rests in blocks, those nearest to their ends; and whose they are."""
-    first, last = windows.T
-    n_blocks = np.clip(last - first, 0, _MAX_SAMPLES) // length
-    # Blocks of a window are counted from its end.
-    back = np.repeat(np.cumsum(n_blocks), n_blocks) - np.arange(n_blocks.sum())
-    begin = np.repeat(last, n_blocks) - length * back
-    whose = np.repeat(np.arange(len(windows)), n_blocks)
-    return signal[begin + np.arange(length)[:, None]], whose
-
-
-def _scatter(
-    signal: Float[np.ndarray, " n"],
-    windows: Int[np.ndarray, "w 2"],
-    n_pushes: int,
-    floor: float,
-) -> Float[np.ndarray, " p"]:
-    """Standard deviations of a sample within blocks; NaN from too few of them."""
-    blocks, whose = _blocks(signal, windows, _SMALL_BLOCK)
-    variance, _ = _means(blocks.var(axis=0, ddof=1), whose % n_pushes, n_pushes)
-    return np.sqrt(np.maximum(variance, floor))
-
-
-def _correlation(
-    signal: Float[np.ndarray, " n"],
-    windows: Int[np.ndarray, "w 2"],
-    n_pushes: int,
-    floor: float,
-) -> Float[np.ndarray, " p"]:
-    """Variances of means over those of independent samples; of all for too few."""
-    blocks, whose = _blocks(signal, windows, _BLOCK)
-    variance, push = blocks.var(axis=0, ddof=1), whose % n_pushes
-    steps, is_step = np.diff(blocks.mean(axis=0)) ** 2 / 2, np.diff(whose) == 0
-
-    def beside(push: Int[np.ndarray, " b"], n: int) -> Float[np.ndarray, " n"]:
-        between, n_steps = _means(steps[is_step], push[1:][is_step], n)
-        within, _ = _means(variance, push, n)
-        correlation = between * _BLOCK / np.maximum(within, floor)
-        # Beyond chance only: the ratio itself scatters by sqrt(2/n).
-        by_chance = 1 + 3 * np.sqrt(2 / np.maximum(n_steps, 1))
-        return np.where(correlation < by_chance, 1.0, correlation)
-
-    own, everywhere = beside(push, n_pushes), beside(np.zeros_like(push), 1)
-    return np.where(np.isnan(own), np.nan_to_num(everywhere, nan=1.0), own)
-
-
-def _means(
-    values: Float[np.ndarray, " b"], whose: Int[np.ndarray, " b"], n: int
-) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Means and numbers of the values of each; NaN for the mean of too few."""
-    counts = np.bincount(whose, minlength=n)
-    sums = np.bincount(whose, values, minlength=n)
-    means = sums / np.maximum(counts, 1)
-    return np.where(counts >= _FEWEST_BLOCKS, means, np.nan), counts
 
 
 def _middle_mean(samples: Float[np.ndarray, " n"]) -> float:

@@ -130,6 +130,28 @@ def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
     return upper
 
 
+def held_window(course: Float[np.ndarray, " m"]) -> tuple[float, float]:
+    """Where a course enters the band of its held part and leaves it, in parts.
+
+    Between two parts, so that a foot that moves by little moves no edge by a part.
+
+    Args:
+        course: Course of a push, scaled to 0..1.
+    """
+    first, last = held_part(course)
+    if last == first:
+        return float(first), float(last)
+    inside = _BAND - np.abs(course - np.median(course[first:last]))
+    begin = first + 0.5 - _inner(inside[first], inside[max(first - 1, 0)])
+    end = last - 0.5 + _inner(inside[last - 1], inside[min(last, len(course) - 1)])
+    return begin, end
+
+
+def _inner(inside: float, outside: float) -> float:
+    """Share of the way from a part to the next one that lies inside of a band."""
+    return float(np.clip(inside / max(inside - outside, 1e-300), 0.0, 1.0))
+
+
 def _is_long(course: Float[np.ndarray, " m"], part: tuple[int, int]) -> bool:
     """Whether a part is a large share of the time above half height."""
     n_high = max(1, int(np.count_nonzero(course > 0.5)))

@@ -178,6 +178,7 @@ def _where_it_was_to_be(
         half_down=min(when + half, when + after),
         end=when + after,
         height=float(np.median([e.height for e in others])),
+        moved=0.0,
         step=others[0].feet.step,
     )
     return Extent(start=0, end=1, feet=feet, is_brush=False, is_cut=False)

@@ -1,51 +1,33 @@
 """Where in a signal the pushes are: their extent and their order, not their height.
 
-The signal is averaged in short bins, so that cost and noise fall together and uneven
-steps become even. Humps between valleys are then joined into pushes. Excluded:
-baselines and heights (`pushfit.data.peaks.heights`) and which push is which
-(`pushfit.data.plans.alignment`).
+A search of the whole signal finds humps (`pushfit.data.pushes.search`), each of which
+is then looked at by itself. Excluded: baselines and heights
+(`pushfit.data.peaks.heights`) and which push is which (`pushfit.data.plans.alignment`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Real
+from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.feet import (
-    FOOT,
-    WIDTH_PER_SMOOTHING,
-    Feet,
-    are_cut,
-    trace_feet,
-)
-from pushfit.data.pushes.humps import Humps
+from pushfit.data.pushes.doubles import join_one, part_doubles
+from pushfit.data.pushes.ends import are_cut
+from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet
 from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.search import search
+from pushfit.data.pushes.tracing import trace_feet
 
-# Smoothing lowers a push by less than this share.
-_SMOOTHED = 0.8
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
 _FIRST_SMOOTHING = 0.1
-# Of 10^5 independent samples the largest is 4.3 sigma; a maximum needs more.
-_SIGNIFICANT = 6.0
-# The smallest is as far below; a push, from foot to top, needs more than both.
-_BEYOND_NOISE = 9.0
 # A hump below the first share of the largest is a brush; below the second it is one if
 # the next larger hump is so many times higher.
 _BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 5.0
-# A rest of fewer bins of the trace shows no wander; at the ends it may be but the edge
-# of one.
-_FEWEST_BINS, _FEWEST_AT_ENDS = 6, 15
-# Humps of this share of the largest are pushes beyond doubt.
-_LARGE = 0.25
-# Width of the densest third of a normal distribution [σ].
-_NORMAL_THIRD = 0.861
 # A hump that an end of the signal cuts off, and that is longer than this share of the
 # signal, or than so many whole pushes, is a trend.
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
-# Means of counts are often equal on paper. Rounding them to this share of the noise
-# keeps an offset or a unit, which round otherwise, from breaking the ties.
-_GRAIN = 1e-3
+# Times that pushes are joined, and parted, by their own course.
+_MOST_ONE, _MOST_TWO = 8, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,14 +108,24 @@ def find_extents(
         return ()
     tau = smoothing or _FIRST_SMOOTHING
     rules = (split, min_height, course.step)
-    found, is_low = _detect(time, signal, noise, tau, *rules)
+    found, is_low, is_rest = search(time, signal, noise, tau, *rules)
     if smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found, is_low = _detect(time, signal, noise, wider, *rules)
+            found, is_low, is_rest = search(time, signal, noise, wider, *rules)
     if found.start.size == 0:
         return ()
-    feet = trace_feet(time, course, found, sigma=noise.sigma, smoothing=smoothing)
+    feet, whose = _resolved(
+        time,
+        course,
+        found,
+        # A hump that is too low is no part of a push.
+        is_rest=is_rest | is_low | np.append(is_low[1:], True),
+        sigma=noise.sigma,
+        smoothing=smoothing,
+        split=split,
+    )
+    is_low = is_low[whose]
     is_cut = are_cut(time, feet)
     is_push = ~_are_trends(feet, is_cut, time, is_low)
     smallest = 0.0 if min_height is not None else _smallest_push(feet.height[is_push])
@@ -152,6 +144,38 @@ def find_extents(
         for k, own in enumerate(feet.apart())
         if is_push[k]
     )
+
+
+def _resolved(
+    time: Float[np.ndarray, " n"],
+    course: Course,
+    found: Feet[np.ndarray],
+    *,
+    is_rest: Bool[np.ndarray, " p"],
+    sigma: float,
+    smoothing: float | None,
+    split: float,
+) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
+    """Feet of pushes that are one and no more, each by its own course; and whose."""
+    whose = np.arange(len(is_rest))
+
+    def traced(coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
+        return trace_feet(time, course, coarse, sigma=sigma, smoothing=smoothing)
+
+    by = {"sigma": sigma, "smoothing": smoothing, "split": split}
+    feet = traced(found)
+    # First what is one is joined, then what is two is parted, and not for ever.
+    for _ in range(_MOST_ONE):
+        found, own = join_one(time, course, feet, is_rest=is_rest[whose], **by)
+        if len(own) == len(whose):
+            break
+        whose, feet = whose[own], traced(found)
+    for _ in range(_MOST_TWO):
+        found, own = part_doubles(time, course, feet, **by)
+        if len(own) == len(whose):
+            break
+        whose, feet = whose[own], traced(found)
+    return feet, whose
 
 
 def _are_trends(
@@ -175,47 +199,6 @@ def _are_trends(
     return is_reading | ~(rises | falls) | (is_long & ~(rises & falls))
 
 
-@dataclass(frozen=True, slots=True)
-class _Trace:
-    """A signal averaged on an even grid."""
-
-    t0: float
-    step: float
-    y: Float[np.ndarray, " m"]
-    noise: float
-
-    def at(self, index: Real[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Times of grid positions."""
-        return self.t0 + self.step * index
-
-
-def _detect(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    noise: Noise,
-    tau: float,
-    split: float,
-    min_height: float | None,
-    usual_step: float,
-) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"]]:
-    """One pass at one smoothing time: where the humps are, roughly, and which are low.
-
-    A hump that is too low for a push stays one, so that it is no rest of the others.
-    """
-    trace = _reduce(time, signal, noise, tau, usual_step)
-    significant = _SIGNIFICANT * trace.noise
-    humps = Humps.between(trace.y, _maxima(trace.y, significant))
-    humps.join(split)
-    large = _LARGE * float(humps.heights.max(initial=0.0))
-    wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
-    by_noise = max(_BEYOND_NOISE * trace.noise, wander)
-    smallest = by_noise if min_height is None else _SMOOTHED * min_height
-    humps.drop_below(min(by_noise, smallest))
-    pushes = replace(humps)
-    pushes.drop_below(smallest)
-    return _coarse(humps, trace), ~np.isin(humps.peaks, pushes.peaks)
-
-
 def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:
     """Height below which humps are brushes: far below the largest, beyond a gap."""
     ordered = np.sort(heights)[::-1]
@@ -226,109 +209,3 @@ def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:
     after_gap = np.append(False, ordered[1:] * _GAP_RATIO < ordered[:-1])
     beyond = np.flatnonzero((small & after_gap) | (ordered < _BRUSH * largest))
     return float(ordered[beyond[0] - 1]) if beyond.size else 0.0
-
-
-def _reduce(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    noise: Noise,
-    tau: float,
-    usual_step: float,
-) -> _Trace:
-    """Average in bins of a third of the smoothing time, then over three bins."""
-    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
-
-    step = max(tau / 3, usual_step)
-    n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
-    edges = time[0] + step * (np.arange(n_bins) - 0.5)
-    first = np.searchsorted(time, edges)
-    counts = np.diff(np.append(first, len(time)))
-    filled = counts > 0
-    sums = np.add.reduceat(signal, first[filled])
-    centres = np.arange(n_bins, dtype=float)
-    y = np.interp(centres, centres[filled], sums / counts[filled])
-    smooth = uniform_filter1d(y - signal[0], 3, mode="nearest")
-    grain = _GRAIN * noise.sigma
-    return _Trace(
-        float(time[0]),
-        step,
-        grain * np.round(smooth / grain),
-        noise.of_mean(3 * float(np.median(counts[filled]))),
-    )
-
-
-def _maxima(y: Float[np.ndarray, " m"], significant: float) -> Int[np.ndarray, " k"]:
-    """Significant local maxima, those at the ends included."""
-    from scipy.signal import find_peaks  # noqa: PLC0415 - slow to load
-
-    # Walls below everything make a maximum at the end of the signal a peak.
-    wall = y.min() - 2 * significant
-    padded = np.concatenate([[wall], y, [wall]])
-    return find_peaks(padded, prominence=significant)[0] - 1
-
-
-def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
-    """Slow noise at rest: typical scatter of the smoothed signal between large humps.
-
-    Small humps count as rest here, because they may be nothing else. If they are pushes
-    after all, they do not widen the densest third of a rest, but for a short one: of
-    a few rests the calmer count. One that the signal begins or ends in may be large.
-    """
-    may_be_large = humps.heights >= large
-    may_be_large |= np.isin(humps.peaks, (0, len(trace.y) - 1))
-    scatters = []
-    start = 0
-    for k in [*np.flatnonzero(may_be_large), None]:
-        first, last = (
-            (len(trace.y), 0) if k is None else _feet(humps, int(k), trace, own=True)
-        )
-        ordered = np.sort(trace.y[start:first])
-        n_third = len(ordered) // 3
-        is_inner = start > 0 and k is not None
-        if n_third >= (_FEWEST_BINS if is_inner else _FEWEST_AT_ENDS) // 3:
-            densest = np.min(ordered[n_third:] - ordered[: len(ordered) - n_third])
-            scatters.append(float(densest) / _NORMAL_THIRD)
-        start = last + 1
-    return sorted(scatters)[(len(scatters) - 1) // 3] if scatters else 0.0
-
-
-def _feet(humps: Humps, k: int, trace: _Trace, *, own: bool = False) -> tuple[int, int]:
-    """First and last grid position of a push above its feet.
-
-    Both feet are those over the higher valley, because the other one may lie beyond a
-    step of the rest level; or with `own` each that over its own.
-    """
-    y, peak = trace.y, int(humps.peaks[k])
-    left, right = int(humps.valleys[k]), int(humps.valleys[k + 1])
-    rest = y[peak] - max(float(humps.heights[k]), 0.0)
-    rests = (y[left], y[right]) if own else (rest, rest)
-    feet = [low + max(FOOT * (y[peak] - low), 3 * trace.noise) for low in rests]
-    below = np.flatnonzero(y[left:peak] < feet[0])
-    start = left + below[-1] + 1 if below.size else left
-    below = np.flatnonzero(y[peak + 1 : right + 1] < feet[1])
-    end = peak + below[0] if below.size else right
-    return int(start), int(end)
-
-
-def _coarse(humps: Humps, trace: _Trace) -> Feet[np.ndarray]:
-    """Feet of humps on the grid, each over the higher of its valleys."""
-    y, heights = trace.y, humps.heights
-    feet = np.array([_feet(humps, k, trace) for k in range(len(heights))])
-    start, end = feet.reshape(-1, 2).T
-    half = y[humps.peaks] - heights / 2
-    above = np.array(
-        [
-            a + np.flatnonzero(y[a : b + 1] >= level)[[0, -1]]
-            for a, b, level in zip(start, end, half, strict=True)
-        ]
-    )
-    half_up, half_down = above.reshape(-1, 2).T + np.array([[-0.5], [0.5]])
-    return Feet(
-        start=trace.at(start),
-        half_up=trace.at(half_up),
-        peak=trace.at(humps.peaks),
-        half_down=trace.at(half_down),
-        end=trace.at(end),
-        height=heights,
-        step=np.full(len(heights), trace.step),
-    )

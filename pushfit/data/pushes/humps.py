@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.feet import ON_STEP
+from pushfit.data.pushes.tracing import ON_STEP
 
 # A dip is briefer than the smoothing, which is so many bins; a rest is not.
 _DIP_BINS = 3
@@ -20,11 +20,16 @@ _FOOTLESS = 0.2
 # A level is held if the signal stays within the first share of the smaller hump of it
 # for the second share of that hump's width. A sine does so for 0.41 of it only.
 _LEVEL, _HELD = 0.15, 0.6
+# From the first to the last third of that time it moves by less than this share; a
+# flank passes through two thirds of twice `_LEVEL`.
+_FLAT = 0.1
 # Valleys that are higher than a rest by so little are nearly one: smoothing fills them.
-_NEARLY = 1.1
+_NEARLY = 1.13
 # A hump on a step has fallen from its top to this share of it at least; the
 # step is held for so many times as long as the hump, or is a part of a push.
 _FALLEN, _SHELF = 0.7, 1.5
+# A step is short beside the time that its level is held; a flank is not.
+_WAY = 0.3
 # A rest level that is never left is one that is come back to so many times.
 _RETURNS = 3
 # Humps lower than this share of the whole are wiggles of a plateau.
@@ -84,19 +89,24 @@ class Humps:
         if not np.isfinite(inner):
             return False
         peak, edge = int(self.peaks[end]), 0 if end == 0 else len(self.y) - 1
-        outer, top = self.y[self.valleys[end]], self.y[peak]
+        outer, top = float(self.y[self.valleys[end]]), float(self.y[peak])
         if outer - inner <= _FOOTLESS * (top - inner):
             return False
         foot = int(self.valleys[1 if end == 0 else -2])
         part = self.y[min(foot, edge) : max(foot, edge) + 1]
-        shelf = float(np.median(part[part - inner > _FOOTLESS * (top - inner)]))
-        return not any(
-            top - level >= ON_STEP * (level - inner)
-            and outer - level <= _FALLEN * (top - level)
-            and longest_run(np.abs(part - level) <= _LEVEL * (top - level))
-            >= _SHELF * self._width(end)
-            for level in (outer, shelf)
-        )
+        shelf = np.median(part[part - inner > _FOOTLESS * (top - inner)])
+
+        def is_step(level: float) -> bool:
+            near = _LEVEL * (top - level)
+            held, _ = longest_run(np.abs(part - level) <= near)
+            between = np.count_nonzero((part > inner + near) & (part < level - near))
+            return bool(
+                top - level >= ON_STEP * (level - inner)
+                and outer - level <= _FALLEN * (top - level)
+                and held >= max(_SHELF * self._width(end), between / _WAY)
+            )
+
+        return not (is_step(outer) or is_step(float(shelf)))
 
     def _width(self, k: int) -> int:
         """Bins of a hump above half of its height over the higher valley."""
@@ -106,7 +116,7 @@ class Humps:
         low = max(self.y[left], self.y[right])
         if low == top:
             low = min(self.y[left], self.y[right])
-        return max(1, longest_run(self.y[left : right + 1] >= (low + top) / 2))
+        return max(1, longest_run(self.y[left : right + 1] >= (low + top) / 2)[0])
 
     def drop(self, peak: int) -> None:
         """Remove a peak; the valleys beside it become one."""
@@ -120,7 +130,7 @@ class Humps:
         last = self.peaks[peak] if peak < len(self.peaks) else len(self.y) - 1
         self.rests[peak] = _low(self.y[first : last + 1])
 
-    def join(self, split: float) -> None:
+    def join(self, split: float) -> set[int]:
         """Join neighbours whose valley is too high for a rest between two pushes.
 
         The highest valley goes first. It is compared with the lower of the rests beside
@@ -130,6 +140,9 @@ class Humps:
         Args:
             split: Two humps are two pushes if the valley between them is lower than
                 this share of the lower hump.
+
+        Returns:
+            Valleys that are higher than that, but rests.
         """
         kept: set[int] = set()
         while len(self.peaks) > 1:
@@ -140,7 +153,7 @@ class Humps:
             ratio[[int(v) in kept for v in self.valleys[1:-1]]] = -np.inf
             worst = int(np.argmax(ratio))
             if ratio[worst] <= split:
-                return
+                break
             is_near = bool(ratio[worst] <= _NEARLY * split)
             if self._is_new_rest(worst) or (
                 ratio[worst] < 1 - _ON_TOP and self._is_level(worst, is_near=is_near)
@@ -149,6 +162,7 @@ class Humps:
                 self.rests[worst + 1] = lows[worst + 1]
                 continue
             self._merge(worst, worst + int(tops[worst] >= tops[worst + 1]))
+        return kept
 
     def _is_new_rest(self, pair: int) -> bool:
         """Whether the signal returns to a valley and, on one side, never falls below.
@@ -182,8 +196,12 @@ class Humps:
         width = min(self._width_over(pair, low), self._width_over(pair + 1, low))
 
         def held(first: int, last: int, *, widths: float = _HELD) -> bool:
-            inside = np.abs(self.y[first : last + 1] - low) <= _LEVEL * height
-            return longest_run(inside) >= max(widths * width, 2)
+            part = self.y[first : last + 1]
+            n, begin = longest_run(np.abs(part - low) <= _LEVEL * height)
+            if n < max(widths * width, 2):
+                return False
+            third, run = max(1, n // 3), part[begin : begin + n]
+            return bool(abs(run[:third].mean() - run[-third:].mean()) <= _FLAT * height)
 
         outer_left = int(self.peaks[pair - 1]) if pair > 0 else 0
         is_last = pair + 2 >= len(self.peaks)
@@ -228,11 +246,15 @@ def _low(y: Float[np.ndarray, " m"]) -> float:
     return float(np.partition(y, n)[n])
 
 
-def longest_run(inside: Bool[np.ndarray, " m"]) -> int:
-    """Length of the longest stretch of True.
+def longest_run(inside: Bool[np.ndarray, " m"]) -> tuple[int, int]:
+    """Length of the longest stretch of True, and where it begins.
 
     Args:
         inside: Where.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+    if edges.size == 0:
+        return 0, 0
+    lengths = edges[1::2] - edges[::2]
+    k = int(lengths.argmax())
+    return int(lengths[k]), int(edges[2 * k])

@@ -5,6 +5,7 @@ user; they must agree. A column without a unit is left alone unless it is needed
 """
 
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -134,8 +135,8 @@ def assign_roles(
         columns.add(
             "no_channel",
             f"no column states a signal unit: {listed(columns.names)}; rename one, "
-            f"such as pressure_kpa, or state --map pressure={first} --unit "
-            "pressure=counts",
+            f"such as pressure_kpa, or state --map {shlex.quote(f'pressure={first}')} "
+            "--unit pressure=counts",
         )
     if columns.problems:
         raise data_error(columns.problems)

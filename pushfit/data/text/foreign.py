@@ -141,6 +141,8 @@ def _logged(path: str) -> Iterator[dict[str, float]]:
             if waiting is not None and re.fullmatch(_NUMBER, text):
                 record[waiting], waiting = float(text), None
                 continue
+            if match is not None and re.fullmatch(_NUMBER, text):
+                record["value"] = float(text)
             for found in _PAIR.finditer(text):
                 if found["value"] is None:
                     waiting = found["key"]

@@ -95,7 +95,11 @@ def best_guess(lines: list[str], columns: Sequence[str], path: str) -> Guess:
         if (guess := _guess(lines, delimiter, decimal, columns))
     ]
     if not guesses:
-        raise _no_table(lines, columns, path)
+        # One column has no delimiter; nothing else that has none is a table.
+        one = _guess(lines, ",", ".", columns, least=1)
+        if one is None or one.score < 1.0:
+            raise _no_table(lines, columns, path)
+        guesses = [one]
     best = max(guesses, key=lambda guess: guess.score)
     rows = [split_line(line, best.delimiter) for line in lines[best.data :]]
     has_mark = {
@@ -114,7 +118,12 @@ def best_guess(lines: list[str], columns: Sequence[str], path: str) -> Guess:
 
 
 def _guess(
-    lines: list[str], delimiter: str, decimal: str, columns: Sequence[str]
+    lines: list[str],
+    delimiter: str,
+    decimal: str,
+    columns: Sequence[str],
+    *,
+    least: int = 2,
 ) -> Guess | None:
     """Try one delimiter and decimal mark; None if they give no table."""
     split = [split_line(uncommented(line), delimiter) for line in lines]
@@ -124,9 +133,9 @@ def _guess(
         data = next((i for i in filled if n_values[i]), None)
         header, n_names = None, len(columns)
     else:
-        header, data = _find_header(split, n_values, filled)
+        header, data = _find_header(split, n_values, filled, least)
         n_names = len(split[header]) if header is not None else 0
-    if data is None or n_names < 2:
+    if data is None or n_names < least:
         return None
     if delimiter == " " and header is not None and lines[header].startswith("\t"):
         # Tabs that delimit: the first name is empty, which runs of blanks would hide.
@@ -148,7 +157,7 @@ def _guess(
 
 
 def _find_header(
-    split: list[list[str]], n_values: list[int], filled: list[int]
+    split: list[list[str]], n_values: list[int], filled: list[int], least: int
 ) -> tuple[int | None, int | None]:
     """Find the line of names and the first line of data below it.
 
@@ -158,7 +167,7 @@ def _find_header(
     best, most = (None, None), 0.0
     for k, i in enumerate(filled[:-1]):
         n = len(split[i])
-        if n < 2 or n_values[i] or not any(split[i]):
+        if n < least or n_values[i] or not any(split[i]):
             continue
         below = filled[k + 1 :]
         is_unit_row = (
@@ -215,8 +224,8 @@ def _no_table(
     if len(cells) < 2:
         return refuse(
             "no_table",
-            "no comma, semicolon, tab or blank separates fields; a recording needs a "
-            "header and at least a time and a signal column",
+            "no comma, semicolon, tab or blank separates fields; name the only column, "
+            "for example --columns pressure_kpa --rate 100, or export time and signal",
             path=path,
             line=first + 1,
         )

@@ -43,6 +43,32 @@ def test_a_rospy_log_with_values_below_their_names_is_read(tmp_path):
     assert recording.channels["p"].tolist() == [2000.0 + k for k in range(6)]
 
 
+def test_a_rospy_log_of_bare_numbers_has_one_column(tmp_path):
+    path = tmp_path / "node.log"
+    path.write_text(
+        "".join(f"[INFO] [{1600000000 + k / 100:.2f}]: {k / 4}\n" for k in range(6))
+    )
+    recording = read_recording(path, mapping={"p": "value"}, units={"p": "kpa"})
+    assert recording.channels["p"].tolist() == [k / 4 for k in range(6)]
+
+
+@pytest.mark.parametrize("name", [None, "force_n"])
+def test_a_file_of_one_column_has_a_rate(tmp_path, name):
+    path = tmp_path / "one.txt"
+    path.write_text((f"{name}\n" if name else "") + "0.5\n1.5\n-2\n" * 4)
+    columns = () if name else ("force_n",)
+    recording = read_recording(path, columns=columns, rate=10.0)
+    np.testing.assert_array_equal(recording.channels["force"], [0.5, 1.5, -2.0] * 4)
+    np.testing.assert_allclose(recording.time, np.arange(12) / 10)
+
+
+def test_what_to_type_is_quoted_for_a_shell(tmp_path):
+    path = tmp_path / "volts.csv"
+    path.write_text("time_s,AI1 (V)\n" + "".join(f"{k / 10},{k}\n" for k in range(9)))
+    with pytest.raises(DataError, match=r"--map 'pressure=AI1 \(V\)' --unit"):
+        read_recording(path)
+
+
 def test_numpy_columns_are_read_by_name(tmp_path):
     time, force = np.arange(5) / 100, np.arange(5.0)
     np.savez(tmp_path / "log.npz", time_s=time, force_n=force)

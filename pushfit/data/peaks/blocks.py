@@ -1,0 +1,91 @@
+"""Noise of rests, by the scatter within blocks of their samples and between them."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+# Variances of blocks seldom exceed so many times their median.
+_HIGHEST = 4.0
+_BLOCK, _SMALL_BLOCK = 16, 8
+MAX_SAMPLES = 1024
+_FEWEST_BLOCKS = 4
+
+
+def _blocks(
+    signal: Float[np.ndarray, " n"], windows: Int[np.ndarray, "w 2"], length: int
+) -> tuple[Float[np.ndarray, "m b"], Int[np.ndarray, " b"]]:
+    """Samples of rests in blocks, those nearest to their ends; and whose they are."""
+    first, last = windows.T
+    n_blocks = np.clip(last - first, 0, MAX_SAMPLES) // length
+    # Blocks of a window are counted from its end.
+    back = np.repeat(np.cumsum(n_blocks), n_blocks) - np.arange(n_blocks.sum())
+    begin = np.repeat(last, n_blocks) - length * back
+    whose = np.repeat(np.arange(len(windows)), n_blocks)
+    return signal[begin + np.arange(length)[:, None]], whose
+
+
+def scatter(
+    signal: Float[np.ndarray, " n"],
+    windows: Int[np.ndarray, "w 2"],
+    n_pushes: int,
+    floor: float,
+) -> Float[np.ndarray, " p"]:
+    """Standard deviations of a sample within blocks; NaN from too few of them.
+
+    Args:
+        signal: Samples [unit].
+        windows: Rests, first and one past the last sample.
+        n_pushes: Pushes; their rests follow each other in `windows`.
+        floor: Smallest variance [unit²].
+    """
+    blocks, whose = _blocks(signal, windows, _SMALL_BLOCK)
+    variance, _ = _means(blocks.var(axis=0, ddof=1), whose % n_pushes, n_pushes)
+    return np.sqrt(np.maximum(variance, floor))
+
+
+def correlation_of(
+    signal: Float[np.ndarray, " n"],
+    windows: Int[np.ndarray, "w 2"],
+    n_pushes: int,
+    floor: float,
+) -> Float[np.ndarray, " p"]:
+    """Variances of means over those of independent samples; of all for too few.
+
+    Args:
+        signal: Samples [unit].
+        windows: Rests, first and one past the last sample.
+        n_pushes: Pushes; their rests follow each other in `windows`.
+        floor: Smallest variance [unit²].
+    """
+    blocks, whose = _blocks(signal, windows, _BLOCK)
+    variance, push = blocks.var(axis=0, ddof=1), whose % n_pushes
+    steps, is_step = np.diff(blocks.mean(axis=0)) ** 2 / 2, np.diff(whose) == 0
+
+    def beside(push: Int[np.ndarray, " b"], n: int) -> Float[np.ndarray, " n"]:
+        between, n_steps = _means(steps[is_step], push[1:][is_step], n)
+        within, _ = _means(variance, push, n)
+        correlation = between * _BLOCK / np.maximum(within, floor)
+        # Beyond chance only: the ratio itself scatters by sqrt(2/n).
+        by_chance = 1 + 3 * np.sqrt(2 / np.maximum(n_steps, 1))
+        return np.where(correlation < by_chance, 1.0, correlation)
+
+    own, everywhere = beside(push, n_pushes), beside(np.zeros_like(push), 1)
+    return np.where(np.isnan(own), np.nan_to_num(everywhere, nan=1.0), own)
+
+
+def _means(
+    values: Float[np.ndarray, " b"], whose: Int[np.ndarray, " b"], n: int
+) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Means and numbers of the values of each; NaN for the mean of too few.
+
+    A value far above the others, as of a block that a rest steps in, counts as one of
+    the highest that chance gives.
+    """
+    counts = np.bincount(whose, minlength=n)
+    order = np.lexsort((values, whose))
+    first = np.cumsum(counts) - counts
+    middle = np.minimum(first + counts // 2, max(len(values) - 1, 0))
+    usual = values[order][middle] if len(values) else np.zeros(n)
+    values = np.minimum(values, _HIGHEST * usual[whose])
+    sums = np.bincount(whose, values, minlength=n)
+    means = sums / np.maximum(counts, 1)
+    return np.where(counts >= _FEWEST_BLOCKS, means, np.nan), counts

@@ -1,0 +1,187 @@
+"""Which pushes are two, and which two are one, each by its own course.
+
+The search judges valleys by what rests the file has, and averages for as long as its
+usual push lasts; so what it joined or parted is looked at by itself again.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.ends import are_cut
+from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers
+
+_GRID = 240
+_FINE = 0.125
+# A valley is deeper than noise makes one [sigma].
+_SIGNIFICANT = 6.0
+
+
+def join_one(
+    time: Float[np.ndarray, " n"],
+    course: Course,
+    feet: Feet[np.ndarray],
+    *,
+    is_rest: Bool[np.ndarray, " p"],
+    sigma: float,
+    smoothing: float | None,
+    split: float,
+) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
+    """Join two pushes whose course does not fall low between them, the first such two.
+
+    They are clear of the noise, and nearer to each other than they are wide.
+
+    Args:
+        time: Sample times [s].
+        course: Running means of the samples [unit].
+        feet: Pushes as they are traced, in order.
+        is_rest: Whether what follows each is known to be a rest.
+        sigma: Noise of a sample [unit].
+        smoothing: Averaging time; None takes a share of each width [s].
+        split: A valley is low below this share of the lower top.
+
+    Returns:
+        All pushes, the feet of a joined one roughly; and which each was.
+    """
+    places = np.arange(len(feet.start))
+    if len(places) < 2:
+        return feet, places
+    tau = feet.averaging(sigma, smoothing)
+    room = feet.room(time)
+    ends = room[0][:, None], room[1][:, None]
+    top = course.smooth(feet.peak[:, None], tau=tau[:, None], ends=ends)[:, 0]
+    before = top - feet.height - np.maximum(feet.moved, 0.0)
+    after = top - feet.height + np.minimum(feet.moved, 0.0)
+    # The rest that a cut push is not seen to go back to is that of the other one.
+    is_cut = are_cut(time, feet)
+    first, last = before[:-1].copy(), after[1:].copy()
+    last[-1:] = np.where(is_cut[-1], first[-1:], last[-1:])
+    first[:1] = np.where(is_cut[0], last[:1], first[:1])
+    left, right = feet.rows(places[:-1]), feet.rows(places[1:])
+    is_left = top[:-1] >= top[1:]
+    both = replace(
+        left,
+        peak=np.where(is_left, left.peak, right.peak),
+        half_down=right.half_down,
+        end=right.end,
+        height=np.maximum(top[:-1], top[1:]) - np.maximum(first, last),
+        moved=last - first,
+    )
+    room = room[0][:-1], room[1][1:]
+    # By the middle of both rests, for drift under two pushes fills no valley. Averaging
+    # fills a short rest: in a finer course half of the share has to do.
+    usual = both.averaging(sigma, smoothing)
+    fine = np.maximum(_FINE * usual, feet.step[1:]) if smoothing is None else usual
+    moved = np.abs(both.moved) / 2
+    shares = [
+        _valleys(course, both, room, tau=own, sigma=0.0, moved=moved)[2].min(axis=1)
+        for own in (usual, fine)
+    ]
+    is_filled = (shares[0] >= split) & (shares[1] >= split / 2)
+    noise = sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
+    is_clear = feet.height > CLEAR * noise
+    is_one = ~is_rest[:-1] & is_clear[:-1] & is_clear[1:] & is_filled
+    if not is_one.any():
+        return feet, places
+    k = int(is_one.argmax())
+    one = [*feet.apart()[:k], both.apart()[k], *feet.apart()[k + 2 :]]
+    return Feet.together(one), np.delete(places, k)
+
+
+def part_doubles(
+    time: Float[np.ndarray, " n"],
+    course: Course,
+    feet: Feet[np.ndarray],
+    *,
+    sigma: float,
+    smoothing: float | None,
+    split: float,
+) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
+    """Part each push in two whose course falls low between two tops.
+
+    Args:
+        time: Sample times [s].
+        course: Running means of the samples [unit].
+        feet: Pushes as they are traced, in order.
+        sigma: Noise of a sample [unit].
+        smoothing: Averaging time; None takes a share of each width [s].
+        split: A valley is low below this share of the lower top.
+
+    Returns:
+        All pushes, the feet of two that were one roughly; and which each was.
+    """
+    when, y, share = _valleys(
+        course,
+        feet,
+        feet.room(time),
+        tau=feet.averaging(sigma, smoothing),
+        sigma=sigma,
+        moved=np.abs(feet.moved),
+    )
+    parts = []
+    for k, own in enumerate(feet.apart()):
+        valley = int(share[k].argmin())
+        if share[k, valley] < split:
+            sides = slice(None, valley + 1), slice(valley, None)
+            parts += [_part(own, when[k, side], y[k, side]) for side in sides]
+        else:
+            parts.append(own)
+    n_parts = 1 + (share.min(axis=1) < split)
+    return Feet.together(parts), np.repeat(np.arange(len(n_parts)), n_parts)
+
+
+def _valleys(
+    course: Course,
+    feet: Feet[np.ndarray],
+    room: tuple[Numbers, Numbers],
+    *,
+    tau: Numbers,
+    sigma: float,
+    moved: Numbers,
+) -> tuple[
+    Float[np.ndarray, "p m"], Float[np.ndarray, "p m"], Float[np.ndarray, "p m"]
+]:
+    """Courses from foot to foot, and their height as a share of the tops around.
+
+    Args:
+        course: Running means of the samples [unit].
+        feet: Pushes.
+        room: Times between which each is alone [s].
+        tau: Averaging times [s].
+        sigma: Noise of a sample [unit].
+        moved: How far below the higher of the rests heights are counted from [unit].
+
+    Returns:
+        Times, running means, and shares; 1 where the course falls by no more than
+        noise does.
+    """
+    length = (feet.end - feet.start)[:, None]
+    when = feet.start[:, None] + length * np.linspace(0.0, 1.0, _GRID)
+    y = course.smooth(when, tau=tau[:, None], ends=(room[0][:, None], room[1][:, None]))
+    # The foot is near the rest, or the rest is not that of this course.
+    least = y.min(axis=1) - 2 * FOOT * np.ptp(y, axis=1)
+    base = np.maximum(y.max(axis=1) - feet.height - moved, least)[:, None]
+    tops = np.minimum(
+        np.maximum.accumulate(y, axis=1),
+        np.maximum.accumulate(y[:, ::-1], axis=1)[:, ::-1],
+    )
+    noise = _SIGNIFICANT * sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
+    share = (y - base) / np.maximum(tops - base, 1e-300)
+    return when, y, np.where(tops - y > noise[:, None], share, 1.0)
+
+
+def _part(
+    feet: Feet[float], when: Float[np.ndarray, " m"], y: Float[np.ndarray, " m"]
+) -> Feet[float]:
+    """A part of a push; half way to its top is guessed."""
+    start, peak, end = (float(when[k]) for k in (0, y.argmax(), -1))
+    return replace(
+        feet,
+        start=start,
+        half_up=(start + peak) / 2,
+        peak=peak,
+        half_down=(peak + end) / 2,
+        end=end,
+    )

@@ -1,0 +1,226 @@
+"""A search for humps in a signal as a whole: roughly where they are, and how high.
+
+The signal is averaged in short bins, so that cost and noise fall together and uneven
+steps become even. Humps between valleys are then joined into pushes. Excluded: the
+course of each by itself (`pushfit.data.pushes.tracing`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Real
+
+from pushfit.data.pushes.feet import FOOT, Feet
+from pushfit.data.pushes.humps import Humps
+from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.tracing import ON_STEP
+
+# Smoothing lowers a push by less than this share.
+_SMOOTHED = 0.8
+# Of 10^5 independent samples the largest is 4.3 sigma; a maximum needs more.
+_SIGNIFICANT = 6.0
+# The smallest is as far below; a push, from foot to top, needs more than both.
+_BEYOND_NOISE = 9.0
+# A rest of fewer bins of the trace shows no wander; at the ends it may be but the edge
+# of one.
+_FEWEST_BINS, _FEWEST_AT_ENDS = 6, 15
+# Humps of this share of the largest are pushes beyond doubt.
+_LARGE = 0.25
+# Width of the densest third of a normal distribution [σ].
+_NORMAL_THIRD = 0.861
+# Means of counts are often equal on paper. Rounding them to this share of the noise
+# keeps an offset or a unit, which round otherwise, from breaking the ties.
+_GRAIN = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class _Trace:
+    """A signal averaged on an even grid."""
+
+    t0: float
+    step: float
+    y: Float[np.ndarray, " m"]
+    noise: float
+
+    def at(self, index: Real[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Times of grid positions."""
+        return self.t0 + self.step * index
+
+
+def search(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    noise: Noise,
+    tau: float,
+    split: float,
+    min_height: float | None,
+    usual_step: float,
+) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]]:
+    """One pass at one smoothing time: the humps, roughly, and which are low.
+
+    And which are followed by a level that is a rest however high it is.
+
+    A hump that is too low for a push stays one, so that it is no rest of the others.
+    """
+    trace = _reduce(time, signal, noise, tau, usual_step)
+    significant = _SIGNIFICANT * trace.noise
+    tops = _maxima(trace.y, significant)
+    humps = Humps.between(trace.y, tops)
+    rests = humps.join(split)
+    humps = _regained(humps, tops, trace)
+    large = _LARGE * float(humps.heights.max(initial=0.0))
+    wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
+    by_noise = max(_BEYOND_NOISE * trace.noise, wander)
+    smallest = by_noise if min_height is None else _SMOOTHED * min_height
+    humps.drop_below(min(by_noise, smallest))
+    pushes = replace(humps)
+    pushes.drop_below(smallest)
+    return (
+        _coarse(humps, trace),
+        ~np.isin(humps.peaks, pushes.peaks),
+        np.isin(humps.valleys[1:], list(rests)),
+    )
+
+
+def _regained(humps: Humps, tops: Int[np.ndarray, " t"], trace: _Trace) -> Humps:
+    """Give back tops that were joined with a hump though they lie beyond its feet.
+
+    Below a step of the rest level a rest looks too high for one.
+    """
+    while len(humps.peaks) and (tops := np.setdiff1d(tops, humps.peaks)).size:
+        k = np.searchsorted(humps.valleys, tops) - 1
+        kept = np.clip(k, 0, len(humps.peaks) - 1) == k
+        k, tops = k[kept], tops[kept]
+        low = trace.y[humps.valleys]
+        rest = np.maximum(low[:-1], low[1:])
+        own = np.unique(k)
+        feet = [_feet(humps, int(j), trace, rest=float(rest[j])) for j in own]
+        first, last = np.array(feet).reshape(-1, 2)[np.searchsorted(own, k)].T
+        heights = trace.y[humps.peaks[k]] - rest[k]
+        rise = trace.y[tops] - rest[k]
+        is_lost = ((tops < first) | (tops > last)) & (rise >= _LARGE * heights)
+        # At an end the hump itself may be a wiggle of a push that is cut there.
+        is_lost &= np.isin(k, own[[_is_inside(humps, trace, int(j)) for j in own]])
+        lost = tops[is_lost]
+        if lost.size == 0:
+            break
+        highest = lost[np.argmax(trace.y[lost])]
+        humps = Humps.between(trace.y, np.sort(np.append(humps.peaks, highest)))
+    return humps
+
+
+def _reduce(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    noise: Noise,
+    tau: float,
+    usual_step: float,
+) -> _Trace:
+    """Average in bins of a third of the smoothing time, then over three bins."""
+    from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
+
+    step = max(tau / 3, usual_step)
+    n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
+    edges = time[0] + step * (np.arange(n_bins) - 0.5)
+    first = np.searchsorted(time, edges)
+    counts = np.diff(np.append(first, len(time)))
+    filled = counts > 0
+    sums = np.add.reduceat(signal, first[filled])
+    centres = np.arange(n_bins, dtype=float)
+    y = np.interp(centres, centres[filled], sums / counts[filled])
+    smooth = uniform_filter1d(y - signal[0], 3, mode="nearest")
+    grain = _GRAIN * noise.sigma
+    return _Trace(
+        float(time[0]),
+        step,
+        grain * np.round(smooth / grain),
+        noise.of_mean(3 * float(np.median(counts[filled]))),
+    )
+
+
+def _is_inside(humps: Humps, trace: _Trace, k: int) -> bool:
+    """Whether a hump has a neighbour or a rest on either side, that it stands on."""
+    y, near = trace.y, _LARGE * humps.heights[k]
+    low = y[humps.valleys[k : k + 2]]
+    if y[humps.peaks[k]] - low.max() < ON_STEP * np.ptp(low):
+        return False
+    edges = (y[:_FEWEST_BINS], k == 0), (y[-_FEWEST_BINS:], k == len(humps.peaks) - 1)
+    return all(not at_end or np.ptp(edge) <= near for edge, at_end in edges)
+
+
+def _maxima(y: Float[np.ndarray, " m"], significant: float) -> Int[np.ndarray, " k"]:
+    """Significant local maxima, those at the ends included."""
+    from scipy.signal import find_peaks  # noqa: PLC0415 - slow to load
+
+    # Walls below everything make a maximum at the end of the signal a peak.
+    wall = y.min() - 2 * significant
+    padded = np.concatenate([[wall], y, [wall]])
+    return find_peaks(padded, prominence=significant)[0] - 1
+
+
+def _rest_wander(humps: Humps, trace: _Trace, large: float) -> float:
+    """Slow noise at rest: typical scatter of the smoothed signal between large humps.
+
+    Small humps count as rest here, because they may be nothing else. If they are pushes
+    after all, they do not widen the densest third of a rest, but for a short one: of
+    a few rests the calmer count. One that the signal begins or ends in may be large.
+    """
+    may_be_large = humps.heights >= large
+    may_be_large |= np.isin(humps.peaks, (0, len(trace.y) - 1))
+    scatters = []
+    start = 0
+    for k in [*np.flatnonzero(may_be_large), None]:
+        first, last = (len(trace.y), 0) if k is None else _feet(humps, int(k), trace)
+        ordered = np.sort(trace.y[start:first])
+        n_third = len(ordered) // 3
+        is_inner = start > 0 and k is not None
+        if n_third >= (_FEWEST_BINS if is_inner else _FEWEST_AT_ENDS) // 3:
+            densest = np.min(ordered[n_third:] - ordered[: len(ordered) - n_third])
+            scatters.append(float(densest) / _NORMAL_THIRD)
+        start = last + 1
+    return sorted(scatters)[(len(scatters) - 1) // 3] if scatters else 0.0
+
+
+def _feet(
+    humps: Humps, k: int, trace: _Trace, *, rest: float | None = None
+) -> tuple[int, int]:
+    """First and last grid position of a push above its feet.
+
+    Both feet are those over one rest, such as that of the higher valley, because the
+    other one may lie beyond a step of the rest level; or each that over its own.
+    """
+    y, peak = trace.y, int(humps.peaks[k])
+    left, right = int(humps.valleys[k]), int(humps.valleys[k + 1])
+    rests = (y[left], y[right]) if rest is None else (rest, rest)
+    feet = [low + max(FOOT * (y[peak] - low), 3 * trace.noise) for low in rests]
+    below = np.flatnonzero(y[left:peak] < feet[0])
+    start = left + below[-1] + 1 if below.size else left
+    below = np.flatnonzero(y[peak + 1 : right + 1] < feet[1])
+    end = peak + below[0] if below.size else right
+    return int(start), int(end)
+
+
+def _coarse(humps: Humps, trace: _Trace) -> Feet[np.ndarray]:
+    """Feet of humps on the grid, each over the higher of its valleys."""
+    y, heights = trace.y, humps.heights
+    rests = (y[humps.peaks] - np.maximum(heights, 0.0)).tolist()
+    feet = np.array([_feet(humps, k, trace, rest=low) for k, low in enumerate(rests)])
+    start, end = feet.reshape(-1, 2).T
+    half = y[humps.peaks] - heights / 2
+    above = np.array(
+        [
+            a + np.flatnonzero(y[a : b + 1] >= level)[[0, -1]]
+            for a, b, level in zip(start, end, half, strict=True)
+        ]
+    )
+    half_up, half_down = above.reshape(-1, 2).T + np.array([[-0.5], [0.5]])
+    return Feet(
+        start=trace.at(start),
+        half_up=trace.at(half_up),
+        peak=trace.at(humps.peaks),
+        half_down=trace.at(half_down),
+        end=trace.at(end),
+        height=heights,
+        moved=np.zeros(len(heights)),
+        step=np.full(len(heights), trace.step),
+    )

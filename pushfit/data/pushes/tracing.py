@@ -1,0 +1,274 @@
+"""Where each push begins, is half up, and ends, by its own course alone.
+
+The search sees a recording as a whole. What is measured afterwards must not: a push has
+the same feet whatever else the file holds. So each is traced again on its own samples,
+smoothed by a share of its own width, over its own rests. Excluded: finding the pushes
+(`pushfit.data.pushes.search`) and the levels of their rests
+(`pushfit.data.peaks.rests`).
+"""
+
+import functools
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.feet import (
+    CLEAR,
+    FOOT,
+    LEAST,
+    LONGEST,
+    WIDTH_PER_SMOOTHING,
+    Feet,
+    Numbers,
+    likeness,
+)
+
+# A hump that is lower than this share of the step below it is an overshoot.
+ON_STEP = 0.33
+_GRID, _FINE = 240, 17
+_ROUNDS, _SAME, _REACH = 12, 1e-5, 2.0
+# Times that the integral is kept at, for each smoothing time; and steps that the usual
+# one is judged by. More would only cost time.
+_KNOTS, _STEPS = 16, 250
+_UNIT = np.linspace(0.0, 1.0, _FINE)
+_SIGMAS = 3.0
+# Height over the noise of a mean that makes a top.
+_SEEN = 6.0
+
+Smooth = Callable[[Float[np.ndarray, "p m"]], Float[np.ndarray, "p m"]]
+
+
+def trace_feet(
+    time: Float[np.ndarray, " n"],
+    course: Course,
+    coarse: Feet[np.ndarray],
+    *,
+    sigma: float,
+    smoothing: float | None,
+) -> Feet[np.ndarray]:
+    """Trace the feet of pushes from their own samples.
+
+    Feet depend on the levels of the rests, and rests lie beyond the feet: both are
+    found in turns, until nothing changes: where the search began must not matter.
+
+    Args:
+        time: Sample times [s].
+        course: Running means of the samples [unit].
+        coarse: Where all of their pushes are, in order, roughly.
+        sigma: Noise of a sample [unit].
+        smoothing: Averaging time; None takes a share of each width [s].
+
+    Returns:
+        The feet.
+    """
+    reach = 2 * _reach(coarse)
+    lowest, highest = coarse.room(time)
+    lowest = np.maximum(lowest, coarse.start - reach)
+    highest = np.minimum(highest, coarse.end + reach)
+    ends = np.searchsorted(time, [lowest, highest])
+    feet = replace(coarse, step=_usual_steps(time, ends))
+    finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
+    stride = int(finest / _KNOTS / feet.step.max())
+    course = course.thinned(max(1, stride))
+    for _ in range(_ROUNDS):
+        tau = feet.averaging(sigma, smoothing)
+        was = feet
+        seen = _trace(course, feet, feet.room(time), tau=tau, sigma=sigma)
+        noise = sigma * np.minimum(1.0, feet.step / tau) ** 0.5
+        # A clear push is not left where it still is, or is again, half as high.
+        is_clear = seen.height > CLEAR * noise
+        seen = replace(
+            seen,
+            start=np.where(
+                is_clear, np.minimum(seen.start, coarse.half_up), seen.start
+            ),
+            end=np.where(is_clear, np.maximum(seen.end, coarse.half_down), seen.end),
+        )
+        # What shrinks until it is as low as noise is held where it was more.
+        feet = seen.where(seen.height >= _SEEN * noise, feet)
+        off = np.maximum(np.abs(feet.start - was.start), np.abs(feet.end - was.end))
+        if np.all(off <= _SAME * feet.step):
+            break
+    return feet
+
+
+def _usual_steps(
+    time: Float[np.ndarray, " n"], ends: Int[np.ndarray, "2 p"]
+) -> Numbers:
+    """Median sampling steps of stretches, by the first of their steps [s]."""
+    if np.diff(ends, axis=0).min() >= _STEPS:
+        return np.median(np.diff(time[ends[0][:, None] + np.arange(_STEPS)]), axis=1)
+    return np.array([np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T])
+
+
+def _reach(feet: Feet[np.ndarray]) -> Numbers:
+    """Time around pushes that their rests lie in [s]."""
+    width = np.maximum(np.minimum(feet.width, 2 * LONGEST), 4 * feet.step)
+    return _REACH * width + feet.half_up - feet.start + feet.end - feet.half_down
+
+
+def _trace(
+    course: Course,
+    feet: Feet[np.ndarray],
+    ends: tuple[Numbers, Numbers],
+    *,
+    tau: Numbers,
+    sigma: float,
+) -> Feet[np.ndarray]:
+    """One round: levels of the rests by the feet, then the feet by the levels."""
+    reach = _reach(feet)
+    lowest = np.maximum(ends[0], feet.start - reach)
+    highest = np.minimum(ends[1], feet.end + reach)
+    # Not beyond the room of each push: a neighbour is no part of its course.
+    smooth = functools.partial(
+        course.smooth, tau=tau[:, None], ends=(ends[0][:, None], ends[1][:, None])
+    )
+    spacing = (highest - lowest) / (_GRID - 1)
+    index = np.arange(_GRID)
+    when = lowest[:, None] + spacing[:, None] * index
+    y = smooth(when)
+    off = np.abs(when - (feet.start + feet.end)[:, None] / 2)
+    # At least one point, the nearest, is inside.
+    inside = off <= np.maximum((feet.end - feet.start) / 2, off.min(axis=1))[:, None]
+    peak = np.argmax(np.where(inside, y, -np.inf), axis=1)
+    t_peak, top = _tops(smooth, when, peak)
+    before, after = _rests(course, feet, ends, y, peak, top=top, sigma=sigma)
+    rises = [np.maximum(top - rest, 1e-300) for rest in (before, after)]
+    noise = _SIGMAS * sigma * np.minimum(1.0, (feet.step / tau) ** 0.5)
+    feet_up, feet_down = (np.maximum(FOOT * rise, noise) for rise in rises)
+    is_up, is_down = index <= peak[:, None], index >= peak[:, None]
+    back = when[:, ::-1], y[:, ::-1]
+
+    start = _falls(smooth, *back, is_up[:, ::-1], before + feet_up)
+    end = _falls(smooth, when, y, is_down, after + feet_down)
+    # The last times below half of the height are the first ones from the foot.
+    is_up &= when >= start[:, None]
+    is_down &= when <= end[:, None]
+    half_up = _falls(smooth, when, -y, is_up, -before - rises[0] / 2, -1)
+    half_down = _falls(
+        smooth, back[0], -back[1], is_down[:, ::-1], -after - rises[1] / 2, -1
+    )
+    return Feet(
+        start=start,
+        half_up=half_up,
+        peak=t_peak,
+        half_down=half_down,
+        end=end,
+        height=np.minimum(*rises),
+        moved=after - before,
+        step=feet.step,
+    )
+
+
+def _rests(
+    course: Course,
+    feet: Feet[np.ndarray],
+    ends: tuple[Numbers, Numbers],
+    y: Float[np.ndarray, "p m"],
+    peak: Int[np.ndarray, " p"],
+    *,
+    top: Numbers,
+    sigma: float,
+) -> tuple[Numbers, Numbers]:
+    """Levels before and after pushes, each in place of the other if that is unseen."""
+    first, last = feet.before(ends[0])
+    part = np.minimum(LEAST * feet.span, last - first)
+    noise = sigma * np.sqrt(feet.step / np.maximum(part, feet.step))
+    far = np.maximum(FOOT * feet.height, _SIGMAS * noise)
+    before = _level(course, (first, last), (last - part, last), feet.span, far)
+    first, last = feet.after(ends[1])
+    part = np.minimum(LEAST * feet.span, last - first)
+    after = _level(course, (first, last), (first, first + part), feet.span, far)
+    # What the samples begin or end with is a rest only if a push stands on it.
+    is_first, is_last = ends[0] <= course.time[0], ends[1] >= course.time[-1]
+    no_before = is_first & _is_top(before, after, top)
+    no_after = is_last & _is_top(after, before, top)
+    before = np.where(no_before, np.nan, before)
+    after = np.where(no_after, np.nan, after)
+    # Beside a neighbour the course goes down as far as it ever does.
+    index = np.arange(_GRID)
+    low_before = np.where(index <= peak[:, None], y, np.inf).min(axis=1)
+    low_after = np.where(index >= peak[:, None], y, np.inf).min(axis=1)
+    other = np.minimum(y[:, 0], y[:, -1])
+    low_before = np.where(
+        is_first, np.where(np.isnan(after), other, -np.inf), low_before
+    )
+    low_after = np.where(is_last, np.where(np.isnan(before), other, -np.inf), low_after)
+    other_before = np.fmax(after, low_before)
+    other_after = np.fmax(before, low_after)
+    return (
+        np.where(np.isnan(before), other_before, before),
+        np.where(np.isnan(after), other_after, after),
+    )
+
+
+def _is_top(level: Numbers, other: Numbers, top: Numbers) -> Bool[np.ndarray, " p"]:
+    """Whether a level at an end of the samples is that of the push itself."""
+    return top - level < ON_STEP * (level - other)
+
+
+def _tops(
+    smooth: Smooth, when: Float[np.ndarray, "p m"], peak: Int[np.ndarray, " p"]
+) -> tuple[Numbers, Numbers]:
+    """Times and heights of the highest running means beside points of a grid."""
+    rows = np.arange(len(peak))
+    first = when[rows, np.maximum(peak - 1, 0)]
+    last = when[rows, np.minimum(peak + 1, _GRID - 1)]
+    fine = first[:, None] + (last - first)[:, None] * _UNIT
+    own = smooth(fine)
+    k = np.argmax(own, axis=1)
+    return fine[rows, k], own[rows, k]
+
+
+def _level(
+    course: Course,
+    window: tuple[Numbers, Numbers],
+    part: tuple[Numbers, Numbers],
+    span: Numbers,
+    far: Numbers,
+) -> Numbers:
+    """Means of rests, NaN where too little is there to show them.
+
+    That of the part beside the push where the rest has another level: it has stepped.
+    """
+    near = course.mean(*part)
+    off = course.mean(*window) - near
+    level = near + likeness(off, far) * off
+    return np.where(window[1] - window[0] >= LEAST * span, level, np.nan)
+
+
+def _falls(
+    smooth: Smooth,
+    when: Float[np.ndarray, "p m"],
+    y: Float[np.ndarray, "p m"],
+    searched: Bool[np.ndarray, "p m"],
+    level: Numbers,
+    sign: int = 1,
+) -> Numbers:
+    """Where courses first fall below levels, or the last times if they never do.
+
+    Args:
+        smooth: Running means.
+        when: Times, in either direction [s].
+        y: Running means at `when`, times `sign`.
+        searched: Where to look.
+        level: Levels to pass, times `sign`.
+        sign: -1 to see courses upside down.
+    """
+    rows = np.arange(len(level))
+    below = searched & (y < level[:, None])
+    first = np.argmax(searched, axis=1)
+    final = len(y[0]) - 1 - np.argmax(searched[:, ::-1], axis=1)
+    k = np.where(below.any(axis=1), np.argmax(below, axis=1), final)
+    # Between two points of the grid, so that the grid itself does not matter.
+    a, b = when[rows, np.maximum(k - 1, first)], when[rows, k]
+    fine = a[:, None] + (b - a)[:, None] * _UNIT
+    off = sign * smooth(fine) - level[:, None]
+    j = np.maximum(np.argmax(off < 0, axis=1), 1)
+    high, low = off[rows, j - 1], off[rows, j]
+    share = np.clip(high / np.maximum(high - low, 1e-300), 0.0, 1.0)
+    passed = fine[rows, j - 1] + share * (fine[rows, j] - fine[rows, j - 1])
+    return np.where(below.any(axis=1) & (k > first), passed, b)
