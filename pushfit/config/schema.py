@@ -161,9 +161,9 @@ class TransitionSection(Section):
     """How the contact passes from rolling to elastic."""
 
     sharpness: Literal["hard", "auto"] | Sharpness = Field(
-        default="hard",
-        description='"hard" (the paper), p >= 1 of the soft minimum, or "auto": p is '
-        "one of the unknowns",
+        default="auto",
+        description='"auto": sharpness p of the soft minimum is one of the unknowns; '
+        '"hard" (the paper) or p >= 1 where it is known',
     )
 
 
