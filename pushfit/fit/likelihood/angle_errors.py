@@ -43,28 +43,17 @@ def angle_slopes(problem: Problem, y: Float[Array, " q"]) -> Float[Array, "2 c n
     return jnp.stack([jax.jvp(heights, angles, tangent)[1] for tangent in along])
 
 
-def with_angle_errors(
-    problem: Problem,
-    y: Float[Array, " q"],
-    *,
-    stated: Problem,
-    angle_sd: tuple[float, float],
-) -> Problem:
-    """The problem with the scatter that errors of the angles add to its heights.
+def angle_scatter(
+    problem: Problem, y: Float[Array, " q"], angle_sd: tuple[float, float]
+) -> Float[np.ndarray, "c n"]:
+    """Standard deviations that errors of the angles add to heights [table unit].
 
     Args:
         problem: Problem, its coordinates those of y.
         y: Data coordinates of a fit.
-        stated: The same problem with the noise of the heights alone.
         angle_sd: Standard deviations of θ and α [rad].
-
-    Returns:
-        The problem with other known noise, and weights to go with it.
     """
+    if not any(angle_sd):
+        return np.zeros(problem.mask.shape)
     slopes = np.where(problem.mask, np.asarray(angle_slopes(problem, y)), 0.0)
-    added = np.hypot(slopes[0] * angle_sd[0], slopes[1] * angle_sd[1])
-    return replace(
-        problem,
-        sd=np.hypot(stated.sd, added),
-        reference_sigma=np.hypot(stated.reference_sigma, added),
-    )
+    return np.hypot(slopes[0] * angle_sd[0], slopes[1] * angle_sd[1])
