@@ -19,6 +19,7 @@ import scipy
 from jaxtyping import Array, Float
 
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
 from pushfit.fit.likelihood.angle_errors import angle_slopes
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeat_effects import repeat_p_value
@@ -63,11 +64,13 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
         fit: Best fit.
 
     Returns:
-        All that were tested; none where hardly a residual is free, or where the
-        residuals are those of no normal noise.
+        All that were tested; none where hardly a residual is free, where the
+        residuals are those of no normal noise, or of rounding.
     """
     problem = setup.problem
-    if fit.degrees_of_freedom < MIN_FREEDOM or problem.likelihood != "normal":
+    is_quiet = fit.chi_square < QUIET_CHI_SQUARE * fit.degrees_of_freedom
+    is_normal = problem.likelihood == "normal" and not is_quiet
+    if fit.degrees_of_freedom < MIN_FREEDOM or not is_normal:
         return ()
     mask = np.asarray(problem.mask)
     heights = np.concatenate(

@@ -86,6 +86,19 @@ def test_nothing_is_named_where_nothing_is_violated():
     assert sum(v.p_value < LEVEL for v in alternatives) <= 1
 
 
+def test_rounding_speaks_against_nothing():
+    """Heights that are all the same fit with A = B, but for the solver's rounding."""
+    theta = np.radians(np.repeat(np.arange(5.0, 86.0, 5.0), 3))
+    table = PeakTable.from_arrays(
+        theta=theta,
+        alpha=np.full(theta.size, np.pi / 2),
+        heights={"height": np.ones(theta.size)},
+        unit="n",
+    )
+    fitted = fit_table(table, config())
+    assert violations(table, fitted.setup, fitted.fit) == ()
+
+
 def test_a_rejected_model_asks_less_of_an_explanation():
     weak = (Violation(code="looks_soft", p_value=0.01, text="set something"),)
     assert violation_notices(weak, is_adequate=True) == ()
