@@ -133,7 +133,10 @@ def _more_evident(
         normal = fit_table(table, with_likelihood(config, "normal"))
     student = fit_table(table, with_likelihood(config, "student_t"))
     swept = [sweep(fitted, seed=0) for fitted in (normal, student)]
-    gain = np.subtract(*[s.log_evidence or np.nan for s in reversed(swept)])
+    first, second = (
+        np.nan if s.log_evidence is None else s.log_evidence for s in swept
+    )
+    gain = second - first
     if not gain > 0 or any(s.status is not FitStatus.OK for s in swept):
         return normal
     notice = Notice(
