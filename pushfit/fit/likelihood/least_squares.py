@@ -222,9 +222,8 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         reference_alpha: Azimuth of θ_c [rad]; see `search`.
 
     Returns:
-        The setup with weights for least squares: unchanged where sigma was given or
-        pooled and nothing adds to it. Where sigma is sampled, that of each channel
-        solves Σ r² / (sd² + sigma²) = n - p at the best fit.
+        Unchanged where sigma was given or pooled and nothing adds to it. A sampled one
+        solves Σ r² / (sd² + sigma²) = n - p in every channel at the best fit.
     """
     setup = searched(setup, reference_alpha)
     problem = stated = setup.problem
@@ -232,24 +231,20 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     if not problem.data_names or not (is_sampled or noise.follows_fit):
         return setup
     points = _starts(setup)
-    # Sigma and the fit depend on each other only through the relative weights of
-    # channels and rows; three rounds settle that far below sigma's own error.
-    has_weights = (
-        noise.follows_fit
-        or len(problem.channels) > 1
-        or bool(np.any(np.asarray(stated.sd)))
-    )
+    # Noise and fit meet through relative weights alone: three rounds settle both.
+    has_sd = bool(np.any(np.asarray(stated.sd)))
+    has_weights = noise.follows_fit or len(problem.channels) > 1 or has_sd
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
         best, alpha = as_float(points), as_float(reference_alpha or 0.0)
         predicted = np.asarray(_around(problem, best, alpha).predicted)
-        problem = with_known_noise(
-            stated, angle_scatter(problem, best[0], noise.angle_sd)
-        )
+        added = angle_scatter(problem, best[0], noise.angle_sd)
+        problem = with_known_noise(stated, added)
         share = noise.height_share
         if share is None:
             share = height_share(problem, predicted, is_sampled=is_sampled)
-        problem = with_known_noise(problem, share * np.abs(predicted))
+        if share:
+            problem = with_known_noise(problem, share * np.abs(predicted))
         if is_sampled:
             problem = with_noise_of(problem, predicted)
     if has_weights and setup.search is not None:
