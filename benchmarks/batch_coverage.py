@@ -22,6 +22,7 @@ import pandas as pd
 from scipy import stats
 
 from benchmarks.coverage_one_sweep import LIMITS_PROB, PUSH_LENGTH, is_held, pushes
+from benchmarks.tables import HARD
 from pushfit.fit.coverage import simulate_tables
 
 PROB = 0.9
@@ -36,7 +37,7 @@ def write_tables(folder: Path, n_tables: int, seed: int) -> pd.Series:
     ]
     path = folder / "tables.parquet"
     pd.concat(frames, ignore_index=True).to_parquet(path)
-    settings = f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n"
+    settings = f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n{HARD}"
     (folder / "grasp.toml").write_text(settings, encoding="utf-8")
     names = [f"{index:06d}" for index in range(n_tables)]
     return pd.Series(simulation.truths["theta_c"], index=names)

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from benchmarks.tables import HARD
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.likelihood.least_squares import fit_least_squares
@@ -37,7 +38,7 @@ def covered(seed: int) -> dict[str, list[bool]] | None:
     """Which intervals of one table hold its truth; None if the sampler gave up."""
 
     table, params, grasp = prior_table(np.random.default_rng(seed))
-    config = parse_config("[push]\nlength_mm = 5.0\n", path="grasp.toml")
+    config = parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="grasp.toml")
     setup = build_problem(table, config)
     words = {"reference_alpha": REFERENCE_ALPHA}
     fit = fit_least_squares(setup, throw=False, **words)

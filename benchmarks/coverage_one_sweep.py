@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from benchmarks.tables import HARD
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.coverage import LEVELS, simulate_tables
@@ -35,7 +36,9 @@ PUSH_LENGTH = 5e-3
 # A = 520 and B = 150 N/m; 3 % of its tallest height is the noise of every table.
 FIRM = Parameters(K_sn=1300, K_dn=2600 / 3, K_st=450, C_rr=0.5, C_d=0.36, L=0.04)
 TALLEST = 520 * PUSH_LENGTH
-CONFIG = parse_config(f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n", path="grasp.toml")
+CONFIG = parse_config(
+    f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n{HARD}", path="grasp.toml"
+)
 QUANTITIES = ("theta_c", "A", "B", "C_rr")
 WORDS = {"interval": "interval", "set": "profile set"}
 # Probability of the binomial limits that a right count keeps.

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.tables import HARD
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.likelihood.least_squares import fit_least_squares
@@ -89,7 +90,9 @@ def posterior_points():
         rng=np.random.default_rng(0),
         state_sd=True,
     )
-    setup = build_problem(table, parse_config("[push]\nlength_mm = 5.0\n", path=""))
+    setup = build_problem(
+        table, parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="")
+    )
     fit = fit_least_squares(setup, reference_alpha=0.0)
     points = starting_points(
         setup.problem,

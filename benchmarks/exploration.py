@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.exploration_strategies import LikelihoodSets
+from benchmarks.tables import HARD
 from pushfit.config import parse_config
 from pushfit.explore.belief.belief import N_DRAWS, Belief
 from pushfit.explore.decide.gain import information_gain
@@ -365,7 +366,7 @@ def source(table, question, seed) -> Belief:
 def run_explorer(args) -> None:
     """`pushfit.Explorer` with its forecasts: answers, and how many are wrong."""
     channels = CHANNELS[args.channels]
-    config = parse_config("[push]\nlength_mm = 5.0\n", path="grasp.toml")
+    config = parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="grasp.toml")
     for width in args.widths:
         answers, covered, pushes, gave_up, times = [], [], [], [], []
         for k, world in enumerate(truths(args.explorer, args.seed)):

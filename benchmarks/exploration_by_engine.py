@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.exploration_strategies import LIMITS, STRATEGIES, LikelihoodSets
+from benchmarks.tables import HARD
 from pushfit.cache import enable_compile_cache
 from pushfit.config import parse_config
 from pushfit.explore.belief.belief import ANGLES, Belief, Question
@@ -36,7 +37,7 @@ from pushfit.explore.decide.survey import Surveyor
 from pushfit.explore.explorer import KEPT_SHARE
 from pushfit.explore.records import Answer, Told
 
-CONFIG = parse_config("[push]\nlength_mm = 5.0\n", path="grasp.toml")
+CONFIG = parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="grasp.toml")
 NOISE, PROB = 0.03, 0.9
 CHANNELS = {
     "height": ("height",),

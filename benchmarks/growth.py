@@ -30,7 +30,7 @@ DESIGNS = ((17, 1), (17, 3), (17, 12), (68, 3))
 ROUNDS = 3
 # Tables that compile everything, and those of each design.
 N_WARM, N_ROWS = 2, 32
-CONFIG_TEXT = f"[push]\nlength_mm = {1000 * tables.PUSH_LENGTH}\n"
+CONFIG_TEXT = f"[push]\nlength_mm = {1000 * tables.PUSH_LENGTH}\n{tables.HARD}"
 
 
 def costs(simulated: Sequence[PeakTable]) -> tuple[float, float]:

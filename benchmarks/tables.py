@@ -24,7 +24,11 @@ from tests.fit.kinds import KINDS
 
 PUSH_LENGTH = 5e-3
 GRASP = Grasp(push_length=PUSH_LENGTH)
-CONFIG = parse_config(f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n", path="grasp.toml")
+# The switch of the paper, which what they are compared with has, too.
+HARD = '[transition]\nsharpness = "hard"\n'
+CONFIG = parse_config(
+    f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n{HARD}", path="grasp.toml"
+)
 NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
 NOISE = 0.03
 

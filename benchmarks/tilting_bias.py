@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
+from benchmarks.tables import HARD
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
@@ -46,7 +47,7 @@ def config(mechanics: str, length: float) -> GraspConfig:
     return parse_config(
         f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n"
         f'[grasp]\nmechanics = "{mechanics}"\n'
-        f"[parameters.L]\nfixed = {length}\n",
+        f"[parameters.L]\nfixed = {length}\n{HARD}",
         path="grasp.toml",
     )
 

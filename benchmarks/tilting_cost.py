@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.tables import HARD
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.problem.encoding import prior_x_samples
@@ -46,7 +47,7 @@ def setup(mechanics: str, *, has_span: bool = False, seed: int = 0) -> Setup:
     text = f'[push]\nlength_mm = 5.0\n[grasp]\nmechanics = "{mechanics}"\n'
     if has_span:
         text += f"support_span_mm = {SPAN_MM}\n"
-    text += "[parameters.L]\nfixed = 0.04\n"
+    text += "[parameters.L]\nfixed = 0.04\n" + HARD
     return build_problem(table, parse_config(text, path="grasp.toml"))
 
 

@@ -17,6 +17,7 @@ from collections import defaultdict
 import numpy as np
 import pandas as pd
 
+from benchmarks.tables import HARD
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.identify import identify_table
@@ -40,7 +41,7 @@ def config(radius: float | None) -> GraspConfig:
     return parse_config(
         f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n"
         f'[grasp]\nmechanics = "tilting"\npreload_n = {PRELOAD}\n{tip}'
-        f"[parameters.L]\nfixed = {SPRINGS['L']}\n",
+        f"[parameters.L]\nfixed = {SPRINGS['L']}\n{HARD}",
         path="grasp.toml",
     )
 

@@ -139,6 +139,7 @@ def test_every_example_of_the_template_is_valid(section, line):
         ),
         ("[parameters.F_0]\nfixed = 1", "parameters.F_0 is a prior of an estimated"),
         (
+            "[transition]\nsharpness = 4\n"
             "[parameters.p]\nuniform = { low = 1, high = 9 }",
             "parameters.p is a prior of",
         ),

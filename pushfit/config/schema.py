@@ -161,9 +161,9 @@ class TransitionSection(Section):
     """How the contact passes from rolling to elastic."""
 
     sharpness: Literal["hard", "auto"] | Sharpness = Field(
-        default="hard",
-        description='"hard" (the paper), p >= 1 of the soft minimum, or "auto": p is '
-        "one of the unknowns",
+        default="auto",
+        description='"auto": sharpness p of the soft minimum is one of the unknowns; '
+        '"hard" (the paper) or p >= 1 where it is known',
     )
 
 
@@ -175,9 +175,20 @@ class NoiseSection(Section):
         description='"given" (sd columns), "pooled" (from repeats), "sampled" '
         '(a parameter) or "auto" (the first of them that the table allows)',
     )
-    likelihood: Literal["normal", "student_t"] = Field(
+    likelihood: Literal["normal", "student_t", "auto"] = Field(
         default="normal",
-        description='"normal" or "student_t" (outlying pushes weigh less)',
+        description='"normal", "student_t" (outlying pushes weigh less), or "auto": '
+        "whichever has the higher evidence",
+    )
+    height_share: NotNegative | Estimate = Field(
+        default=0.0,
+        description="noise in proportion to the height beside the constant one, 1 sd "
+        'as a share of it, or "estimate": as the residuals have it',
+    )
+    repeats: Literal["alike", "offset", "gain"] = Field(
+        default="alike",
+        description='"alike", or each repeat of all directions has an "offset" or a '
+        '"gain" of its own, which is taken out of its heights',
     )
     theta_sd_deg: NotNegative = Field(
         default=0.0,

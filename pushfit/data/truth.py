@@ -34,7 +34,7 @@ def simulate_from_config(
 
     Raises:
         ConfigError: A parameter is missing, the preload cannot be converted, or it or
-            the sharpness of the transition is an unknown.
+            the sharpness of the transition has a prior.
     """
     preload = config.preload_in(unit)
     if isinstance(preload, str):
@@ -63,13 +63,13 @@ def stated_parameters(config: GraspConfig) -> Parameters:
         The `fixed` value, the mean, the median or the middle of the range of each.
 
     Raises:
-        ConfigError: A parameter is missing, or the sharpness of the transition is an
-            unknown: a simulation has no default truth.
+        ConfigError: A parameter is missing, or the sharpness of the transition has a
+            prior: a simulation has no default truth.
     """
-    if config.transition.sharpness == "auto":
+    if config.parameters.p is not None:
         raise ConfigError(
-            "the sharpness of the transition is to be found out; a simulation needs "
-            '"hard" or a number for [transition] sharpness',
+            "[parameters] p is a prior of the sharpness, which a simulation does not "
+            'read; state "hard" or a number for [transition] sharpness',
             code="no_truth",
         )
     values = {name: _centre(prior) for name, prior in config.parameters.items()}

@@ -35,6 +35,11 @@ SOFT_SHARPNESS = 8.0
 # C_rr of the model that never rolls: the limit C_rr F_n is then above any elastic force
 # at elevations from 0.01° on, for ratios B/A up to 170.
 NEVER_ROLLS = 1e6
+# Noise of the models that differ in it.
+NOISES: dict[str, dict[str, str]] = {
+    "student_t": {"likelihood": "student_t"},
+    "proportional": {"height_share": "estimate"},
+}
 # Differences below these tell nothing: a factor of e between evidences, two standard
 # errors between predictive densities.
 MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS = 1.0, 2.0
@@ -75,7 +80,8 @@ class ModelScore:
 
     Args:
         name: "hard", "soft" or "no_rolling" by the mechanics of the configuration;
-            "tilting" or "linear" for a hard transition by the other mechanics.
+            "tilting" or "linear" for a hard transition by the other mechanics;
+            "student_t" or "proportional" for other noise, all else as configured.
         sharpness: Sharpness of the transition, infinite for a hard switch; None where
             it is one of the unknowns.
         is_adequate: Whether it describes the heights within their noise.
@@ -165,10 +171,11 @@ def compare_models(
     seed: int,
     progress: Callable[[str, float], None] | None = None,
 ) -> Comparison:
-    """Fit a table with a hard transition, a soft one, none, and by other mechanics.
+    """Fit a table with several transitions, by other mechanics, and with other noise.
 
-    The pushes left out and the noise model are settled once, under the configuration
-    as it is, so that all models answer for the same heights.
+    The pushes left out and where sigma is known from are settled once, under the
+    configuration as it is, so that all models answer for the same heights. Sigma is
+    sampled where it would be pooled: repeats tell that of normal constant noise alone.
 
     Args:
         table: Peak heights.
@@ -187,6 +194,7 @@ def compare_models(
     """
     fitted = fit_table(table, config)
     noise = fitted.setup.noise.kind
+    noise = "sampled" if noise == "pooled" else noise
     settled = fitted.config.noise.model_copy(update={"sigma": noise})
     configs = rival_configs(fitted.config.model_copy(update={"noise": settled}))
     scores = []
@@ -205,7 +213,7 @@ def compare_models(
 
 
 def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
-    """The configuration with each way of rolling, and with the other mechanics.
+    """The configuration with each way of rolling, other mechanics, and other noise.
 
     Tilting mechanics are among them where the push length and L are stated.
 
@@ -234,6 +242,10 @@ def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
     for rival in config.with_mechanics("auto").by_mechanics():
         if rival.grasp.mechanics != own:
             configs[rival.grasp.mechanics] = with_transition("hard", rival)
+    for name, change in NOISES.items():
+        noise = config.noise.model_copy(update=change)
+        if noise != config.noise:
+            configs[name] = config.model_copy(update={"noise": noise})
     return configs
 
 

@@ -21,6 +21,7 @@ from pushfit.fit.likelihood.least_squares import (
     searched,
     settle_noise,
 )
+from pushfit.fit.problem.repeat_effects import without_repeat_effects
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -90,6 +91,9 @@ def fit_table(
         ConfigError: If the configuration does not fit the table.
         FitError: If no start gives finite residuals.
     """
+    if config.noise.likelihood == "auto":
+        return _more_evident(table, config, searching)
+    table = without_repeat_effects(table, config.noise.repeats)
     config, notices = prepared(table, config)
     reference_alpha = reference_azimuth(table, config)
     setup = searched(build_problem(table, config), reference_alpha)
@@ -114,6 +118,33 @@ def fit_table(
         reference_alpha=reference_alpha,
         notices=(*notices, *fit_notices(setup, fit)),
     )
+
+
+def _more_evident(
+    table: PeakTable,
+    config: GraspConfig,
+    searching: Callable[[Setup], None] | None,
+) -> Fitted:
+    """The fit by normal or by Student-t noise, whichever has the higher evidence."""
+    normal = fit_table(table, with_likelihood(config, "normal"), searching=searching)
+    if normal.setup.noise.kind == "pooled":
+        # The scatter of repeats is no scale of a Student-t distribution.
+        config = with_sigma(config, "sampled")
+        normal = fit_table(table, with_likelihood(config, "normal"))
+    student = fit_table(table, with_likelihood(config, "student_t"))
+    swept = [sweep(fitted, seed=0) for fitted in (normal, student)]
+    first, second = (
+        np.nan if s.log_evidence is None else s.log_evidence for s in swept
+    )
+    gain = second - first
+    if not gain > 0 or any(s.status is not FitStatus.OK for s in swept):
+        return normal
+    notice = Notice(
+        code="student_t_chosen",
+        text="a few residuals are far larger than the rest: noise with heavy tails "
+        f"(Student-t) is e^{gain:.1f} times as probable as normal noise and was taken",
+    )
+    return replace(student, notices=(*student.notices, notice))
 
 
 def prepared(
@@ -247,4 +278,10 @@ def reach_of(config: GraspConfig) -> tuple[float, float]:
 def with_sigma(config: GraspConfig, sigma: str) -> GraspConfig:
     """The configuration with another `[noise] sigma`."""
     noise = config.noise.model_copy(update={"sigma": sigma})
+    return config.model_copy(update={"noise": noise})
+
+
+def with_likelihood(config: GraspConfig, likelihood: str) -> GraspConfig:
+    """The configuration with another `[noise] likelihood`."""
+    noise = config.noise.model_copy(update={"likelihood": likelihood})
     return config.model_copy(update={"noise": noise})

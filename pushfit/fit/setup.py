@@ -186,6 +186,6 @@ def _assemble(
         channels=table.channels,
         names=sampling_names(priors, fixed),
         data_names=data_names(priors, fixed, grasp),
-        likelihood=config.noise.likelihood,
+        likelihood="student_t" if config.noise.likelihood == "student_t" else "normal",
     )
     return with_constraints(problem)

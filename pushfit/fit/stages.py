@@ -14,16 +14,16 @@ Progress = Callable[[str, float], None]
 # `python -m benchmarks.stages` prints them; those of emcee are a guess.
 SECONDS = MappingProxyType(
     {
-        "least squares by linear mechanics": (1.6, 24.5),
-        "least squares by tilting mechanics": (5.1, 59.7),
-        "set of θ_c by linear mechanics": (0.5, 0.7),
-        "set of θ_c by tilting mechanics": (1.8, 4.2),
-        "posterior by linear mechanics": (3.0, 30.1),
-        "posterior by tilting mechanics": (7.9, 53.2),
+        "least squares by linear mechanics": (2.3, 27.9),
+        "least squares by tilting mechanics": (5.2, 66.8),
+        "set of θ_c by linear mechanics": (0.1, 0.4),
+        "set of θ_c by tilting mechanics": (0.2, 2.9),
+        "posterior by linear mechanics": (3.2, 37.2),
+        "posterior by tilting mechanics": (6.9, 59.8),
         "likelihood sets by linear mechanics": (3.1, 3.1),
-        "likelihood sets by tilting mechanics": (15.8, 12.9),
+        "likelihood sets by tilting mechanics": (4.7, 5.6),
         "emcee": (60.0, 90.0),
-        "checks": (1.2, 15.5),
+        "checks": (1.6, 17.0),
         "next push": (1.2, 4.0),
         "report and figures": (13.5, 11.3),
     }

@@ -16,6 +16,8 @@ TOML = """
 [push]
 length_mm = 5.0
 """
+# The switch of the paper, wherever a test does not ask for another transition.
+HARD = '[transition]\nsharpness = "hard"\n'
 
 FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
 # With the truth of the case "paper" for all but C_rr, the tangential height of a push
@@ -25,8 +27,9 @@ FRICTION_ONLY += "[parameters.C_rr]\nnormal = { mean = 0.24, sd = 0.01 }\n"
 
 
 def config(text: str = "") -> GraspConfig:
-    """A configuration with a push of 5 mm and more text."""
-    return parse_config(TOML + text, path="grasp.toml")
+    """A push of 5 mm, a transition that is hard unless stated, and more text."""
+    transition = "" if "[transition]" in text else HARD
+    return parse_config(TOML + transition + text, path="grasp.toml")
 
 
 def case_table(

@@ -257,3 +257,24 @@ def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data
     assert not result.goodness_of_fit.is_adequate
     assert result.goodness_of_fit.r_squared < 0.5
     assert "model_inadequate" in warning_codes(result)
+
+
+@pytest.mark.parametrize(
+    ("noise", "chosen"), [("normal", "normal"), ("heavy", "student_t")]
+)
+def test_noise_is_chosen_by_its_evidence(noise, chosen):
+    """51 heights with tails of Student's t of 2 degrees of freedom, or without."""
+    clean = case_table(CASES["firm"])
+    rng = np.random.default_rng(4)
+    draws = rng.standard_normal(51) if noise == "normal" else rng.standard_t(2.0, 51)
+    table = PeakTable.from_arrays(
+        theta=clean.theta,
+        alpha=clean.alpha,
+        heights={"height": clean.heights("height") + 0.02 * draws},
+        unit="n",
+    )
+    fitted = fit_table(table, config('[noise]\nlikelihood = "auto"\n'))
+    assert fitted.setup.problem.likelihood == chosen
+    assert fitted.config.noise.likelihood == chosen
+    codes = [notice.code for notice in fitted.notices]
+    assert ("student_t_chosen" in codes) == (chosen == "student_t")

@@ -20,6 +20,7 @@ from scipy import stats
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
 from pushfit.fit.setup import Setup, build_problem
@@ -141,7 +142,7 @@ def ranked(
     clean, sigma = map(np.asarray, predictions(problem, jnp.asarray(x_true)))
     ranks = {name: {} for name in ("right", *wrong)}
     for index in range(n):
-        observed = clean[index] + sigma[index] * rng.standard_normal(sigma[index].shape)
+        observed = clean[index] + sigma[index] * noise(problem, rng)
         data = eqx.tree_at(lambda p: p.observed, problem, jnp.asarray(observed))
         setup = settle_noise(replace(design.setup, problem=data))
         x = design.draws(setup, design.reference_alpha, seed + index)
@@ -164,6 +165,14 @@ def ranked(
         name: {quantity: np.array(u) for quantity, u in of_this.items()}
         for name, of_this in ranks.items()
     }
+
+
+def noise(problem, rng: np.random.Generator) -> np.ndarray:
+    """Noise of unit scale, as the likelihood has it."""
+    shape = problem.observed.shape
+    if problem.likelihood == "student_t":
+        return rng.standard_t(STUDENT_DOF, shape)
+    return rng.standard_normal(shape)
 
 
 @eqx.filter_jit
@@ -256,6 +265,20 @@ def test_ranks_are_uniform_and_those_of_wrong_posteriors_are_not():
     asked = SIX | {"sigma_height", "theta_c", "log_likelihood"}
     design = heights_design(text, repeats=1)
     check(design, 500, seed=1000, wrong=wrong, asked=asked)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("text", "more"),
+    [
+        ('[transition]\nsharpness = "auto"\n', {"p"}),
+        ('[noise]\nlikelihood = "student_t"\n', set()),
+    ],
+    ids=["open transition", "student"],
+)
+def test_ranks_are_uniform_with_what_real_hands_ask_for(text, more):
+    asked = SIX | more | {"theta_c", "log_likelihood"}
+    check(heights_design(text), 250, seed=500, wrong=("noise 0.8",), asked=asked)
 
 
 @pytest.mark.slow

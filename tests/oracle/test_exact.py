@@ -113,29 +113,38 @@ def test_friction_alone_has_the_posterior_of_linear_regression():
     assert p_value > KS_LEVEL
 
 
-def sampled_noise_evidence():
-    """A problem with C_rr and σ free, and its evidence by SciPy."""
+def sampled_noise_evidence(stated=0.0):
+    """A problem with C_rr and σ free beside a stated sd, and its evidence by SciPy.
+
+    Also the 5 % quantile of ln σ: well below a stated sd that says all of the noise.
+    """
     table = case_table(CASES["paper"], noise=0.01, **CHANNEL)
     setup = setup_of(table, FRICTION_ONLY + '[noise]\nsigma = "sampled"\n')
-    no_sd = eqx.tree_at(lambda p: p.sd, setup.problem, jnp.zeros_like(setup.problem.sd))
-    setup = dataclasses.replace(setup, problem=no_sd)
+    sd = jnp.where(setup.problem.mask, stated, 0.0)
+    problem = eqx.tree_at(lambda p: p.sd, setup.problem, sd)
+    setup = dataclasses.replace(setup, problem=problem)
     slope = 400 * PUSH * np.sin(table.theta)
     heights = table.heights("height_tangential")
     prior = setup.problem.priors["sigma_height_tangential"]
     centre, spread = np.log(float(prior.first)), float(prior.second)
 
-    def density(ln_sigma, C_rr):
-        noise = stats.norm.logpdf(heights, slope * C_rr, np.exp(ln_sigma))
-        prior = stats.norm.logpdf(ln_sigma, centre, spread)
-        return np.exp(noise.sum() + prior) * stats.norm.pdf(C_rr, 0.24, 0.01)
-
     # The prior is normalised over positive C_rr, which 24 standard deviations fill.
-    evidence, _ = integrate.nquad(density, [(-8.0, 0.0), (0.18, 0.30)])
-    return setup, evidence
+    C_rr, nodes = np.linspace(0.18, 0.30, 2001), np.linspace(-14.0, 0.0, 281)
+
+    def density(ln_sigma):
+        total = np.hypot(stated, np.exp(ln_sigma))
+        noise = stats.norm.logpdf(heights[:, None], np.outer(slope, C_rr), total)
+        prior = stats.norm.logpdf(ln_sigma, centre, spread)
+        return np.exp(noise.sum(axis=0) + prior) * stats.norm.pdf(C_rr, 0.24, 0.01)
+
+    rows = [integrate.simpson(density(node), x=C_rr) for node in nodes]
+    cumulative = integrate.cumulative_simpson(rows, x=nodes, initial=0.0)
+    low = np.interp(0.05 * cumulative[-1], cumulative, nodes)
+    return setup, cumulative[-1], low
 
 
 def test_sampled_noise_is_integrated_as_scipy_integrates_it():
-    setup, evidence = sampled_noise_evidence()
+    setup, evidence, _ = sampled_noise_evidence()
     grid = integrated(setup)
     np.testing.assert_allclose(np.exp(grid.log_evidence), evidence, rtol=1e-5)
 

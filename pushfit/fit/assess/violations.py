@@ -2,9 +2,10 @@
 
 Each alternative says where residuals exceed noise: with one sign around θ_c where the
 transition is soft, where heights are steep if angles err, where they are tall if noise
-is in proportion, in the tails if it is heavy-tailed. These are score tests: nothing is
-fitted again. Excluded: whether the model is adequate (`model_checking`), mechanics that
-tilt (`tilt_check`), and soft transitions of these, as they take seconds to compile.
+is in proportion, repeat by repeat if these differ, in the tails if it is heavy-tailed.
+These are score tests: nothing is fitted again. Excluded: whether the model is adequate
+(`model_checking`), mechanics that tilt (`tilt_check`), and soft transitions of these,
+as they take seconds to compile.
 
 References:
     Koenker (1981), doi:10.1016/0304-4076(81)90062-2, on scatter that follows a size.
@@ -17,8 +18,10 @@ import scipy
 from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
 from pushfit.fit.likelihood.angle_errors import angle_slopes
 from pushfit.fit.problem.predictions import heights_of, predict_points
+from pushfit.fit.problem.repeat_effects import repeat_p_value
 from pushfit.fit.results import FitResult, Notice
 from pushfit.fit.setup import Setup
 
@@ -59,11 +62,13 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
         fit: Best fit.
 
     Returns:
-        All that were tested; none where hardly a residual is free, or where the
-        residuals are those of no normal noise.
+        All that were tested; none where hardly a residual is free, where the
+        residuals are those of no normal noise, or of rounding.
     """
     problem = setup.problem
-    if fit.degrees_of_freedom < MIN_FREEDOM or problem.likelihood != "normal":
+    is_quiet = fit.chi_square < QUIET_CHI_SQUARE * fit.degrees_of_freedom
+    is_normal = problem.likelihood == "normal" and not is_quiet
+    if fit.degrees_of_freedom < MIN_FREEDOM or not is_normal:
         return ()
     mask = np.asarray(problem.mask)
     heights = np.concatenate(
@@ -75,6 +80,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     free = residuals - basis @ (basis.T @ residuals)
     slope = angle_slopes(problem, fit.estimate)[0][mask]
     found = [_steep(free, slope / fit.sigma), _tall(free, fit.predicted)]
+    found.append(_repeat_by_repeat(table, fit, residuals))
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
@@ -159,8 +165,36 @@ def _tall(
     return Violation(
         code="looks_proportional",
         p_value=p_value,
-        text="tall heights scatter more than low ones: give every height its sd "
-        "(column height_sd_), in proportion to it",
+        text="tall heights scatter more than low ones: set [noise] height_share = "
+        '"estimate", or compare by `pushfit compare`',
+    )
+
+
+def _repeat_by_repeat(
+    table: PeakTable, fit: FitResult, residuals: Float[np.ndarray, " n"]
+) -> Violation | None:
+    """Repeats that differ as a whole, by an offset or by a gain.
+
+    One test of both, whichever tells more: twice the chance of each.
+    """
+    rows = np.asarray(fit.row)
+    channels = np.unique(np.asarray(fit.channel), return_inverse=True)[1]
+    _, direction = np.unique(
+        np.stack([channels, table.groups[rows]]), axis=1, return_inverse=True
+    )
+    repeats = table.frame["repeat"].to_numpy()[rows]
+    _, repeat = np.unique(np.stack([channels, repeats]), axis=1, return_inverse=True)
+    ways = direction.ravel(), repeat.ravel()
+    chances = {
+        "offset": repeat_p_value(residuals, 1 / fit.sigma, *ways),
+        "gain": repeat_p_value(residuals, fit.predicted / fit.sigma, *ways),
+    }
+    kind = min(chances, key=lambda kind: chances[kind])
+    return Violation(
+        code=f"looks_like_{kind}s",
+        p_value=min(1.0, 2 * chances[kind]),
+        text=f"whole repeats differ, as by {'an' if kind == 'offset' else 'a'} {kind} "
+        f'of their own: set [noise] repeats = "{kind}"',
     )
 
 
@@ -173,7 +207,7 @@ def _heavy_tailed(free: Float[np.ndarray, " n"]) -> Violation | None:
         code="looks_heavy_tailed",
         p_value=float(statistic.pvalue),
         text="a few residuals are far larger than the rest: set [noise] likelihood = "
-        '"student_t"',
+        '"student_t", or "auto", which asks the evidence',
     )
 
 

@@ -10,8 +10,6 @@ sought again under the new weights. Excluded: an offset that all repeats of a di
 share, and its correlation between the channels of one push.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Float
 
@@ -44,28 +42,17 @@ def angle_slopes(
     return -np.stack(differences) / (2 * STEP)
 
 
-def with_angle_errors(
-    problem: Problem,
-    y: Float[np.ndarray, " q"],
-    *,
-    stated: Problem,
-    angle_sd: tuple[float, float],
-) -> Problem:
-    """The problem with the scatter that errors of the angles add to its heights.
+def angle_scatter(
+    problem: Problem, y: Float[np.ndarray, " q"], angle_sd: tuple[float, float]
+) -> Float[np.ndarray, "c n"]:
+    """Standard deviations that errors of the angles add to heights [table unit].
 
     Args:
         problem: Problem, its coordinates those of y.
         y: Data coordinates of a fit.
-        stated: The same problem with the noise of the heights alone.
         angle_sd: Standard deviations of θ and α [rad].
-
-    Returns:
-        The problem with other known noise, and weights to go with it.
     """
+    if not any(angle_sd):
+        return np.zeros(problem.mask.shape)
     slopes = np.where(problem.mask, angle_slopes(problem, y), 0.0)
-    added = np.hypot(slopes[0] * angle_sd[0], slopes[1] * angle_sd[1])
-    return replace(
-        problem,
-        sd=np.hypot(stated.sd, added),
-        reference_sigma=np.hypot(stated.reference_sigma, added),
-    )
+    return np.hypot(slopes[0] * angle_sd[0], slopes[1] * angle_sd[1])

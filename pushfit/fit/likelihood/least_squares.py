@@ -13,9 +13,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.errors import FitError
-from pushfit.fit.likelihood.angle_errors import with_angle_errors
+from pushfit.fit.likelihood.angle_errors import angle_scatter
 from pushfit.fit.likelihood.curve import search
-from pushfit.fit.likelihood.weights import with_noise_of
+from pushfit.fit.likelihood.weights import (
+    height_share,
+    share_notice,
+    with_known_noise,
+    with_noise_of,
+)
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.problem import Problem
@@ -219,36 +224,37 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         reference_alpha: Azimuth of θ_c [rad]; see `search`.
 
     Returns:
-        The setup with weights for least squares: unchanged where sigma was given or
-        pooled and angles have no errors. Where sigma is sampled, that of each channel
-        solves Σ r² / (sd² + sigma²) = n - p at the best fit.
+        Unchanged where sigma was given or pooled and nothing adds to it. A sampled one
+        solves Σ r² / (sd² + sigma²) = n - p in every channel at the best fit.
     """
     setup = searched(setup, reference_alpha)
     problem = stated = setup.problem
-    is_sampled, angle_sd = setup.noise.kind == "sampled", setup.noise.angle_sd
-    if not problem.data_names or not (is_sampled or any(angle_sd)):
+    noise, is_sampled = setup.noise, setup.noise.kind == "sampled"
+    if not problem.data_names or not (is_sampled or noise.follows_fit):
         return setup
     points = _starts(setup)
-    # Sigma and the fit depend on each other only through the relative weights of
-    # channels and rows; three rounds settle that far below sigma's own error.
-    has_weights = (
-        any(angle_sd)
-        or len(problem.channels) > 1
-        or bool(np.any(np.asarray(stated.sd)))
-    )
+    # Noise and fit meet through relative weights alone: three rounds settle both.
+    has_sd = bool(np.any(np.asarray(stated.sd)))
+    has_weights = noise.follows_fit or len(problem.channels) > 1 or has_sd
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points)
-        if any(angle_sd):
-            problem = with_angle_errors(
-                problem, points[0], stated=stated, angle_sd=angle_sd
-            )
+        predicted = _heights_at(problem, points[0])
+        added = angle_scatter(problem, points[0], noise.angle_sd)
+        problem = with_known_noise(stated, added)
+        share = noise.height_share
+        if share is None:
+            share = height_share(problem, predicted, is_sampled=is_sampled)
+        if share:
+            problem = with_known_noise(problem, share * np.abs(predicted))
         if is_sampled:
-            problem = with_noise_of(problem, _heights_at(problem, points[0]))
+            problem = with_noise_of(problem, predicted)
     if has_weights and setup.search is not None:
         # Other weights have other best fits, near the first ones.
         pool = setup.search.curve.points
         setup = replace(setup, search=search(problem, reference_alpha, pool))
-    return replace(setup, problem=problem)
+    if noise.height_share is None:
+        noise = replace(noise, notices=(*noise.notices, share_notice(share)))
+    return replace(setup, problem=problem, noise=noise)
 
 
 @compiled

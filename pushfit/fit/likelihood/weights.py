@@ -1,4 +1,9 @@
-"""Weights of least squares where sigma is sampled: chi-square is then n - p."""
+"""Noise that the errors of a fit tell: constant, and in proportion to the height.
+
+Where sigma is sampled least squares take the one whose chi-square is n - p. The share
+of the height, like the errors of angles, is a plug-in: known noise of every row, by the
+heights of the best fit, which is sought again under the new weights.
+"""
 
 from dataclasses import replace
 
@@ -7,7 +12,72 @@ import scipy
 from jaxtyping import Float
 
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.results import Notice
 from pushfit.model import as_float
+
+# Largest variance of a component, in mean squares of the errors, and where it is sought
+# from.
+MOST, HALF = 10.0, 0.5
+
+
+def with_known_noise(problem: Problem, added: Float[np.ndarray, "c n"]) -> Problem:
+    """The problem with more known noise, and weights to go with it.
+
+    Args:
+        problem: Problem.
+        added: Standard deviations to add in quadrature [table unit].
+    """
+    added = np.where(problem.mask, added, 0.0)
+    return replace(
+        problem,
+        sd=np.hypot(problem.sd, added),
+        reference_sigma=np.hypot(problem.reference_sigma, added),
+    )
+
+
+def height_share(
+    problem: Problem, predicted: Float[np.ndarray, "c n"], *, is_sampled: bool
+) -> float:
+    """The most likely noise in proportion to the height, as a share of it.
+
+        variance = sd² + sigma² + share² height²
+
+    One share for all channels; squared errors count n / (n - p)-fold for what the fit
+    took of them.
+
+    Args:
+        problem: Problem.
+        predicted: Heights of the fit [table unit].
+        is_sampled: Whether each channel has a sigma beside its sd.
+    """
+    mask = np.asarray(problem.mask)
+    squares = (predicted - np.asarray(problem.observed))[mask] ** 2 / _share_left(
+        problem
+    )
+    known = np.asarray(problem.sd)[mask] ** 2
+    channel = np.nonzero(mask)[0]
+    columns = [predicted[mask] ** 2]
+    if is_sampled:
+        columns += [(channel == c).astype(float) for c in range(mask.shape[0])]
+    scale = max(float(np.mean(squares)), 1e-300)
+    design = np.stack([column / np.mean(column) for column in columns], axis=1)
+    # What no component may fall below: variances stay finite for perfect heights.
+    floor = 1e-9 * scale
+
+    def cost(shares: np.ndarray) -> tuple[float, np.ndarray]:
+        variance = known + scale * (design @ shares) + floor
+        slope = (1 - squares / variance) / variance
+        value = float(np.sum(np.log(variance) + squares / variance))
+        return value, scale * (design.T @ slope)
+
+    found = scipy.optimize.minimize(
+        cost,
+        np.full(design.shape[1], HALF),
+        jac=True,
+        bounds=[(0.0, MOST)] * design.shape[1],
+        method="L-BFGS-B",
+    )
+    return float(np.sqrt(scale * found.x[0] / np.mean(columns[0])))
 
 
 def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Problem:
@@ -23,8 +93,7 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
     mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
     observed = np.asarray(problem.observed)
     errors = predicted - observed
-    n_free = len(problem.data_names) - problem.n_constraints
-    share = max(1.0 - n_free / mask.sum(), 1.0 / mask.sum())
+    share = _share_left(problem)
     sigma = np.array(problem.reference_sigma)
     for c in range(len(problem.channels)):
         r, s = errors[c, mask[c]], sd[c, mask[c]]
@@ -43,3 +112,23 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
             extra = float(np.asarray(scipy.optimize.brentq(excess, floor, high)))
         sigma[c, mask[c]] = np.hypot(s, extra)
     return replace(problem, reference_sigma=as_float(sigma))
+
+
+def share_notice(share: float) -> Notice:
+    """Say which noise in proportion to the height the residuals show.
+
+    Args:
+        share: It, as a share of the height.
+    """
+    return Notice(
+        code="height_share",
+        text=f"beside a constant part heights scatter by {share:.2g} of their size, as "
+        f"their residuals have it; [noise] height_share = {share:.2g} keeps it",
+    )
+
+
+def _share_left(problem: Problem) -> float:
+    """Share of the squared errors that a fit leaves, (n - p) / n."""
+    n = np.asarray(problem.mask).sum()
+    n_free = len(problem.data_names) - problem.n_constraints
+    return max(1.0 - n_free / n, 1.0 / n)

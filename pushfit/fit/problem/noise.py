@@ -41,6 +41,8 @@ class Noise:
             where it is sampled and the residuals will tell.
         angle_sd: Standard deviations of θ and α of every push, which its height
             scatters by as well [rad].
+        height_share: Noise in proportion to the height, as a share of it; None where
+            the residuals are to tell.
         notices: What the user should know.
     """
 
@@ -49,7 +51,13 @@ class Noise:
     sigma: Mapping[str, Float[np.ndarray, " n"]]
     degrees_of_freedom: float
     angle_sd: tuple[float, float] = (0.0, 0.0)
+    height_share: float | None = 0.0
     notices: tuple[Notice, ...] = ()
+
+    @property
+    def follows_fit(self) -> bool:
+        """Whether part of it is known only once there is a fit."""
+        return any(self.angle_sd) or self.height_share != 0
 
 
 def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
@@ -64,11 +72,15 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
 
     Raises:
         ConfigError: If "given" is asked for without sd columns, or "pooled" without
-            repeats or with errors of the angles.
+            repeats or with noise that differs from direction to direction.
     """
     choice, sds = config.noise.sigma, _given(table)
     stated = (config.noise.theta_sd_deg, config.noise.alpha_sd_deg)
     angle_sd = (float(np.radians(stated[0])), float(np.radians(stated[1])))
+    share = config.noise.height_share
+    height_share = None if share == "estimate" else float(share)
+    # Both make repeats scatter beyond the sd of their heights, and unequally.
+    is_uneven = any(angle_sd) or height_share != 0
     notices: tuple[Notice, ...] = ()
     if choice == "given" and sds is None:
         raise ConfigError(
@@ -77,8 +89,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             code="no_given_sigma",
         )
     if choice == "auto" and sds is not None:
-        # Angles make repeats scatter beyond the sd of their heights.
-        choice, notices = ("given", ()) if any(angle_sd) else _believed(table, sds)
+        choice, notices = ("given", ()) if is_uneven else _believed(table, sds)
     if choice == "given" and sds is not None:
         return Noise(
             kind=choice,
@@ -86,6 +97,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             sigma=sds,
             degrees_of_freedom=np.inf,
             angle_sd=angle_sd,
+            height_share=height_share,
         )
     pooled = {name: table.pooled_sd(name) for name in table.channels}
     dof = min(int(p[1]) for p in pooled.values())
@@ -95,15 +107,15 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             'or set sigma = "sampled"',
             code="no_repeats",
         )
-    if choice == "pooled" and any(angle_sd):
+    if choice == "pooled" and is_uneven:
         raise ConfigError(
-            '[noise] sigma = "pooled" with theta_sd_deg or alpha_sd_deg: the scatter '
-            'of repeats holds that of their angles already; set sigma = "auto"',
-            code="pooled_with_angles",
+            '[noise] sigma = "pooled" with theta_sd_deg, alpha_sd_deg or '
+            "height_share: the scatter of repeats holds that of their angles and "
+            'heights already; set sigma = "auto"',
+            code="pooled_with_uneven",
         )
     if choice == "auto":
-        # Repeats scatter by their angles, too, and differently in every direction.
-        is_even = dof >= MIN_POOLED_DOF and not any(angle_sd)
+        is_even = dof >= MIN_POOLED_DOF and not is_uneven
         choice = "pooled" if is_even else "sampled"
     used = table.is_used
     step = {n: _step(table.heights(n)[used]) for n in table.channels}
@@ -130,6 +142,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         sigma=first,
         degrees_of_freedom=np.nan,
         angle_sd=angle_sd,
+        height_share=height_share,
         notices=notices,
     )
 

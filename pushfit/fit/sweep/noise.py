@@ -195,7 +195,7 @@ def _ln_scale(pooled: Pooled, channel: int, difference: Float[Array, " n"]) -> S
     square = jnp.maximum(jnp.sum(squares) / n, 1e-60)
     if pooled.problem.likelihood != "normal":
 
-        def step(_: int, square: Scalar) -> Scalar:
+        def step(_: Array, square: Scalar) -> Scalar:
             weight = (STUDENT_DOF + 1) / (STUDENT_DOF + difference**2 / square)
             return jnp.maximum(
                 jnp.sum(jnp.where(mask, weight * difference**2, 0.0)) / n, 1e-60

@@ -4,7 +4,7 @@ import math
 import textwrap
 from collections.abc import Callable
 
-from pushfit.fit.comparison import Comparison, ModelScore
+from pushfit.fit.comparison import NOISES, Comparison, ModelScore
 from pushfit.fit.results import FitStatus
 from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import join_and
@@ -105,6 +105,8 @@ def comparison_dict(comparison: Comparison) -> dict[str, Json]:
 def model_name(model: ModelScore) -> str:
     """Name of a model in prose."""
     name = model.name.replace("_", " ")
+    if model.name in NOISES:
+        return name
     if model.sharpness is None:
         return f"{name} (p free)"
     return name if math.isinf(model.sharpness) else f"{name} (p = {model.sharpness:g})"

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pushfit.config import GraspConfig
+from pushfit.data.grasp import make_grasp
 from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
 from pushfit.explore.belief.believe import belief_from
@@ -204,7 +206,17 @@ def test_what_is_not_known_of_the_sharpness_widens_the_angle(setup, swept):
     assert np.std(swept.samples["theta_c"]) > np.std(run.samples["theta_c"])
 
 
-def test_no_simulation_has_an_open_transition():
-    text = "".join(f"[parameters.{n}]\nfixed = 1\n" for n in ("K_sn", "K_dn"))
+def test_a_transition_is_open_unless_it_is_stated():
+    assert GraspConfig().transition.sharpness == "auto"
+    table = case_table(CASES["soft"], noise=0.02)
+    assert "ln_p" in build_problem(table, GraspConfig()).problem.names
+
+
+def test_a_simulation_is_hard_unless_stated_and_reads_no_prior_of_the_sharpness():
+    names = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
+    text = AUTO + "".join(f"[parameters.{n}]\nfixed = 1\n" for n in names)
+    assert stated_parameters(config(text)).L == 1.0
+    assert make_grasp(config(text), "n").sharpness == np.inf
+    prior = "[parameters.p]\nlognormal = { median = 6.0, sd_log = 0.5 }\n"
     with pytest.raises(ConfigError, match=r"\[transition\] sharpness"):
-        stated_parameters(config(AUTO + text))
+        stated_parameters(config(text + prior))

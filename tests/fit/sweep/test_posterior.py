@@ -70,9 +70,14 @@ def test_friction_alone_has_the_posterior_of_linear_regression():
     assert stats.kstest(samples[:N_COUNTED], expected.cdf).pvalue > KS_LEVEL
 
 
-def test_sampled_noise_is_integrated_as_scipy_integrates_it():
-    setup, evidence = sampled_noise_evidence()
+@pytest.mark.parametrize("stated", [0.0, 0.01])
+def test_sampled_noise_is_integrated_as_scipy_integrates_it(stated):
+    """Also where the stated sd is all there is, and σ may be anything below it."""
+    setup, evidence, low = sampled_noise_evidence(stated)
     result = swept(setup)
+    below = np.log(result.samples["sigma_height_tangential"]) < low
+    spread = np.sqrt(0.05 * 0.95 / min(result.ess, below.size))
+    assert abs(np.mean(below) - 0.05) < N_SE * spread
     assert (
         abs(result.log_evidence - np.log(evidence)) < N_SE * result.log_evidence_error
     )

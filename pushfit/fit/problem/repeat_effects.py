@@ -1,0 +1,158 @@
+"""An offset or a gain that all heights of one repeat share, taken out of them.
+
+A sensor that drifts, or a hand that presses anew, moves a whole repeat. Directions and
+repeats are the two ways of a table: least squares of both effects leave the mean over
+repeats where it is and take away what tells one repeat from another. Excluded: an
+offset or gain of all repeats together, which no repeat shows.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+from jaxtyping import Float, Int
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import ConfigError
+
+# Rounds of least squares in turn for gains; each leaves a share of the noise's of it.
+N_ROUNDS = 20
+
+
+def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
+    """The table with heights as if all repeats had been alike.
+
+        h = m + o,   or   h = g m,   m by direction, o and g by repeat
+
+    Args:
+        table: Peak heights.
+        kind: "alike", "offset" or "gain".
+
+    Returns:
+        The table itself where nothing is to be taken out.
+
+    Raises:
+        ConfigError: If no two repeats share a direction.
+    """
+    if kind == "alike":
+        return table
+    used = table.is_used
+    direction, repeat = both_ways(table)
+    if not is_crossed(direction, repeat):
+        raise ConfigError(
+            f'[noise] repeats = "{kind}", but no direction was pushed in two repeats; '
+            'push every direction again or set repeats = "alike"',
+            code="no_repeats",
+        )
+    columns = {}
+    for channel in table.channels:
+        heights = table.heights(channel).copy()
+        if kind == "offset":
+            _, effect = offsets(heights[used], direction, repeat)
+            heights[used] -= effect[repeat]
+        else:
+            heights[used] /= gains(heights[used], direction, repeat)[repeat]
+        columns[f"{channel}_{table.unit}"] = heights
+    return replace(table, frame=table.frame.assign(**columns))
+
+
+def both_ways(
+    table: PeakTable,
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Number of direction and of repeat of every push that is used, from 0."""
+    used = table.is_used
+    repeats = table.frame["repeat"].to_numpy()[used]
+    _, direction = np.unique(table.groups[used], return_inverse=True)
+    return direction, np.unique(repeats, return_inverse=True)[1]
+
+
+def is_crossed(direction: Int[np.ndarray, " n"], repeat: Int[np.ndarray, " n"]) -> bool:
+    """Whether any direction was pushed in two repeats."""
+    pairs = np.unique(np.stack([direction, repeat]), axis=1)
+    return bool(pairs.shape[1] > direction.max() + 1)
+
+
+def offsets(
+    values: Float[np.ndarray, " n"],
+    direction: Int[np.ndarray, " n"],
+    repeat: Int[np.ndarray, " n"],
+) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, " r"]]:
+    """Least squares of an effect of each direction and one of each repeat.
+
+    Args:
+        values: Heights or residuals.
+        direction: Of each.
+        repeat: Of each.
+
+    Returns:
+        Effects; those of the repeats have no mean over all values.
+    """
+    n_directions, n_repeats = direction.max() + 1, repeat.max() + 1
+    rows = np.arange(values.size)
+    design = np.zeros((values.size, n_directions + n_repeats))
+    design[rows, direction] = 1.0
+    design[rows, n_directions + repeat] = 1.0
+    found, *_ = np.linalg.lstsq(design, values, rcond=None)
+    of_repeats = found[n_directions:]
+    mean = np.mean(of_repeats[repeat])
+    return found[:n_directions] + mean, of_repeats - mean
+
+
+def gains(
+    heights: Float[np.ndarray, " n"],
+    direction: Int[np.ndarray, " n"],
+    repeat: Int[np.ndarray, " n"],
+) -> Float[np.ndarray, " r"]:
+    """Least squares of a height of each direction times a gain of each repeat.
+
+    Args:
+        heights: Heights.
+        direction: Of each.
+        repeat: Of each.
+
+    Returns:
+        Gains, 1 on average over all heights.
+    """
+    gain = np.ones(repeat.max() + 1)
+    for _ in range(N_ROUNDS):
+        own = gain[repeat]
+        mean = np.bincount(direction, own * heights) / np.bincount(direction, own**2)
+        seen = mean[direction]
+        gain = np.bincount(repeat, seen * heights) / np.bincount(repeat, seen**2)
+        gain = gain / np.mean(gain[repeat])
+    return gain
+
+
+def repeat_p_value(
+    free: Float[np.ndarray, " n"],
+    size: Float[np.ndarray, " n"],
+    direction: Int[np.ndarray, " n"],
+    repeat: Int[np.ndarray, " n"],
+) -> float:
+    """F test of one coefficient of a size for each repeat, within directions.
+
+    Args:
+        free: Residuals over their noise.
+        size: What an effect of a repeat is in proportion to: 1 over the noise for an
+            offset, the height over it for a gain.
+        direction: Of each.
+        repeat: Of each.
+
+    Returns:
+        Chance of as much where repeats are alike; NaN where there are too few.
+    """
+    n_directions, n_repeats = direction.max() + 1, repeat.max() + 1
+    dof = free.size - n_directions - (n_repeats - 1)
+    if n_repeats < 2 or dof < 1:
+        return np.nan
+    rows = np.arange(free.size)
+    means, effects = (np.zeros((free.size, n)) for n in (n_directions, n_repeats))
+    means[rows, direction], effects[rows, repeat] = 1.0, size
+
+    def left(design: Float[np.ndarray, "n k"]) -> float:
+        found, *_ = np.linalg.lstsq(design, free, rcond=None)
+        return float(np.sum((free - design @ found) ** 2))
+
+    alone, both = left(means), left(np.concatenate([means, effects], axis=1))
+    ratio = (alone - both) / (n_repeats - 1) / max(both / dof, 1e-300)
+    return float(scipy.special.fdtrc(n_repeats - 1, dof, max(ratio, 0.0)))

@@ -1,0 +1,91 @@
+"""Noise in proportion to the height: estimated, stated, and as it enters a problem."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import ConfigError
+from pushfit.fit.fitted import fit_table
+from pushfit.fit.likelihood.weights import height_share
+from pushfit.fit.setup import build_problem
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+ESTIMATED = '[noise]\nheight_share = "estimate"\n'
+# The share of 204 heights is known to 1/sqrt(2 · 204) of it where all noise is in
+# proportion: a false alarm once in 10^4.
+N_SE = 4.0
+# A share that rounding leaves, and tables without one.
+NONE, N_DRAWN = 1e-4, 200
+
+
+def scattered(*, share: float, constant: float, seed: int, repeats: int = 12):
+    """One firm grasp at 17 elevations, with both kinds of noise [N]."""
+    clean = case_table(CASES["firm"], repeats=repeats)
+    heights = clean.heights("height")
+    rng = np.random.default_rng(seed)
+    noise = np.hypot(share * heights, constant) * rng.standard_normal(heights.size)
+    return PeakTable.from_arrays(
+        theta=clean.theta,
+        alpha=clean.alpha,
+        heights={"height": heights + noise},
+        unit="n",
+    )
+
+
+def share_of(fitted) -> float:
+    """Known noise over height."""
+    sd = np.asarray(fitted.setup.problem.sd)[np.asarray(fitted.setup.problem.mask)]
+    shares = sd / fitted.fit.predicted
+    np.testing.assert_allclose(shares, shares[0], rtol=1e-3)
+    return float(shares[0])
+
+
+def test_noise_in_proportion_to_the_height_is_found():
+    fitted = fit_table(scattered(share=0.05, constant=0.0, seed=0), config(ESTIMATED))
+    error = 0.05 / np.sqrt(2 * 204)
+    assert abs(share_of(fitted) - 0.05) < N_SE * error
+    assert [n.code for n in fitted.notices] == ["height_share"]
+
+
+def test_half_of_all_tables_without_a_share_show_none():
+    """A variance that is 0 is estimated at its bound as often as not."""
+    problem = build_problem(
+        scattered(share=0.0, constant=0.0, seed=0), config()
+    ).problem
+    mask, rng = np.asarray(problem.mask), np.random.default_rng(1)
+    predicted, found = np.asarray(problem.observed), []
+    for _ in range(N_DRAWN):
+        noise = np.where(mask, 0.05 * rng.standard_normal(mask.shape), 0.0)
+        drawn = replace(problem, observed=predicted + noise)
+        found.append(height_share(drawn, predicted, is_sampled=True))
+    low, high = stats.binom.interval(0.999, N_DRAWN, 0.5)
+    assert low <= np.sum(np.array(found) < NONE) <= high
+    assert np.max(found) < 0.05
+
+
+def test_both_parts_are_told_apart():
+    fitted = fit_table(scattered(share=0.05, constant=0.03, seed=2), config(ESTIMATED))
+    assert abs(share_of(fitted) - 0.05) < 0.02
+    share = share_of(fitted) * fitted.fit.predicted
+    constant = np.sqrt(fitted.fit.sigma**2 - share**2)
+    np.testing.assert_allclose(constant, constant[0], rtol=1e-3)
+    assert 0.015 < constant[0] < 0.045
+
+
+def test_a_stated_share_is_added_to_stated_deviations():
+    table = case_table(CASES["firm"], noise=0.02, seed=3)
+    fitted = fit_table(table, config("[noise]\nheight_share = 0.04\n"))
+    expected = np.hypot(0.02, 0.04 * fitted.fit.predicted)
+    np.testing.assert_allclose(fitted.fit.sigma, expected, rtol=1e-3)
+    assert fitted.setup.noise.kind == "given"
+
+
+def test_pooled_repeats_hold_the_share_already():
+    table = scattered(share=0.05, constant=0.0, seed=0)
+    with pytest.raises(ConfigError, match="height_share") as caught:
+        fit_table(table, config('[noise]\nsigma = "pooled"\nheight_share = 0.05\n'))
+    assert caught.value.code == "pooled_with_uneven"
