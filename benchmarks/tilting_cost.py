@@ -10,6 +10,7 @@ them.
 import argparse
 import time
 from collections.abc import Callable
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +21,7 @@ from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.slopes import jacobian
+from pushfit.fit.problem.slopes import with_slopes
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.model import Grasp, Parameters, Vector, forward
 
@@ -92,7 +93,7 @@ def main() -> None:
     x = jnp.asarray(prior_x_samples(posed["tilting"], rng, N_DRAWS))
     near = jnp.asarray(np.median(x, axis=0) + 0.1 * rng.standard_normal(x.shape))
     model = {name: heights(p) for name, p in posed.items()}
-    slopes = {name: jacobian(f) for name, f in model.items()}
+    slopes = {name: partial(with_slopes, f) for name, f in model.items()}
     density = {name: p.log_prob for name, p in posed.items()}
     print(f"{'':32}{'linear':>11} {'tilting':>11} {'ratio':>8}")
     for name, functions in (

@@ -15,7 +15,7 @@ from pushfit import cache
 from pushfit.cli import main
 from pushfit.data.simulate import simulate_table
 from pushfit.errors import ConfigError
-from pushfit.fit.comparison import rival_configs
+from pushfit.fit.comparison import NOISES, rival_configs
 from pushfit.fit.fitted import fit_table
 from pushfit.fit.identify import identify_table
 from pushfit.fit.programs import compiled
@@ -168,8 +168,9 @@ def test_programs_are_not_kept_for_a_process_in_which_the_file_may_have_changed(
 
 def test_its_rivals_are_those_that_come_with_pushfit(own_mechanics):
     text = OWN + "[parameters.L]\nfixed = 0.04\n"
-    assert list(rival_configs(config(text)))[3:] == ["linear", "tilting"]
-    assert list(rival_configs(config(OWN)))[3:] == ["linear"]
+    noises = list(NOISES)
+    assert list(rival_configs(config(text)))[3:] == ["linear", "tilting", *noises]
+    assert list(rival_configs(config(OWN)))[3:] == ["linear", *noises]
 
 
 @pytest.mark.parametrize("name", ["rigid", "containers", "linear.py", ""])

@@ -64,6 +64,8 @@ FOAM = """
 length_mm = 5.0
 [grasp]
 preload_kpa = 12.0
+[transition]
+sharpness = "hard"
 [parameters.L]
 normal = { mean = 0.04, sd = 0.001 }
 """
