@@ -21,7 +21,7 @@ from pushfit.fit.likelihood.least_squares import (
     searched,
     settle_noise,
 )
-from pushfit.fit.problem.repeat_effects import without_repeat_effects
+from pushfit.fit.problem.repeat_effects import repeat_notice, without_repeat_effects
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -93,8 +93,11 @@ def fit_table(
     """
     if config.noise.likelihood == "auto":
         return _more_evident(table, config, searching)
-    table = without_repeat_effects(table, config.noise.repeats)
     config, notices = prepared(table, config)
+    kind = config.noise.repeats
+    if kind != "alike":
+        before, table = table, without_repeat_effects(table, kind)
+        notices = (*notices, repeat_notice(before, table, kind))
     reference_alpha = reference_azimuth(table, config)
     setup = searched(build_problem(table, config), reference_alpha)
     if searching is not None:

@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
+from pushfit.fit.results import Notice
 
 # Rounds of least squares in turn for gains; each leaves a share of the noise's of it.
 N_ROUNDS = 20
@@ -26,16 +27,14 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
 
     Args:
         table: Peak heights.
-        kind: "alike", "offset" or "gain".
+        kind: "offset" or "gain".
 
     Returns:
-        The table itself where nothing is to be taken out.
+        The table with other heights.
 
     Raises:
         ConfigError: If no two repeats share a direction.
     """
-    if kind == "alike":
-        return table
     used = table.is_used
     direction, repeat = both_ways(table)
     if not is_crossed(direction, repeat):
@@ -54,6 +53,38 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
             heights[used] /= gains(heights[used], direction, repeat)[repeat]
         columns[f"{channel}_{table.unit}"] = heights
     return replace(table, frame=table.frame.assign(**columns))
+
+
+def repeat_notice(before: PeakTable, after: PeakTable, kind: str) -> Notice:
+    """Say what was taken out of the heights of each repeat.
+
+    Args:
+        before: Peak heights.
+        after: The same without the effects of repeats.
+        kind: "offset" or "gain".
+    """
+    used = before.is_used
+    labels, repeat = np.unique(
+        before.frame["repeat"].to_numpy()[used], return_inverse=True
+    )
+    said = []
+    for channel in before.channels:
+        old, new = (
+            np.bincount(repeat, table.heights(channel)[used])
+            for table in (before, after)
+        )
+        if kind == "offset":
+            moved = (new - old) / np.bincount(repeat)
+            words = [f"{value:+.2g}" for value in moved]
+        else:
+            words = [f"a factor of {value:.3g}" for value in new / old]
+        each = (f"{word} ({label})" for label, word in zip(labels, words, strict=True))
+        said.append(f"{channel}_{before.unit} by {', '.join(each)}")
+    return Notice(
+        code=f"repeat_{kind}s",
+        text=f"whole repeats were brought together before the fit, {'; '.join(said)}; "
+        f'[noise] repeats = "alike" leaves them as they are',
+    )
 
 
 def both_ways(
