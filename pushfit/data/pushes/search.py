@@ -56,11 +56,20 @@ def search(
     min_height: float | None,
     usual_step: float,
 ) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]]:
-    """One pass at one smoothing time: the humps, roughly, and which are low.
+    """One pass at one smoothing time.
 
-    And which are followed by a level that is a rest however high it is.
+    Args:
+        time: Sample times [s].
+        signal: Samples [unit].
+        noise: Noise of the samples.
+        tau: Smoothing time [s].
+        split: A valley is low below this share of the lower top.
+        min_height: Least height of a push; None for what noise and wander allow [unit].
+        usual_step: Usual time from one sample to the next [s].
 
-    A hump that is too low for a push stays one, so that it is no rest of the others.
+    Returns:
+        The humps, roughly; which are too low for a push, but no rest of the others
+        either; and which are followed by a level that is a rest however high it is.
     """
     trace = _reduce(time, signal, noise, tau, usual_step)
     significant = _SIGNIFICANT * trace.noise

@@ -83,7 +83,7 @@ def repeat_notice(before: PeakTable, after: PeakTable, kind: str) -> Notice:
     return Notice(
         code=f"repeat_{kind}s",
         text=f"whole repeats were brought together before the fit, {'; '.join(said)}; "
-        f'[noise] repeats = "alike" leaves them as they are',
+        '[noise] repeats = "alike" leaves them as they are',
     )
 
 
