@@ -13,9 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted
+from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.problem.tabulated_density import Table
 from pushfit.fit.results import Identification, Quantity
+from pushfit.parameters import STIFFNESSES
 
 Cell = float | int | str | None
 

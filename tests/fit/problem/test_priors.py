@@ -7,12 +7,11 @@ import pytest
 from scipy import integrate, stats
 
 from pushfit.fit.problem.priors import (
-    POSITIVE,
     Prior,
     default_priors,
     priors_from_config,
 )
-from pushfit.fit.problem.problem import OF_GRASP
+from pushfit.parameters import OF_GRASP, POSITIVE
 from tests.fit.tables import config
 
 PRIORS = {
