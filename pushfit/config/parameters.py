@@ -84,7 +84,8 @@ class SignedPrior(Prior):
 
 def _key(parameter: Parameter) -> tuple[Any, Any]:
     kind = PositivePrior if parameter.is_positive else SignedPrior
-    description = f"{parameter.meaning} [{parameter.unit}]"
+    unit = "-" if parameter.unit == "1" else parameter.unit
+    description = f"{parameter.meaning} [{unit}]"
     return kind | None, Field(
         default=None, description=description, examples=[parameter.example]
     )

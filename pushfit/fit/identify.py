@@ -1,4 +1,4 @@
-"""One table through every question: fit, profiles, posterior, criticism, advice.
+"""One table through every question: fit, profiles, posterior, checks, advice.
 
 This is the only place that knows the order of things; commands, batches and reports
 all start from `identify_table`.
@@ -150,7 +150,7 @@ def _conclude(
         "with_sets": not is_brief,
     }
     problem = fitted.setup.problem
-    criticism = goodness_of_fit(
+    goodness = goodness_of_fit(
         fitted.table,
         fitted.fit,
         fitted.setup.noise,
@@ -178,7 +178,7 @@ def _conclude(
             posterior.samples,
             posterior.prior_samples,
         ),
-        goodness_of_fit=criticism,
+        goodness_of_fit=goodness,
         bands=()
         if is_brief
         else prediction_bands(

@@ -57,6 +57,10 @@ class ResultWarning:
     text: str
 
 
+# Its former name.
+Notice = ResultWarning
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
     """One number with everything that may honestly be said of it.

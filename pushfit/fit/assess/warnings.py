@@ -129,15 +129,15 @@ def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarni
     Yields:
         Warnings.
     """
-    posterior, criticism = found.posterior, found.goodness_of_fit
-    if not criticism.is_adequate:
-        yield ResultWarning(code="model_inadequate", text=criticism.sentence)
-    if criticism.outliers:
-        names = ", ".join(criticism.outliers)
+    posterior, goodness = found.posterior, found.goodness_of_fit
+    if not goodness.is_adequate:
+        yield ResultWarning(code="model_inadequate", text=goodness.sentence)
+    if goodness.outliers:
+        names = ", ".join(goodness.outliers)
         yield ResultWarning(
             code="outliers", text=f"more than 5 sigma from the fit: {names}"
         )
-    scatter = [c.p_value for c in criticism.predictive if c.feature == "scatter"]
+    scatter = [c.p_value for c in goodness.predictive if c.feature == "scatter"]
     if setup.noise.kind == "given" and max(scatter, default=0.0) > 1 - LEVEL:
         yield ResultWarning(
             code="scatter_below_sd",
