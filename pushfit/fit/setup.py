@@ -15,15 +15,15 @@ from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
 from pushfit.fit.likelihood.curve import Search
-from pushfit.fit.problem.constraint_terms import with_constraints
-from pushfit.fit.problem.data_coordinates import data_names
-from pushfit.fit.problem.noise import Noise, choose_noise
-from pushfit.fit.problem.priors import (
+from pushfit.fit.priors.distributions import (
     Prior,
     default_prior,
     default_priors,
     priors_from_config,
 )
+from pushfit.fit.problem.constraint_terms import with_constraints
+from pushfit.fit.problem.data_coordinates import data_names
+from pushfit.fit.problem.noise import Noise, choose_noise
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.uninformative import check_informative
 from pushfit.model import Grasp, Pushes, as_float

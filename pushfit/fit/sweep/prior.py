@@ -12,9 +12,9 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.conditional_prior import SCORES, make_conditional_prior
+from pushfit.fit.priors.conditional_prior import SCORES, make_conditional_prior
+from pushfit.fit.priors.distributions import Prior
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.problem.priors import Prior
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled, kept_arrays
 from pushfit.fit.sweep.repeats import pool_repeats

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from pushfit.config import GraspConfig
 from pushfit.fit.programs import compiled
 from pushfit.model import Scalar, as_float
-from pushfit.parameters import OF_GRASP, PARAMETERS, STIFF
+from pushfit.parameters import OF_GRASP, PARAMETERS, STIFF, Shape
 
 # Of a scale read off the data themselves, which is good to a factor of a few.
 SPREAD_OF_A_GUESS = 1.2
@@ -122,16 +122,12 @@ def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:
     priors = {name: default_prior(name) for name in names}
     if stiffness_scale is None:
         return priors
-    series = 1 / (1 / priors["K_sn"].first + 1 / priors["K_dn"].first)
-    scaled = {
-        name: Prior(
-            "lognormal",
-            priors[name].first * (stiffness_scale / series),
-            SPREAD_OF_A_GUESS,
-        )
-        for name in STIFF
-    }
-    return priors | scaled
+    support, contact = _shape_of("K_sn")[1], _shape_of("K_dn")[1]
+    scale = stiffness_scale / (support * contact / (support + contact))
+    for name in STIFF:
+        kind, median, _ = _shape_of(name)
+        priors[name] = Prior(kind, median * scale, SPREAD_OF_A_GUESS)
+    return priors
 
 
 def default_prior(name: str) -> Prior:
@@ -140,9 +136,13 @@ def default_prior(name: str) -> Prior:
     Args:
         name: Parameter that has a default prior in `pushfit.parameters`.
     """
-    parameter = PARAMETERS[name]
-    assert parameter.prior is not None
-    return Prior(*parameter.prior, parameter.is_positive)
+    return Prior(*_shape_of(name), PARAMETERS[name].is_positive)
+
+
+def _shape_of(name: str) -> Shape:
+    shape = PARAMETERS[name].prior
+    assert shape is not None
+    return shape
 
 
 def priors_from_config(

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pushfit.fit.problem.conditional_prior import make_conditional_prior
-from pushfit.fit.problem.priors import Prior
+from pushfit.fit.priors.conditional_prior import make_conditional_prior
+from pushfit.fit.priors.distributions import Prior
+from pushfit.fit.priors.tabulated_density import LogDensity, Table, make_table
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.tabulated_density import LogDensity, Table, make_table
 from pushfit.parameters import SIX, STIFF
 
 MAX_SHAPES = 256

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pushfit.fit.problem.priors import (
+from pushfit.fit.priors.distributions import (
     Prior,
     default_priors,
     priors_from_config,
