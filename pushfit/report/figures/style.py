@@ -32,7 +32,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = ("-", "--", "-.", ":")
 
 # More series than this are told apart by an ordered ramp, safe for every colour vision.
-RAMP, RAMP_END = "cividis", 0.9
+RAMP, RAMP_END = "cividis", 0.6
 
 # What data say, what priors say, and what asks for attention, in every figure.
 DATA, PRIOR, ALARM = BLUE, GREY, VERMILLION

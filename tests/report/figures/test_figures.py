@@ -270,6 +270,22 @@ def test_series_beyond_the_palette_keep_colours_of_their_own():
     assert len(set(series_colours(12))) == 12
 
 
+def luminance(rgb):
+    """Relative luminance, as WCAG 2 defines it."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in rgb]
+    return np.dot((0.2126, 0.7152, 0.0722), linear)
+
+
+@pytest.mark.parametrize("n", [8, 12])
+def test_a_ramp_is_read_on_paper_and_where_a_dark_page_inverts_it(n):
+    """Three to one is what WCAG 2 asks of graphics."""
+    for colour in series_colours(n):
+        shown = luminance(to_rgb(colour))
+        inverted = luminance(1 - np.array(to_rgb(colour)))
+        assert 1.05 / (shown + 0.05) > 3
+        assert (inverted + 0.05) / (luminance((0.11, 0.11, 0.11)) + 0.05) > 3
+
+
 def test_a_sharp_angle_is_drawn_over_many_bins():
     """On the grid of the profile all draws would fall into one or two."""
     rng = np.random.default_rng(1)
