@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 
 from pushfit.explore.decide.gain import N_FINE
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
+from pushfit.explore.decide.threads import one_thread
 
 # Truths: two decided ones of them are fewer than 5 %.
 N_TRUTHS = 48
@@ -60,6 +61,7 @@ class Imagined:
         return after
 
 
+@one_thread()
 def imagine(
     heights: Float[np.ndarray, "k c n"],
     weights: Float[np.ndarray, " n"],
@@ -97,6 +99,7 @@ def imagine(
     )
 
 
+@one_thread()
 def p_decided(
     imagined: tuple[Imagined, ...],
     weights: Float[np.ndarray, " n"],

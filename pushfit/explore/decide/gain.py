@@ -14,6 +14,7 @@ import scipy
 from jaxtyping import Float, Int
 
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
+from pushfit.explore.decide.threads import one_thread
 
 # Bins of equal weight of the angle, and of the reading along its widest and its second
 # direction: noise blurs them. Twice as many move no ranking. The coarse ones are for
@@ -106,6 +107,7 @@ def information_gain(
     return summed_gain(heights, (values,), weights, sigma, is_coarse=is_coarse)
 
 
+@one_thread()
 def summed_gain(
     heights: Float[np.ndarray, "k c n"],
     angles: Sequence[Float[np.ndarray, " n"]],
@@ -150,6 +152,7 @@ def summed_gain(
     return np.sum(gains, axis=0)
 
 
+@one_thread()
 def outlook(
     heights: Float[np.ndarray, "c n"],
     target: Target,
