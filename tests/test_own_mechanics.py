@@ -88,6 +88,7 @@ def test_the_critical_angle_is_found_from_the_forces_alone(own_mechanics):
     np.testing.assert_allclose(np.degrees(angle), true_angle(), rtol=EXACT)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page_find_the_truth(own_mechanics, tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(EXAMPLE.parent)
     monkeypatch.chdir(tmp_path)

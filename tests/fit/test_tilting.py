@@ -68,17 +68,19 @@ def test_the_advice_says_how_far_K_st_and_C_d_can_be_told_apart(mechanics, exten
     ("text", "names"),
     [
         (LENGTH, ("ln_A", "ln_B", "ln_C_rr", "ln_s")),
-        (
+        pytest.param(
             MEASURED,
             ("ln_A", "ln_B", "ln_C_rr", "ln_s", "ln_L"),
+            marks=pytest.mark.slow,
         ),
         (
             LENGTH + "[parameters.K_st]\nfixed = 450\n",
             ("ln_A", "ln_C_rr", "ln_s"),
         ),
-        (
+        pytest.param(
             LENGTH + "[parameters.K_st]\nfixed = 450\n[parameters.C_d]\nfixed = 0.36\n",
             ("ln_A", "ln_C_rr"),
+            marks=pytest.mark.slow,
         ),
     ],
 )

@@ -154,12 +154,13 @@ def test_resampled_pushes_are_the_same_within_their_noise(shape, rate):
         assert abs(own.height - other.height) < 2 * other.sd
 
 
-REAL = [
-    ("biotac_hand_pushes/trial2", "pdc"),
-    ("fingertip_force/pressure_index_1_100Hz", "force_N"),
-    ("soft_skin/grid_r1.00_3.0N_11-02-2025_15-23-30", "fz_N"),
-    ("soft_skin/test_18-02-2025_13-00-43", "fz_N"),
-]
+# Of the longer ones each test takes minutes together.
+REAL = {
+    "biotac_hand_pushes/trial2": ("pdc", ()),
+    "fingertip_force/pressure_index_1_100Hz": ("force_N", pytest.mark.slow),
+    "soft_skin/grid_r1.00_3.0N_11-02-2025_15-23-30": ("fz_N", pytest.mark.slow),
+    "soft_skin/test_18-02-2025_13-00-43": ("fz_N", pytest.mark.slow),
+}
 
 
 def real(folder, name, column):
@@ -170,7 +171,12 @@ def real(folder, name, column):
     return recording.time, recording.channels["p"]
 
 
-@pytest.fixture(params=REAL, ids=[name for name, _ in REAL])
+@pytest.fixture(
+    params=[
+        pytest.param((name, column), marks=marks, id=name)
+        for name, (column, marks) in REAL.items()
+    ]
+)
 def real_signal(real_data, request):
     """Times, samples and pushes of a real recording, and the middles of its rests."""
     time, y = real(real_data, *request.param)

@@ -176,6 +176,7 @@ def test_heights_that_say_nothing_of_the_sharpness_leave_its_prior():
     assert abs(float(fit.estimate[fit.names.index("ln_p")]) - mean) < 0.5 * sd
 
 
+@pytest.mark.slow
 def test_evidence_and_angle_are_those_of_all_sharpnesses_together(setup, swept):
     """∫ evidence(p) prior(p) dp by Gauss and Hermite over runs of a stated p."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(N_NODES)
@@ -199,6 +200,7 @@ def test_evidence_and_angle_are_those_of_all_sharpnesses_together(setup, swept):
     assert stats.ks_2samp(own, mixed).pvalue > KS_LEVEL
 
 
+@pytest.mark.slow
 def test_what_is_not_known_of_the_sharpness_widens_the_angle(setup, swept):
     """Draws of θ_c at every p, as far as p is open, against those at its median."""
     stated = replace(setup, problem=at_sharpness(setup.problem, MEDIAN), search=None)
