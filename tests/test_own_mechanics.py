@@ -24,7 +24,7 @@ from pushfit.model import Grasp, Pushes, forces
 from pushfit.registry import BUILT_IN, Deferred, mechanics_named
 from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
-from tests.fit.tables import config
+from tests.fit.tables import FRICTION_ONLY, config
 from tests.problems import CASES, PUSH, paper_parameters
 from tests.test_docs import ROOT, blocks, commands
 
@@ -134,7 +134,7 @@ def test_emcee_finds_it_too(own_mechanics):
 def test_other_heights_run_through_the_same_programs(tmp_path, monkeypatch):
     (tmp_path / "pushfit_counted.py").write_text(COUNTED)
     monkeypatch.syspath_prepend(tmp_path)
-    settings = config('[grasp]\nmechanics = "counted"\n')
+    settings = config('[grasp]\nmechanics = "counted"\n' + FRICTION_ONLY)
     traces = sys.modules["pushfit_counted"].TRACES
     counts = []
     try:

@@ -182,6 +182,7 @@ def test_a_part_of_another_program_is_not_kept(folder):
     assert not list(folder.iterdir())
 
 
+@pytest.mark.slow
 def test_a_fit_is_the_same_to_the_last_bit(folder, monkeypatch):
     table = simulate_table(
         Parameters(K_sn=1200.0, K_dn=600.0, K_st=300.0, C_rr=0.24, C_d=0.24, L=0.04),

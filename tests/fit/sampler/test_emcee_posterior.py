@@ -46,11 +46,6 @@ def short(setup):
     return result, calls
 
 
-@pytest.fixture(scope="module")
-def full(setup):
-    return sample(setup)
-
-
 def effective_draws(result) -> float:
     """Variance of a mean: that of the chain, and that of keeping some draws of it."""
     ess = min(result.diagnostics.ess.values())
@@ -100,26 +95,29 @@ def exact(setup):
 
 
 @pytest.mark.slow
-def test_a_posterior_agrees_with_quadrature(setup, full):
+def test_a_posterior_agrees_with_quadrature(setup):
+    full = sample(setup)
     assert full.status is FitStatus.OK
     assert full.diagnostics.problems == ()
     z = z_values(setup.problem, full, exact(setup), alpha=math.pi / 2, reach=REACH)
     assert max(map(abs, z.values())) < MAX_Z, z
 
 
-def test_log_prob_belongs_to_its_draw(setup, full):
+def test_log_prob_belongs_to_its_draw(setup, short):
     """The best draw by log_prob is near the best fit's A."""
-    best = int(np.argmax(full.log_prob))
+    result, _ = short
+    best = int(np.argmax(result.log_prob))
     fit = fit_least_squares(setup, reference_alpha=math.pi / 2)
     ln_A = fit.estimate[fit.names.index("ln_A")]
-    spread = np.log(full.samples["A"]).std()
-    assert abs(np.log(full.samples["A"][best]) - ln_A) < 2 * spread
+    spread = np.log(result.samples["A"]).std()
+    assert abs(np.log(result.samples["A"][best]) - ln_A) < 2 * spread
 
 
-def test_prior_samples_have_the_same_names_and_follow_the_prior(setup, full):
-    assert full.prior_samples.keys() == full.samples.keys()
+def test_prior_samples_have_the_same_names_and_follow_the_prior(setup, short):
+    result, _ = short
+    assert result.prior_samples.keys() == result.samples.keys()
     prior = setup.problem.priors["K_sn"]
-    ln_K = np.log(full.prior_samples["K_sn"])
+    ln_K = np.log(result.prior_samples["K_sn"])
     error = float(prior.second) / np.sqrt(ln_K.size)
     assert abs(ln_K.mean() - np.log(float(prior.first))) < MAX_Z * error
 
@@ -178,10 +176,11 @@ def test_progress_runs_from_the_start_to_the_end(short):
     assert all(0 <= share <= 1 for _, share in calls)
 
 
-def test_thinned_chain_has_ensembles_first(setup, full):
-    n_ensembles, _, n_walkers, n_dim = full.chain.shape
-    assert (n_ensembles, n_walkers) == (4, 64)
-    assert n_dim == len(full.chain_names) == len(setup.problem.names)
+def test_thinned_chain_has_ensembles_first(setup, short):
+    result, _ = short
+    n_ensembles, _, n_walkers, n_dim = result.chain.shape
+    assert (n_ensembles, n_walkers) == (SHORT.n_ensembles, SHORT.n_walkers)
+    assert n_dim == len(result.chain_names) == len(setup.problem.names)
 
 
 def test_nothing_free_is_refused(setup):

@@ -142,6 +142,7 @@ def test_heights_without_finite_likelihood_name_a_parameter_with_its_prior():
     assert error.value.code == "no_finite_start"
 
 
+@pytest.mark.slow
 def test_bounds_of_uniform_priors_hold_for_every_start():
     text = "[parameters.C_rr]\nuniform = { low = 0.3, high = 0.6 }"
     setup = setup_of(case_table(CASES["firm"], noise=0.03), text)
