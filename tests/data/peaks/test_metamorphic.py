@@ -87,8 +87,9 @@ def test_cut_at_a_rest_both_parts_keep_their_heights(shape, n_before):
 
 
 @SHAPES
-@pytest.mark.parametrize("share", [0.2, 0.4, 0.5, 0.6, 0.8])
-@pytest.mark.parametrize("n_before", [1, 3])
+@pytest.mark.parametrize(
+    ("n_before", "share"), [(1, 0.2), (3, 0.4), (1, 0.5), (3, 0.6), (1, 0.8)]
+)
 def test_cut_inside_a_push_that_one_is_clipped_and_the_rest_the_same(
     shape, share, n_before
 ):
@@ -260,6 +261,7 @@ def test_a_recording_appended_to_a_real_one_changes_nothing(real_signal):
     assert_real_same(both, [*whole, *whole])
 
 
+@pytest.mark.slow
 def test_no_step_of_the_rest_level_of_a_real_recording_is_read_into_a_push(real_signal):
     """In every rest, however short, by the smaller push beside it and by twice as much.
 
