@@ -90,8 +90,7 @@ def test_a_changed_height_is_named(result, determined):
     assert difference.recorded == 9.5
 
 
-@pytest.mark.parametrize("name", ["theta_c", "alpha_star"])
-@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize(("name", "sign"), [("theta_c", -1), ("alpha_star", 1)])
 def test_other_versions_explain_what_draws_scatter_and_no_more(
     name, sign, result, determined
 ):
