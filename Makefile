@@ -7,8 +7,10 @@ BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO := demo_result
 EXPLORED := explore_result
+# What fits no table: from files to peak heights, and from results to reports.
+QUICK := tests/data tests/batch tests/report tests/test_config.py
 
-.PHONY: demo explore-demo ros test test-slow lint bench bench-honesty docs notebooks clean
+.PHONY: demo explore-demo ros test test-quick test-slow lint bench bench-honesty docs notebooks clean
 
 demo: .stamps/run                ## The example grasp, from recordings to theta_c and alpha*
 	$(BIN)/pushfit demo --out $(DEMO) --force
@@ -20,8 +22,11 @@ explore-demo: .stamps/run        ## The example grasp explored by a simulated ha
 ros:                             ## What the nodes for a real robot need
 	@$(BIN)/python -c "from pushfit.explore.hands.ros.messages import ros; ros(); print('ROS 1 is here')"
 
-test: lint                       ## Everything that gates a change; a quarter of an hour on two cores
+test: lint                       ## Everything that gates a change; minutes on two cores
 	$(BIN)/pytest -q -n 2 --dist loadfile -m "not slow"
+
+test-quick: .stamps/test         ## Files, text, tables and reports, without a fit; a minute
+	$(BIN)/pytest -q -n 2 --dist loadfile -m "not slow" $(QUICK)
 
 test-slow: .stamps/test          ## Statistical calibration and other long tests
 	$(BIN)/pytest -q -n 2 --dist loadfile -m slow

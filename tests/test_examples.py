@@ -40,6 +40,7 @@ def heights(schedule) -> np.ndarray:
     return np.asarray(forward(stated_parameters(config), pushes, grasp).height)
 
 
+@pytest.mark.slow
 def test_the_committed_recordings_come_from_the_script(script, tmp_path):
     script.main(tmp_path)
     for name in ("theta_sweep", "alpha_sweep", "theta_schedule", "alpha_schedule"):

@@ -24,7 +24,7 @@ from pushfit.model import Grasp, Pushes, forces
 from pushfit.registry import BUILT_IN, Deferred, mechanics_named
 from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
-from tests.fit.tables import config
+from tests.fit.tables import FRICTION_ONLY, config
 from tests.problems import CASES, PUSH, paper_parameters
 from tests.test_docs import ROOT, blocks, commands
 
@@ -88,6 +88,7 @@ def test_the_critical_angle_is_found_from_the_forces_alone(own_mechanics):
     np.testing.assert_allclose(np.degrees(angle), true_angle(), rtol=EXACT)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page_find_the_truth(own_mechanics, tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(EXAMPLE.parent)
     monkeypatch.chdir(tmp_path)
@@ -133,7 +134,7 @@ def test_emcee_finds_it_too(own_mechanics):
 def test_other_heights_run_through_the_same_programs(tmp_path, monkeypatch):
     (tmp_path / "pushfit_counted.py").write_text(COUNTED)
     monkeypatch.syspath_prepend(tmp_path)
-    settings = config('[grasp]\nmechanics = "counted"\n')
+    settings = config('[grasp]\nmechanics = "counted"\n' + FRICTION_ONLY)
     traces = sys.modules["pushfit_counted"].TRACES
     counts = []
     try:

@@ -41,7 +41,7 @@ REGISTRY = {
         coordinates.coordinates(p)
     ),
 }
-FACTORS = [0.8, 1.0, 1.3]
+FACTORS = [0.8, 1.3]
 
 
 # These take another branch with a single rolling limit.

@@ -63,6 +63,7 @@ def test_a_large_tilt_is_believed_as_it_is():
     assert not low < truth < high
 
 
+@pytest.mark.slow
 def test_a_small_tilt_is_left_to_the_equations_of_the_paper():
     made = table(Grasp(push_length=2e-4, mechanics="tilting"), share=0.03)
     belief = believe(made, question(0.2), 0)

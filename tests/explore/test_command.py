@@ -32,6 +32,7 @@ def truth(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_next_ranks_pushes_after_a_table(tmp_path, grasp, capsys):
     table = simulate_table(
         TRUTH,

@@ -193,15 +193,22 @@ def test_a_refusal_is_explained():
     assert "might exceed the force limit" in own.state.sentence
 
 
-@pytest.mark.parametrize("cut", [0, pytest.param(5, marks=pytest.mark.slow)])
-def test_killed_at_any_line_the_same_pushes_follow(tmp_path, cut):
+@pytest.mark.parametrize(
+    ("cut", "step"),
+    [
+        (0, 4),
+        pytest.param(0, 1, marks=pytest.mark.slow),
+        pytest.param(5, 1, marks=pytest.mark.slow),
+    ],
+)
+def test_killed_at_any_line_the_same_pushes_follow(tmp_path, cut, step):
     """Every journal that a kill can leave leads to the end of the one not killed."""
     path = tmp_path / "whole.jsonl"
     limits = Limits(reference_every=3)
     own = explorer(journal=path, limits=limits, width_deg=12.0)
     run(own)
     lines = path.read_bytes().splitlines(keepends=True)
-    for n in range(1, len(lines)):
+    for n in range(1, len(lines), step):
         part = tmp_path / "part.jsonl"
         part.write_bytes(b"".join(lines[:n]) + lines[n][:cut])
         again = explorer(journal=part, limits=limits, width_deg=12.0)

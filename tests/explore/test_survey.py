@@ -40,8 +40,18 @@ def belief(seed, noise=0.15):
     return belief_of(draws, channels=COMPONENTS)
 
 
-@pytest.mark.parametrize("asked", [("theta_c",), ("alpha_star",), ANGLES], ids=len)
-@pytest.mark.parametrize("noise", [0.05, 0.15, 0.3])
+@pytest.mark.parametrize(
+    ("noise", "asked"),
+    [
+        (0.15, ("theta_c",)),
+        (0.15, ANGLES),
+        *(
+            pytest.param(noise, asked, marks=pytest.mark.slow)
+            for noise in (0.05, 0.15, 0.3)
+            for asked in (("theta_c",), ("alpha_star",), ANGLES)
+        ),
+    ],
+)
 def test_screening_by_few_draws_leaves_the_best_push_the_best(noise, asked):
     """204 directions, all of them by all draws, and the twenty that were screened."""
     own, found = surveyor(), belief(int(100 * noise), noise=noise)
@@ -51,6 +61,7 @@ def test_screening_by_few_draws_leaves_the_best_push_the_best(noise, asked):
     assert quick.ranks[0] == full.ranks[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", [("theta_c",), ("alpha_star",), ANGLES], ids=len)
 def test_where_hardly_anything_is_known_screening_loses_next_to_nothing(asked):
     """Neighbours then tell alike, and draws decide between them."""
@@ -72,7 +83,14 @@ def test_gains_of_two_angles_at_once_are_those_of_each():
     np.testing.assert_allclose(both, sum(each), rtol=EXACT, atol=EXACT)
 
 
-@pytest.mark.parametrize("width", [22.0, 25.0, 30.0])
+@pytest.mark.parametrize(
+    "width",
+    [
+        pytest.param(22.0, marks=pytest.mark.slow),
+        25.0,
+        pytest.param(30.0, marks=pytest.mark.slow),
+    ],
+)
 def test_a_forecast_is_that_of_imagined_pushes_one_by_one(width):
     """Means of three pushes in every direction, weighed in double precision."""
     rng = np.random.default_rng(4)

@@ -71,6 +71,7 @@ def test_densities_are_those_of_linear_regression():
     assert 0 < np.sum(found.p_loo) < 2
 
 
+@pytest.mark.slow
 def test_densities_are_ratios_of_evidences():
     """ln p(h_i | h_-i) = ln Z - ln Z without h_i, both by quadrature."""
     table = case_table(

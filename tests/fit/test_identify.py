@@ -13,7 +13,7 @@ from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.fitted import fit_table
 from pushfit.fit.identify import identify_table
 from pushfit.fit.results import FitStatus, Verdict
-from tests.fit.tables import case_table, config
+from tests.fit.tables import FRICTION_ONLY, HARD, case_table, config
 from tests.problems import CASES
 
 LOW_DEG = np.arange(5.0, 61.0, 5.0)
@@ -151,7 +151,7 @@ def test_components_determine_what_a_magnitude_does_not():
 
 def test_an_unknown_push_length_quotes_no_stiffness():
     table = case_table(CASES["firm"], noise=0.03, seed=1)
-    settings = parse_config("[push]\nlength_known = false\n", path="grasp.toml")
+    settings = parse_config("[push]\nlength_known = false\n" + HARD, path="grasp.toml")
     result = identify_table(table, settings, seed=1, engine="sweep")
     assert "push_length_unknown" in warning_codes(result)
     quoted = {q.name: q for q in (*result.parameters, *result.combinations)}
@@ -215,6 +215,7 @@ def test_an_unknown_engine_is_refused():
         identify_table(table, config(), seed=0, engine="nuts")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_constant_heights_without_sd_bound_an_angle_from_one_side(repeats):
     """Any θ_c below the lowest push fits them: A = B, and nothing rolls."""
@@ -264,7 +265,7 @@ def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data
 )
 def test_noise_is_chosen_by_its_evidence(noise, chosen):
     """51 heights with tails of Student's t of 2 degrees of freedom, or without."""
-    clean = case_table(CASES["firm"])
+    clean = case_table(CASES["paper"])
     rng = np.random.default_rng(4)
     draws = rng.standard_normal(51) if noise == "normal" else rng.standard_t(2.0, 51)
     table = PeakTable.from_arrays(
@@ -273,7 +274,7 @@ def test_noise_is_chosen_by_its_evidence(noise, chosen):
         heights={"height": clean.heights("height") + 0.02 * draws},
         unit="n",
     )
-    fitted = fit_table(table, config('[noise]\nlikelihood = "auto"\n'))
+    fitted = fit_table(table, config('[noise]\nlikelihood = "auto"\n' + FRICTION_ONLY))
     assert fitted.setup.problem.likelihood == chosen
     assert fitted.config.noise.likelihood == chosen
     codes = [warning.code for warning in fitted.warnings]

@@ -13,7 +13,6 @@ import pytest
 from jaxtyping import Array, Float
 
 from pushfit import cache
-from pushfit.config import GraspConfig
 from pushfit.data.simulate import simulate_table
 from pushfit.fit import programs
 from pushfit.fit.fitted import fit_table
@@ -21,6 +20,7 @@ from pushfit.fit.programs import compiled
 from pushfit.fit.sweep.draws import Draw
 from pushfit.fit.sweep.sheet import Sheet
 from pushfit.model import Grasp, Parameters
+from tests.fit.tables import FRICTION_ONLY, config
 from tests.oracle.integrand import Inner
 
 
@@ -57,6 +57,7 @@ def counted():
     return compiled(line_at), traces
 
 
+FRICTION = config(FRICTION_ONLY)
 LINE, X = Line(jnp.asarray(3.0), 2), jnp.arange(4.0)
 
 
@@ -181,6 +182,7 @@ def test_a_part_of_another_program_is_not_kept(folder):
     assert not list(folder.iterdir())
 
 
+@pytest.mark.slow
 def test_a_fit_is_the_same_to_the_last_bit(folder, monkeypatch):
     table = simulate_table(
         Parameters(K_sn=1200.0, K_dn=600.0, K_st=300.0, C_rr=0.24, C_d=0.24, L=0.04),
@@ -191,13 +193,13 @@ def test_a_fit_is_the_same_to_the_last_bit(folder, monkeypatch):
         noise=0.03,
         rng=np.random.default_rng(0),
     )
-    traced = fit_table(table, GraspConfig()).fit
+    traced = fit_table(table, FRICTION).fit
     # From another folder programs are read again instead of remembered.
     monkeypatch.setenv(cache.PROGRAMS, str(shutil.copytree(folder, folder / "copy")))
     monkeypatch.setattr(programs, "_trace", None)
-    loaded = fit_table(table, GraspConfig()).fit
+    loaded = fit_table(table, FRICTION).fit
     monkeypatch.delenv(cache.PROGRAMS)
-    plain = fit_table(table, GraspConfig()).fit
+    plain = fit_table(table, FRICTION).fit
     for fit in (traced, loaded):
         np.testing.assert_array_equal(fit.estimate, plain.estimate)
         np.testing.assert_array_equal(fit.covariance, plain.covariance)

@@ -251,6 +251,7 @@ def check(
         assert worst_z(ranks[name])[1] > MAX_Z, name
 
 
+@pytest.mark.slow
 def test_a_few_ranks_are_uniform_and_those_of_half_the_noise_are_not():
     asked = SIX | {"theta_c", "log_likelihood"}
     check(heights_design(), 20, seed=0, wrong=("noise 0.5",), asked=asked)

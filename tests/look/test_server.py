@@ -114,7 +114,11 @@ def test_other_machines_cannot_connect(address):
 
 
 @pytest.mark.parametrize(
-    ("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")]
+    ("number", "word"),
+    [
+        (signal.SIGINT, "interrupted"),
+        pytest.param(signal.SIGTERM, "terminated", marks=pytest.mark.slow),
+    ],
 )
 def test_it_ends_when_told(place, number, word):
     with looking(place) as (process, address):
@@ -129,6 +133,7 @@ def test_it_ends_when_told(place, number, word):
         ]
 
 
+@pytest.mark.slow
 def test_a_port_that_is_taken_is_said(place, address):
     port = str(urlsplit(address).port)
     with looking(place, "--port", port) as (process, printed):

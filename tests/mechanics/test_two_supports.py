@@ -175,16 +175,9 @@ def test_forces_are_those_of_a_root_finder_that_follows_the_push(sharpness, n_dr
                 np.testing.assert_allclose(got[row], expected, rtol=0, atol=TWO_ROUTES)
 
 
-@pytest.mark.parametrize(
-    "sharpness", [pytest.param(math.inf, marks=pytest.mark.slow), 8.0]
-)
-@pytest.mark.parametrize(
-    "shape",
-    [
-        pytest.param({}, id="round", marks=pytest.mark.slow),
-        pytest.param(ellipse(4.0, 0.0), id="aligned"),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("sharpness", [math.inf, 8.0])
+@pytest.mark.parametrize("shape", [{}, ellipse(4.0, 0.0)], ids=["round", "aligned"])
 def test_small_pushes_are_linear_with_an_error_that_falls_linearly(sharpness, shape):
     """The box of limits per axis is the limit S_p / L -> 0."""
     params = paper_parameters(**shape)
@@ -201,6 +194,7 @@ def test_small_pushes_are_linear_with_an_error_that_falls_linearly(sharpness, sh
     np.testing.assert_allclose(ratios[0], 10.0, rtol=1e-1)
 
 
+@pytest.mark.slow
 def test_an_ellipse_askew_lets_a_rolling_axis_pull_on_the_other():
     """Linear mechanics limit each axis by itself; the gap outlasts S_p / L -> 0."""
     params = paper_parameters(**TILTED_ELLIPSE)
@@ -295,6 +289,7 @@ def test_resistance_is_least_where_a_fine_grid_has_it_least():
     np.testing.assert_allclose(found, expected, atol=math.radians(0.05))
 
 
+@pytest.mark.slow
 def test_an_object_that_slides_away_meets_no_force():
     """The normal force turns a rolled object over sooner than the support holds it."""
     params = paper_parameters(K_st=20.0, C_rr=0.05)

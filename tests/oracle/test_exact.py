@@ -1,4 +1,7 @@
-"""The oracle by quadrature: against closed forms, brute force, and its own bound."""
+"""The oracle by quadrature: against closed forms, brute force, and its own bound.
+
+Slow as are the tests that ask it.
+"""
 
 import dataclasses
 
@@ -9,11 +12,12 @@ import pytest
 from scipy import integrate, stats
 
 from pushfit.fit.likelihood.least_squares import fit_least_squares
-from pushfit.fit.results import FitStatus
 from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.exact import exact_grid, exact_posterior
 from tests.problems import CASES, PUSH
+
+pytestmark = pytest.mark.slow
 
 REACH = (0.0, np.pi)
 ALPHA = np.pi / 2
@@ -229,10 +233,3 @@ def test_the_error_bound_covers_the_error(name):
     difference = abs(coarse.log_evidence - fine.log_evidence)
     assert difference <= coarse.log_evidence_error + fine.log_evidence_error
     assert fine.log_evidence_error < 1e-3
-
-
-def test_draws_repeat_with_their_seed():
-    setup = small_setup(noise=0.05)
-    one, two = posterior(setup, 200, seed=5), posterior(setup, 200, seed=5)
-    np.testing.assert_array_equal(one.samples["L"], two.samples["L"])
-    assert one.status is FitStatus.OK

@@ -10,7 +10,7 @@ from pushfit.cli import main
 from pushfit.data.tables.peak_table import write_table
 from pushfit.report.store import folder as folder_module
 from pushfit.report.store.document import summary_schema
-from tests.fit.tables import TOML, case_table
+from tests.fit.tables import HARD, TOML, case_table
 from tests.problems import CASES
 
 
@@ -19,7 +19,7 @@ def made(tmp_path_factory):
     """A folder with a table, its config and its result, made by the commands."""
     place = tmp_path_factory.mktemp("verify")
     write_table(case_table(CASES["firm"], noise=0.03, seed=1), place / "peaks.csv")
-    (place / "grasp.toml").write_text(TOML + "[report]\nprob = 0.8\n")
+    (place / "grasp.toml").write_text(TOML + HARD + "[report]\nprob = 0.8\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
         patch.setattr(folder_module, "figure_files", lambda _, **__: {})

@@ -87,8 +87,9 @@ def test_cut_at_a_rest_both_parts_keep_their_heights(shape, n_before):
 
 
 @SHAPES
-@pytest.mark.parametrize("share", [0.2, 0.4, 0.5, 0.6, 0.8])
-@pytest.mark.parametrize("n_before", [1, 3])
+@pytest.mark.parametrize(
+    ("n_before", "share"), [(1, 0.2), (3, 0.4), (1, 0.5), (3, 0.6), (1, 0.8)]
+)
 def test_cut_inside_a_push_that_one_is_clipped_and_the_rest_the_same(
     shape, share, n_before
 ):
@@ -154,12 +155,13 @@ def test_resampled_pushes_are_the_same_within_their_noise(shape, rate):
         assert abs(own.height - other.height) < 2 * other.sd
 
 
-REAL = [
-    ("biotac_hand_pushes/trial2", "pdc"),
-    ("fingertip_force/pressure_index_1_100Hz", "force_N"),
-    ("soft_skin/grid_r1.00_3.0N_11-02-2025_15-23-30", "fz_N"),
-    ("soft_skin/test_18-02-2025_13-00-43", "fz_N"),
-]
+# Of the longer ones each test takes minutes together.
+REAL = {
+    "biotac_hand_pushes/trial2": ("pdc", ()),
+    "fingertip_force/pressure_index_1_100Hz": ("force_N", pytest.mark.slow),
+    "soft_skin/grid_r1.00_3.0N_11-02-2025_15-23-30": ("fz_N", pytest.mark.slow),
+    "soft_skin/test_18-02-2025_13-00-43": ("fz_N", pytest.mark.slow),
+}
 
 
 def real(folder, name, column):
@@ -170,7 +172,12 @@ def real(folder, name, column):
     return recording.time, recording.channels["p"]
 
 
-@pytest.fixture(params=REAL, ids=[name for name, _ in REAL])
+@pytest.fixture(
+    params=[
+        pytest.param((name, column), marks=marks, id=name)
+        for name, (column, marks) in REAL.items()
+    ]
+)
 def real_signal(real_data, request):
     """Times, samples and pushes of a real recording, and the middles of its rests."""
     time, y = real(real_data, *request.param)
@@ -254,6 +261,7 @@ def test_a_recording_appended_to_a_real_one_changes_nothing(real_signal):
     assert_real_same(both, [*whole, *whole])
 
 
+@pytest.mark.slow
 def test_no_step_of_the_rest_level_of_a_real_recording_is_read_into_a_push(real_signal):
     """In every rest, however short, by the smaller push beside it and by twice as much.
 

@@ -150,7 +150,8 @@ def test_what_pushes_cannot_tell_is_flagged_and_gets_no_error(n):
     assert np.mean(flags) >= 0.95
 
 
-@pytest.mark.parametrize("n", [6, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [6, 200])
 def test_what_pushes_tell_is_not_flagged_and_its_sets_hold(n):
     theta_deg = np.linspace(5, 85, 8)
     flags, hits, narrowed_hits = [], 0, 0

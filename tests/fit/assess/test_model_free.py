@@ -29,6 +29,7 @@ def test_minimum_of_a_pure_wave_is_exact(axis_deg):
     np.testing.assert_allclose(found.estimate, axis_deg, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_interval_covers_the_axis_as_often_as_it_says():
     n_tables, n_covered = 300, 0
     for seed in range(n_tables):

@@ -112,6 +112,7 @@ def test_p_values_are_those_of_the_integral_over_the_posterior(table, setup, exc
         assert abs(found[name] - expected) < SHARE, name
 
 
+@pytest.mark.slow
 def test_data_of_the_model_are_not_faulted(table, setup):
     """Over truths from the prior: mean 1/2, and P(p < a) <= 2a (Meng 1994)."""
     rng = np.random.default_rng(2)

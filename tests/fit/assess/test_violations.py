@@ -65,11 +65,16 @@ def found(kind: str) -> list[tuple[Violation, ...]]:
     ("kind", "code"),
     [
         ("soft", "looks_soft"),
-        ("angles", "looks_like_angle_errors"),
-        ("heavy", "looks_heavy_tailed"),
-        ("proportional", "looks_proportional"),
-        ("offsets", "looks_like_offsets"),
         ("gains", "looks_like_gains"),
+        *(
+            pytest.param(kind, code, marks=pytest.mark.slow)
+            for kind, code in (
+                ("angles", "looks_like_angle_errors"),
+                ("heavy", "looks_heavy_tailed"),
+                ("proportional", "looks_proportional"),
+                ("offsets", "looks_like_offsets"),
+            )
+        ),
     ],
 )
 def test_what_is_violated_is_mostly_what_is_named(kind, code):

@@ -81,6 +81,7 @@ DESIGNS = {
 }
 
 
+@pytest.mark.slow
 def test_errors_and_sums_of_squares_scatter_as_they_say():
     """Pulls have mean 0 and variance 1; χ² has n - 3 degrees of freedom."""
     design, n = DESIGNS["sweep"], 100

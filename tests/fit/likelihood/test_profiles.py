@@ -89,9 +89,15 @@ def test_linear_model_has_the_normal_interval():
     table = case_table(CASES["paper"], noise=sigma, **CHANNEL)
     estimate, slope, _ = friction_estimate(table)
     half = stats.norm.ppf(0.95) * sigma / np.sqrt(np.sum(slope**2))
-    ((low, high),) = profiles_of(setup_of(table, FRICTION_ONLY))["C_rr"].pieces
+    setup = setup_of(table, FRICTION_ONLY)
+    ((low, high),) = profiles_of(setup)["C_rr"].pieces
     expected = [estimate - half, estimate + half]
     np.testing.assert_allclose([low, high], expected, rtol=0, atol=END * half)
+    # And the error of ln C_rr, at the best fit.
+    fit = fit_least_squares(setup, reference_alpha=ALPHA)
+    error = sigma / np.sqrt(np.sum(slope**2)) / estimate
+    np.testing.assert_allclose(fit.estimate, [np.log(estimate)], rtol=1e-9)
+    np.testing.assert_allclose(fit.standard_error, [error], rtol=1e-6)
 
 
 def test_noise_estimated_from_residuals_gives_the_t_interval():
@@ -155,6 +161,7 @@ def test_noise_free_heights_determine_the_critical_angle():
 BELOW = np.arange(10.0, 61.0, 12.5)
 
 
+@pytest.mark.slow
 def test_pushes_on_one_side_leave_the_other_end_open():
     """θ_c = 72° and no push above 60°: components tell that all have rolled."""
     channels = ("height_normal", "height_tangential")
@@ -191,6 +198,7 @@ def test_stiffnesses_in_series_are_bounded_by_the_whole(firm):
     assert profiles["C_d"].verdict is Verdict.NOT_DETERMINED
 
 
+@pytest.mark.slow
 def test_a_fixed_partner_makes_the_parameter_a_function():
     """1/K_sn = 1/A - 1/K_dn."""
     text = "[parameters.K_dn]\nfixed = 866.6666666666666\n"
@@ -289,6 +297,7 @@ def test_sets_of_the_critical_angle_cover_as_often_as_they_say():
         assert low <= hits[level] <= high, (level, hits)
 
 
+@pytest.mark.slow
 def test_a_set_covers_the_whole_valley_of_a_sweep_at_one_elevation():
     """Softened, the transition has another valley, from which none leads back."""
     table = PeakTable.from_arrays(
@@ -325,6 +334,7 @@ def test_a_set_covers_the_whole_valley_of_a_sweep_at_one_elevation():
     assert profile.verdict is Verdict.ONE_SIDED
 
 
+@pytest.mark.slow
 def test_modes_above_a_profile_do_not_cut_it():
     """Other minima of χ² lie above the profile, at values that better fits share."""
     setup = KINDS["paper"].setup(0)

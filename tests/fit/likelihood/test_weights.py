@@ -51,6 +51,7 @@ def test_noise_in_proportion_to_the_height_is_found():
     assert [n.code for n in fitted.warnings] == ["height_share"]
 
 
+@pytest.mark.slow
 def test_half_of_all_tables_without_a_share_show_none():
     """A variance that is 0 is estimated at its bound as often as not."""
     problem = build_problem(

@@ -22,13 +22,14 @@ def tables():
     ]
 
 
-def test_a_result_does_not_depend_on_its_neighbours_or_their_order(tables):
-    forward = identify_many(tables, config(), seeds=range(4), engine="auto")
-    backward = identify_many(
-        tables[::-1], config(), seeds=range(4)[::-1], engine="auto"
-    )[::-1]
-    (alone,) = identify_many(tables[2:3], config(), seeds=[2], engine="auto")
-    for one, other in zip([*forward, forward[2]], [*backward, alone], strict=True):
+@pytest.mark.parametrize("n", [2, pytest.param(4, marks=pytest.mark.slow)])
+def test_a_result_does_not_depend_on_its_neighbours_or_their_order(tables, n):
+    tables, seeds = tables[:n], range(n)
+    forward = identify_many(tables, config(), seeds=seeds, engine="auto")
+    backward = identify_many(tables[::-1], config(), seeds=seeds[::-1], engine="auto")
+    (alone,) = identify_many(tables[-1:], config(), seeds=seeds[-1:], engine="auto")
+    backward = backward[::-1]
+    for one, other in zip([*forward, forward[-1]], [*backward, alone], strict=True):
         assert one.values == other.values
         for name, draws in one.draws.items():
             assert np.array_equal(draws, other.draws[name], equal_nan=True)

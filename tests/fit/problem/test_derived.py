@@ -26,7 +26,15 @@ def draws_about(centre: float, sd: float, n: int = 20000) -> np.ndarray:
     return np.random.default_rng(0).normal(centre, sd, n)
 
 
-@pytest.mark.parametrize("name", ["paper", "preload", "ellipse", "never_rolls"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("paper", marks=pytest.mark.slow),
+        "preload",
+        "ellipse",
+        "never_rolls",
+    ],
+)
 def test_each_draw_is_the_model_at_that_draw(name):
     case = CASES[name]
     text = f"[grasp]\npreload_n = {float(case.grasp.preload)!r}\n"

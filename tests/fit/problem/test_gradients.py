@@ -94,14 +94,8 @@ def worst(slope, expected):
     return np.max(np.abs(slope - expected) / np.maximum(size, 1e-3))
 
 
-# Compiling is all that these cost; the others share most of what they test with it.
-FAST = ("six parameters",)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in PROBLEMS],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PROBLEMS)
 def test_derivatives_equal_differences_all_over_the_prior(name):
     case, text = PROBLEMS[name]
     problem = setup_of(case_table(CASES[case], noise=0.05), text).problem

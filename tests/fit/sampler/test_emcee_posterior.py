@@ -40,12 +40,10 @@ def setup():
 
 @pytest.fixture(scope="module")
 def short(setup):
-    return sample(setup, budget=SHORT)
-
-
-@pytest.fixture(scope="module")
-def full(setup):
-    return sample(setup)
+    """A short run, and what it said of its progress."""
+    calls = []
+    result = sample(setup, budget=SHORT, progress=lambda *call: calls.append(call))
+    return result, calls
 
 
 def effective_draws(result) -> float:
@@ -96,40 +94,35 @@ def exact(setup):
     )
 
 
-def test_a_posterior_agrees_with_quadrature(setup, full):
+@pytest.mark.slow
+def test_a_posterior_agrees_with_quadrature(setup):
+    full = sample(setup)
     assert full.status is FitStatus.OK
     assert full.diagnostics.problems == ()
     z = z_values(setup.problem, full, exact(setup), alpha=math.pi / 2, reach=REACH)
     assert max(map(abs, z.values())) < MAX_Z, z
 
 
-def test_log_prob_belongs_to_its_draw(setup, full):
+def test_log_prob_belongs_to_its_draw(setup, short):
     """The best draw by log_prob is near the best fit's A."""
-    best = int(np.argmax(full.log_prob))
+    result, _ = short
+    best = int(np.argmax(result.log_prob))
     fit = fit_least_squares(setup, reference_alpha=math.pi / 2)
     ln_A = fit.estimate[fit.names.index("ln_A")]
-    spread = np.log(full.samples["A"]).std()
-    assert abs(np.log(full.samples["A"][best]) - ln_A) < 2 * spread
+    spread = np.log(result.samples["A"]).std()
+    assert abs(np.log(result.samples["A"][best]) - ln_A) < 2 * spread
 
 
-def test_prior_samples_have_the_same_names_and_follow_the_prior(setup, full):
-    assert full.prior_samples.keys() == full.samples.keys()
+def test_prior_samples_have_the_same_names_and_follow_the_prior(setup, short):
+    result, _ = short
+    assert result.prior_samples.keys() == result.samples.keys()
     prior = setup.problem.priors["K_sn"]
-    ln_K = np.log(full.prior_samples["K_sn"])
+    ln_K = np.log(result.prior_samples["K_sn"])
     error = float(prior.second) / np.sqrt(ln_K.size)
     assert abs(ln_K.mean() - np.log(float(prior.first))) < MAX_Z * error
 
 
-def test_same_seed_gives_the_same_bits(setup, short):
-    assert_same_bits(short, sample(setup, budget=SHORT))
-
-
-def test_another_seed_gives_other_draws(setup, short):
-    other = sample(setup, budget=SHORT, seed=1)
-    assert not np.array_equal(short.samples["A"], other.samples["A"])
-
-
-@pytest.mark.parametrize("n_looks", [1, 2])
+@pytest.mark.parametrize("n_looks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_run_killed_and_resumed_gives_the_same_bits(
     tmp_path, monkeypatch, setup, n_looks
 ):
@@ -160,10 +153,11 @@ def test_a_run_killed_and_resumed_gives_the_same_bits(
 
 def test_a_checkpoint_of_another_seed_is_kept_aside(tmp_path, setup, short):
     path = tmp_path / "run.npz"
-    sample(setup, budget=SHORT, checkpoint=path, seed=5)
+    other = sample(setup, budget=SHORT, checkpoint=path, seed=5)
     with pytest.warns(CheckpointWarning, match="another seed"):
         result = sample(setup, budget=SHORT, checkpoint=path)
-    assert_same_bits(short, result)
+    assert_same_bits(short[0], result)
+    assert not np.array_equal(other.samples["A"], result.samples["A"])
     assert (tmp_path / "run.npz.bad").exists()
 
 
@@ -175,18 +169,18 @@ def test_a_spent_budget_is_reported_and_not_raised(setup):
     assert all(np.all(np.isfinite(v)) for v in result.samples.values())
 
 
-def test_progress_runs_from_the_start_to_the_end(setup):
-    calls = []
-    sample(setup, budget=SHORT, progress=lambda *call: calls.append(call))
+def test_progress_runs_from_the_start_to_the_end(short):
+    _, calls = short
     assert calls[0] == ("starting points", 0.0)
     assert calls[-1] == ("sampling", 1.0)
     assert all(0 <= share <= 1 for _, share in calls)
 
 
-def test_thinned_chain_has_ensembles_first(setup, full):
-    n_ensembles, _, n_walkers, n_dim = full.chain.shape
-    assert (n_ensembles, n_walkers) == (4, 64)
-    assert n_dim == len(full.chain_names) == len(setup.problem.names)
+def test_thinned_chain_has_ensembles_first(setup, short):
+    result, _ = short
+    n_ensembles, _, n_walkers, n_dim = result.chain.shape
+    assert (n_ensembles, n_walkers) == (SHORT.n_ensembles, SHORT.n_walkers)
+    assert n_dim == len(result.chain_names) == len(setup.problem.names)
 
 
 def test_nothing_free_is_refused(setup):

@@ -86,6 +86,7 @@ def test_a_wrong_move_is_noticed(mixture):
     assert abs(radius_z(WrongMove(mixture))) > 10 * MAX_Z
 
 
+@pytest.mark.slow
 def test_the_snooker_move_of_emcee_stays_out():
     """E r² = 4.0 instead of 6 in emcee 3.1.6; red once a release mends it."""
     assert radius_z(emcee.moves.DESnookerMove()) < -10 * MAX_Z

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -44,8 +45,18 @@ def physical(problem, x):
     return {name: values[name] for name in problem.priors}
 
 
-@pytest.mark.parametrize("case", ["paper", "ellipse"])
-@pytest.mark.parametrize("name", FIXED)
+@pytest.mark.parametrize(
+    ("case", "name"),
+    [
+        *(("paper", name) for name in FIXED),
+        ("ellipse", "nothing"),
+        *(
+            pytest.param("ellipse", name, marks=pytest.mark.slow)
+            for name in FIXED
+            if name != "nothing"
+        ),
+    ],
+)
 def test_encoding_is_the_inverse_of_the_state(case, name):
     table = case_table(CASES[case], noise=0.03)
     problem = build_problem(table, config(FIXED[name])).problem
@@ -95,7 +106,8 @@ def test_every_start_is_finite_and_distinct(setup):
 
 def test_densities_are_those_of_the_problem(setup):
     points, densities = cloud(setup)
-    expected = jax.vmap(setup.problem.log_prob)(jnp.asarray(points[:7]))
+    log_probs = eqx.filter_jit(lambda p, x: jax.vmap(p.log_prob)(x))
+    expected = log_probs(setup.problem, jnp.asarray(points[:7]))
     # The same operations, fused in another way.
     np.testing.assert_allclose(densities.log_prob(points[:7]), expected, rtol=1e-12)
 
@@ -130,6 +142,7 @@ def test_heights_without_finite_likelihood_name_a_parameter_with_its_prior():
     assert error.value.code == "no_finite_start"
 
 
+@pytest.mark.slow
 def test_bounds_of_uniform_priors_hold_for_every_start():
     text = "[parameters.C_rr]\nuniform = { low = 0.3, high = 0.6 }"
     setup = setup_of(case_table(CASES["firm"], noise=0.03), text)

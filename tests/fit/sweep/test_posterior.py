@@ -41,8 +41,8 @@ KS_LEVEL, N_COUNTED = 1e-3, 1000
 N_SE = 4.0
 # Equal on paper, but for the order of sums over some hundred rows.
 SAME = 1e-9
-# Kinds whose programs compile within seconds; the others are slow.
-QUICK = ("plain", "components", "student_sampled", "narrow", "fixed")
+# Repeats that are pooled; the others are slow.
+QUICK = ("plain",)
 
 
 def swept(setup, seed=1):
@@ -57,6 +57,7 @@ def without_data(setup):
     return dataclasses.replace(setup, problem=masked)
 
 
+@pytest.mark.slow
 def test_friction_alone_has_the_posterior_of_linear_regression():
     """Below θ_c the tangential height is A C_rr S_p sin θ: linear in C_rr."""
     sigma = 0.01
@@ -70,7 +71,7 @@ def test_friction_alone_has_the_posterior_of_linear_regression():
     assert stats.kstest(samples[:N_COUNTED], expected.cdf).pvalue > KS_LEVEL
 
 
-@pytest.mark.parametrize("stated", [0.0, 0.01])
+@pytest.mark.parametrize("stated", [pytest.param(0.0, marks=pytest.mark.slow), 0.01])
 def test_sampled_noise_is_integrated_as_scipy_integrates_it(stated):
     """Also where the stated sd is all there is, and σ may be anything below it."""
     setup, evidence, low = sampled_noise_evidence(stated)
@@ -101,6 +102,7 @@ def test_evidence_and_means_are_those_of_a_dense_grid(name, noise, text):
         assert abs(np.mean(logs) - mean) < N_SE * np.std(logs) / np.sqrt(result.ess)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HARD)
 def test_hard_tables_agree_with_quadrature(name):
     case, noise = HARD[name]
@@ -116,15 +118,16 @@ def test_hard_tables_agree_with_quadrature(name):
         assert stats.ks_2samp(*pair).pvalue > KS_LEVEL, quantity
 
 
+def kind_or_small(name):
+    """A problem of a kind, or that of this file, whose program is there already."""
+    return small_setup(noise=0.05) if name == "small" else KINDS[name].setup(0)
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        "plain",
-        *(pytest.param(n, marks=pytest.mark.slow) for n in KINDS if n != "plain"),
-    ],
+    "name", ["small", *(pytest.param(n, marks=pytest.mark.slow) for n in KINDS)]
 )
 def test_without_data_the_evidence_is_one_and_draws_follow_the_prior(name):
-    setup = without_data(KINDS[name].setup(0))
+    setup = without_data(kind_or_small(name))
     target = make_target(setup.problem, ALPHA)
     found = engine.weighted_draws(target, seed=3)
     assert abs(found.log_evidence) < N_SE * found.log_evidence_error
@@ -138,15 +141,7 @@ def test_without_data_the_evidence_is_one_and_draws_follow_the_prior(name):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "uneven",
-        *QUICK,
-        *(
-            pytest.param(n, marks=pytest.mark.slow)
-            for n in KINDS
-            if n not in (*QUICK, "uneven")
-        ),
-    ],
+    [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in KINDS],
 )
 def test_pooled_repeats_have_the_density_of_the_problem(name):
     problem = KINDS[name].setup(0).problem

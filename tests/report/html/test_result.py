@@ -37,14 +37,20 @@ class Page(HTMLParser):
         self.text += data
 
 
+@pytest.fixture(scope="module")
+def drawn(make_identification):
+    """The main figure of a result, in both formats."""
+    figure = main_figure(make_identification())
+    return {kind: figure_bytes(figure, kind) for kind in ("svg", "png")}
+
+
 @pytest.fixture
-def quick(monkeypatch):
-    """One figure only: the others are drawn in their own tests."""
-    monkeypatch.setattr(
-        html_module,
-        "figure_files",
-        lambda result, **_: {"main.svg": figure_bytes(main_figure(result), "svg")},
-    )
+def quick(monkeypatch, drawn):
+    """One figure on every page: drawing has tests of its own."""
+    files = {"main.svg": drawn["svg"]}
+    monkeypatch.setattr(html_module, "figure_files", lambda *_, **__: files)
+    monkeypatch.setattr(html_module, "main_figure", lambda *_, **__: None)
+    monkeypatch.setattr(html_module, "figure_bytes", lambda _, kind: drawn[kind])
 
 
 @pytest.mark.usefixtures("quick")

@@ -19,13 +19,13 @@ from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.store.target import CONTENT
 from pushfit.report.text.result import render_text
+from tests.report.store.test_read import leave_out_figures
 
 
 @pytest.fixture
 def quick(monkeypatch):
     """Leave out the drawing, which other tests cover."""
-    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
-    monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "<html></html>")
+    leave_out_figures(monkeypatch)
 
 
 def listing(path):
@@ -212,6 +212,7 @@ def test_others_may_read_a_result_as_they_may_read_any_new_folder(determined, tm
     assert out.stat().st_mode == ordinary.stat().st_mode
 
 
+@pytest.mark.usefixtures("quick")
 def test_the_page_of_a_result_goes_into_a_fifo(determined, tmp_path):
     write_result_folder(determined, tmp_path / "result", force=False)
     fifo, received = tmp_path / "page", []

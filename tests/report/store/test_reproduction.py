@@ -1,24 +1,32 @@
 """Comparing a result folder with a second computation of it, number by number."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pushfit.errors import DataError
-from pushfit.report.store import folder as folder_module
 from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.read import read_summary
 from pushfit.report.store.reproduction import SHARE_OF_WIDTH, compare_result
+from tests.report.store.test_read import leave_out_figures
+
+
+@pytest.fixture(scope="module")
+def made(make_identification, tmp_path_factory):
+    """A result folder without its drawings, written once."""
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out_figures(patch)
+        folder = tmp_path_factory.mktemp("made") / "result"
+        return write_result_folder(make_identification(), folder, force=False)
 
 
 @pytest.fixture
-def result(determined, tmp_path, monkeypatch):
-    """A result folder without its drawings."""
-    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
-    monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "")
-    return write_result_folder(determined, tmp_path / "result", force=False)
+def result(made, tmp_path):
+    """A copy of it to work on."""
+    return shutil.copytree(made, tmp_path / "result")
 
 
 def shifted(identification, name, by, **changes):
@@ -82,8 +90,7 @@ def test_a_changed_height_is_named(result, determined):
     assert difference.recorded == 9.5
 
 
-@pytest.mark.parametrize("name", ["theta_c", "alpha_star"])
-@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize(("name", "sign"), [("theta_c", -1), ("alpha_star", 1)])
 def test_other_versions_explain_what_draws_scatter_and_no_more(
     name, sign, result, determined
 ):
@@ -98,8 +105,7 @@ def test_other_versions_explain_what_draws_scatter_and_no_more(
 
 def test_an_axis_that_passes_zero_has_hardly_moved(determined, tmp_path, monkeypatch):
     """179.9° and 0.1° are 0.2° apart."""
-    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
-    monkeypatch.setattr(folder_module, "render_html", lambda _, **__: "")
+    leave_out_figures(monkeypatch)
     axis = replace(determined.alpha_star, estimate=179.9, interval=(177.9, 181.9))
     before = replace(determined, alpha_star=axis)
     out = write_result_folder(before, tmp_path / "axis", force=False)
