@@ -108,11 +108,12 @@ def find_extents(
         return ()
     tau = smoothing or _FIRST_SMOOTHING
     rules = (split, min_height, course.step)
-    found, is_low, is_rest = search(time, signal, noise, tau, *rules)
+    found, is_low, is_rest, wander = search(time, signal, noise, tau, *rules)
     if smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found, is_low, is_rest = search(time, signal, noise, wider, *rules)
+            rules = (*rules, wander)
+            found, is_low, is_rest, _ = search(time, signal, noise, wider, *rules)
     if found.start.size == 0:
         return ()
     feet, whose = _resolved(

@@ -101,6 +101,9 @@ def _usual_steps(
     """Median sampling steps of stretches, by the first of their steps [s]."""
     if np.diff(ends, axis=0).min() >= _STEPS:
         return np.median(np.diff(time[ends[0][:, None] + np.arange(_STEPS)]), axis=1)
+    # A stretch may be shorter than a step.
+    ends[0] = np.minimum(ends[0], len(time) - 2)
+    ends[1] = np.maximum(ends[1], ends[0] + 1)
     return np.array([np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T])
 
 
