@@ -70,9 +70,7 @@ def trace_feet(
     highest = np.minimum(highest, coarse.end + reach)
     ends = np.searchsorted(time, [lowest, highest])
     feet = replace(coarse, step=_usual_steps(time, ends))
-    finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
-    stride = int(finest / _KNOTS / feet.step.max())
-    course = course.thinned(max(1, stride))
+    course = knots_for(feet, course, smoothing)
     for _ in range(_ROUNDS):
         tau = feet.averaging(sigma, smoothing)
         was = feet
@@ -93,6 +91,20 @@ def trace_feet(
         if np.all(off <= _SAME * feet.step):
             break
     return feet
+
+
+def knots_for(
+    feet: Feet[np.ndarray], course: Course, smoothing: float | None
+) -> Course:
+    """A course, known no finer than it takes to average over pushes.
+
+    Args:
+        feet: The pushes.
+        course: Running means of the samples [unit].
+        smoothing: Averaging time; None takes a share of each width [s].
+    """
+    finest = smoothing or feet.width.min() / WIDTH_PER_SMOOTHING
+    return course.thinned(max(1, int(finest / _KNOTS / feet.step.max())))
 
 
 def _usual_steps(
