@@ -54,8 +54,9 @@ def _left_out(paired: Paired, unit: str) -> list[str]:
     notes = []
     if brushes:
         notes.append(
-            f"humps far smaller than the pushes are left out: {_times(brushes, unit)}; "
-            f"take one in by --include {_window(brushes[0])}"
+            "humps far smaller than the pushes, or far briefer than one beside them, "
+            f"are left out: {_times(brushes, unit)}; take one in by --include "
+            f"{_window(brushes[0])}"
         )
     if found.excluded:
         notes.append(f"left out as told: {_times(found.excluded, unit)}")
