@@ -71,10 +71,11 @@ def extract_peaks(
         DataError: There are no pushes (`no_pushes`), no directions (`no_directions`),
             or two assignments to the schedule are nearly as good (`push_mismatch`).
     """
+    span = (float(recording.time[0]), float(recording.time[-1]))
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
     try:
-        paired = _paired(recording, time, signal, schedule, settings)
+        paired = _paired(recording, time, signal, schedule, settings, span=span)
     except DataError as error:
         raise _of_files(error, recording) from None
     if paired.plan is None:
@@ -166,9 +167,10 @@ def _paired(
     signal: Float[np.ndarray, " n"],
     schedule: PushSchedule | None,
     settings: PeakSettings,
+    *,
+    span: tuple[float, float] = (-np.inf, np.inf),
 ) -> Paired:
     """Humps, and which of them are the planned pushes."""
-    span = (float(time[0]), float(time[-1]))
     found = find(time, signal, settings, signed=bool(settings.signed))
     paired = pair(found, schedule, settings, span=span)
     if (
