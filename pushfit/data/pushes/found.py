@@ -208,18 +208,12 @@ def no_pushes(
     """
     n_dips, n_out = len(found.dips), len(found.excluded)
     spread = float(np.ptp(signal))
-    by = [
-        option
-        for option, stated in (
-            ("--exclude", settings.exclude),
-            ("--min-height", settings.min_height),
-        )
-        if stated
-    ]
     if n_out:
+        options = ("--exclude", settings.exclude), ("--min-height", settings.min_height)
+        by = " or ".join(option for option, stated in options if stated)
         return DataError(
-            f"no pushes found: {' or '.join(by)} leaves out {n_out} and nothing else "
-            "stands out; leave out fewer",
+            f"no pushes found: {by} leaves out {n_out} and nothing else stands out; "
+            "leave out fewer",
             code="no_pushes",
         )
     if n_dips:

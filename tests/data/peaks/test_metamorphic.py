@@ -284,6 +284,8 @@ def test_sign_time_and_unit_of_a_real_recording_change_nothing(real_signal):
         assert [push.flags for push in found] == [push.flags for push in whole]
         scaled = [replace(p, height=p.height / gain, sd=p.sd / gain) for p in found]
         assert_real_same(scaled, whole, within=0.001)
+        sds = [[push.sd for push in pushes] for pushes in (scaled, whole)]
+        np.testing.assert_allclose(*sds, rtol=0.001)
 
 
 @pytest.mark.parametrize("ratio", [0.8, 1.2])
