@@ -18,9 +18,9 @@ from scipy import optimize
 
 from benchmarks.tables import NAMES, PUSH_LENGTH
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.priors.distributions import default_priors
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.problem.priors import default_priors
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.sampler.diagnostics import autocorr_time
 

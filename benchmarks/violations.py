@@ -26,9 +26,10 @@ from pushfit.errors import PushfitError
 from pushfit.fit.coverage import simulate_tables
 from pushfit.fit.fitted import fit_table
 from pushfit.fit.identify import identify_table
-from pushfit.fit.problem.derived import PARAMETERS, equal_tailed_interval
+from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.results import FitStatus
 from pushfit.model import Grasp, Parameters
+from pushfit.parameters import SIX
 
 PUSH_LENGTH, PROB, LIMITS_PROB = 0.005, 0.9, 0.99
 # Elevations and repeats by the number of pushes.
@@ -150,7 +151,7 @@ def truths(n: int, rng: np.random.Generator) -> list[tuple[Parameters, float]]:
     firm = Parameters(1300, 2600 / 3, 450, 0.5, 0.36, 0.04)
     table = heights(firm, "nothing", 6, 0.01, ("height",), np.random.default_rng(0))
     drawn = simulate_tables(fit_table(table, settings("soft")["hard"]), n, rng).truths
-    columns: list[Float[np.ndarray, " n"]] = [drawn[name] for name in PARAMETERS]
+    columns: list[Float[np.ndarray, " n"]] = [drawn[name] for name in SIX]
     return [
         (Parameters(*values), float(angle))
         for *values, angle in zip(*columns, drawn["theta_c"], strict=True)

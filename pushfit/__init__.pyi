@@ -23,6 +23,7 @@ from .explore.limits import Limits as Limits
 from .fit.comparison import compare_models as compare_models
 from .fit.results import FitStatus as FitStatus
 from .fit.results import Notice as Notice
+from .fit.results import ResultWarning as ResultWarning
 from .fit.results import Verdict as Verdict
 from .mechanics.directions import best_direction as best_direction
 from .mechanics.directions import critical_angle as critical_angle

@@ -119,7 +119,7 @@ class Result(Identification):
         sentences = [
             a.sentence for a in (theta_c_answer(self), alpha_star_answer(self))
         ]
-        return "\n".join([*sentences, *(notice.text for notice in self.warnings)])
+        return "\n".join([*sentences, *(warning.text for warning in self.warnings)])
 
     def to_frame(self) -> pd.DataFrame:
         """Angles, parameters and combinations, one row each; NaN is unknown.

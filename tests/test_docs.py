@@ -10,6 +10,7 @@ import pytest
 
 from pushfit.cli.app import app, main
 from pushfit.config import template
+from pushfit.parameters import NAMED
 
 ROOT = Path(__file__).parents[1]
 CONTRIBUTING = ROOT / "CONTRIBUTING.md"
@@ -149,6 +150,16 @@ def test_whoever_is_told_to_install_something_can():
 def test_the_reference_of_the_config_is_the_template():
     page = ROOT / "docs" / "configuration.md"
     assert blocks(page, "toml")[0] == template()
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_the_page_of_symbols_says_what_every_quantity_is(name):
+    """One record makes pages, tables and keys; this page is written by hand."""
+    quantity = NAMED[name]
+    page = (ROOT / "docs" / "symbols.md").read_text(encoding="utf-8")
+    (row,) = [line for line in page.splitlines() if f"| `{name}` |" in line]
+    cells = [cell.strip().replace("\\", "") for cell in row.strip("|").split("|")]
+    assert cells == [quantity.prose, f"`{name}`", quantity.meaning, quantity.unit]
 
 
 def test_every_command_is_documented():

@@ -21,6 +21,7 @@ MEMBERS = {
     "atomic": "errors",
     "cache": "errors",
     "registry": "errors",
+    "parameters": "errors",
     "result": "report",
     "workflow": "batch",
     "__main__": "cli",

@@ -1,10 +1,12 @@
 """Priors as `[parameters.NAME]` states them, in SI or sensor units per metre."""
 
 from collections.abc import Iterator
+from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from pushfit.config.section import Number, Positive, Section
+from pushfit.parameters import PARAMETERS, Parameter
 
 
 class Normal(Section):
@@ -80,64 +82,26 @@ class SignedPrior(Prior):
         return self
 
 
-class ParametersSection(Section):
+def _key(parameter: Parameter) -> tuple[Any, Any]:
+    kind = PositivePrior if parameter.is_positive else SignedPrior
+    unit = "-" if parameter.unit == "1" else parameter.unit
+    description = f"{parameter.meaning} [{unit}]"
+    return kind | None, Field(
+        default=None, description=description, examples=[parameter.example]
+    )
+
+
+_keys: dict[str, Any] = {name: _key(p) for name, p in PARAMETERS.items()}
+_Keys: Any = create_model("_Keys", __base__=Section, **_keys)
+
+
+class ParametersSection(_Keys):
     """What is known beforehand of each parameter; absent: a default prior.
 
     Each takes one of fixed = value, normal = { mean, sd }, uniform = { low, high } and,
     where it is positive, lognormal = { median, sd_log }. Units are SI; where heights
     stay in sensor units, newtons become sensor units.
     """
-
-    K_sn: PositivePrior | None = Field(
-        default=None,
-        description="normal stiffness of the support finger [N/m]",
-        examples=[{"lognormal": {"median": 800.0, "sd_log": 0.5}}],
-    )
-    K_dn: PositivePrior | None = Field(
-        default=None,
-        description="normal stiffness of the contact [N/m]",
-        examples=[{"normal": {"mean": 1500.0, "sd": 300.0}}],
-    )
-    K_st: PositivePrior | None = Field(
-        default=None,
-        description="tangential stiffness of the support finger [N/m]",
-        examples=[{"normal": {"mean": 400.0, "sd": 40.0}}],
-    )
-    C_rr: PositivePrior | None = Field(
-        default=None,
-        description="rolling friction coefficient [-]",
-        examples=[{"uniform": {"low": 0.0, "high": 1.0}}],
-    )
-    C_d: PositivePrior | None = Field(
-        default=None,
-        description="rotational deformation coefficient [N·m/rad]",
-        examples=[{"lognormal": {"median": 0.2, "sd_log": 1.0}}],
-    )
-    L: PositivePrior | None = Field(
-        default=None,
-        description="distance between the push contact and the support contact [m]",
-        examples=[{"fixed": 0.04}],
-    )
-    e1: SignedPrior | None = Field(
-        default=None,
-        description="log ratio of the support's tangential axes, part along x [-]",
-        examples=[{"normal": {"mean": 0.0, "sd": 0.5}}],
-    )
-    e2: SignedPrior | None = Field(
-        default=None,
-        description="log ratio of the support's tangential axes, part at 45 deg [-]",
-        examples=[{"fixed": 0.0}],
-    )
-    F_0: PositivePrior | None = Field(
-        default=None,
-        description="preload [N], where it is estimated",
-        examples=[{"lognormal": {"median": 2.0, "sd_log": 0.5}}],
-    )
-    p: PositivePrior | None = Field(
-        default=None,
-        description="sharpness of the transition [-], where it is unknown",
-        examples=[{"lognormal": {"median": 8.0, "sd_log": 1.0}}],
-    )
 
     def items(self) -> Iterator[tuple[str, Prior]]:
         """Name and prior of every parameter that the file mentions."""

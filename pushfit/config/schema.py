@@ -2,7 +2,7 @@
 
 The field descriptions are the documentation of the file: the template and the
 reference page are made from them. Excluded: the text of the file
-(`pushfit.config.file`) and the default priors (`pushfit.fit.problem.priors`).
+(`pushfit.config.file`) and the default priors (`pushfit.fit.priors.distributions`).
 """
 
 import hashlib

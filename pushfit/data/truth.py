@@ -9,6 +9,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import Session, simulate_recording
 from pushfit.errors import ConfigError
 from pushfit.model import Parameters
+from pushfit.parameters import SIX
 
 
 def simulate_from_config(
@@ -74,7 +75,7 @@ def stated_parameters(config: GraspConfig) -> Parameters:
         )
     values = {name: _centre(prior) for name, prior in config.parameters.items()}
     values.pop("F_0", None)
-    missing = {"K_sn", "K_dn", "K_st", "C_rr", "C_d", "L"} - set(values)
+    missing = set(SIX) - set(values)
     if missing:
         names = ", ".join(sorted(missing))
         raise ConfigError(

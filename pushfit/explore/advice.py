@@ -14,9 +14,9 @@ from pushfit.explore.decide.gain import outlook
 from pushfit.explore.decide.intervals import Target
 from pushfit.explore.decide.survey import Surveyor
 from pushfit.explore.limits import Limits
-from pushfit.explore.records import SYMBOLS
 from pushfit.fit.results import Identification, Verdict
 from pushfit.fit.setup import build_problem
+from pushfit.parameters import ANGLES
 
 # What removing a tenth of the variance of a normal angle tells, -ln(0.9) / 2: a push
 # that tells less is not worth recommending [nat].
@@ -78,5 +78,5 @@ def _sentence(found: Identification, angle: str) -> str | None:
     return (
         f"One more push at θ = {np.degrees(survey.theta[best]):.0f}°, "
         f"α = {np.degrees(survey.alpha[best]):.0f}° would tell most of "
-        f"{SYMBOLS[angle]}{after if np.isfinite(width) else ''}."
+        f"{ANGLES[angle].prose}{after if np.isfinite(width) else ''}."
     )

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 Interval = tuple[float, float]
-SYMBOLS = {"theta_c": "θ_c", "alpha_star": "α*"}
 
 
 class Answer(enum.Enum):

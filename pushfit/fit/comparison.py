@@ -333,7 +333,7 @@ def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
         setup=setup,
         fit=fit_least_squares(setup, reference_alpha=fitted.reference_alpha),
         reference_alpha=fitted.reference_alpha,
-        notices=(),
+        warnings=(),
     )
 
 

@@ -27,9 +27,9 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.predictions import heights_of, predict_draws
 from pushfit.fit.results import FitStatus, Identification, Piece, Verdict
 from pushfit.model import Pushes
+from pushfit.parameters import ANGLES
 
 LEVELS = (0.5, 0.9, 0.95)
-ANGLES = ("theta_c", "alpha_star")
 QUANTITIES = (*ANGLES, "A", "B", "C_rr")
 # Probability of the binomial limits.
 LIMITS_PROB = 0.95

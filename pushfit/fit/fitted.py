@@ -9,25 +9,25 @@ import numpy as np
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.assess.notices import (
-    contact_notice,
-    contradiction_notice,
+from pushfit.fit.assess.warnings import (
+    contact_warning,
+    contradiction_warning,
     lost_contact_rows,
-    scatter_notice,
-    table_notices,
+    scatter_warning,
+    table_warnings,
 )
 from pushfit.fit.likelihood.least_squares import (
     fit_least_squares,
     searched,
     settle_noise,
 )
-from pushfit.fit.problem.repeat_effects import repeat_notice, without_repeat_effects
+from pushfit.fit.problem.repeat_effects import repeat_warning, without_repeat_effects
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
     LikelihoodProfile,
-    Notice,
     PosteriorResult,
+    ResultWarning,
 )
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.stages import Progress
@@ -46,7 +46,7 @@ class Fitted:
         setup: Problem, its noise weights settled.
         fit: Least squares.
         reference_alpha: Azimuth at which θ_c is quoted [rad].
-        notices: What came up on the way.
+        warnings: What came up on the way.
     """
 
     table: PeakTable
@@ -54,7 +54,7 @@ class Fitted:
     setup: Setup
     fit: FitResult
     reference_alpha: float
-    notices: tuple[Notice, ...]
+    warnings: tuple[ResultWarning, ...]
 
 
 class Listener:
@@ -93,11 +93,11 @@ def fit_table(
     """
     if config.noise.likelihood == "auto":
         return _more_evident(table, config, searching)
-    config, notices = prepared(table, config)
+    config, warnings = prepared(table, config)
     kind = config.noise.repeats
     if kind != "alike":
         before, table = table, without_repeat_effects(table, kind)
-        notices = (*notices, repeat_notice(before, table, kind))
+        warnings = (*warnings, repeat_warning(before, table, kind))
     reference_alpha = reference_azimuth(table, config)
     setup = searched(build_problem(table, config), reference_alpha)
     if searching is not None:
@@ -106,12 +106,12 @@ def fit_table(
     lost = lost_contact_rows(setup, fit)
     if lost:
         table = table.with_flag(lost, "lost_contact")
-        notices = (*notices, contact_notice(table, lost))
+        warnings = (*warnings, contact_warning(table, lost))
         setup, fit = _fit(build_problem(table, config), reference_alpha)
-    excess = scatter_notice(setup, fit) if config.noise.sigma == "auto" else None
+    excess = scatter_warning(setup, fit) if config.noise.sigma == "auto" else None
     if excess is not None:
         config = with_sigma(config, "sampled")
-        notices = (*notices, excess)
+        warnings = (*warnings, excess)
         setup, fit = _fit(build_problem(table, config), reference_alpha)
     return Fitted(
         table=table,
@@ -119,7 +119,7 @@ def fit_table(
         setup=setup,
         fit=fit,
         reference_alpha=reference_alpha,
-        notices=(*notices, *fit_notices(setup, fit)),
+        warnings=(*warnings, *fit_warnings(setup, fit)),
     )
 
 
@@ -142,17 +142,17 @@ def _more_evident(
     gain = second - first
     if not gain > 0 or any(s.status is not FitStatus.OK for s in swept):
         return normal
-    notice = Notice(
+    warning = ResultWarning(
         code="student_t_chosen",
         text="a few residuals are far larger than the rest: noise with heavy tails "
         f"(Student-t) is e^{gain:.1f} times as probable as normal noise and was taken",
     )
-    return replace(student, notices=(*student.notices, notice))
+    return replace(student, warnings=(*student.warnings, warning))
 
 
 def prepared(
     table: PeakTable, config: GraspConfig
-) -> tuple[GraspConfig, tuple[Notice, ...]]:
+) -> tuple[GraspConfig, tuple[ResultWarning, ...]]:
     """The configuration that a table is fitted with, and what it says before.
 
     Args:
@@ -162,14 +162,14 @@ def prepared(
     Returns:
         Configuration and warnings.
     """
-    notices = tuple(table_notices(table, config))
+    warnings = tuple(table_warnings(table, config))
     if not config.push.length_known and config.noise.sigma == "auto":
         # Unequal pushes scatter by more than any sensor noise.
         config = with_sigma(config, "sampled")
-    return config, notices
+    return config, warnings
 
 
-def fit_notices(setup: Setup, fit: FitResult) -> tuple[Notice, ...]:
+def fit_warnings(setup: Setup, fit: FitResult) -> tuple[ResultWarning, ...]:
     """What noise and fit say.
 
     Args:
@@ -179,8 +179,8 @@ def fit_notices(setup: Setup, fit: FitResult) -> tuple[Notice, ...]:
     Returns:
         Warnings.
     """
-    contradiction = contradiction_notice(setup, fit)
-    return (*setup.noise.notices, *((contradiction,) if contradiction else ()))
+    contradiction = contradiction_warning(setup, fit)
+    return (*setup.noise.warnings, *((contradiction,) if contradiction else ()))
 
 
 def _fit(setup: Setup, reference_alpha: float) -> tuple[Setup, FitResult]:

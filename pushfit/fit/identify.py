@@ -1,4 +1,4 @@
-"""One table through every question: fit, profiles, posterior, criticism, advice.
+"""One table through every question: fit, profiles, posterior, checks, advice.
 
 This is the only place that knows the order of things; commands, batches and reports
 all start from `identify_table`.
@@ -18,10 +18,6 @@ from pushfit.fit.assess.bands import prediction_bands
 from pushfit.fit.assess.identifiability import identifiability
 from pushfit.fit.assess.model_checking import goodness_of_fit
 from pushfit.fit.assess.model_free import model_free_direction
-from pushfit.fit.assess.notices import (
-    handover_notices,
-    result_notices,
-)
 from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.quantities import (
     angle_quantity,
@@ -37,9 +33,13 @@ from pushfit.fit.assess.tilt_check import (
     does_tilt_matter,
     implied_tilt_deg,
     is_worse,
-    tilt_notice,
+    tilt_warning,
 )
-from pushfit.fit.assess.violations import violation_notices, violations
+from pushfit.fit.assess.violations import violation_warnings, violations
+from pushfit.fit.assess.warnings import (
+    handover_warnings,
+    result_warnings,
+)
 from pushfit.fit.environment import environment
 from pushfit.fit.fitted import (
     Fitted,
@@ -56,14 +56,14 @@ from pushfit.fit.results import (
     Identification,
     LikelihoodProfile,
     MechanicsAnswer,
-    Notice,
     PosteriorResult,
     Quantity,
+    ResultWarning,
 )
 from pushfit.fit.stages import Stages, stages_of
+from pushfit.parameters import ANGLES
 
 # What one row of a table says of likelihood sets.
-ANGLES = ("theta_c", "alpha_star")
 
 
 def identify_table(
@@ -107,7 +107,7 @@ def identify_table(
     answers = _leading_first(answers)
     fitted = answers[0].fitted if answers else fits[0]
     stages.begin(f"likelihood sets by {_mechanics(fitted)} mechanics")
-    profiles = _profiles(fitted, ANGLES if is_brief else None)
+    profiles = _profiles(fitted, tuple(ANGLES) if is_brief else None)
     if not answers:
         hearing.confined(fitted, profiles.get("theta_c"))
         stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
@@ -150,7 +150,7 @@ def _conclude(
         "with_sets": not is_brief,
     }
     problem = fitted.setup.problem
-    criticism = goodness_of_fit(
+    goodness = goodness_of_fit(
         fitted.table,
         fitted.fit,
         fitted.setup.noise,
@@ -178,13 +178,13 @@ def _conclude(
             posterior.samples,
             posterior.prior_samples,
         ),
-        goodness_of_fit=criticism,
+        goodness_of_fit=goodness,
         bands=()
         if is_brief
         else prediction_bands(
             fitted.table, problem, fitted.fit, posterior.samples, prob=prob
         ),
-        warnings=(*fitted.notices, *handover_notices(posterior)),
+        warnings=(*fitted.warnings, *handover_warnings(posterior)),
         status=posterior.status,
         seed=seed,
         versions=environment(),
@@ -198,7 +198,7 @@ def _with_words(
     """The result with what its verdicts warn of and call for."""
     setup = fitted.setup
     tilt_deg = implied_tilt_deg(setup, found.posterior)
-    tilt = tilt_notice(fitted.config, found.by_mechanics, tilt_deg)
+    tilt = tilt_warning(fitted.config, found.by_mechanics, tilt_deg)
     advice = measurements(
         setup.problem,
         verdicts={q.name: q.verdict for q in (found.theta_c, found.alpha_star)},
@@ -211,8 +211,8 @@ def _with_words(
         identifiability=told,
         warnings=(
             *found.warnings,
-            *result_notices(setup, found),
-            *violation_notices(
+            *result_warnings(setup, found),
+            *violation_warnings(
                 violations(fitted.table, setup, fitted.fit),
                 is_adequate=found.goodness_of_fit.is_adequate,
             ),
@@ -234,7 +234,7 @@ def _fitted_by_all(
     table: PeakTable, config: GraspConfig, stages: Stages, hearing: Listener
 ) -> list[Fitted]:
     """Least squares by every mechanics; those that do not fit at all are only said."""
-    fits, notices = [], []
+    fits, warnings = [], []
     for one in config.by_mechanics():
         stages.begin(f"least squares by {one.grasp.mechanics} mechanics")
         try:
@@ -246,8 +246,8 @@ def _fitted_by_all(
             if not fits:
                 raise
             text = f"no fit by {one.grasp.mechanics} mechanics: {error}"
-            notices.append(Notice(code="one_mechanics", text=text))
-    return [replace(fit, notices=(*fit.notices, *notices)) for fit in fits]
+            warnings.append(ResultWarning(code="one_mechanics", text=text))
+    return [replace(fit, warnings=(*fit.warnings, *warnings)) for fit in fits]
 
 
 def _measured(

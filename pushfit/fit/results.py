@@ -45,7 +45,7 @@ class FitStatus(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Notice:
+class ResultWarning:
     """A warning that travels with the result.
 
     Args:
@@ -55,6 +55,10 @@ class Notice:
 
     code: str
     text: str
+
+
+# Its former name.
+Notice = ResultWarning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -434,7 +438,7 @@ class Identification:
     identifiability: IdentifiabilityResult
     goodness_of_fit: GoodnessOfFit
     bands: tuple[Band, ...]
-    warnings: tuple[Notice, ...]
+    warnings: tuple[ResultWarning, ...]
     status: FitStatus
     seed: int
     versions: Mapping[str, str]

@@ -15,18 +15,19 @@ from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
 from pushfit.fit.likelihood.curve import Search
-from pushfit.fit.problem.constraint_terms import with_constraints
-from pushfit.fit.problem.data_coordinates import data_names
-from pushfit.fit.problem.noise import Noise, choose_noise
-from pushfit.fit.problem.priors import (
-    SHARPNESS,
+from pushfit.fit.priors.distributions import (
     Prior,
+    default_prior,
     default_priors,
     priors_from_config,
 )
+from pushfit.fit.problem.constraint_terms import with_constraints
+from pushfit.fit.problem.data_coordinates import data_names
+from pushfit.fit.problem.noise import Noise, choose_noise
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.uninformative import check_informative
 from pushfit.model import Grasp, Pushes, as_float
+from pushfit.parameters import SIGNED
 
 # One compiled program serves every table of up to this many rows, then of twice as
 # many, and so on: recompiling for each length costs seconds.
@@ -92,15 +93,15 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
     )
     if not has_direction:
         # One azimuth: B is the stiffness along it, and an ellipse has no meaning.
-        priors = {n: p for n, p in priors.items() if n not in ("e1", "e2")}
-        fixed |= {"e1": 0.0, "e2": 0.0}
+        priors = {n: p for n, p in priors.items() if n not in SIGNED}
+        fixed |= dict.fromkeys(SIGNED, 0.0)
     if config.grasp.preload[0] == "estimate":
         force = tallest / float(grasp.gain)
         priors.setdefault("F_0", Prior("lognormal", force, 1.0))
     else:
         priors.pop("F_0", None)
     if config.transition.sharpness == "auto":
-        priors.setdefault("p", Prior(*SHARPNESS))
+        priors.setdefault("p", default_prior("p"))
     else:
         priors.pop("p", None)
     if noise.kind == "sampled":

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted
+from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.results import Identification, Verdict
+from pushfit.parameters import STIFFNESSES
 
 # Weaker correlations change no reading of the intervals.
 MIN_CORRELATION = 0.3

@@ -9,52 +9,11 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
+from pushfit.parameters import NAMED
+
 # Words of units in tables and in `Quantity.unit` on the left, as printed on the right.
 UNITS = {"deg": "°", "n": "N", "kpa": "kPa", "au": "a.u."}
 NO_UNIT = frozenset({"", "-", "–", "1"})
-
-# Letters for prose and, as mathtext, for figures.
-SYMBOLS = {
-    "theta_c": ("θ_c", r"$\theta_c$"),
-    "alpha_star": ("α*", r"$\alpha^*$"),
-    "K_sn": ("K_sn", r"$K_{sn}$"),
-    "K_dn": ("K_dn", r"$K_{dn}$"),
-    "K_st": ("K_st", r"$K_{st}$"),
-    "C_rr": ("C_rr", r"$C_{rr}$"),
-    "C_d": ("C_d", r"$C_d$"),
-    "L": ("L", r"$L$"),
-    "A": ("A", r"$A$"),
-    "B": ("B", r"$B$"),
-    "ln_A": ("ln A", r"$\ln A$"),
-    "ln_B": ("ln B", r"$\ln B$"),
-    "ln_C_rr": ("ln C_rr", r"$\ln C_{rr}$"),
-    "F_0": ("F_0", r"$F_0$"),
-    "p": ("p", r"$p$"),
-    "e1": ("e1", r"$e_1$"),
-    "e2": ("e2", r"$e_2$"),
-    "f1": ("f1", r"$f_1$"),
-    "f2": ("f2", r"$f_2$"),
-}
-
-# What a reader who hovers over a letter is told.
-MEANINGS = {
-    "theta_c": "critical angle: pushes below it make the object roll",
-    "alpha_star": "best push direction: the azimuth that resists least",
-    "K_sn": "normal stiffness of the support finger",
-    "K_dn": "normal stiffness of the contact",
-    "K_st": "tangential stiffness of the support finger",
-    "C_rr": "rolling friction coefficient",
-    "C_d": "rotational stiffness of the contact: torque over tilt",
-    "L": "distance between the pushing and the supporting contact",
-    "A": "normal stiffness that the heights meet: K_sn and K_dn in series",
-    "B": "tangential stiffness that the heights meet while nothing rolls",
-    "F_0": "preload of the grasp",
-    "p": "sharpness of the transition from rolling to elastic",
-    "e1": "ellipse of K_st: logarithm of its stretch along x against y",
-    "e2": "ellipse of K_st: the same along the diagonals",
-    "f1": "ellipse of B: logarithm of its stretch along x against y",
-    "f2": "ellipse of B: the same along the diagonals",
-}
 
 # The largest uncertainty that still shows whole degrees (two digits of it).
 COARSE_DEG = 99.0
@@ -105,7 +64,7 @@ def symbol(name: str) -> str:
     Args:
         name: Stable name of the quantity.
     """
-    return SYMBOLS[name][0] if name in SYMBOLS else printable(name)
+    return NAMED[name].prose if name in NAMED else printable(name)
 
 
 def decimals_for(spread: float) -> int:

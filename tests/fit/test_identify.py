@@ -175,14 +175,14 @@ def test_pushes_that_lift_the_finger_off_are_left_out():
     is_lost = float(case.grasp.preload) + A * np.sin(fitted.table.theta) < 0
     assert float(case.grasp.preload) + A * np.sin(lifted) < 0
     np.testing.assert_array_equal(~fitted.table.is_used, is_lost)
-    assert {notice.code for notice in fitted.notices} >= {"lost_contact"}
+    assert {warning.code for warning in fitted.warnings} >= {"lost_contact"}
 
 
 def test_standard_deviations_that_repeats_contradict_are_widened():
     table = case_table(CASES["firm"], noise=0.05, seed=3)
     frame = table.frame.assign(height_sd_n=0.005)
     fitted = fit_table(type(table).from_frame(frame), config())
-    assert "sd_contradicted" in {notice.code for notice in fitted.notices}
+    assert "sd_contradicted" in {warning.code for warning in fitted.warnings}
     # 48 degrees of freedom: sigma is known to 10 %; four of them.
     np.testing.assert_allclose(np.median(fitted.fit.sigma), 0.05, rtol=0.4)
 
@@ -191,14 +191,14 @@ def test_scatter_beyond_the_stated_sd_widens_every_interval():
     table = case_table(CASES["firm"], noise=0.05, seed=3, repeats=1)
     frame = table.frame.assign(height_sd_n=0.005)
     fitted = fit_table(type(table).from_frame(frame), config())
-    assert "scatter_exceeds_sd" in {notice.code for notice in fitted.notices}
+    assert "scatter_exceeds_sd" in {warning.code for warning in fitted.warnings}
     assert np.median(fitted.fit.sigma) > 0.025
 
 
 def test_a_fixed_value_that_the_heights_contradict_is_named():
     table = case_table(CASES["firm"], noise=0.03)
     fitted = fit_table(table, config("[parameters.K_sn]\nfixed = 300.0\n"))
-    codes = {notice.code for notice in fitted.notices}
+    codes = {warning.code for warning in fitted.warnings}
     assert "fixed_value_contradicted" in codes
 
 
@@ -276,5 +276,5 @@ def test_noise_is_chosen_by_its_evidence(noise, chosen):
     fitted = fit_table(table, config('[noise]\nlikelihood = "auto"\n'))
     assert fitted.setup.problem.likelihood == chosen
     assert fitted.config.noise.likelihood == chosen
-    codes = [notice.code for notice in fitted.notices]
+    codes = [warning.code for warning in fitted.warnings]
     assert ("student_t_chosen" in codes) == (chosen == "student_t")

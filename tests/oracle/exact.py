@@ -13,15 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.conditional_prior import (
+from pushfit.fit.priors.conditional_prior import (
     ConditionalPrior,
     make_conditional_prior,
 )
+from pushfit.fit.priors.quadrature import draw_from_nodes
+from pushfit.fit.priors.tabulated_density import LogDensity, Table, make_table
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import encode, prior_x_samples
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.quadrature import draw_from_nodes
-from pushfit.fit.problem.tabulated_density import LogDensity, Table, make_table
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup

@@ -17,8 +17,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from pushfit.fit.priors.tabulated_density import Table
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.tabulated_density import Table
 from pushfit.model import Contact, Scalar, contact
 from tests.oracle.cells import GAUSS, KRONROD, NODES
 from tests.oracle.noise_grid import NoiseGrid

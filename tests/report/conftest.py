@@ -17,8 +17,8 @@ from pushfit.fit.results import (
     Identification,
     LikelihoodProfile,
     Mode,
-    Notice,
     PredictiveCheck,
+    ResultWarning,
     Verdict,
 )
 from tests.report.makers import (
@@ -121,7 +121,9 @@ def make_identification() -> Callable[..., Identification]:
             ),
             bands=make_bands(table),
             warnings=(
-                Notice(code="pushes_left_out", text="1 push was left out: saturated."),
+                ResultWarning(
+                    code="pushes_left_out", text="1 push was left out: saturated."
+                ),
             ),
             status=FitStatus.OK,
             seed=11,
@@ -259,13 +261,13 @@ def hostile(make_identification, determined) -> Identification:
     """Everything a user can name is an attack on terminal, page and file."""
     source = Source(path=HOSTILE, sha256="00" * 32, dialect=HOSTILE)
     quality = replace(determined.goodness_of_fit, sentence=HOSTILE, outliers=(HOSTILE,))
-    notice = Notice(code="hostile", text=HOSTILE)
+    warning = ResultWarning(code="hostile", text=HOSTILE)
     advice = replace(determined.identifiability, advice=(HOSTILE,))
     parameters = tuple(replace(q, note=HOSTILE) for q in determined.parameters)
     return make_identification(
         table=replace(determined.table, sources=(source,), notes=(HOSTILE,)),
         goodness_of_fit=quality,
-        warnings=(notice,),
+        warnings=(warning,),
         identifiability=advice,
         parameters=parameters,
         versions={"pushfit": HOSTILE},

@@ -13,13 +13,13 @@ from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.problem.problem import OF_GRASP, STUDENT_DOF
+from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.model import Grasp
+from pushfit.parameters import PARAMETERS
 
 # Draws of a belief, always as many: programs are compiled for one shape. A gain from
 # so many loses 0.4 % of the best one, from 500 it loses 4 %.
 N_DRAWS = 8192
-PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "e1", "e2", *OF_GRASP)
 # Words that ask for angles.
 ANGLES: dict[str, tuple[str, ...]] = {
     "theta_c": ("theta_c",),

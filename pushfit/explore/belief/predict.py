@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.explore.belief.belief import Belief
-from pushfit.fit.problem.problem import OF_GRASP, grasp_with
+from pushfit.fit.problem.problem import grasp_with
 from pushfit.fit.programs import compiled
 from pushfit.model import Channels, Grasp, Parameters, Pushes, as_float, forward
+from pushfit.parameters import OF_GRASP
 
 # Candidates are padded to multiples of this, so that few programs are compiled.
 PADDING = 32

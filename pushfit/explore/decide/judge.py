@@ -19,13 +19,13 @@ from pushfit.explore.decide.intervals import Target, shortest_interval
 from pushfit.explore.decide.survey import Survey
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import (
-    SYMBOLS,
     Answer,
     Interval,
     Purpose,
     State,
     Told,
 )
+from pushfit.parameters import ANGLES
 
 # Without a word on the noise an interval may be narrow by chance: noise taken 1.5
 # times too small leaves 72 % coverage of 90 %.
@@ -243,7 +243,7 @@ class Judge:
             for angle, interval in state.intervals.items()
         )
         half, n = f"± {self.width / 2:g}°", state.n_pushes
-        names = " and ".join(SYMBOLS[angle] for angle in state.intervals)
+        names = " and ".join(ANGLES[angle].prose for angle in state.intervals)
         match state.answer:
             case Answer.DECIDED:
                 text = f"{names} decided to {half} after {n} pushes: {known}."
@@ -277,7 +277,7 @@ class Judge:
 
     def _known(self, belief: Belief, angle: str, interval: Interval | None) -> str:
         """What is known of one angle, in words."""
-        symbol = SYMBOLS[angle]
+        symbol = ANGLES[angle].prose
         if interval is not None:
             low, high = interval
             return f"{symbol} in {low:.1f}° to {high:.1f}° ({self.prob:.0%})"

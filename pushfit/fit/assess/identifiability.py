@@ -12,13 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.problem import OF_GRASP, Problem
+from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import residuals_at
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import Combination, IdentifiabilityResult
 from pushfit.model import Parameters, as_float, contact
+from pushfit.parameters import OF_GRASP, POSITIVE, SIGNED
 
-LOG_PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0", "p")
 # Singular values below this share of the largest are rounding.
 RANK_TOLERANCE = 1e-8
 # A direction counts as fixed by the data when they remove this share of its prior
@@ -73,7 +73,7 @@ def identifiability(
 
 def free_parameters(problem: Problem) -> tuple[str, ...]:
     """Names of the free parameters that forces may depend on, logs first."""
-    names = (*LOG_PARAMETERS, "e1", "e2")
+    names = (*POSITIVE, *SIGNED)
     return tuple(name for name in names if name in problem.priors)
 
 
@@ -92,7 +92,7 @@ def power_product(names: tuple[str, ...], direction: Float[np.ndarray, " p"]) ->
     for name, exponent in zip(names, scaled, strict=True):
         if abs(exponent) < SMALLEST_EXPONENT:
             continue
-        if name in ("e1", "e2"):
+        if name in SIGNED:
             terms.append(f"exp({exponent:.2g} {name})")
         else:
             is_one = abs(exponent - 1) < SMALLEST_EXPONENT / 2
@@ -101,7 +101,7 @@ def power_product(names: tuple[str, ...], direction: Float[np.ndarray, " p"]) ->
 
 
 def _scaled(name: str, values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    return values if name in ("e1", "e2") else np.log(values)
+    return values if name in SIGNED else np.log(values)
 
 
 def _log_jacobian(
@@ -123,7 +123,7 @@ def _data_coordinates(
     def coordinates(values: Float[Array, " p"]) -> Float[Array, " q"]:
         point = dict(problem.fixed)
         for name, value in zip(names, values, strict=True):
-            point[name] = value if name in ("e1", "e2") else jnp.exp(value)
+            point[name] = value if name in SIGNED else jnp.exp(value)
         rest = {name: point.pop(name) for name in OF_GRASP if name in point}
         group = contact(Parameters(**point))
         of_group = {"f1": group.f1, "f2": group.f2}

@@ -6,7 +6,8 @@ feature of their residuals is compared with the same feature of the observed one
     p = P( T(h_sim, x) >= T(h, x) | h ).
 
 On data of the model p is near one half more often than a uniform number is, and below a
-level a at most twice as often as a (Meng 1994). Excluded: the verdict (`criticism`).
+level a at most twice as often as a (Meng 1994). Excluded: the verdict
+(`model_checking`).
 
 References:
     Meng (1994), doi:10.1214/aos/1176325622; Gelman, Meng & Stern (1996), Statistica

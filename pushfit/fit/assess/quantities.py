@@ -11,14 +11,11 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.fit.problem.derived import (
-    PARAMETERS,
     contraction,
     equal_tailed_interval,
     highest_density_set,
     median,
 )
-from pushfit.fit.problem.priors import UNITS
-from pushfit.fit.problem.problem import OF_GRASP
 from pushfit.fit.results import (
     LikelihoodProfile,
     Piece,
@@ -27,6 +24,7 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.fit.setup import Setup
+from pushfit.parameters import COMBINATIONS, OF_GRASP, POSITIVE, SIGNED, SIX, unit_of
 
 # Contraction above the first is learned from the data, below the second assumed: the
 # data then shrink the prior's standard deviation by less than a tenth.
@@ -37,7 +35,7 @@ FORMULAS = {
     "f1": "log ratio of the axes of B, part along x",
     "f2": "log ratio of the axes of B, part at 45°",
 }
-LOG_QUANTITIES = ("A", "B", *PARAMETERS, *OF_GRASP)
+LOG_QUANTITIES = ("A", "B", *POSITIVE)
 
 
 def angle_quantity(
@@ -114,12 +112,12 @@ def parameter_quantities(
     Returns:
         The six parameters, e1, e2, F_0, p and sigmas, as far as they exist.
     """
-    names = [*PARAMETERS, "e1", "e2", *OF_GRASP]
-    names = [n for n in names if n in posterior.samples]
+    names = [n for n in (*SIX, *SIGNED, *OF_GRASP) if n in posterior.samples]
     names += [n for n in posterior.samples if n.startswith("sigma_")]
+    newton = "N" if setup.is_calibrated else unit
     quantities = []
     for name in names:
-        parameter_unit = unit_of(name, setup, unit)
+        parameter_unit = unit if name.startswith("sigma_") else unit_of(name, newton)
         prior = setup.problem.priors.get(name)
         quantities.append(
             _quantity(
@@ -158,8 +156,9 @@ def combination_quantities(
     Returns:
         The combinations that were sampled.
     """
+    newton = "N" if setup.is_calibrated else unit
     quantities = []
-    for name in ("A", "B", "f1", "f2"):
+    for name in COMBINATIONS:
         if name not in posterior.samples:
             continue
         profile = profiles.get(name)
@@ -169,7 +168,7 @@ def combination_quantities(
         quantities.append(
             _quantity(
                 name,
-                unit_of(name, setup, unit),
+                unit_of(name, newton),
                 posterior,
                 profile,
                 prob=prob,
@@ -179,14 +178,6 @@ def combination_quantities(
             )
         )
     return tuple(quantities)
-
-
-def unit_of(name: str, setup: Setup, unit: str) -> str:
-    """Unit of a parameter, in the sensor's own unit of force without a calibration."""
-    if name.startswith("sigma_"):
-        return unit
-    plain = UNITS.get(name, "N/m" if name in ("A", "B") else "1")
-    return plain if setup.is_calibrated else plain.replace("N", unit)
 
 
 def _quantity(

@@ -11,12 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from pushfit.fit.results import FitStatus, Identification, Piece, Quantity, Verdict
+from pushfit.parameters import ANGLES, STIFFNESSES
 
 Pieces = tuple[Piece, ...]
 
-ANGLES = ("theta_c", "alpha_star")
-# Proportional to the unknown where the push length is unknown.
-STIFFNESSES = frozenset({"K_sn", "K_dn", "K_st", "C_d", "A", "B"})
 # What no model was needed for.
 MODEL_FREE = "alpha_star_model_free"
 # Verdicts that stand where the model does not describe the heights: they claim nothing.

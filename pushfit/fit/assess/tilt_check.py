@@ -4,12 +4,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
-from pushfit.fit.problem.derived import PARAMETERS, equal_tailed_interval, median
+from pushfit.fit.problem.derived import equal_tailed_interval, median
 from pushfit.fit.programs import compiled
-from pushfit.fit.results import MechanicsAnswer, Notice, PosteriorResult
+from pushfit.fit.results import MechanicsAnswer, PosteriorResult, ResultWarning
 from pushfit.fit.setup import Setup
 from pushfit.mechanics.displacements import displacements
 from pushfit.model import Grasp, Parameters, Pushes
+from pushfit.parameters import SIGNED, SIX
 from pushfit.registry import mechanics_named
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
@@ -35,7 +36,7 @@ def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
         Tilt of the push that tilts the object most [deg].
     """
     problem = setup.problem
-    names = [n for n in (*PARAMETERS, "e1", "e2") if n in posterior.samples]
+    names = [n for n in (*SIX, *SIGNED) if n in posterior.samples]
     middle = {n: float(np.median(posterior.samples[n])) for n in names}
     params = Parameters(**middle)
     tilt = np.asarray(_tilt(params, problem.pushes, problem.grasp))
@@ -105,9 +106,9 @@ def is_worse(tilting: MechanicsAnswer, linear: MechanicsAnswer) -> bool:
     return tilting.log_evidence < linear.log_evidence - WORSE
 
 
-def tilt_notice(
+def tilt_warning(
     config: GraspConfig, answers: tuple[MechanicsAnswer, ...], tilt_deg: float
-) -> Notice | None:
+) -> ResultWarning | None:
     """Warn of a large tilt where the paper's equations lead all the same.
 
     Args:
@@ -135,7 +136,7 @@ def tilt_notice(
             "θ_c may be off by several degrees beyond its interval. It is not computed "
             f"by tilting mechanics: {reason}"
         )
-    return Notice(code="large_tilt", text=text)
+    return ResultWarning(code="large_tilt", text=text)
 
 
 @compiled

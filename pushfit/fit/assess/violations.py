@@ -22,7 +22,7 @@ from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
 from pushfit.fit.likelihood.angle_errors import angle_slopes
 from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.repeat_effects import repeat_p_value
-from pushfit.fit.results import FitResult, Notice
+from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.fit.setup import Setup
 
 # Chance of naming an assumption that holds, per alternative.
@@ -94,9 +94,9 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     return tuple(sorted(kept, key=lambda v: v.p_value))
 
 
-def violation_notices(
+def violation_warnings(
     found: tuple[Violation, ...], *, is_adequate: bool
-) -> tuple[Notice, ...]:
+) -> tuple[ResultWarning, ...]:
     """What the most telling alternative is, if it tells enough.
 
     Args:
@@ -109,7 +109,7 @@ def violation_notices(
     """
     level = LEVEL if is_adequate else LEVEL_IF_REJECTED
     return tuple(
-        Notice(code=v.code, text=v.text) for v in found[:1] if v.p_value < level
+        ResultWarning(code=v.code, text=v.text) for v in found[:1] if v.p_value < level
     )
 
 

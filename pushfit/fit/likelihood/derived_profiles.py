@@ -14,6 +14,7 @@ from jaxtyping import Float
 from pushfit.fit.likelihood.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import LikelihoodProfile
+from pushfit.parameters import unit_of
 
 Map = Callable[[Float[np.ndarray, " g"]], Float[np.ndarray, " g"]]
 
@@ -22,7 +23,7 @@ def implied_profiles(
     problem: Problem,
     profiles: Mapping[str, LikelihoodProfile],
     *,
-    unit: Callable[[str], str],
+    newton: str,
 ) -> dict[str, LikelihoodProfile]:
     """Profiles of the free parameters among the six, C_rr excepted.
 
@@ -32,7 +33,7 @@ def implied_profiles(
     Args:
         problem: Problem; says which parameters are fixed.
         profiles: Profiles of A and B, as far as the data meet them.
-        unit: Unit of each parameter.
+        newton: Unit of force.
 
     Returns:
         Profiles by name, on an empty grid for parameters that the data do not bound.
@@ -45,10 +46,14 @@ def implied_profiles(
                 _partner_of_series(fixed.get(partner)),
                 partner not in fixed,
             )
-            found[name] = _mapped(name, profiles["A"], map_, is_bound, unit(name))
+            found[name] = _mapped(
+                name, profiles["A"], map_, is_bound, unit_of(name, newton)
+            )
     if "B" in profiles:
         for name, (map_, is_bound) in _tangential(fixed).items():
-            found[name] = _mapped(name, profiles["B"], map_, is_bound, unit(name))
+            found[name] = _mapped(
+                name, profiles["B"], map_, is_bound, unit_of(name, newton)
+            )
     return found
 
 

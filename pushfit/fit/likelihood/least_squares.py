@@ -17,7 +17,7 @@ from pushfit.fit.likelihood.angle_errors import angle_scatter
 from pushfit.fit.likelihood.curve import search
 from pushfit.fit.likelihood.weights import (
     height_share,
-    share_notice,
+    share_warning,
     with_known_noise,
     with_noise_of,
 )
@@ -253,7 +253,7 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         pool = setup.search.curve.points
         setup = replace(setup, search=search(problem, reference_alpha, pool))
     if noise.height_share is None:
-        noise = replace(noise, notices=(*noise.notices, share_notice(share)))
+        noise = replace(noise, warnings=(*noise.warnings, share_warning(share)))
     return replace(setup, problem=problem, noise=noise)
 
 

@@ -17,10 +17,10 @@ from pushfit.fit.likelihood.held import imposable
 from pushfit.fit.likelihood.least_squares import costs_at, searched
 from pushfit.fit.likelihood.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.problem.derived import critical_angles
-from pushfit.fit.problem.priors import UNITS
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.setup import Setup
+from pushfit.parameters import unit_of
 
 # The ellipse is reported by its axis; the others are held by what is known beforehand.
 UNPROFILED = ("f1", "f2", "ln_s", "ln_L", "ln_p")
@@ -57,6 +57,7 @@ def likelihood_profiles(
         parameters of the six, as far as each exists.
     """
     dof = degrees_of_freedom(setup, fit)
+    newton = "N" if setup.is_calibrated else "sensor unit"
     level = threshold(prob, dof)
     curves = _curves(setup, fit, reference_alpha, level, wanted)
     words = {"prob": prob, "degrees_of_freedom": dof}
@@ -72,16 +73,14 @@ def likelihood_profiles(
         pieces = pieces_below(values, delta, level)
         profiles[short] = LikelihoodProfile(
             name=short,
-            unit="deg" if is_angle else _unit(short, setup),
+            unit=unit_of(short, newton),
             values=values,
             delta_chi_square=delta,
             pieces=pieces,
             verdict=verdict_of(pieces),
             **words,
         )
-    return profiles | implied_profiles(
-        setup.problem, profiles, unit=lambda name: _unit(name, setup)
-    )
+    return profiles | implied_profiles(setup.problem, profiles, newton=newton)
 
 
 def degrees_of_freedom(setup: Setup, fit: FitResult) -> float:
@@ -89,11 +88,6 @@ def degrees_of_freedom(setup: Setup, fit: FitResult) -> float:
     if setup.noise.kind == "sampled":
         return float(max(fit.degrees_of_freedom, 1))
     return float(setup.noise.degrees_of_freedom)
-
-
-def _unit(name: str, setup: Setup) -> str:
-    plain = UNITS.get(name, "N/m")
-    return plain if setup.is_calibrated else plain.replace("N", "sensor unit")
 
 
 def _curves(

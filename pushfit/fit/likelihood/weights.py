@@ -12,7 +12,7 @@ import scipy
 from jaxtyping import Float
 
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.results import Notice
+from pushfit.fit.results import ResultWarning
 from pushfit.model import as_float
 
 # Largest variance of a component, in mean squares of the errors, and where it is sought
@@ -114,13 +114,13 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
     return replace(problem, reference_sigma=as_float(sigma))
 
 
-def share_notice(share: float) -> Notice:
+def share_warning(share: float) -> ResultWarning:
     """Say which noise in proportion to the height the residuals show.
 
     Args:
         share: It, as a share of the height.
     """
-    return Notice(
+    return ResultWarning(
         code="height_share",
         text=f"beside a constant part heights scatter by {share:.2g} of their size, as "
         f"their residuals have it; [noise] height_share = {share:.2g} keeps it",

@@ -14,8 +14,8 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.identify import identify_table
+from pushfit.fit.population.prior_tables import prior_tables
 from pushfit.fit.population.result_row import Cell, flat_values, pooled_draws
-from pushfit.fit.problem.prior_tables import prior_tables
 from pushfit.fit.setup import build_problem
 
 

@@ -13,9 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted
-from pushfit.fit.problem.tabulated_density import Table
+from pushfit.fit.assess.reporting_rules import is_trusted
+from pushfit.fit.priors.tabulated_density import Table
 from pushfit.fit.results import Identification, Quantity
+from pushfit.parameters import STIFFNESSES
 
 Cell = float | int | str | None
 
@@ -74,7 +75,7 @@ def pooled_draws(
     Args:
         identification: The result.
         priors: Prior densities of ln A, ln B and ln C_rr; see
-            `pushfit.fit.problem.prior_tables.prior_tables`.
+            `pushfit.fit.population.prior_tables.prior_tables`.
 
     Returns:
         `theta_c_deg` [deg], NaN where the contact never rolls, and `ln_A`, `ln_B` and

@@ -14,8 +14,8 @@ from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import Piece
 from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.model import as_float, contact
+from pushfit.parameters import SIX
 
-PARAMETERS = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
 # Period of an axis: pushing along α and along α + 180° is the same line [deg].
 HALF_TURN = 180.0
 # Data coordinates of one call.
@@ -97,7 +97,7 @@ def _quantities(
         p, group = state.params, contact(state.params)
         grasp = state.grasp(problem.grasp)
         angle = critical_angle(p, grasp, reference_alpha)
-        values = {name: getattr(p, name) for name in PARAMETERS}
+        values = {name: getattr(p, name) for name in SIX}
         values |= {"A": group.A, "B": group.B, "theta_c": jnp.degrees(angle)}
         if "e1" in problem.priors:
             direction = best_direction(p, grasp, theta, reach=reach)

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.results import Notice
+from pushfit.fit.results import ResultWarning
 
 # A pooled sd from 20 degrees of freedom is known to 16 %, and a 90 % interval that
 # takes it as exact covers 88.4 %; with fewer, sigma is sampled instead.
@@ -43,7 +43,7 @@ class Noise:
             scatters by as well [rad].
         height_share: Noise in proportion to the height, as a share of it; None where
             the residuals are to tell.
-        notices: What the user should know.
+        warnings: What the user should know.
     """
 
     kind: str
@@ -52,7 +52,7 @@ class Noise:
     degrees_of_freedom: float
     angle_sd: tuple[float, float] = (0.0, 0.0)
     height_share: float | None = 0.0
-    notices: tuple[Notice, ...] = ()
+    warnings: tuple[ResultWarning, ...] = ()
 
     @property
     def follows_fit(self) -> bool:
@@ -81,7 +81,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     height_share = None if share == "estimate" else float(share)
     # Both make repeats scatter beyond the sd of their heights, and unequally.
     is_uneven = any(angle_sd) or height_share != 0
-    notices: tuple[Notice, ...] = ()
+    warnings: tuple[ResultWarning, ...] = ()
     if choice == "given" and sds is None:
         raise ConfigError(
             '[noise] sigma = "given", but the table lacks a height_sd_ column for '
@@ -89,7 +89,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             code="no_given_sigma",
         )
     if choice == "auto" and sds is not None:
-        choice, notices = ("given", ()) if is_uneven else _believed(table, sds)
+        choice, warnings = ("given", ()) if is_uneven else _believed(table, sds)
     if choice == "given" and sds is not None:
         return Noise(
             kind=choice,
@@ -133,7 +133,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             sd=no_sd,
             sigma=constant,
             degrees_of_freedom=float(dof),
-            notices=notices,
+            warnings=warnings,
         )
     first = {n: np.hypot(constant[n], known[n]) for n in known}
     return Noise(
@@ -143,7 +143,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
         degrees_of_freedom=np.nan,
         angle_sd=angle_sd,
         height_share=height_share,
-        notices=notices,
+        warnings=warnings,
     )
 
 
@@ -166,7 +166,7 @@ def _given(table: PeakTable) -> dict[str, Float[np.ndarray, " n"]] | None:
 
 def _believed(
     table: PeakTable, sds: Mapping[str, Float[np.ndarray, " n"]]
-) -> tuple[str, tuple[Notice, ...]]:
+) -> tuple[str, tuple[ResultWarning, ...]]:
     """Kind of noise model, by what repeats say of the given standard deviations."""
     p_value, ratio = _contradiction(table, sds)
     if p_value > CONTRADICTION_LEVEL:
@@ -175,7 +175,7 @@ def _believed(
         f"repeated pushes scatter {ratio:.1f} times as much as their standard "
         "deviations say; the extra scatter is estimated and added to them"
     )
-    return "sampled", (Notice(code="sd_contradicted", text=text),)
+    return "sampled", (ResultWarning(code="sd_contradicted", text=text),)
 
 
 def _contradiction(

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from pushfit.fit.problem.problem import OF_GRASP, Problem, State, grasp_with
+from pushfit.fit.problem.problem import Problem, State, grasp_with
 from pushfit.fit.programs import compiled
 from pushfit.model import (
     Channels,
@@ -23,6 +23,7 @@ from pushfit.model import (
     contact,
     forward,
 )
+from pushfit.parameters import OF_GRASP
 
 # Points and pushes of one call.
 N_POINTS, N_PUSHES = 128, 128

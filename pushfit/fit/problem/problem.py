@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from pushfit.fit.priors.distributions import Prior
 from pushfit.fit.problem.data_coordinates import data_point
-from pushfit.fit.problem.priors import Prior
 from pushfit.mechanics.coordinates import Coordinates, log_volume, parameters
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import (
@@ -28,12 +28,10 @@ from pushfit.model import (
     as_float,
     forward,
 )
+from pushfit.parameters import OF_GRASP, SIGNED, SIX
 
 # Degrees of freedom of the Student-t likelihood: heavy tails with a finite variance.
 STUDENT_DOF = 4.0
-# Numbers of the grasp that may be unknown, and its fields.
-OF_GRASP = {"F_0": "preload", "p": "sharpness"}
-
 
 P = TypeVar("P", Parameters, Contact)
 
@@ -297,11 +295,9 @@ def _prior_scale(
 ) -> dict[str, Scalar]:
     """Every quantity that may have a prior, on the scale of that prior."""
     p = state.params
-    scale = {
-        name: jnp.log(getattr(p, name))
-        for name in ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
-    }
-    scale |= {"e1": p.e1, "e2": p.e2, "F_0": jnp.log(state.preload)}
+    scale = {name: jnp.log(getattr(p, name)) for name in SIX}
+    scale |= {name: getattr(p, name) for name in SIGNED}
+    scale["F_0"] = jnp.log(state.preload)
     if state.sharpness is not None:
         scale["p"] = jnp.log(state.sharpness)
     for channel, sigma in zip(channels, state.sigma, strict=True):

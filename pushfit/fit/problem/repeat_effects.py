@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.results import Notice
+from pushfit.fit.results import ResultWarning
 
 # Rounds of least squares in turn for gains; each leaves a share of the noise's of it.
 N_ROUNDS = 20
@@ -55,7 +55,7 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
     return replace(table, frame=table.frame.assign(**columns))
 
 
-def repeat_notice(before: PeakTable, after: PeakTable, kind: str) -> Notice:
+def repeat_warning(before: PeakTable, after: PeakTable, kind: str) -> ResultWarning:
     """Say what was taken out of the heights of each repeat.
 
     Args:
@@ -80,7 +80,7 @@ def repeat_notice(before: PeakTable, after: PeakTable, kind: str) -> Notice:
             words = [f"a factor of {value:.3g}" for value in new / old]
         each = (f"{word} ({label})" for label, word in zip(labels, words, strict=True))
         said.append(f"{channel}_{before.unit} by {', '.join(each)}")
-    return Notice(
+    return ResultWarning(
         code=f"repeat_{kind}s",
         text=f"whole repeats were brought together before the fit, {'; '.join(said)}; "
         '[noise] repeats = "alike" leaves them as they are',

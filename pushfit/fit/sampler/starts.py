@@ -13,13 +13,13 @@ from jaxtyping import Float, Int
 
 from pushfit.errors import FitError
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.problem.priors import POSITIVE, UNITS
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import FitResult
 from pushfit.fit.sampler.chains import advance
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.model import as_float
+from pushfit.parameters import PARAMETERS, POSITIVE
 
 # Share of the points that a step of the cooling may leave without weight, and steps of
 # the walkers after each, whose proposals are fitted to so many points: mode weights
@@ -81,7 +81,7 @@ def _check_finite(
     params = problem.state(as_float(points[0])).params
     free = [n for n in problem.priors if n in POSITIVE and hasattr(params, n)]
     values = ", ".join(
-        f"{n} = {float(getattr(params, n)):.4g} {UNITS[n]} "
+        f"{n} = {float(getattr(params, n)):.4g} {PARAMETERS[n].unit} "
         f"(prior: {problem.priors[n].describe()})"
         for n in free
     )

@@ -12,21 +12,21 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.conditional_prior import SCORES, make_conditional_prior
+from pushfit.fit.priors.conditional_prior import SCORES, make_conditional_prior
+from pushfit.fit.priors.distributions import Prior
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.problem.priors import Prior
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled, kept_arrays
 from pushfit.fit.sweep.repeats import pool_repeats
 from pushfit.fit.sweep.roles import roles_of
 from pushfit.fit.sweep.target import QuantileTable, Target
 from pushfit.model import as_float
+from pushfit.parameters import STIFF
 
 # Draws from the prior: moments good to 2 % of a standard deviation.
 N_DRAWS = 4000
 MAX_SHAPES = 64
 # Stiffnesses whose priors scale with the unit of the heights.
-STIFF = ("K_sn", "K_dn", "K_st", "C_d")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

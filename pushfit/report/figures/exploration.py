@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pushfit.explore.decide.intervals import HALF_TURN
-from pushfit.explore.records import SYMBOLS
+from pushfit.parameters import ANGLES
 from pushfit.report.figures.style import (
     BLACK,
     BLUE,
@@ -145,7 +145,7 @@ def _draw_known(axes: "Axes", known: Known) -> None:
     axes.set(
         xlim=(low, high),
         ylim=(0, 1.4 * top),
-        xlabel=f"{SYMBOLS[known.name]} [deg]",
+        xlabel=f"{ANGLES[known.name].prose} [deg]",
         ylabel="density [1/deg]",
         title="What is known",
     )
@@ -204,7 +204,7 @@ def _draw_course(axes: "Axes", course: Course, known: Known) -> None:
     axes.plot(n, course.upper, color=BLUE, marker=".")
     axes.set(
         xlabel="pushes",
-        ylabel=f"{SYMBOLS[known.name]} [deg]",
+        ylabel=f"{ANGLES[known.name].prose} [deg]",
         title="How it went",
         ylim=_padded(course.lower, course.upper),
     )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushfit.errors import ConfigError
-from pushfit.fit.assess.reporting_rules import STIFFNESSES, is_trusted
+from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.likelihood.profile_sets import threshold
 from pushfit.fit.results import (
     FitStatus,
@@ -21,6 +21,7 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
+from pushfit.parameters import STIFFNESSES
 from pushfit.report.answers import (
     HALF_TURN,
     alpha_star_answer,

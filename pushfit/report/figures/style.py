@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar
 
 from pushfit.atomic import atomic_path
+from pushfit.parameters import NAMED
 from pushfit.report.picture_file import picture_format
-from pushfit.report.strings import SYMBOLS, printable, unit_label
+from pushfit.report.strings import printable, unit_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -158,8 +159,8 @@ def math_symbol(name: str) -> str:
     """
     if name.startswith("ln_"):
         return f"ln {math_symbol(name.removeprefix('ln_'))}"
-    if name in SYMBOLS:
-        return SYMBOLS[name][1]
+    if name in NAMED:
+        return NAMED[name].math
     return drawable(name).replace("$", r"\$").replace("_", " ")
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pushfit.fit.results import Piece, Verdict
+from pushfit.parameters import ANGLES
 from pushfit.report.facts import verdict_word
 from pushfit.report.html.pages import render_page
 from pushfit.report.strings import (
@@ -25,7 +26,6 @@ from pushfit.report.strings import (
     with_unit,
 )
 
-ANGLES = ("theta_c", "alpha_star")
 NUMBERS = ("A", "B", "C_rr")
 OK = "ok"
 # Width of an interval's picture, in its own units.

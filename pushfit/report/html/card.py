@@ -5,10 +5,11 @@ import html
 from collections.abc import Sequence
 
 from pushfit.fit.results import FitStatus, Identification
+from pushfit.parameters import NAMED
 from pushfit.report.answers import Answer, alpha_star_answer, theta_c_answer
 from pushfit.report.facts import quantity_cells
 from pushfit.report.html.pages import indexed_html, symbol_html
-from pushfit.report.strings import SYMBOLS, printable, symbol
+from pushfit.report.strings import printable, symbol
 
 # A notebook brings its own fonts and colours, light or dark; the card adds none that
 # would fight them. Styles stand in the elements, because notebooks strip style sheets.
@@ -51,7 +52,7 @@ def latex_table(identification: Identification) -> str:
     lines = [r"\begin{tabular}{lrlll}", r"\toprule"]
     lines += [_latex_line(map(_latex, header)), r"\midrule"]
     for name, *rest in quantity_rows(identification):
-        letter = SYMBOLS[name][1] if name in SYMBOLS else _latex(name)
+        letter = NAMED[name].math if name in NAMED else _latex(name)
         lines.append(_latex_line([letter, *map(_latex, rest)]))
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"])
 
@@ -86,7 +87,7 @@ def card_html(identification: Identification) -> str:
     parts.append(_picture(identification))
     if identification.warnings:
         n = len(identification.warnings)
-        items = [_text("li", notice.text) for notice in identification.warnings]
+        items = [_text("li", warning.text) for warning in identification.warnings]
         title = f"{n} warning{'s' if n > 1 else ''}"
         parts.append(_details(title, f"<ul>{''.join(items)}</ul>"))
     parts.append(_details("All numbers", _table(identification)))

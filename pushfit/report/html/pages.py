@@ -13,7 +13,8 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 from pushfit.errors import ConfigError
-from pushfit.report.strings import MEANINGS, SYMBOLS, symbol
+from pushfit.parameters import NAMED
+from pushfit.report.strings import symbol
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 # Letters with an index, as they occur in prose: K_sn, θ_c, F_0.
 INDEXED = re.compile(
     r"(?<!\w)("
-    + "|".join(re.escape(prose) for prose, _ in SYMBOLS.values() if "_" in prose)
+    + "|".join(re.escape(q.prose) for q in NAMED.values() if "_" in q.prose)
     + r")(?!\w)"
 )
 
@@ -84,9 +85,9 @@ def named(name: str) -> "Markup":
 def symbol_html(name: str) -> str:
     """The same for a page that is no template."""
     shown = indexed_html(symbol(name))
-    if name not in MEANINGS:
+    if name not in NAMED:
         return shown
-    return f'<abbr title="{html.escape(MEANINGS[name])}">{shown}</abbr>'
+    return f'<abbr title="{html.escape(NAMED[name].meaning)}">{shown}</abbr>'
 
 
 def indexed_html(text: str) -> str:

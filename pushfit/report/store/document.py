@@ -18,9 +18,9 @@ from pushfit.fit.results import (
     GoodnessOfFit,
     MechanicsAnswer,
     Mode,
-    Notice,
     Quantity,
     Recipe,
+    ResultWarning,
 )
 from pushfit.report.frames import Correlation
 
@@ -139,7 +139,7 @@ class Summary:
     fit: Fit
     posterior: Posterior
     identifiability: Identifiability
-    warnings: tuple[Notice, ...]
+    warnings: tuple[ResultWarning, ...]
     notes: tuple[str, ...]
     inputs: tuple[Source, ...]
     recipe: Recipe | None

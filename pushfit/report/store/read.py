@@ -29,11 +29,11 @@ from pushfit.fit.results import (
     LikelihoodProfile,
     MechanicsAnswer,
     Mode,
-    Notice,
     Piece,
     PosteriorResult,
     Quantity,
     Recipe,
+    ResultWarning,
     Verdict,
 )
 from pushfit.report.store.archive import CURVES, one_row
@@ -151,7 +151,7 @@ def _identification(
         identifiability=_identifiability(summary["identifiability"]),
         goodness_of_fit=_record(GoodnessOfFit, summary["goodness_of_fit"]),
         bands=_bands(groups),
-        warnings=_records(Notice, summary["warnings"]),
+        warnings=_records(ResultWarning, summary["warnings"]),
         status=_status(summary["status"]),
         seed=summary["seed"],
         versions=dict(summary["versions"]),

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.records import SYMBOLS, Answer, State, Suggestion
-from pushfit.fit.results import Notice
+from pushfit.explore.records import Answer, State, Suggestion
+from pushfit.fit.results import ResultWarning
+from pushfit.parameters import ANGLES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "pushfit.next/1"
 # Likelihood sets that pushes were chosen by cover 60 to 72 % where they state 90 %.
-ADAPTIVE = Notice(
+ADAPTIVE = ResultWarning(
     code="adaptive_pushes",
     text="the pushes were chosen, and stopped, by what earlier ones had said: believe "
     "the posterior intervals; likelihood_sets cover less than they state",
@@ -110,7 +111,7 @@ def progress_line(state: State) -> str:
         state: Where the exploration stands.
     """
     known = ", ".join(
-        f"{SYMBOLS[name]} " + ("?" if i is None else f"{i[0]:.1f}° to {i[1]:.1f}°")
+        f"{ANGLES[name].prose} " + ("?" if i is None else f"{i[0]:.1f}° to {i[1]:.1f}°")
         for name, i in state.intervals.items()
     )
     chance = "" if state.p_budget is None else f", chance {state.p_budget:.0%}"

@@ -19,7 +19,7 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import BIOTAC, simulate_recording, simulate_table
 from pushfit.errors import DataError
-from pushfit.fit.assess.notices import table_notices
+from pushfit.fit.assess.warnings import table_warnings
 from pushfit.model import Grasp, Parameters
 
 TESTS = Path(__file__).parents[2]
@@ -237,8 +237,8 @@ def test_too_few_elevations_are_told_with_the_way_out(n_elevations):
         rng=np.random.default_rng(0),
         unit="counts",
     )
-    notices = {
-        notice.code: notice.text for notice in table_notices(table, GraspConfig())
+    warnings = {
+        warning.code: warning.text for warning in table_warnings(table, GraspConfig())
     }
-    assert f"only {n_elevations} distinct elevation" in notices["few_elevations"]
-    assert "needs several on both sides" in notices["few_elevations"]
+    assert f"only {n_elevations} distinct elevation" in warnings["few_elevations"]
+    assert "needs several on both sides" in warnings["few_elevations"]

@@ -5,7 +5,7 @@ import pytest
 from pushfit.config import GraspConfig, parse_config
 from pushfit.errors import FitError
 from pushfit.fit import identify
-from pushfit.fit.assess.tilt_check import does_tilt_matter, is_worse, tilt_notice
+from pushfit.fit.assess.tilt_check import does_tilt_matter, is_worse, tilt_warning
 from pushfit.fit.setup import build_problem
 from tests.report.makers import make_answer, make_fit, make_table
 
@@ -59,14 +59,14 @@ def test_a_large_tilt_is_warned_of_only_where_the_equations_of_the_paper_lead():
         make_answer("tilting", best=30.0),
     )
     both = settings(MEASURED)
-    assert tilt_notice(both, (tilting, linear), 9.0) is None
-    assert "check L, the push length" in tilt_notice(both, (linear, tilting), 9.0).text
-    assert tilt_notice(both, (linear, tilting), 1.9) is None
-    alone = tilt_notice(settings("[push]\nlength_mm = 5.0\n"), (linear,), 9.0)
+    assert tilt_warning(both, (tilting, linear), 9.0) is None
+    assert "check L, the push length" in tilt_warning(both, (linear, tilting), 9.0).text
+    assert tilt_warning(both, (linear, tilting), 1.9) is None
+    alone = tilt_warning(settings("[push]\nlength_mm = 5.0\n"), (linear,), 9.0)
     assert "up to 9°" in alone.text
     assert "measure it and set parameters.L" in alone.text
     forced = settings(MEASURED + '[grasp]\nmechanics = "linear"\n')
-    assert 'set grasp.mechanics = "auto"' in tilt_notice(forced, (linear,), 9.0).text
+    assert 'set grasp.mechanics = "auto"' in tilt_warning(forced, (linear,), 9.0).text
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_mechanics_that_cannot_be_fitted_are_said_and_stop_nothing(
         setup=build_problem(table, settings()),
         fit=make_fit(table),
         reference_alpha=0.0,
-        notices=(),
+        warnings=(),
     )
 
     def fit_table(_, config, *, searching):
@@ -112,5 +112,5 @@ def test_mechanics_that_cannot_be_fitted_are_said_and_stop_nothing(
     stages = identify.Stages(["least squares by linear mechanics"])
     (only,) = identify._fitted_by_all(fitted.table, fitted.config, stages, Hearing())
     assert heard == [fitted]
-    assert [notice.code for notice in only.notices] == ["one_mechanics"]
-    assert "no finite start" in only.notices[0].text
+    assert [warning.code for warning in only.warnings] == ["one_mechanics"]
+    assert "no finite start" in only.warnings[0].text

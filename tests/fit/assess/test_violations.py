@@ -10,7 +10,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.violations import (
     LEVEL,
     Violation,
-    violation_notices,
+    violation_warnings,
     violations,
 )
 from pushfit.fit.fitted import fit_table
@@ -101,6 +101,6 @@ def test_rounding_speaks_against_nothing():
 
 def test_a_rejected_model_asks_less_of_an_explanation():
     weak = (Violation(code="looks_soft", p_value=0.01, text="set something"),)
-    assert violation_notices(weak, is_adequate=True) == ()
-    (notice,) = violation_notices(weak, is_adequate=False)
-    assert notice.code == "looks_soft"
+    assert violation_warnings(weak, is_adequate=True) == ()
+    (warning,) = violation_warnings(weak, is_adequate=False)
+    assert warning.code == "looks_soft"

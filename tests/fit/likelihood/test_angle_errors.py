@@ -107,7 +107,7 @@ def test_errors_of_the_angles_explain_scatter_beyond_the_sd():
         unit="n",
     )
     stated = fit_table(table, config("[noise]\ntheta_sd_deg = 1.0\n"))
-    assert "scatter_exceeds_sd" not in {n.code for n in stated.notices}
+    assert "scatter_exceeds_sd" not in {n.code for n in stated.warnings}
     plain = fit_table(table, config('[noise]\nsigma = "given"\n'))
     dof = stated.fit.degrees_of_freedom
     low, high = stats.chi2.interval(0.999, dof)

@@ -48,7 +48,7 @@ def test_noise_in_proportion_to_the_height_is_found():
     fitted = fit_table(scattered(share=0.05, constant=0.0, seed=0), config(ESTIMATED))
     error = 0.05 / np.sqrt(2 * 204)
     assert abs(share_of(fitted) - 0.05) < N_SE * error
-    assert [n.code for n in fitted.notices] == ["height_share"]
+    assert [n.code for n in fitted.warnings] == ["height_share"]
 
 
 def test_half_of_all_tables_without_a_share_show_none():

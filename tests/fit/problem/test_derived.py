@@ -6,7 +6,6 @@ import pytest
 from scipy import stats
 
 from pushfit.fit.problem.derived import (
-    PARAMETERS,
     contraction,
     equal_tailed_interval,
     highest_density_set,
@@ -15,6 +14,7 @@ from pushfit.fit.problem.derived import (
 )
 from pushfit.fit.setup import build_problem
 from pushfit.mechanics.directions import best_direction, critical_angle
+from pushfit.parameters import SIX
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -36,7 +36,7 @@ def test_each_draw_is_the_model_at_that_draw(name):
     samples = samples_mapping(problem, x, np.pi / 2, REACH)
     for i, row in enumerate(x):
         state = problem.state(jnp.asarray(row))
-        for parameter in PARAMETERS:
+        for parameter in SIX:
             expected = float(getattr(state.params, parameter))
             np.testing.assert_allclose(samples[parameter][i], expected, rtol=EXACT)
         angle = critical_angle(state.params, problem.grasp, jnp.asarray(np.pi / 2))

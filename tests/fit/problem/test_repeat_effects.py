@@ -62,7 +62,7 @@ def test_noise_within_repeats_is_all_that_a_fit_is_left_with():
     alike = fit_table(moved, config()).fit.sigma[0]
     fitted = fit_table(moved, config('[noise]\nrepeats = "offset"\n'))
     own = fitted.fit.sigma[0]
-    said = {notice.code: notice.text for notice in fitted.notices}
+    said = {warning.code: warning.text for warning in fitted.warnings}
     moves = re.findall(r"([+-][\d.]+) \(\d\)", said["repeat_offsets"])
     # Means of 17 heights, four times their noise.
     np.testing.assert_allclose([float(m) for m in moves], -SHIFT, atol=0.02)

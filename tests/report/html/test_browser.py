@@ -61,11 +61,11 @@ def attacked(make_identification, determined):
     quality = replace(
         determined.goodness_of_fit, sentence=ATTACK, outliers=(ATTACK, ATTACK)
     )
-    (notice,) = determined.warnings
+    (warning,) = determined.warnings
     return make_identification(
         table=table,
         goodness_of_fit=quality,
-        warnings=(replace(notice, code=ATTACK, text=ATTACK),),
+        warnings=(replace(warning, code=ATTACK, text=ATTACK),),
         parameters=tuple(
             replace(q, note=ATTACK, unit=ATTACK) for q in determined.parameters
         ),

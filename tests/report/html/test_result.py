@@ -101,7 +101,7 @@ def test_hostile_text_is_shown_as_text_everywhere(hostile):
     assert "<img src=x" not in text
     assert "{{" in Page(text).text  # printed, not run as a template
     shown = Page(text).text
-    # Source path and dialect, sentence, outlier, notice, advice, note, version, and
+    # Source path and dialect, sentence, outlier, warning, advice, note, version, and
     # the notes of every parameter.
     assert shown.count("<script>alert(1)</script>") >= 8 + len(hostile.parameters)
     assert not {"\x1b", "\u202e"} & set(text)

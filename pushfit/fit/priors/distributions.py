@@ -17,22 +17,10 @@ from jaxtyping import Array, Float
 from pushfit.config import GraspConfig
 from pushfit.fit.programs import compiled
 from pushfit.model import Scalar, as_float
+from pushfit.parameters import OF_GRASP, PARAMETERS, STIFF, Shape
 
-POSITIVE = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L", "F_0", "p")
-UNITS = {
-    "K_sn": "N/m",
-    "K_dn": "N/m",
-    "K_st": "N/m",
-    "C_rr": "1",
-    "C_d": "N·m/rad",
-    "L": "m",
-    "e1": "1",
-    "e2": "1",
-    "F_0": "N",
-    "p": "1",
-}
-# Of the transition where it is to be found out: 5 % lie below 1.5 and above 41.
-SHARPNESS = ("lognormal", 8.0, 1.0)
+# Of a scale read off the data themselves, which is good to a factor of a few.
+SPREAD_OF_A_GUESS = 1.2
 
 
 class Prior(eqx.Module):
@@ -120,12 +108,7 @@ def log_prior_at(prior: Prior, u: Float[Array, " n"]) -> Float[Array, " n"]:
 
 
 def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:
-    """Priors used where `grasp.toml` names none: wide, for fingers and hand-held boxes.
-
-    The medians of the stiffnesses are those of a compliant finger (K_sn 800, K_dn 2000,
-    K_st 400 N/m, C_d 0.5 N·m/rad, L 40 mm) and put θ_c near the middle of its range. A
-    standard deviation of 0.8 in the log spans a factor 14 between the 5 % and 95 %
-    points; L spans a factor 2.7 (24 to 66 mm).
+    """Priors of the parameters that `grasp.toml` does not name.
 
     Args:
         stiffness_scale: Normal series stiffness that the tallest height suggests, for
@@ -135,20 +118,31 @@ def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:
     Returns:
         One prior per parameter.
     """
-    series = 800 * 2000 / 2800
-    scale = 1.0 if stiffness_scale is None else stiffness_scale / series
-    # A scale read off the data itself is only good to a factor of a few.
-    spread = 0.8 if stiffness_scale is None else 1.2
-    return {
-        "K_sn": Prior("lognormal", 800.0 * scale, spread),
-        "K_dn": Prior("lognormal", 2000.0 * scale, spread),
-        "K_st": Prior("lognormal", 400.0 * scale, spread),
-        "C_rr": Prior("lognormal", 0.3, 0.8),
-        "C_d": Prior("lognormal", 0.5 * scale, spread),
-        "L": Prior("lognormal", 0.04, 0.3),
-        "e1": Prior("normal", 0.0, 1.0, is_positive=False),
-        "e2": Prior("normal", 0.0, 1.0, is_positive=False),
-    }
+    names = [n for n, p in PARAMETERS.items() if p.prior and n not in OF_GRASP]
+    priors = {name: default_prior(name) for name in names}
+    if stiffness_scale is None:
+        return priors
+    support, contact = _shape_of("K_sn")[1], _shape_of("K_dn")[1]
+    scale = stiffness_scale / (support * contact / (support + contact))
+    for name in STIFF:
+        kind, median, _ = _shape_of(name)
+        priors[name] = Prior(kind, median * scale, SPREAD_OF_A_GUESS)
+    return priors
+
+
+def default_prior(name: str) -> Prior:
+    """What is known of a parameter of fingers and hand-held boxes.
+
+    Args:
+        name: Parameter that has a default prior in `pushfit.parameters`.
+    """
+    return Prior(*_shape_of(name), PARAMETERS[name].is_positive)
+
+
+def _shape_of(name: str) -> Shape:
+    shape = PARAMETERS[name].prior
+    assert shape is not None
+    return shape
 
 
 def priors_from_config(
@@ -165,10 +159,8 @@ def priors_from_config(
     """
     priors = dict(defaults)
     fixed = {}
-    for name, choice in config.parameters:
-        if choice is None:
-            continue
-        is_positive = name in POSITIVE
+    for name, choice in config.parameters.items():
+        is_positive = PARAMETERS[name].is_positive
         if choice.fixed is not None:
             fixed[name] = float(choice.fixed)
             priors.pop(name, None)

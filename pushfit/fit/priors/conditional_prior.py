@@ -14,9 +14,9 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.priors import Prior
-from pushfit.fit.problem.quadrature import draw_from_nodes, gauss_legendre
-from pushfit.fit.problem.tabulated_density import (
+from pushfit.fit.priors.distributions import Prior
+from pushfit.fit.priors.quadrature import draw_from_nodes, gauss_legendre
+from pushfit.fit.priors.tabulated_density import (
     LogDensity,
     Values,
     make_table,

@@ -9,14 +9,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pushfit.fit.problem.conditional_prior import make_conditional_prior
-from pushfit.fit.problem.derived import PARAMETERS
-from pushfit.fit.problem.priors import Prior
+from pushfit.fit.priors.conditional_prior import make_conditional_prior
+from pushfit.fit.priors.distributions import Prior
+from pushfit.fit.priors.tabulated_density import LogDensity, Table, make_table
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.tabulated_density import LogDensity, Table, make_table
+from pushfit.parameters import SIX, STIFF
 
-# Stiffnesses whose priors scale with the unit of the heights.
-SCALED = ("K_sn", "K_dn", "K_st", "C_d")
 MAX_SHAPES = 256
 # Kind, first and second number of every prior by name; fixed values by name.
 Entries = tuple[tuple[str, str, float, float], ...]
@@ -29,21 +27,21 @@ def prior_tables(problem: Problem) -> dict[str, Table]:
     Args:
         problem: Problem with its priors.
     """
-    priors = {n: p for n, p in problem.priors.items() if n in PARAMETERS}
-    stiff = [priors.get(name) for name in SCALED]
+    priors = {n: p for n, p in problem.priors.items() if n in SIX}
+    stiff = [priors.get(name) for name in STIFF]
     can_scale = all(p is not None and p.kind == "lognormal" for p in stiff)
     scale = float(priors["K_sn"].first) if can_scale else 1.0
     entries = []
     for name, prior in sorted(priors.items()):
         first = float(prior.first)
-        if can_scale and name in SCALED:
+        if can_scale and name in STIFF:
             # Nine digits, so that rounding cannot make two shapes of one.
             first = float(f"{first / scale:.9g}")
         entries.append((name, prior.kind, first, float(prior.second)))
     fixed = tuple(
         (name, float(value))
         for name, value in sorted(problem.fixed.items())
-        if name in PARAMETERS
+        if name in SIX
     )
     by = {"A": np.log(scale), "B": np.log(scale), "C_rr": 0.0}
     shape = _shape(tuple(entries), fixed)

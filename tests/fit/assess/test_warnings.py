@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pushfit.fit.assess.notices import bound_notices, table_notices
+from pushfit.fit.assess.warnings import bound_warnings, table_warnings
 from pushfit.fit.identify import identify_table
 from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
 from pushfit.fit.setup import build_problem
@@ -19,7 +19,7 @@ def test_heights_of_two_definitions_in_one_fit_are_said(is_mixed):
     if is_mixed:
         definitions[3] = "plateau"
     stated = type(table).from_frame(table.frame.assign(definition=definitions))
-    codes = [notice.code for notice in table_notices(stated, config())]
+    codes = [warning.code for warning in table_warnings(stated, config())]
     assert ("mixed_definitions" in codes) is is_mixed
 
 
@@ -28,7 +28,7 @@ def test_a_push_that_is_left_out_mixes_nothing():
     definitions = ["apex"] * table.n_pushes
     definitions[3] = "plateau"
     stated = type(table).from_frame(table.frame.assign(definition=definitions))
-    assert "mixed_definitions" not in {n.code for n in table_notices(stated, config())}
+    assert "mixed_definitions" not in {n.code for n in table_warnings(stated, config())}
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_a_bound_below_zero_is_a_bound(end, is_said):
         seed=0,
         status=FitStatus.OK,
     )
-    codes = {notice.code for notice in bound_notices(setup, posterior)}
+    codes = {warning.code for warning in bound_warnings(setup, posterior)}
     assert ("bound_touched" in codes) is is_said
 
 

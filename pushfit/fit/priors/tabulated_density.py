@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.priors import Prior, log_prior_at
+from pushfit.fit.priors.distributions import Prior, log_prior_at
 from pushfit.model import as_float
 
 # Distance from the centre at which a prior density ends here: 1e-31 of its mass lies

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pushfit.fit.problem.priors import (
-    POSITIVE,
+from pushfit.fit.priors.distributions import (
     Prior,
     default_priors,
     priors_from_config,
 )
-from pushfit.fit.problem.problem import OF_GRASP
+from pushfit.parameters import OF_GRASP, POSITIVE
 from tests.fit.tables import config
 
 PRIORS = {

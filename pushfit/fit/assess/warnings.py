@@ -14,9 +14,9 @@ from pushfit.fit.results import (
     FitResult,
     FitStatus,
     Identification,
-    Notice,
     PosteriorResult,
     Quantity,
+    ResultWarning,
     Verdict,
 )
 from pushfit.fit.setup import Setup
@@ -26,7 +26,7 @@ from pushfit.model import as_float, contact
 SAID = frozenset({Verdict.DETERMINED, Verdict.UNKNOWN, Verdict.PROVISIONAL})
 
 
-def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
+def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
     """What the table and the configuration already say.
 
     Args:
@@ -37,7 +37,7 @@ def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
         Warnings.
     """
     if not config.push.length_known:
-        yield Notice(
+        yield ResultWarning(
             code="push_length_unknown",
             text="the push length was not controlled or not stated, so stiffness is "
             "not quoted; θ_c and α* assume that all pushes were equally long, and "
@@ -49,10 +49,12 @@ def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
             f"{label(table, int(i))}: {', '.join(sorted(table.flags[i]))}"
             for i in excluded
         )
-        yield Notice(code="pushes_excluded", text=f"left out of the fit: {names}")
+        yield ResultWarning(
+            code="pushes_excluded", text=f"left out of the fit: {names}"
+        )
     n_elevations = np.unique(np.round(table.theta[table.is_used], 6)).size
     if n_elevations < 3:
-        yield Notice(
+        yield ResultWarning(
             code="few_elevations",
             text=f"pushes have only {n_elevations} distinct "
             f"{'elevation' if n_elevations == 1 else 'elevations'}; the critical angle "
@@ -61,7 +63,7 @@ def table_notices(table: PeakTable, config: GraspConfig) -> Iterator[Notice]:
     if "definition" in table.frame:
         definitions = set(table.frame["definition"][table.is_used]) - {""}
         if len(definitions) > 1:
-            yield Notice(
+            yield ResultWarning(
                 code="mixed_definitions",
                 text="some heights were read at the apex of a push, others at its "
                 "plateau, and one push has two heights by the two; set [peaks] height "
@@ -85,16 +87,16 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
     return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
 
 
-def contact_notice(table: PeakTable, rows: tuple[int, ...]) -> Notice:
+def contact_warning(table: PeakTable, rows: tuple[int, ...]) -> ResultWarning:
     """Say which pushes were left out because the finger lifted off."""
     names = ", ".join(label(table, row) for row in rows)
-    return Notice(
+    return ResultWarning(
         code="lost_contact",
         text=f"these pushes lifted the finger off and were left out: {names}",
     )
 
 
-def scatter_notice(setup: Setup, fit: FitResult) -> Notice | None:
+def scatter_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
     """Say that given standard deviations do not explain the scatter about the fit.
 
     Args:
@@ -109,7 +111,7 @@ def scatter_notice(setup: Setup, fit: FitResult) -> Notice | None:
     if scipy.special.chdtrc(fit.degrees_of_freedom, fit.chi_square) > LEVEL:
         return None
     ratio = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
-    return Notice(
+    return ResultWarning(
         code="scatter_exceeds_sd",
         text=f"heights scatter {ratio:.1f} times as much about the fit as their "
         "standard deviations say; either these are too small or the model misses "
@@ -117,7 +119,7 @@ def scatter_notice(setup: Setup, fit: FitResult) -> Notice | None:
     )
 
 
-def result_notices(setup: Setup, found: Identification) -> Iterator[Notice]:
+def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarning]:
     """What the finished result says.
 
     Args:
@@ -127,15 +129,17 @@ def result_notices(setup: Setup, found: Identification) -> Iterator[Notice]:
     Yields:
         Warnings.
     """
-    posterior, criticism = found.posterior, found.goodness_of_fit
-    if not criticism.is_adequate:
-        yield Notice(code="model_inadequate", text=criticism.sentence)
-    if criticism.outliers:
-        names = ", ".join(criticism.outliers)
-        yield Notice(code="outliers", text=f"more than 5 sigma from the fit: {names}")
-    scatter = [c.p_value for c in criticism.predictive if c.feature == "scatter"]
+    posterior, goodness = found.posterior, found.goodness_of_fit
+    if not goodness.is_adequate:
+        yield ResultWarning(code="model_inadequate", text=goodness.sentence)
+    if goodness.outliers:
+        names = ", ".join(goodness.outliers)
+        yield ResultWarning(
+            code="outliers", text=f"more than 5 sigma from the fit: {names}"
+        )
+    scatter = [c.p_value for c in goodness.predictive if c.feature == "scatter"]
     if setup.noise.kind == "given" and max(scatter, default=0.0) > 1 - LEVEL:
-        yield Notice(
+        yield ResultWarning(
             code="scatter_below_sd",
             text="heights simulated with the given standard deviations scatter more "
             "than these do; if the deviations are too large, so are the intervals",
@@ -147,7 +151,7 @@ def result_notices(setup: Setup, found: Identification) -> Iterator[Notice]:
                 f"of the weighted draws {posterior.ess or 0:.0f} count, and the tail "
                 f"of their weights has the shape {posterior.pareto_k or np.nan:.2f}",
             )
-        yield Notice(
+        yield ResultWarning(
             code=posterior.status.name.lower(),
             text="; ".join([posterior.status.value, *problems]),
         )
@@ -163,14 +167,16 @@ def result_notices(setup: Setup, found: Identification) -> Iterator[Notice]:
                     f"{symbol}: its interval is {high - low:.0f}° wide, and [report] "
                     f"wanted_width_deg is {wanted:g}; more pushes narrow it"
                 )
-            yield Notice(code=f"{quantity.name}_{quantity.verdict.value}", text=text)
+            yield ResultWarning(
+                code=f"{quantity.name}_{quantity.verdict.value}", text=text
+            )
     yield from _disagreement(found.alpha_star, found.alpha_star_model_free)
-    yield from bound_notices(setup, posterior)
+    yield from bound_warnings(setup, posterior)
 
 
 def _disagreement(
     alpha_star: Quantity, model_free: Quantity | None
-) -> Iterator[Notice]:
+) -> Iterator[ResultWarning]:
     """Model and cosine point in different directions."""
     if model_free is None:
         return
@@ -180,7 +186,7 @@ def _disagreement(
     gap = (other_low + other_high - low - high) / 2
     distance = abs((gap + 90.0) % 180.0 - 90.0)
     if distance > (high - low + other_high - other_low) / 2:
-        yield Notice(
+        yield ResultWarning(
             code="alpha_star_disagreement",
             text=f"α* is {alpha_star.estimate:.0f}° by the model but "
             f"{model_free.estimate:.0f}° by a cosine through the heights; do not trust "
@@ -188,7 +194,7 @@ def _disagreement(
         )
 
 
-def bound_notices(setup: Setup, posterior: PosteriorResult) -> Iterator[Notice]:
+def bound_warnings(setup: Setup, posterior: PosteriorResult) -> Iterator[ResultWarning]:
     """Say where a posterior is pressed against the bound of a uniform prior.
 
     Args:
@@ -211,14 +217,14 @@ def bound_notices(setup: Setup, posterior: PosteriorResult) -> Iterator[Notice]:
             (high, np.mean(draws > high - edge)),
         ):
             if share > 0.1:
-                yield Notice(
+                yield ResultWarning(
                     code="bound_touched",
                     text=f"{name} presses against its bound {bound:g}; its interval is "
                     "one of the prior, so widen the bound or accept one side",
                 )
 
 
-def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:
+def contradiction_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
     """Say that fixed parameters cannot give the stiffness that the heights show.
 
     Args:
@@ -236,7 +242,7 @@ def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:
     for name, found in (("K_sn", A), ("K_dn", A), ("K_st", B)):
         if name in fixed and fixed[name] < found:
             symbol = "A" if found == A else "B"
-            return Notice(
+            return ResultWarning(
                 code="fixed_value_contradicted",
                 text=f"{name} is fixed at {fixed[name]:g}, but the heights want a "
                 f"series stiffness {symbol} of {found:.3g}, which cannot exceed it; "
@@ -245,7 +251,7 @@ def contradiction_notice(setup: Setup, fit: FitResult) -> Notice | None:
     return None
 
 
-def handover_notices(posterior: PosteriorResult) -> tuple[Notice, ...]:
+def handover_warnings(posterior: PosteriorResult) -> tuple[ResultWarning, ...]:
     """What to know where the sweep left a posterior to emcee.
 
     Args:
@@ -258,4 +264,4 @@ def handover_notices(posterior: PosteriorResult) -> tuple[Notice, ...]:
         f"{posterior.ess or 0:.0f}, Pareto k {posterior.pareto_k:.2f}); these are from "
         "emcee, which gives no evidence"
     )
-    return (Notice(code="handed_to_emcee", text=text),)
+    return (ResultWarning(code="handed_to_emcee", text=text),)

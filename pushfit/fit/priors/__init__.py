@@ -1,0 +1,1 @@
+"""What is known of a parameter before, as densities and draws."""
