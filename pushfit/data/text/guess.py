@@ -172,15 +172,12 @@ def _find_header(
     header, data = None, None
     for k, i in enumerate(filled[:-1]):
         n, below = len(split[i]), filled[k + 1 :]
-        if i > usual or (data is not None and i < data):
+        is_names = n >= least and any(split[i]) and not any(is_value[i])
+        # Between names and data there are units.
+        if not is_names or i > usual or (data is not None and i < data):
             continue
-        if n < least or any(is_value[i]) or not any(split[i]):
-            continue
-        is_unit_row = (
-            len(below) > 1
-            and len(split[below[0]]) == n
-            and _is_unit_row(split[below[0]])
-        )
+        units = split[below[0]]
+        is_unit_row = len(below) > 1 and len(units) == n and _is_unit_row(units)
         rows = below[is_unit_row : is_unit_row + 3]
         fit = [len(split[j]) in (n, n + 1) and any(is_value[j]) for j in rows]
         if any(is_value[rows[0]]) and any(fit):
