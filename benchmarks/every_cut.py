@@ -9,7 +9,7 @@ recording itself cuts are left aside.
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -101,13 +101,19 @@ def found(recording: Recording, part: slice) -> list[Push]:
     ]
 
 
-def count(recording: Recording, n_cuts: int) -> Count:
-    """Cut a recording in so many places, evenly spread over its samples."""
+def evenly(recording: Recording, n_cuts: int) -> list[int]:
+    """So many places, evenly spread over the samples of a recording."""
+    n = len(recording.time)
+    return np.linspace(LEAST, n - LEAST, n_cuts).astype(int).tolist()
+
+
+def count(recording: Recording, cuts: Sequence[int]) -> Count:
+    """Cut a recording before each of some samples."""
     time = recording.time
     pushes = [own for own in found(recording, slice(None)) if not own.is_cut]
     whole = cut = 0
     lost, unflagged = [], []
-    for k in np.linspace(LEAST, len(time) - LEAST, n_cuts).astype(int).tolist():
+    for k in cuts:
         for part in (slice(0, k), slice(k, None)):
             first, last = time[part][[0, -1]]
             parts = found(recording, part)
@@ -139,7 +145,7 @@ def main() -> None:
     )
     print("|".join(["---"] * 6))
     for name, recording in recordings(Path(options.folder)):
-        c = count(recording, options.cuts)
+        c = count(recording, evenly(recording, options.cuts))
         where = ", ".join(f"{t:.2f}" for t in sorted({*c.lost, *c.unflagged})[:6])
         cells = [name, c.whole, len(c.lost), c.cut, len(c.unflagged), where or "-"]
         print(" | ".join(map(str, cells)), flush=True)

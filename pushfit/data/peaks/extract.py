@@ -71,12 +71,10 @@ def extract_peaks(
         DataError: There are no pushes (`no_pushes`), no directions (`no_directions`),
             or two assignments to the schedule are nearly as good (`push_mismatch`).
     """
+    span = (float(recording.time[0]), float(recording.time[-1]))
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
-    try:
-        paired = _paired(recording, time, signal, schedule, settings)
-    except DataError as error:
-        raise _of_files(error, recording) from None
+    paired = _paired(recording, time, signal, schedule, settings, span=span)
     if paired.plan is None:
         plan = recorded_directions(recording, paired.chosen)
     else:
@@ -120,22 +118,12 @@ def measure_pushes(
     """
     recording = recording.between(settings.begin, settings.end)
     time, signal = push_signal(recording, settings)
-    try:
-        paired = _paired(recording, time, signal, None, settings)
-    except DataError as error:
-        raise _of_files(error, recording) from None
+    paired = _paired(recording, time, signal, None, settings)
     columns = _measured(recording, time, signal, paired, settings)
     n = len(paired.chosen)
     frame = pd.DataFrame({"push": np.arange(1, n + 1), **columns})
     notes, cautions = extraction_notes(paired, frame)
     return Heights(frame=frame, notes=(*cautions, *notes), cautions=cautions)
-
-
-def _of_files(error: DataError, recording: Recording) -> DataError:
-    """The same error with the names of the files before it."""
-    files = ", ".join(source.path for source in recording.sources)
-    message = f"{files}: {error}" if files else str(error)
-    return DataError(message, code=error.code, problems=error.problems)
 
 
 def _trace(
@@ -166,9 +154,10 @@ def _paired(
     signal: Float[np.ndarray, " n"],
     schedule: PushSchedule | None,
     settings: PeakSettings,
+    *,
+    span: tuple[float, float] = (-np.inf, np.inf),
 ) -> Paired:
     """Humps, and which of them are the planned pushes."""
-    span = (float(time[0]), float(time[-1]))
     found = find(time, signal, settings, signed=bool(settings.signed))
     paired = pair(found, schedule, settings, span=span)
     if (
@@ -181,10 +170,15 @@ def _paired(
         better = pair(both, schedule, settings, span=span)
         if paired.n_odd > better.n_odd:
             found, paired = both, better
-    if all(extent.is_brush for extent in found.extents):
-        unit = signal_unit(recording, settings)
-        raise no_pushes(signal, settings, found, unit=unit)
-    paired.refuse_doubt(settings)
+    try:
+        if all(extent.is_brush for extent in found.extents):
+            unit = signal_unit(recording, settings)
+            raise no_pushes(signal, settings, found, unit=unit)
+        paired.refuse_doubt(settings)
+    except DataError as error:
+        files = ", ".join(source.path for source in recording.sources)
+        message = f"{files}: {error}" if files else str(error)
+        raise DataError(message, code=error.code, problems=error.problems) from None
     return paired
 
 

@@ -6,6 +6,7 @@ import pandas as pd
 
 from pushfit.data.plans.pairing import Paired
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.tables.rules import EXCLUDING_FLAGS
 
 # Pushes that a note names one by one.
 _MAX_NAMED = 12
@@ -23,7 +24,7 @@ def extraction_notes(
     Returns:
         Notes, and cautions: what was left out, assumed to be missing, or mixed.
     """
-    definition, mixed = _definitions(frame["definition"].tolist())
+    definition, mixed = _definitions(frame)
     unit = next(c for c in map(str, frame) if c.startswith("height")).rpartition("_")[2]
     notes = [definition] if definition else []
     notes += paired.notes()
@@ -32,9 +33,14 @@ def extraction_notes(
     return tuple(notes), tuple(cautions)
 
 
-def _definitions(definitions: list[str]) -> tuple[str, list[str]]:
-    """What the heights are; a caution where they are not all the same."""
-    stated = [word for word in definitions if word]
+def _definitions(frame: pd.DataFrame) -> tuple[str, list[str]]:
+    """What the heights are; a caution where those for a fit are not all the same."""
+    rows = zip(frame["definition"], frame["flags"], strict=True)
+    stated = [
+        word
+        for word, flags in rows
+        if word and EXCLUDING_FLAGS.isdisjoint(flags.split(";"))
+    ]
     n_held = stated.count("plateau")
     if not stated:
         return "", []
@@ -54,8 +60,14 @@ def _left_out(paired: Paired, unit: str) -> list[str]:
     notes = []
     if brushes:
         notes.append(
-            f"humps far smaller than the pushes are left out: {_times(brushes, unit)}; "
-            f"take one in by --include {_window(brushes[0])}"
+            "humps far smaller than the pushes, or far briefer than one beside them, "
+            f"are left out: {_times(brushes, unit)}; take one in by --include "
+            f"{_window(brushes[0])}"
+        )
+    if found.idle:
+        windows = ", ".join(f"{first:g}:{last:g}" for first, last in found.idle)
+        notes.append(
+            f"no hump is at its highest in {windows} s, which is excluded or included"
         )
     if found.excluded:
         notes.append(f"left out as told: {_times(found.excluded, unit)}")

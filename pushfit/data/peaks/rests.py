@@ -275,8 +275,8 @@ def _rest(
     first, last = window.tolist()
     if last - first < _FEWEST:
         return np.nan, np.nan, 0
-    part = slice(first, last)
-    return float(mean(signal[part])), float(time[part].mean()), last - first
+    middle = (time[first] + time[last - 1]) / 2
+    return float(mean(signal[first:last])), float(middle), last - first
 
 
 def _filled(

@@ -8,6 +8,7 @@ after; the best one counts if no other comes near. Excluded: the
 rhythms that humps may have (`pushfit.data.plans.rhythm`), finding and measuring them.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,13 +27,12 @@ _OUTSIDE = 30.0
 _TIMED_SCATTER = 0.05
 # Gaps off by less than this are in time without a search.
 _IN_TIME = 0.15
-# Humps at the stated times that show that the clock is that of the recording: so many,
-# and this share of all.
+# Humps on time that show that plan and recording have one clock; share of all humps.
 _FEWEST, _ON_CLOCK = 3, 0.75
 # How much likelier the best way must be: this many nats.
 _CLEAR = 4.0
-# Nats of rhythm that an assignment with missing or extra pushes needs: some six pairs.
-_EVIDENCE = 15.0
+# Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs.
+_EVIDENCE = 8.0
 _MAX_EXTRA_RUN = 6
 
 
@@ -62,7 +62,7 @@ class Alignment:
     @property
     def missing(self) -> tuple[int, ...]:
         """Planned pushes without a hump, as positions in the repeated schedule."""
-        return tuple(int(i) for i in np.flatnonzero(self.hump < 0))
+        return tuple(np.flatnonzero(self.hump < 0).tolist())
 
     @property
     def n_odd(self) -> int:
@@ -148,17 +148,25 @@ def align(
     if n_pushes == len(planned) and not np.isfinite(scales[0][1]):
         # A hand has no rhythm that could tell otherwise.
         return _alignment(case, in_order, None, n_cycles)
-    ways = _ways(case, scales)
-    if n_pushes == len(planned) and not np.array_equal(ways[0].hump, in_order):
-        other = None if case.is_timed else in_order
-        return _alignment(case, ways[0].hump, other, n_cycles)
-    best = ways[0]
-    others = [way for way in ways[1:] if _differs(case, best.hump, way.hump)]
-    # Too few to keep a rhythm: whatever fits, others would as well.
-    is_shown = _rhythm_shown(case, best.hump, scales) >= _EVIDENCE
-    if is_shown and not case.brush.all():
-        others = [way for way in others if way.cost < best.cost + _CLEAR]
-    return _alignment(case, best.hump, others[0].hump if others else None, n_cycles)
+    ways = [way for scale, scatter in scales for way in _pair(case, scale, scatter)]
+    ways.sort(key=lambda way: way.cost)
+    best, clear = ways[0].hump, ways[0].cost + _CLEAR
+    if n_pushes == len(planned) and not np.array_equal(best, in_order):
+        return _alignment(case, best, None if case.is_timed else in_order, n_cycles)
+    others = [way.hump for way in ways[1:] if way.cost < clear]
+    if _rhythm_shown(case, best, scales) < _EVIDENCE:
+        # Too few to keep a rhythm: it does not speak against mere order.
+        others += _in_order(case)
+    others = [other for other in others if _differs(case, best, other)]
+    return _alignment(case, best, others[0] if others else None, n_cycles)
+
+
+def _in_order(case: _Case) -> list[Int[np.ndarray, " n"]]:
+    """Humps as the first planned pushes, and as the last ones."""
+    humps = np.flatnonzero(~case.brush)
+    n = min(len(humps), len(case.planned))
+    none = np.full(len(case.planned) - n, -1)
+    return [np.append(humps[:n], none), np.append(none, humps[len(humps) - n :])]
 
 
 def _on_the_clock(case: _Case, first: float) -> Int[np.ndarray, " n"] | None:
@@ -181,14 +189,18 @@ def _on_the_clock(case: _Case, first: float) -> Int[np.ndarray, " n"] | None:
 def _rhythm_shown(
     case: _Case, hump: Int[np.ndarray, " n"], scales: Sequence[tuple[float, float]]
 ) -> float:
-    """How much likelier a rhythm makes the times of the pairs than chance [nats]."""
+    """How much likelier a rhythm makes the times of the pairs than chance [nats].
+
+    Of many humps some are in rhythm by chance: each way to choose as many counts.
+    """
     there = np.flatnonzero(hump >= 0)
     if case.is_timed or there.size < 2:
         return np.inf if case.is_timed else 0.0
     gaps, steps = np.diff(case.times[hump[there]]), np.diff(case.planned[there])
-    return max(
+    shown = max(
         -float(_off(gaps / scale, steps, scatter).sum()) for scale, scatter in scales
     )
+    return shown - math.log(math.comb(len(case.times), there.size))
 
 
 def _off(
@@ -219,12 +231,9 @@ def _alignment(
     n_cycles: int,
 ) -> Alignment:
     """An assignment with what follows from it."""
-    chosen = set(hump[hump >= 0].tolist())
     return Alignment(
         hump=hump,
-        extra=tuple(
-            int(j) for j in np.flatnonzero(~case.brush) if int(j) not in chosen
-        ),
+        extra=tuple(np.setdiff1d(np.flatnonzero(~case.brush), hump).tolist()),
         other=other,
         n_cycles=n_cycles,
         expected=_expected(case, hump),
@@ -270,17 +279,11 @@ def _is_in_rhythm(case: _Case) -> bool:
     return bool(np.all(off < _IN_TIME))
 
 
-def _ways(case: _Case, scales: Sequence[tuple[float, float]]) -> list[_Way]:
-    """The likeliest ways of pairing, the best first."""
-    ways = [way for scale, scatter in scales for way in _pair(case, scale, scatter)]
-    return sorted(ways, key=lambda way: way.cost)
-
-
 def _pair(case: _Case, scale: float, scatter: float) -> list[_Way]:
     """The cheapest pairing at one scale, and the cheapest that has another pair."""
     period = float(np.median(np.diff(case.planned))) if len(case.planned) > 1 else 1.0
-    clock = case.times / scale if np.isfinite(scale) else np.zeros(len(case.times))
-    steady = _Steady(clock / period, case.brush, case.planned / period, scatter)
+    clock = case.times / scale / period
+    steady = _Steady(clock, case.brush, case.planned / period, scatter)
     begin, end = (t / scale / period for t in case.span)
     cost, back = steady.forward(begin)
     turned = steady.turned()
@@ -351,14 +354,12 @@ class _Steady:
         n, m = len(self.planned), len(self.clock)
         extra = np.where(self.brush, _EXTRA_BRUSH, _EXTRA)
         humps = np.append(0.0, np.cumsum(extra))
-        cost = MISSING * np.arange(n)[:, None] + humps[:-1] + self._lead(begin)
         own = np.where(self.brush, _PAIR_BRUSH, 0.0)
+        cost = MISSING * np.arange(n)[:, None] + humps[:-1] + self._lead(begin) + own
         back = np.full((n, m, 2), -1)
-        for i in range(n):
+        for i in range(1, n):
+            steps = self.planned[i] - self.planned[:i]
             for dj in range(1, min(m - 1, _MAX_EXTRA_RUN) + 1):
-                if i == 0:
-                    break
-                steps = self.planned[i] - self.planned[:i]
                 gap = self.clock[dj:] - self.clock[:-dj]
                 between = humps[dj:-1] - humps[1 : m - dj + 1]
                 way = (
@@ -368,12 +369,11 @@ class _Steady:
                     + between
                 )
                 least = way.argmin(axis=0)
-                value = way[least, np.arange(m - dj)]
+                value = way[least, np.arange(m - dj)] + own[dj:]
                 better = np.flatnonzero(value < cost[i, dj:])
                 cost[i, dj + better] = value[better]
                 back[i, dj + better, 0] = least[better]
                 back[i, dj + better, 1] = better
-            cost[i] += own
         return cost, back
 
     def cost(self, hump: Int[np.ndarray, " n"], begin: float, end: float) -> float:

@@ -112,7 +112,8 @@ def pair(
         found: Humps.
         schedule: Planned pushes; None where directions are recorded or not known.
         settings: How humps were looked for.
-        span: Begin and end of the recording [s].
+        span: Begin and end of the recording, also where humps of but a part of it are
+            looked for: a plan is one of the whole [s].
     """
     pushes = [k for k, e in enumerate(found.extents) if not e.is_brush]
     if schedule is None or not pushes:
@@ -135,12 +136,13 @@ def pair(
     plan = schedule.repeated(alignment.n_cycles)
     left_out = found.beside([found.extents[j] for j in alignment.hump if j >= 0])
     rows, extents, is_excluded = [], [], []
+    seen = found.course.time
     for i, hump in enumerate(alignment.hump.tolist()):
         when = float(alignment.expected[i])
         if hump >= 0:
             extents.append(found.extents[hump])
             is_excluded.append(False)
-        elif span[0] < when < span[1]:
+        elif seen[0] < when < seen[-1]:
             there = _where_it_was_to_be(when, found, pushes, left_out)
             extents.append(there)
             times = (when, there.t_peak)

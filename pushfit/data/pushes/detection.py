@@ -26,6 +26,8 @@ _BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 5.0
 # A hump that an end of the signal cuts off, and that is longer than this share of the
 # signal, or than so many whole pushes, is a trend.
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
+# A jerk is so many times briefer than the push, and nearer to it.
+_BRIEFER = 10.0
 # Times that pushes are joined, and parted, by their own course.
 _MOST_ONE, _MOST_TWO = 8, 2
 
@@ -38,7 +40,8 @@ class Extent:
         start: First sample above the foot.
         end: One past the last sample above the foot.
         feet: Its course in time.
-        is_brush: Whether it is so small among the others that it may be no push.
+        is_brush: Whether it is so small among the others, or so brief beside one, that
+            it may be no push.
         is_cut: Whether the signal begins or ends inside the push.
         is_low: Whether it is lower than the smallest push asked for.
         sign: 1 where the signal rises from rest, -1 where it falls.
@@ -108,11 +111,12 @@ def find_extents(
         return ()
     tau = smoothing or _FIRST_SMOOTHING
     rules = (split, min_height, course.step)
-    found, is_low, is_rest = search(time, signal, noise, tau, *rules)
+    found, is_low, is_rest, wander = search(time, signal, noise, tau, *rules)
     if smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found, is_low, is_rest = search(time, signal, noise, wider, *rules)
+            rules = (*rules, wander)
+            found, is_low, is_rest, _ = search(time, signal, noise, wider, *rules)
     if found.start.size == 0:
         return ()
     feet, whose = _resolved(
@@ -128,7 +132,9 @@ def find_extents(
     is_low = is_low[whose]
     is_cut = are_cut(time, feet)
     is_push = ~_are_trends(feet, is_cut, time, is_low)
-    smallest = 0.0 if min_height is not None else _smallest_push(feet.height[is_push])
+    is_jerk = _are_jerks(feet)
+    heights = feet.height[is_push & ~is_jerk]
+    smallest = 0.0 if min_height is not None else _smallest_push(heights)
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
     last = np.maximum(last, first + 1)
@@ -137,7 +143,7 @@ def find_extents(
             start=int(first[k]),
             end=int(last[k]),
             feet=own,
-            is_brush=own.height < smallest,
+            is_brush=bool(own.height < smallest or is_jerk[k]),
             is_cut=bool(is_cut[k]),
             is_low=bool(is_low[k]),
         )
@@ -197,6 +203,14 @@ def _are_trends(
     falls = feet.half_down < time[-1] - slack
     is_long = is_cut & (length > longest)
     return is_reading | ~(rises | falls) | (is_long & ~(rises & falls))
+
+
+def _are_jerks(feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
+    """What is far briefer than a push beside it: a jerk on contact or on retracting."""
+    gap, width = feet.start[1:] - feet.end[:-1], feet.width
+    before = _BRIEFER * np.maximum(width[:-1], gap) < width[1:]
+    after = _BRIEFER * np.maximum(width[1:], gap) < width[:-1]
+    return np.append(before, False) | np.append(False, after)
 
 
 def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:

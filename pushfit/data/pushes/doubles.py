@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.ends import are_cut
 from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers
+from pushfit.data.pushes.tracing import knots_for
 
 _GRID = 240
 _FINE = 0.125
@@ -46,48 +47,50 @@ def join_one(
         All pushes, the feet of a joined one roughly; and which each was.
     """
     places = np.arange(len(feet.start))
-    if len(places) < 2:
-        return feet, places
     tau = feet.averaging(sigma, smoothing)
+    noise = sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
+    is_clear = feet.height > CLEAR * noise
+    gap = feet.start[1:] - feet.end[:-1]
+    is_near = gap < np.maximum(feet.width[:-1], feet.width[1:])
+    pairs = np.flatnonzero(~is_rest[:-1] & is_clear[:-1] & is_clear[1:] & is_near)
+    if pairs.size == 0:
+        return feet, places
     room = feet.room(time)
     ends = room[0][:, None], room[1][:, None]
     top = course.smooth(feet.peak[:, None], tau=tau[:, None], ends=ends)[:, 0]
-    before = top - feet.height - np.maximum(feet.moved, 0.0)
-    after = top - feet.height + np.minimum(feet.moved, 0.0)
+    first = (top - feet.height - np.maximum(feet.moved, 0.0))[pairs]
+    last = (top - feet.height + np.minimum(feet.moved, 0.0))[pairs + 1]
     # The rest that a cut push is not seen to go back to is that of the other one.
     is_cut = are_cut(time, feet)
-    first, last = before[:-1].copy(), after[1:].copy()
-    last[-1:] = np.where(is_cut[-1], first[-1:], last[-1:])
-    first[:1] = np.where(is_cut[0], last[:1], first[:1])
-    left, right = feet.rows(places[:-1]), feet.rows(places[1:])
-    is_left = top[:-1] >= top[1:]
+    last = np.where(is_cut[pairs + 1], first, last)
+    first = np.where(is_cut[pairs], last, first)
+    left, right = feet.rows(pairs), feet.rows(pairs + 1)
+    tops = top[pairs], top[pairs + 1]
     both = replace(
         left,
-        peak=np.where(is_left, left.peak, right.peak),
+        peak=np.where(tops[0] >= tops[1], left.peak, right.peak),
         half_down=right.half_down,
         end=right.end,
-        height=np.maximum(top[:-1], top[1:]) - np.maximum(first, last),
+        height=np.maximum(*tops) - np.maximum(first, last),
         moved=last - first,
     )
-    room = room[0][:-1], room[1][1:]
+    room = room[0][pairs], room[1][pairs + 1]
     # By the middle of both rests, for drift under two pushes fills no valley. Averaging
     # fills a short rest: in a finer course half of the share has to do.
     usual = both.averaging(sigma, smoothing)
-    fine = np.maximum(_FINE * usual, feet.step[1:]) if smoothing is None else usual
+    fine = np.maximum(_FINE * usual, right.step) if smoothing is None else usual
     moved = np.abs(both.moved) / 2
     shares = [
         _valleys(course, both, room, tau=own, sigma=0.0, moved=moved)[2].min(axis=1)
         for own in (usual, fine)
     ]
-    is_filled = (shares[0] >= split) & (shares[1] >= split / 2)
-    noise = sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
-    is_clear = feet.height > CLEAR * noise
-    is_one = ~is_rest[:-1] & is_clear[:-1] & is_clear[1:] & is_filled
+    is_one = (shares[0] >= split) & (shares[1] >= split / 2)
     if not is_one.any():
         return feet, places
-    k = int(is_one.argmax())
-    one = [*feet.apart()[:k], both.apart()[k], *feet.apart()[k + 2 :]]
-    return Feet.together(one), np.delete(places, k)
+    one = int(is_one.argmax())
+    k = int(pairs[one])
+    joined = [*feet.apart()[:k], both.apart()[one], *feet.apart()[k + 2 :]]
+    return Feet.together(joined), np.delete(places, k)
 
 
 def part_doubles(
@@ -113,7 +116,7 @@ def part_doubles(
         All pushes, the feet of two that were one roughly; and which each was.
     """
     when, y, share = _valleys(
-        course,
+        knots_for(feet, course, smoothing),
         feet,
         feet.room(time),
         tau=feet.averaging(sigma, smoothing),

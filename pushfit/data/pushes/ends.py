@@ -28,11 +28,21 @@ def are_cut(
     # A level over that of the other rest is one on the way, unless drift leads there
     # or it is held for as long as the push.
     length = np.maximum(feet.end - feet.start, feet.step)
-    rates = (feet.moved / length)[~(is_first | is_last)]
-    drift = float(np.median(rates)) * length if rates.size else 0.0
+    drift = length * _usual_rate(feet.rows(np.flatnonzero(~(is_first | is_last))))
     high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
     is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
     begins = (shown[0] < _SHOWN) | is_high[0]
     ends = (len(time) - shown[1] < _SHOWN) | is_high[1]
     return (is_first & begins) | (is_last & ends)
+
+
+def _usual_rate(feet: Feet[np.ndarray]) -> float:
+    """Drift of the rests beside pushes: a median, a long push for more [unit/s]."""
+    length = np.maximum(feet.end - feet.start, feet.step)
+    if length.size == 0:
+        return 0.0
+    rates = feet.moved / length
+    order = np.argsort(rates)
+    up_to = np.cumsum(length[order])
+    return float(rates[order][np.searchsorted(up_to, up_to[-1] / 2)])

@@ -35,12 +35,14 @@ class Found:
         course: Running means of the samples.
         dips: Dips that are not asked for; only where all humps go up.
         excluded: Humps that the user left out, by their time or their height.
+        idle: Windows of the user's in which no hump is at its highest [s].
     """
 
     extents: tuple[Extent, ...]
     course: Course
     dips: tuple[Extent, ...] = ()
     excluded: tuple[Extent, ...] = ()
+    idle: tuple[tuple[float, float], ...] = ()
 
     def beside(self, taken: Sequence[Extent]) -> tuple[Extent, ...]:
         """Humps besides some of them, also those that the user left out.
@@ -144,6 +146,11 @@ def _as_told(found: Found, settings: PeakSettings) -> Found:
         course=found.course,
         dips=tuple(e for e in found.dips if not is_in(e.t_peak, settings.exclude)),
         excluded=tuple(filter(is_out, found.extents)),
+        idle=tuple(
+            window
+            for window in (*settings.exclude, *settings.include)
+            if not any(is_in(e.t_peak, [window]) for e in (*found.extents, *found.dips))
+        ),
     )
 
 
@@ -201,6 +208,14 @@ def no_pushes(
     """
     n_dips, n_out = len(found.dips), len(found.excluded)
     spread = float(np.ptp(signal))
+    if n_out:
+        options = ("--exclude", settings.exclude), ("--min-height", settings.min_height)
+        by = " or ".join(option for option, stated in options if stated)
+        return DataError(
+            f"no pushes found: {by} leaves out {n_out} and nothing else stands out; "
+            "leave out fewer",
+            code="no_pushes",
+        )
     if n_dips:
         what = f"the signal falls from rest {n_dips} times and never rises above it"
     elif spread == 0.0:
@@ -210,17 +225,8 @@ def no_pushes(
         what = f"no hump stands out of the noise, {within}"
     turn = "it is inverted already" if settings.invert else "try --invert"
     dips = f"; pushes may go down ({turn})" if n_dips else ""
-    by = [
-        option
-        for option, stated in (
-            ("--exclude", settings.exclude),
-            ("--min-height", settings.min_height),
-        )
-        if stated
-    ]
-    out = f"; {' or '.join(by)} leaves out {n_out}" if n_out else ""
     return DataError(
-        f"no pushes found: {what}{dips}{out}; check the channel"
+        f"no pushes found: {what}{dips}; check the channel"
         f"{f' {settings.channel!r}' if settings.channel else ''}, or state the "
         f"smallest height of a push in {unit} by --min-height",
         code="no_pushes",

@@ -210,15 +210,17 @@ class Humps:
             return True
         return held(a, b) and (held(outer_left, a) or held(b, outer_right))
 
-    def _width_over(self, k: int, low: float) -> int:
-        """Bins around a top that stay above half of its height over a level."""
+    def _width_over(self, k: int, low: float) -> float:
+        """Bins around a top that stay above half of its height over a level.
+
+        A hump that an end of the signal cuts is wider than what is seen of it.
+        """
         y, peak = self.y, int(self.peaks[k])
-        below = y < (low + y[peak]) / 2
-        left = np.flatnonzero(below[:peak])
-        right = np.flatnonzero(below[peak:])
-        first = int(left[-1]) + 1 if left.size else 0
-        last = peak + int(right[0]) if right.size else len(y)
-        return last - first
+        below = np.flatnonzero(y < (low + y[peak]) / 2)
+        after = int(np.searchsorted(below, peak))
+        if after in {0, len(below)}:
+            return np.inf
+        return float(below[after] - below[after - 1] - 1)
 
     def _merge(self, pair: int, lower: int) -> None:
         """Make one hump of two: the valley between goes, with the lower top."""

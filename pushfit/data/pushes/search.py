@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float, Int, Real
 from pushfit.data.pushes.feet import FOOT, Feet
 from pushfit.data.pushes.humps import Humps
 from pushfit.data.pushes.noise import Noise
-from pushfit.data.pushes.tracing import ON_STEP
 
 # Smoothing lowers a push by less than this share.
 _SMOOTHED = 0.8
@@ -55,7 +54,8 @@ def search(
     split: float,
     min_height: float | None,
     usual_step: float,
-) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]]:
+    wander: float = np.inf,
+) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"], float]:
     """One pass at one smoothing time.
 
     Args:
@@ -66,10 +66,12 @@ def search(
         split: A valley is low below this share of the lower top.
         min_height: Least height of a push; None for what noise and wander allow [unit].
         usual_step: Usual time from one sample to the next [s].
+        wander: Slow noise at rest with less smoothing, which is no less [unit].
 
     Returns:
         The humps, roughly; which are too low for a push, but no rest of the others
-        either; and which are followed by a level that is a rest however high it is.
+        either; which are followed by a level that is a rest however high it is; and
+        the slow noise at rest.
     """
     trace = _reduce(time, signal, noise, tau, usual_step)
     significant = _SIGNIFICANT * trace.noise
@@ -78,8 +80,8 @@ def search(
     rests = humps.join(split)
     humps = _regained(humps, tops, trace)
     large = _LARGE * float(humps.heights.max(initial=0.0))
-    wander = _SIGNIFICANT * _rest_wander(humps, trace, large)
-    by_noise = max(_BEYOND_NOISE * trace.noise, wander)
+    wander = min(wander, _rest_wander(humps, trace, large))
+    by_noise = max(_BEYOND_NOISE * trace.noise, _SIGNIFICANT * wander)
     smallest = by_noise if min_height is None else _SMOOTHED * min_height
     humps.drop_below(min(by_noise, smallest))
     pushes = replace(humps)
@@ -88,6 +90,7 @@ def search(
         _coarse(humps, trace),
         ~np.isin(humps.peaks, pushes.peaks),
         np.isin(humps.valleys[1:], list(rests)),
+        wander,
     )
 
 
@@ -100,16 +103,13 @@ def _regained(humps: Humps, tops: Int[np.ndarray, " t"], trace: _Trace) -> Humps
         k = np.searchsorted(humps.valleys, tops) - 1
         kept = np.clip(k, 0, len(humps.peaks) - 1) == k
         k, tops = k[kept], tops[kept]
-        low = trace.y[humps.valleys]
-        rest = np.maximum(low[:-1], low[1:])
+        rest = trace.y[humps.peaks] - humps.heights
         own = np.unique(k)
         feet = [_feet(humps, int(j), trace, rest=float(rest[j])) for j in own]
         first, last = np.array(feet).reshape(-1, 2)[np.searchsorted(own, k)].T
         heights = trace.y[humps.peaks[k]] - rest[k]
         rise = trace.y[tops] - rest[k]
         is_lost = ((tops < first) | (tops > last)) & (rise >= _LARGE * heights)
-        # At an end the hump itself may be a wiggle of a push that is cut there.
-        is_lost &= np.isin(k, own[[_is_inside(humps, trace, int(j)) for j in own]])
         lost = tops[is_lost]
         if lost.size == 0:
             break
@@ -145,16 +145,6 @@ def _reduce(
         grain * np.round(smooth / grain),
         noise.of_mean(3 * float(np.median(counts[filled]))),
     )
-
-
-def _is_inside(humps: Humps, trace: _Trace, k: int) -> bool:
-    """Whether a hump has a neighbour or a rest on either side, that it stands on."""
-    y, near = trace.y, _LARGE * humps.heights[k]
-    low = y[humps.valleys[k : k + 2]]
-    if y[humps.peaks[k]] - low.max() < ON_STEP * np.ptp(low):
-        return False
-    edges = (y[:_FEWEST_BINS], k == 0), (y[-_FEWEST_BINS:], k == len(humps.peaks) - 1)
-    return all(not at_end or np.ptp(edge) <= near for edge, at_end in edges)
 
 
 def _maxima(y: Float[np.ndarray, " m"], significant: float) -> Int[np.ndarray, " k"]:

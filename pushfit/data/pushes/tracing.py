@@ -70,9 +70,7 @@ def trace_feet(
     highest = np.minimum(highest, coarse.end + reach)
     ends = np.searchsorted(time, [lowest, highest])
     feet = replace(coarse, step=_usual_steps(time, ends))
-    finest = smoothing or coarse.width.min() / WIDTH_PER_SMOOTHING
-    stride = int(finest / _KNOTS / feet.step.max())
-    course = course.thinned(max(1, stride))
+    course = knots_for(feet, course, smoothing)
     for _ in range(_ROUNDS):
         tau = feet.averaging(sigma, smoothing)
         was = feet
@@ -95,12 +93,29 @@ def trace_feet(
     return feet
 
 
+def knots_for(
+    feet: Feet[np.ndarray], course: Course, smoothing: float | None
+) -> Course:
+    """A course, known no finer than it takes to average over pushes.
+
+    Args:
+        feet: The pushes.
+        course: Running means of the samples [unit].
+        smoothing: Averaging time; None takes a share of each width [s].
+    """
+    finest = smoothing or feet.width.min() / WIDTH_PER_SMOOTHING
+    return course.thinned(max(1, int(finest / _KNOTS / feet.step.max())))
+
+
 def _usual_steps(
     time: Float[np.ndarray, " n"], ends: Int[np.ndarray, "2 p"]
 ) -> Numbers:
     """Median sampling steps of stretches, by the first of their steps [s]."""
     if np.diff(ends, axis=0).min() >= _STEPS:
         return np.median(np.diff(time[ends[0][:, None] + np.arange(_STEPS)]), axis=1)
+    # A stretch may be shorter than a step.
+    ends[0] = np.minimum(ends[0], len(time) - 2)
+    ends[1] = np.maximum(ends[1], ends[0] + 1)
     return np.array([np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T])
 
 

@@ -59,7 +59,7 @@ def read_recording(
 
     Args:
         path: CSV file, plain or compressed by gzip, a ROS bag, the output of
-            `rostopic echo`, a rospy log, or a NumPy file.
+            `rostopic echo`, a ROS log, or a NumPy file.
         format: Dialect; `auto` recognises it.
         mapping: Column name by channel name, and by `time`, `theta` and `alpha`; for
             bags `/topic.field.path`.

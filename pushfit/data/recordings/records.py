@@ -67,8 +67,10 @@ class Recording:
         if end is not None:
             last = int(np.searchsorted(self.time, end, side="right"))
         if last <= first:
+            stated = {"from": begin, "to": end}.items()
+            bounds = [f"{word} {t:g} s" for word, t in stated if t is not None]
             raise DataError(
-                f"no samples from {begin} to {end} s: the recording runs from "
+                f"no samples {' '.join(bounds)}: the recording runs from "
                 f"{self.time[0]:g} to {self.time[-1]:g} s; state times within it",
                 code="no_rows",
             )

@@ -1,21 +1,29 @@
-"""Logs that are no tables: NumPy arrays, `rostopic echo` without `-p`, rospy logs.
+"""Logs that are no tables: NumPy arrays, `rostopic echo` without `-p`, ROS logs.
 
 Each is brought into the one form that everything else reads: columns with names. What
 the columns mean is told by the same rules as for any other file.
 """
 
+import contextlib
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 
 from pushfit.data.text.faults import refuse
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_LEVEL = "(?:DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL)"
+# What a node prints, what it writes to its own log, and what rosout writes to its.
 _LOG = re.compile(
-    rf"\[(?:DEBUG|INFO|WARN|ERROR)\]\s*\[(?:WallTime:\s*)?(?P<time>{_NUMBER})[^\]]*\]:"
-    r"?\s*(?P<text>.*)"
+    rf"(?:\[{_LEVEL}\]\s*\[(?:WallTime:\s*)?(?P<time>{_NUMBER})[^\]]*\]:?"
+    rf"|\[[\w./]+\]\[{_LEVEL}\] (?P<date>\d{{4}}-\d\d-\d\d \d\d:\d\d:\d\d,\d+):"
+    rf"|(?P<stamp>{_NUMBER})\s+{_LEVEL} /\S+(?:\s+\[[^\]]*\])*)\s*(?P<text>.*)",
+    re.M,
 )
 _PAIR = re.compile(
     rf"(?P<key>[A-Za-z_]\w*)\s*[:=]\s*(?P<value>{_NUMBER})?\s*(?:,|$|\s)"
@@ -45,7 +53,7 @@ def foreign_table(
     """
     suffix = Path(path).suffix.lower()
     if suffix in (".npy", ".npz"):
-        return _arrays(path, columns), f"NumPy {suffix}"
+        return _arrays(path, columns)
     if Path(path).is_dir():  # a bag of ROS 2, or a mistake that others name
         return None
     with open(path, "rb") as file:
@@ -56,33 +64,25 @@ def foreign_table(
     first = start.lstrip("-\n ").partition("\n")[0]
     if re.search(r"^---\s*$", start, re.M) and _YAML.match(first):
         return _columns(_messages(path), path), "rostopic echo"
-    if _LOG.match(start):
-        return _columns(_logged(path), path), "rospy log"
+    if re.search(rf"^{_LOG.pattern}", start, re.M):
+        return _columns(_logged(path), path), "ROS log"
     return None
 
 
-def _arrays(path: str, columns: Sequence[str]) -> Table:
+def _arrays(path: str, columns: Sequence[str]) -> tuple[Table, str]:
     """Columns of a NumPy file: by field, by array, or by the names that are stated."""
     try:
         loaded = np.load(path, allow_pickle=False)
+        if not isinstance(loaded, np.ndarray):
+            with loaded:
+                return _alike(loaded, path)
     except (ValueError, OSError, EOFError) as error:
         raise refuse(
             "unreadable", f"is no NumPy file of numbers ({error})", path=path
         ) from error
-    if not isinstance(loaded, np.ndarray):
-        with loaded:
-            found = {name: np.ravel(loaded[name]) for name in loaded.files}
-        sizes = {values.size for values in found.values()}
-        if len(sizes) != 1:
-            raise refuse(
-                "field_count",
-                f"its arrays {', '.join(found)} are of different lengths; keep those "
-                "of one clock",
-                path=path,
-            )
-        return {name: values.astype(float) for name, values in found.items()}
+    kind = "NumPy .npy"
     if loaded.dtype.names:
-        return {name: loaded[name].astype(float) for name in loaded.dtype.names}
+        return {name: loaded[name].astype(float) for name in loaded.dtype.names}, kind
     rows = np.atleast_2d(loaded.T).T
     names = [name for name in columns if name != "..."]
     if not names or len(names) > rows.shape[1]:
@@ -92,7 +92,27 @@ def _arrays(path: str, columns: Sequence[str]) -> Table:
             "example --columns time_s,pressure_kpa",
             path=path,
         )
-    return {name: rows[:, k].astype(float) for k, name in enumerate(names)}
+    return {name: rows[:, k].astype(float) for k, name in enumerate(names)}, kind
+
+
+def _alike(arrays: NpzFile, path: str) -> tuple[Table, str]:
+    """Arrays of numbers of one length: the longest that two of them have.
+
+    What is longer or shorter has another clock, or is no column but says something of
+    them, and is named as left aside.
+    """
+    columns: Table = {}
+    for name in arrays.files:
+        # What is no array of numbers, such as a pickled setting, is no column.
+        with contextlib.suppress(ValueError):
+            columns[name] = np.ravel(arrays[name]).astype(float)
+    sizes = Counter(values.size for values in columns.values())
+    n = max((size for size in sizes if sizes[size] > 1), default=max(sizes, default=0))
+    if n == 0:
+        raise refuse("no_rows", "holds no array of numbers", path=path)
+    table = {name: values for name, values in columns.items() if values.size == n}
+    aside = ", ".join(name for name in arrays.files if name not in table)
+    return table, f"NumPy .npz{f', left aside {aside}' if aside else ''}"
 
 
 def _messages(path: str) -> Iterator[dict[str, float]]:
@@ -133,7 +153,7 @@ def _logged(path: str) -> Iterator[dict[str, float]]:
             match = _LOG.match(line)
             text = line.strip() if match is None else match["text"].strip()
             if match is not None:
-                now = float(match["time"])
+                now = _seconds(match)
                 if len(record) > 1 and now != record["time_s"]:
                     yield record
                     record = {}
@@ -152,13 +172,22 @@ def _logged(path: str) -> Iterator[dict[str, float]]:
         yield record
 
 
+def _seconds(match: re.Match[str]) -> float:
+    """Time of a log line [s]."""
+    if match["date"] is None:
+        return float(match["time"] or match["stamp"])
+    date = datetime.strptime(match["date"], "%Y-%m-%d %H:%M:%S,%f")
+    return date.replace(tzinfo=UTC).timestamp()
+
+
 def _columns(records: Iterator[dict[str, float]], path: str) -> Table:
-    """Columns of records; NaN where one lacks a number that the first has."""
+    """Columns of those records that have all numbers that most of them have."""
     rows = list(records)
     if not rows:
         raise refuse("no_rows", "holds no record with a number", path=path)
-    names = list(rows[0])
-    table = {n: np.array([row.get(n, np.nan) for row in rows]) for n in names}
+    names = Counter(map(tuple, rows)).most_common(1)[0][0]
+    rows = [row for row in rows if row.keys() >= set(names)]
+    table = {n: np.array([row[n] for row in rows]) for n in names}
     for seconds in [n for n in names if n.endswith("stamp.secs")]:
         parts = (seconds, seconds.replace("secs", "nsecs"))
         if all(part in table for part in parts):

@@ -5,6 +5,7 @@ A guess is only where to begin: every line is held against it later.
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -127,13 +128,14 @@ def _guess(
 ) -> Guess | None:
     """Try one delimiter and decimal mark; None if they give no table."""
     split = [split_line(uncommented(line), delimiter) for line in lines]
-    n_values = [sum(_is_value(cell, decimal) for cell in row) for row in split]
+    is_value = [[_is_value(cell, decimal) for cell in row] for row in split]
+    n_values = [sum(row) for row in is_value]
     filled = [i for i, line in enumerate(lines) if line.strip()]
     if columns:
         data = next((i for i in filled if n_values[i]), None)
         header, n_names = None, len(columns)
     else:
-        header, data = _find_header(split, n_values, filled, least)
+        header, data = _find_header(split, is_value, filled, least)
         n_names = len(split[header]) if header is not None else 0
     if data is None or n_names < least:
         return None
@@ -157,34 +159,30 @@ def _guess(
 
 
 def _find_header(
-    split: list[list[str]], n_values: list[int], filled: list[int], least: int
+    split: list[list[str]], is_value: list[list[bool]], filled: list[int], least: int
 ) -> tuple[int | None, int | None]:
     """Find the line of names and the first line of data below it.
 
-    Of several that could be it, the one that most lines below agree with: a preamble
-    may hold tables of its own.
+    It is the last line of words above the first row that is like most: a preamble may
+    hold pairs and tables of its own, and what is wrong in a few rows is to be told.
     """
-    best, most = (None, None), 0.0
+    like = Counter(tuple(is_value[i]) for i in filled if any(is_value[i]))
+    most = max(like.values(), default=0)
+    usual = next((i for i in filled if like[tuple(is_value[i])] == most), -1)
+    header, data = None, None
     for k, i in enumerate(filled[:-1]):
-        n = len(split[i])
-        if n < least or n_values[i] or not any(split[i]):
+        n, below = len(split[i]), filled[k + 1 :]
+        is_names = n >= least and any(split[i]) and not any(is_value[i])
+        # Between names and data there are units.
+        if not is_names or i > usual or (data is not None and i < data):
             continue
-        below = filled[k + 1 :]
-        is_unit_row = (
-            len(below) > 1
-            and len(split[below[0]]) == n
-            and _is_unit_row(split[below[0]])
-        )
+        units = split[below[0]]
+        is_unit_row = len(below) > 1 and len(units) == n and _is_unit_row(units)
         rows = below[is_unit_row : is_unit_row + 3]
-        if not n_values[rows[0]]:
-            continue
-        if any(len(split[j]) in (n, n + 1) and n_values[j] for j in rows):
-            fits = [len(split[j]) in (n, n + 1) for j in below[is_unit_row:]]
-            share = sum(fits) / len(fits)
-            # What is wrong in a few rows is to be told, not passed over.
-            if share > most + 0.5 or (share > most and most == 0.0):
-                best, most = (i, rows[0]), share
-    return best
+        fit = [len(split[j]) in (n, n + 1) and any(is_value[j]) for j in rows]
+        if any(is_value[rows[0]]) and any(fit):
+            header, data = i, rows[0]
+    return header, data
 
 
 _UNIT_WORD = re.compile(

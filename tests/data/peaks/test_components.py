@@ -8,6 +8,7 @@ import pytest
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import THETA_SWEEP, Session, simulate_recording
 from pushfit.errors import ConfigError
 from pushfit.model import Grasp, Parameters
@@ -102,3 +103,29 @@ def test_a_push_beyond_the_range_of_one_component_is_flagged(made):
     flagged = np.array(["saturated" in words for words in table.flags])
     assert flagged[is_cut].all()
     assert not flagged[np.asarray(made.truth.height_normal) < 0.9 * end].any()
+
+
+@pytest.mark.parametrize("jerk", [12.0, 70.0])
+def test_a_jerk_on_retracting_is_neither_a_push_nor_a_height(jerk):
+    """The hold is 5 N along and 2 N across; the finger then snags for 50 ms."""
+    time = np.arange(0.0, 26.0, 0.01)
+    rng = np.random.default_rng(0)
+    along, across = 0.05 * rng.standard_normal((2, time.size))
+    for start in 2 + 6 * np.arange(4):
+        held = np.clip((time - start) / 0.5, 0, 1) * np.clip(
+            (start + 2.5 - time) / 0.5, 0, 1
+        )
+        along += 5 * held - jerk * np.exp(-(((time - start - 2.52) / 0.02) ** 2))
+        across += 2 * held
+    recording = Recording(
+        time=time, channels={"fx": across, "fz": along}, units={"fx": "n", "fz": "n"}
+    )
+    table = extract_peaks(
+        recording,
+        PushSchedule.planned(np.pi / 4, 0.0, repeats=4),
+        settings=PeakSettings(normal="fz"),
+    )
+    for channel, held in (("height_normal", 5.0), ("height_tangential", 2.0)):
+        pull = (table.heights(channel) - held) / table.sd(channel)
+        assert np.abs(pull).max() < MAX_PULL
+    assert any("far briefer" in caution for caution in table.cautions)

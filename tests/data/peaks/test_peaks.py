@@ -9,7 +9,11 @@ import pytest
 from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks, find_pushes
+from pushfit.data.peaks.notes import extraction_notes
+from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.found import Found
 from pushfit.data.recordings.records import Recording, Source
 from pushfit.data.simulate import (
     ALPHA_SWEEP,
@@ -152,6 +156,38 @@ def test_humps_are_left_out_and_taken_in_by_their_time():
     assert len(find_pushes(bumped, settings=out)) == 17
     part = PeakSettings(begin=float(made.t_start[3]) - 0.8)
     assert extract_peaks(made.recording, settings=part).n_pushes == 15
+
+
+def test_a_part_of_a_recording_has_the_rows_of_its_own_pushes_of_the_plan():
+    """What lies before `begin` is no reason to doubt which push is which."""
+    made = simulated()
+    whole = extract_peaks(made.recording, ALPHA_SWEEP)
+    part = PeakSettings(begin=float(made.t_start[3]) - 0.8)
+    table = extract_peaks(made.recording, ALPHA_SWEEP, settings=part)
+    assert table.frame["push"].tolist() == whole.frame["push"].tolist()[3:]
+
+
+def test_only_heights_for_a_fit_are_told_to_be_mixed():
+    """A cut push looks held where it ends; nobody compares it."""
+    frame = pd.DataFrame(
+        {
+            "push": [1, 2],
+            "height_n": [1.0, 2.0],
+            "definition": ["apex", "plateau"],
+            "flags": ["", "clipped"],
+        }
+    )
+    nothing = Found((), Course.of(np.arange(3.0), np.zeros(3)))
+    paired = pair(nothing, None, PeakSettings(), span=(0.0, 2.0))
+    notes, cautions = extraction_notes(paired, frame)
+    assert "heights are those of the apex of each push" in notes
+    assert not cautions
+
+
+def test_a_window_that_no_hump_is_in_is_told():
+    settings = PeakSettings(exclude=((1000.0, 1001.0),))
+    table = extract_peaks(simulated().recording, settings=settings)
+    assert any("1000:1001 s" in caution for caution in table.cautions)
 
 
 def test_a_schedule_of_one_cycle_serves_a_recording_of_three():

@@ -43,6 +43,28 @@ def test_a_rospy_log_with_values_below_their_names_is_read(tmp_path):
     assert recording.channels["p"].tolist() == [2000.0 + k for k in range(6)]
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "[rosout][INFO] 2020-09-13 12:26:4{s},{ms}0: {text}",
+        "160000000{s}.{ms} INFO /bio [bio.py:12(run)] [topics: /rosout, /p] {text}",
+        "[INFO] [160000000{s}.{ms}] [bio]: {text}",
+    ],
+)
+def test_a_log_of_ros_is_read_past_what_is_no_reading(tmp_path, line):
+    path = tmp_path / "node.log"
+    texts = ["started, pid: 3", *(f"pdc: {2000 + k} tdc={k}" for k in range(8))]
+    path.write_text(
+        "".join(
+            line.format(s=k // 4, ms=f"{25 * (k % 4):02}", text=text) + "\n"
+            for k, text in enumerate(texts)
+        )
+    )
+    recording = read_recording(path, mapping={"p": "pdc"}, units={"p": "counts"})
+    assert recording.channels["p"].tolist() == [2000.0 + k for k in range(8)]
+    np.testing.assert_allclose(np.diff(recording.time), 0.25, rtol=1e-4)
+
+
 def test_a_rospy_log_of_bare_numbers_has_one_column(tmp_path):
     path = tmp_path / "node.log"
     path.write_text(
@@ -80,6 +102,35 @@ def test_numpy_columns_are_read_by_name(tmp_path):
         np.testing.assert_array_equal(recording.time, time)
     with pytest.raises(DataError, match="2 columns without names"):
         read_recording(tmp_path / "log.npy")
+
+
+def test_arrays_of_other_lengths_are_left_aside_and_named(tmp_path):
+    time, force = np.arange(50) / 100, np.arange(50.0)
+    path = tmp_path / "log.npz"
+    settings = {"gain": 0.5, "serial": "A12", "cal": np.eye(6), "meta": {"rig": 7}}
+    np.savez(path, time_s=time, force_n=force, pac=np.zeros(99), **settings)
+    recording = read_recording(path)
+    np.testing.assert_array_equal(recording.channels["force"], force)
+    assert "left aside pac, gain, serial, cal, meta" in recording.notes[0]
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("units", ["", "s{d}N\n"])
+@pytest.mark.parametrize(
+    "preamble",
+    [
+        "serial{d} A12\ngain{d} 6{d} 0.5\n",
+        "serial{d} A12\ngain{d} 6\noperator{d} Ann\n",
+        "rig\nserial{d} A12\ngain{d} 6{d} 0.5\nrange{d} 1{d} 2{d} 3{d} N\n\n",
+    ],
+)
+def test_pairs_of_metadata_are_no_names(tmp_path, preamble, units, delimiter):
+    path = tmp_path / "log.txt"
+    rows = "".join(f"{k / 10}{{d}}{k}.5\n" for k in range(40))
+    names = "time_s{d}force_n\n"
+    path.write_text((preamble + names + units + rows).format(d=delimiter))
+    recording = read_recording(path)
+    np.testing.assert_array_equal(recording.channels["force"], np.arange(40) + 0.5)
 
 
 def test_a_biotac_log_is_named_with_the_way_to_convert_it(tmp_path):
