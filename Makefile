@@ -8,7 +8,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 DEMO := demo_result
 EXPLORED := explore_result
 # What fits no table: from files to peak heights, and from results to reports.
-QUICK := tests/data tests/batch tests/report tests/test_config.py
+QUICK := tests/data tests/batch tests/report/html tests/report/text tests/test_config.py
 
 .PHONY: demo explore-demo ros test test-quick test-slow lint bench bench-honesty docs notebooks clean
 

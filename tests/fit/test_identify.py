@@ -260,6 +260,7 @@ def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data
     assert "model_inadequate" in warning_codes(result)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "chosen"), [("normal", "normal"), ("heavy", "student_t")]
 )

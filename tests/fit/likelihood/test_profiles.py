@@ -209,6 +209,7 @@ def test_a_fixed_partner_makes_the_parameter_a_function():
     np.testing.assert_allclose(K_sn, expected, rtol=END)
 
 
+@pytest.mark.slow
 def test_soft_axis_of_noise_free_heights_is_found():
     table = case_table(CASES["ellipse"], noise=1e-3)
     profile = profiles_of(setup_of(table), alpha=np.radians(30))["alpha_star"]

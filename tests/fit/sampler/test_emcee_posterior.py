@@ -151,6 +151,7 @@ def test_a_run_killed_and_resumed_gives_the_same_bits(
     assert_same_bits(whole, resumed)
 
 
+@pytest.mark.slow
 def test_a_checkpoint_of_another_seed_is_kept_aside(tmp_path, setup, short):
     path = tmp_path / "run.npz"
     other = sample(setup, budget=SHORT, checkpoint=path, seed=5)
