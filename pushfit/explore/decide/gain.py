@@ -130,7 +130,7 @@ def summed_gain(
     """
     own = weights > 0
     if not np.all(own):
-        heights, weights = heights[:, :, own], weights[own]
+        heights, weights = heights.compress(own, axis=2), weights[own]
         angles = [values[own] for values in angles]
     ends, rows = [0], []
     for values in angles:

@@ -250,7 +250,7 @@ def _gains(
         ticks = (np.arange(N_COARSE_DRAWS) + 0.5) / N_COARSE_DRAWS
         few = np.searchsorted(np.cumsum(weights), ticks * weights.sum())
         gains = summed_gain(
-            heights[:, :, few],
+            heights.take(few, axis=2),
             [values[few] for values in angles],
             np.full(few.size, 1 / few.size),
             sigma,
