@@ -2,7 +2,7 @@
 
 Bytes become clean text (`textfile`), whose layout is recognised (`dialects`) and held
 against every line (`scan`, `explain`); the columns get their roles (`roles`), only the
-needed ones are parsed (`prescan`), and the samples must make sense as a recording
+needed ones are parsed (`csv_reader`), and the samples must make sense as a recording
 (`samples`). Bags enter at the last step (`bags`).
 """
 
@@ -17,12 +17,12 @@ from pushfit.data.recordings.records import Recording, Source
 from pushfit.data.recordings.roles import Role, Roles, assign_roles
 from pushfit.data.recordings.samples import Gaps, Samples, ThetaFrom, build_recording
 from pushfit.data.recordings.units import UNITS, Calibration, Unit
+from pushfit.data.text.csv_reader import MAX_BYTES, Cells, read_cells, row_problems
 from pushfit.data.text.dialects import Format, Layout, find_layout, layout_of
 from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import existing_file, is_bag, sha256_of
 from pushfit.data.text.foreign import foreign_table
-from pushfit.data.text.prescan import MAX_BYTES, Cells, read_cells, row_problems
 from pushfit.data.text.scan import Tail
 from pushfit.data.text.textfile import TextFile, open_text
 from pushfit.errors import DataError

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pushfit.data.recordings.records import Source
 from pushfit.data.tables.columns import Origin
-from pushfit.data.text.prescan import read_csv_strict
+from pushfit.data.text.csv_reader import read_csv_strict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

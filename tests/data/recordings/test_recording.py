@@ -8,7 +8,7 @@ import pytest
 
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.units import BIOTAC_PDC
-from pushfit.data.text import prescan
+from pushfit.data.text import csv_reader as csv_reader
 from pushfit.errors import ConfigError, DataError, PushfitError
 
 # Equal on paper: one multiplication and one division in float64.
@@ -533,14 +533,14 @@ def test_the_source_tells_path_digest_and_dialect(write):
 
 def test_a_file_that_changes_while_it_is_read_is_refused(write, monkeypatch):
     path = write(GOOD)
-    real_scan = prescan.fast_scan
+    real_scan = csv_reader.fast_scan
 
     def append_meanwhile(*args):
         with path.open("a") as file:
             file.write("0.03,1\n")
         return real_scan(*args)
 
-    monkeypatch.setattr(prescan, "fast_scan", append_meanwhile)
+    monkeypatch.setattr(csv_reader, "fast_scan", append_meanwhile)
     error = refusal(path)
     assert error.code == "file_changed"
     assert "read it again" in str(error)

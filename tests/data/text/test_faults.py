@@ -25,7 +25,7 @@ from pushfit.model import Grasp, Parameters
 TESTS = Path(__file__).parents[2]
 RECORDING, PRESCAN, PEAKS = (
     "data/recordings/test_recording",
-    "data/text/test_prescan",
+    "data/text/test_csv_reader",
     "data/peaks/test_peaks",
 )
 # Fault: module of the test, then tests or cases of a table in it.

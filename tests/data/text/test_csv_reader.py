@@ -12,8 +12,9 @@ import pytest
 
 from benchmarks import recording_scale
 from pushfit.data.recordings.recording import read_recording
-from pushfit.data.text import prescan, textfile
-from pushfit.data.text.prescan import read_csv_strict
+from pushfit.data.text import csv_reader as csv_reader
+from pushfit.data.text import textfile
+from pushfit.data.text.csv_reader import read_csv_strict
 from pushfit.errors import DataError
 
 
@@ -99,9 +100,11 @@ def test_a_parser_that_finds_other_rows_than_the_scan_is_not_believed(
     error, write, monkeypatch
 ):
     """The scan and pandas count rows independently; they must agree."""
-    scan = prescan.fast_scan
+    scan = csv_reader.fast_scan
     monkeypatch.setattr(
-        prescan, "fast_scan", lambda *a: replace(s := scan(*a), n_rows=s.n_rows + error)
+        csv_reader,
+        "fast_scan",
+        lambda *a: replace(s := scan(*a), n_rows=s.n_rows + error),
     )
     with pytest.raises(DataError) as caught:
         read_recording(write("time_s,force_n\n0,1\n0.01,2\n"))
@@ -121,7 +124,7 @@ def test_block_borders_leave_no_trace(block, delimiter, write, monkeypatch):
     text = f"time_s{delimiter}force_n\n" + "\n".join(rows) + "\n"
     path = write(text)
     monkeypatch.setattr(textfile, "BLOCK", block)
-    monkeypatch.setattr(prescan, "_CHUNK_CELLS", 26)
+    monkeypatch.setattr(csv_reader, "_CHUNK_CELLS", 26)
     recording = read_recording(path)
     np.testing.assert_array_equal(recording.time, times)
     np.testing.assert_array_equal(recording.channels["force"], force)
@@ -133,7 +136,7 @@ def test_block_borders_leave_no_trace(block, delimiter, write, monkeypatch):
 def test_memory_follows_the_needed_columns_not_the_file(write, monkeypatch):
     """A wide file costs the scan's blocks and 8 bytes per needed cell."""
     monkeypatch.setattr(textfile, "BLOCK", 1 << 16)
-    monkeypatch.setattr(prescan, "_CHUNK_CELLS", 1 << 15)
+    monkeypatch.setattr(csv_reader, "_CHUNK_CELLS", 1 << 15)
     n_rows, wide = 40_000, ",1234567890" * 30
     names = "".join(f",x{k}" for k in range(30))
     rows = "".join(f"{k},{k % 7}{wide}\n" for k in range(n_rows))
