@@ -138,12 +138,15 @@ def test_what_settings_leave_open_follows_from_the_exploration():
 
 @pytest.mark.slow
 def test_a_hand_that_tilts_explores_to_its_own_angle():
-    """Pushed and believed by tilting mechanics, of a lever that is stated."""
+    """Pushed and believed by tilting mechanics, of a lever that is stated.
+
+    The angles by both mechanics are 3° apart, so that 4° tell them from each other.
+    """
     text = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"
     config = parse_config(text, path="grasp.toml")
     grasp = Grasp(push_length=0.005, mechanics="tilting")
     theta_c = float(np.degrees(critical_angle(TRUTH, grasp, np.pi / 2)))
-    own = Explorer(config, width_deg=9.0, budget=30, sigma=0.05, channels=COMPONENTS)
+    own = Explorer(config, width_deg=4.0, budget=40, sigma=0.05, channels=COMPONENTS)
     state = explore(own, hand(grasp=grasp), settings=FORCES)
     assert own.belief.grasp.mechanics == "tilting"
     assert state.answer is Answer.DECIDED
