@@ -38,7 +38,6 @@ def is_current(folder: Path, key: str, written: Mapping[str, tuple[str, str]]) -
     """Whether a folder still holds what was written for an item.
 
     Args:
-        folder: Result folder of the item.
         key: Key of the item.
         written: Key and digest of `summary.json` by name of folder.
     """

@@ -64,7 +64,6 @@ def settings_for(path: str, common: Path | None) -> Path | None:
     """Settings of one file: its own, else those of its folder, else the common ones.
 
     Args:
-        path: Recording or table.
         common: Settings named by the user.
 
     Returns:
@@ -77,7 +76,6 @@ def schedule_for(path: str, common: Path | None) -> Path | None:
     """Schedule of one recording, by the same rule as its settings.
 
     Args:
-        path: Recording.
         common: Schedule named by the user.
 
     Returns:

@@ -43,7 +43,6 @@ class Failure:
         """What an error means for an item.
 
         Args:
-            item: Name of the item.
             stage: Where it was raised.
             error: The error; one that is not ours is a bug.
         """
@@ -125,10 +124,6 @@ def make_plan(paths: tuple[str, ...], request: Request) -> Plan:
 
     Args:
         paths: Files and bag folders.
-        request: What is asked.
-
-    Returns:
-        Items and failures.
 
     Raises:
         ConfigError: The common settings or schedule cannot be read.
@@ -266,9 +261,6 @@ def digest_of(content: Mapping[str, object]) -> str:
 def content_digest(path: str) -> str:
     """Sha256 of a file, or of the names and digests of the files in a bag folder.
 
-    Args:
-        path: File or folder.
-
     Returns:
         Hexadecimal digest.
     """
@@ -278,11 +270,7 @@ def content_digest(path: str) -> str:
 
 
 def content_size(path: str) -> int:
-    """Size of a file, or of all files in a bag folder [bytes].
-
-    Args:
-        path: File or folder.
-    """
+    """Size of a file, or of all files in a bag folder [bytes]."""
     files = _files_in(path) if os.path.isdir(path) else [Path(path)]
     return sum(FileStamp.of(str(file)).size for file in files)
 

@@ -39,8 +39,6 @@ def write_outputs(
     """Write what a batch found, each file complete or as it was.
 
     Args:
-        folder: Folder of the batch.
-        answers: Rows and failures.
         population: What the items have in common; see `pushfit.batch.population`.
 
     Returns:

@@ -43,7 +43,6 @@ def collect(
     """Put everything that is known of the items together.
 
     Args:
-        plan: All items.
         failed: What failed, by key of the item.
         find: What finds a result by key.
 

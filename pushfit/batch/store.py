@@ -73,9 +73,6 @@ class Store:
     def get(self, key: str) -> Finished | None:
         """Find a result.
 
-        Args:
-            key: Key of its item.
-
         Returns:
             The result; None if there is none that can be read.
         """
@@ -91,11 +88,7 @@ class Store:
             return None
 
     def save(self, results: Iterable[tuple[str, Finished]]) -> None:
-        """Keep results, all of them or, if the process dies, none.
-
-        Args:
-            results: Keys and results.
-        """
+        """Keep results, all of them or, if the process dies, none."""
         rows: list[tuple[str | bytes, ...]] = [
             (key, r.kind, json.dumps(r.values, allow_nan=False), _pack(r.draws))
             for key, r in results
@@ -111,8 +104,6 @@ class Store:
         """Keep that the folder of an item was written.
 
         Args:
-            name: Name of the folder.
-            key: Key of the item.
             sha256: Digest of its `summary.json`.
         """
         statement = "INSERT OR REPLACE INTO folder VALUES (?, ?, ?)"
@@ -134,9 +125,6 @@ class Store:
 @contextlib.contextmanager
 def open_store(folder: Path) -> Iterator[tuple[Store, str]]:
     """Open the store of a batch, or begin one.
-
-    Args:
-        folder: Folder of the batch.
 
     Yields:
         The store, and what the user should know about it; empty if nothing.

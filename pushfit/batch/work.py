@@ -41,9 +41,6 @@ def identify_chunk(
         chunk: Items of one configuration.
         engine: "auto", "sweep" or "emcee".
         identify: What identifies the tables.
-
-    Returns:
-        The outcome of each item.
     """
     loaded = [load(item) for item in chunk]
     good = [
@@ -57,9 +54,6 @@ def identify_chunk(
 
 def load(item: Item) -> tuple[str, PeakTable] | Failure:
     """Peak heights of an item.
-
-    Args:
-        item: What to read.
 
     Returns:
         "recording" or "table" and the peaks, or why there are none.
@@ -91,7 +85,6 @@ def write_folder(chunk: Chunk, *, engine: str, folder: Path) -> list[str | Failu
     """Identify each item by itself and write everything about it.
 
     Args:
-        chunk: Items.
         engine: "auto", "sweep" or "emcee".
         folder: Folder in which the items have theirs.
 

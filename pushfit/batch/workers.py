@@ -31,9 +31,6 @@ class Workers:
     def chunks(self, items: Sequence[Item]) -> list[Chunk]:
         """Portions of items of one configuration.
 
-        Args:
-            items: All items.
-
         Returns:
             Chunks; neighbours are alike in size, and so in shape.
         """
@@ -58,7 +55,6 @@ class Workers:
 
         Args:
             work: What to do with a chunk.
-            chunks: Chunks.
 
         Yields:
             Each chunk, or a part of it, with its outcomes, as they come.

@@ -29,7 +29,6 @@ def read_settings(
     """Settings of the files, and of the options that override them.
 
     Args:
-        config: Configuration file.
         profile: File with what a laboratory always states.
         format: Dialect.
         map: `channel=column` each.
@@ -37,9 +36,6 @@ def read_settings(
         columns: Names of all columns, between commas.
         rate: Samples per second of recordings without a time.
         peaks: What options say of `[peaks]`; None where they do not.
-
-    Returns:
-        The settings.
 
     Raises:
         ConfigError: A file is wrong, or an option is no pair.
@@ -103,14 +99,8 @@ def load_peaks(
     """Peak heights of one or several recordings of one grasp.
 
     Args:
-        session: Where notes go.
-        recordings: Files.
         schedules: Their schedules, in the same order; none if the recordings have
             angle columns.
-        config: Settings in force.
-
-    Returns:
-        One table.
 
     Raises:
         ConfigError: The schedules do not go with the recordings.
@@ -146,9 +136,6 @@ def load_peaks(
 
 def load_table(path: Path, config: "GraspConfig") -> "PeakTable":
     """Peak heights from a file that holds them.
-
-    Returns:
-        The table.
 
     Raises:
         DataError: It is something else, or breaks a rule.

@@ -61,7 +61,6 @@ class Session:
         """Show a message, unless the user wants quiet.
 
         Args:
-            text: What to say.
             style: Colour and weight on a terminal, as rich names them.
         """
         if not self.is_quiet:
@@ -71,7 +70,6 @@ class Session:
         """Show that a file or folder is complete.
 
         Args:
-            path: File or folder.
             remark: What is to be said of it.
         """
         keep(f"{path} is complete")

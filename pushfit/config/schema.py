@@ -267,11 +267,7 @@ class GraspConfig(Section):
         return self.model_copy(update={"grasp": grasp})
 
     def why_not(self, name: str) -> str | None:
-        """Why mechanics do not apply, and what to do; None where they do.
-
-        Args:
-            name: Name of the mechanics.
-        """
+        """Why mechanics do not apply, and what to do; None where they do."""
         for key, reason in mechanics_named(name).needs.items():
             if not operator.attrgetter(key)(self):
                 return reason

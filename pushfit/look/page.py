@@ -308,22 +308,13 @@ class Page:
 
 
 def static_page(look: Look, *, title: str) -> str:
-    """The page without anything to click, as one file of HTML.
-
-    Args:
-        look: What is shown.
-        title: Name of the recording.
-    """
+    """The page without anything to click, as one file of HTML."""
     page = Page(look, title=title, save=None)
     return file_html(page.root, INLINE, page_title(title), template=page_template())
 
 
 def page_title(title: str) -> str:
-    """Name of the window.
-
-    Args:
-        title: Name of the recording.
-    """
+    """Name of the window."""
     return printable(f"pushfit look: {title}")
 
 

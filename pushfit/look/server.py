@@ -23,7 +23,6 @@ def start_server(
     Args:
         look: What is shown; the same in every window, so that nothing is lost when a
             page is loaded again.
-        title: Name of the recording.
         save: Writes the files and returns what to tell.
         port: Port; 0 takes a free one.
 

@@ -122,11 +122,7 @@ class Look:
         return [k for k, is_push in enumerate(self.counts) if is_push]
 
     def is_directed(self, hump: int) -> bool:
-        """Whether both angles of a hump are known.
-
-        Args:
-            hump: Its position.
-        """
+        """Whether both angles of a hump are known."""
         return bool(np.isfinite(self.theta_deg[hump] + self.alpha_deg[hump]))
 
     def at(self, when: float) -> int | None:
@@ -145,18 +141,13 @@ class Look:
         return k if first <= when <= last else None
 
     def toggle(self, hump: int) -> None:
-        """Leave a hump out, or take it in; its angles stay.
-
-        Args:
-            hump: Its position.
-        """
+        """Leave a hump out, or take it in; its angles stay."""
         self.counts[hump] = not self.counts[hump]
 
     def direct(self, hump: int, theta: str, alpha: str) -> None:
         """Take the angles of one hump as typed.
 
         Args:
-            hump: Its position.
             theta: Elevation, empty where unknown [deg].
             alpha: Azimuth [deg].
 

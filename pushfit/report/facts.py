@@ -116,11 +116,7 @@ def cannot_say(identification: Identification) -> list[str]:
 
 
 def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
-    """Value, interval, unit, verdict and note of a quantity, as printed.
-
-    Args:
-        quantity: As reported.
-    """
+    """Value, interval, unit, verdict and note of a quantity, as printed."""
     interval, spread = "", None
     if quantity.interval is not None:
         if quantity.estimate is not None:

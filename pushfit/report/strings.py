@@ -59,11 +59,7 @@ def unit_label(unit: str) -> str:
 
 
 def symbol(name: str) -> str:
-    """Letter of a quantity in prose, the name itself if it has none.
-
-    Args:
-        name: Stable name of the quantity.
-    """
+    """Letter of a quantity in prose, the name itself if it has none."""
     return NAMED[name].prose if name in NAMED else printable(name)
 
 
@@ -89,7 +85,6 @@ def format_number(value: float | None, *, spread: float | None = None) -> str:
     """Number with the digits that its uncertainty justifies.
 
     Args:
-        value: The number.
         spread: Its uncertainty in the same unit; three digits if there is none.
 
     Returns:
@@ -121,7 +116,6 @@ def with_unit(number: str, unit: str) -> str:
     """Number and unit, "40°" without and "3 N" with a space.
 
     Args:
-        number: Formatted number.
         unit: As in a table or a `Quantity`.
     """
     label = unit_label(unit)
@@ -189,12 +183,7 @@ def _format_end(upper: float, spread: float) -> str:
 
 
 def format_bound(value: float, unit: str) -> str:
-    """One-sided bound: whole degrees, otherwise three digits.
-
-    Args:
-        value: The bound.
-        unit: Its unit.
-    """
+    """One-sided bound: whole degrees, otherwise three digits."""
     if unit_label(unit) == "°":
         return format_angle(value)
     return with_unit(format_number(value), unit)

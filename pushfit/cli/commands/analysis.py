@@ -157,10 +157,7 @@ def analyse(
     """Load, identify, write and print.
 
     Args:
-        session: Where messages go.
         load: What makes the table under a configuration.
-        settings: Settings in force.
-        request: What is wanted.
 
     Returns:
         Exit code: that of a `FitError` if the numerics are not to be trusted.

@@ -77,8 +77,6 @@ def report(session: Session, found: "Batch", *, is_json: bool) -> None:
     """Say what came out.
 
     Args:
-        session: Where messages go.
-        found: The batch.
         is_json: Whether standard output is a document.
     """
     if found.notice:

@@ -164,9 +164,7 @@ def print_heights(
     """Give the heights of pushes whose directions are not known.
 
     Args:
-        session: Where notes go.
         path: Recording without angles.
-        settings: Settings in force.
         output: File to write; None for standard output.
     """
     from pushfit.data.peaks.extract import measure_pushes
@@ -191,9 +189,6 @@ def draw_found(
     """Draw a recording whose directions are not known, its pushes numbered.
 
     Args:
-        session: Where messages go.
-        path: Recording.
-        settings: Settings in force.
         plot: Picture to write, in the format of its suffix.
     """
     from pushfit.data.recordings.load import configured_recording
@@ -208,8 +203,6 @@ def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:
     """Draw the signal of a recording with what was taken from it.
 
     Args:
-        session: Where messages go.
-        table: Its peaks.
         plot: Picture to write, in the format of its suffix.
     """
     from pushfit.report.figures import save_figure, signal_figure
@@ -290,11 +283,7 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
 
 
 def as_text(facts: Mapping[str, object]) -> str:
-    """Facts one below the other, as `print` is to show them.
-
-    Returns:
-        Lines.
-    """
+    """Facts one below the other, as `print` is to show them."""
     lines = []
     for name, value in facts.items():
         if name == "notes" and isinstance(value, list):

@@ -107,10 +107,7 @@ def read_look(
     """What the page is going to show.
 
     Args:
-        session: Where notes go.
-        recording: File.
         schedule: File with the directions to begin with.
-        settings: Settings in force.
     """
     from pushfit.data.plans.schedule import read_schedule
     from pushfit.data.recordings.check import expect_kind
@@ -155,9 +152,6 @@ class Saver:
 
     def __call__(self, look: "Look") -> str:
         """Write both files.
-
-        Args:
-            look: What was decided.
 
         Returns:
             What was written, and the command to run next.

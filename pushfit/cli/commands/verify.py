@@ -54,7 +54,6 @@ def find_inputs(
 
     Args:
         summary: `summary.json`.
-        result: Result folder.
         folder: Folder to look in first.
 
     Returns:
@@ -99,7 +98,6 @@ def locate(path: str, result: Path, folder: Path | None) -> Path:
 
     Args:
         path: As recorded.
-        result: Result folder.
         folder: Folder to look in instead; there the name alone is enough.
 
     Returns:
@@ -128,7 +126,6 @@ def run_again(
     """The same analysis of the same files.
 
     Args:
-        session: Where progress is shown.
         summary: `summary.json`.
         found: Path of every input by its recorded name.
 
@@ -160,9 +157,6 @@ def run_again(
 def recorded_config(summary: dict[str, Any]) -> "GraspConfig":
     """Settings that a result was made with.
 
-    Returns:
-        Settings.
-
     Raises:
         ConfigError: This version does not understand them.
     """
@@ -186,7 +180,6 @@ def as_document(
     """What `--json` prints.
 
     Args:
-        comparison: Every difference.
         found: Path of every input by its recorded name.
 
     Returns:

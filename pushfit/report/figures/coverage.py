@@ -36,7 +36,6 @@ def coverage_figure(
     Args:
         points: For each quantity the claimed probability, the measured share, and the
             lower and upper binomial limit.
-        n_tables: Tables behind each point.
         ax: Where to draw; None makes a figure.
 
     Returns:

@@ -76,7 +76,6 @@ def residual_figure(
         theta_deg: Elevation of each residual [deg].
         alpha_deg: Azimuth of each residual [deg].
         row: Row of the table of each residual, the order in time.
-        channels: Channel of each residual.
         unit: Unit of the heights.
     """
     from scipy.special import ndtri
@@ -135,7 +134,6 @@ def trace_figure(
     """Walkers against step, and how fast they forget, for each coordinate.
 
     Args:
-        chain: Kept states.
         names: Coordinates, the last axis of the chain.
         thin: Steps between kept states.
         autocorr_time: Integrated autocorrelation time by name [steps].

@@ -78,10 +78,7 @@ def draw_ellipses(
     """Draw some draws, the median ellipse and the soft axis.
 
     Args:
-        axes: Where to.
-        ellipses: The draws.
         unit: Unit of the stiffness.
-        alpha_star: Best push direction to mark.
     """
     colour = DATA if ellipses.is_informed else PRIOR
     step = max(1, ellipses.mean.size // N_SHOWN)
@@ -120,7 +117,6 @@ def ellipse_figure(
     Args:
         ellipses: One panel each.
         unit: Unit of the stiffness.
-        alpha_star: Best push direction to mark.
     """
     from matplotlib.lines import Line2D
 

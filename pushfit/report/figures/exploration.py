@@ -97,7 +97,6 @@ def exploration_figure(
 
     Args:
         known: The angle that is asked.
-        gains: What every push would tell.
         course: How it went; None where pushes were not followed.
         title: One sentence.
 

@@ -77,8 +77,6 @@ def draw_side(axes: "Axes", marker: Marker, theta_deg: Sequence[float]) -> None:
     """Draw object, supports and finger from the side, with pushes and θ_c.
 
     Args:
-        axes: Where to.
-        marker: Critical angle.
         theta_deg: Elevations that were pushed [deg].
     """
     from matplotlib.patches import Arc, Circle, FancyBboxPatch, Wedge
@@ -120,8 +118,6 @@ def draw_top(
     """Draw the surface from above, with azimuths, reach and α*.
 
     Args:
-        axes: Where to.
-        marker: Best push direction.
         alpha_deg: Azimuths that were pushed [deg].
         reach_deg: Azimuths that the finger can push in [deg].
     """
@@ -164,8 +160,6 @@ def grasp_figure(
     Args:
         theta_deg: Elevations that were pushed [deg].
         alpha_deg: Azimuths that were pushed [deg].
-        theta_c: Critical angle.
-        alpha_star: Best push direction.
         reach_deg: Azimuths that the finger can push in [deg].
     """
     figure = new_figure(width=2 * COLUMN, height=0.95 * COLUMN)

@@ -110,7 +110,6 @@ def plot(
     """One figure of a result.
 
     Args:
-        identification: The result.
         name: As the file is called.
         ax: Where to draw; None makes a figure.
 
@@ -134,7 +133,6 @@ def figure_files(
     """Content of the files of all figures.
 
     Args:
-        identification: The result.
         is_wanted: Whether a figure is wanted as "png" or "svg", both by name.
 
     Returns:

@@ -43,9 +43,7 @@ def sweeps_of(identification: Identification, swept: str, channel: str) -> list[
     """Measured and predicted heights along one angle, one entry per other angle.
 
     Args:
-        identification: The result.
         swept: "theta" or "alpha".
-        channel: Height channel.
 
     Returns:
         Sweeps of at least three directions, by the other angle.
@@ -152,7 +150,6 @@ def main_figure(
     """Heights against elevation and against azimuth, with both answers marked.
 
     Args:
-        identification: The result.
         is_stacked: Panels below each other, for a narrow page.
     """
     answers = {swept: answer(identification) for swept, answer in ANSWERS.items()}

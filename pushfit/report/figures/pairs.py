@@ -51,7 +51,6 @@ def corner_figure(
     Args:
         samples: Posterior draws by name, none of them constant.
         prior: Prior draws, same names.
-        units: Unit by name.
     """
     import corner
     from matplotlib.lines import Line2D

@@ -68,7 +68,6 @@ def draw_profile(
     """Draw a likelihood profile with its level and set.
 
     Args:
-        axes: Where to.
         values: Grid of the quantity.
         delta_chi_square: Profile on it.
         pieces: Likelihood set.
@@ -108,9 +107,7 @@ def draw_posterior(
     """Draw the density of draws over that of the prior, the set and the estimates.
 
     Args:
-        axes: Where to.
         samples: Posterior draws; NaN where the quantity does not exist.
-        prior: Prior draws.
         marker: Estimates and credible set.
         limits: Range of the quantity.
     """
@@ -159,13 +156,10 @@ def quantity_figure(
 
     Args:
         profile: Grid and Δχ² on it; None leaves the upper panel out.
-        samples: Posterior draws.
-        prior: Prior draws.
         marker: Name, estimates and credible set.
         likelihood_pieces: Set of the profile.
         level: Δχ² of the likelihood set.
         prob: Probability of both sets.
-        unit: Unit of the quantity.
         modes: Values at the local optima of the likelihood.
         ax: Where to draw the posterior alone; None makes a figure of both.
     """
@@ -245,7 +239,6 @@ def learned_figure(
     """How much of each parameter came from the data and how much was assumed.
 
     Args:
-        names: Of the parameters.
         contraction: 1 - var_posterior / var_prior; NaN where there is no such number.
         verdicts: Word of each, for example "learned".
         ax: Where to draw; None makes a figure.

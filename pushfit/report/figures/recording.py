@@ -116,8 +116,6 @@ def draw_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
 
     Args:
         axes: Axes with time in seconds along x.
-        marks: All pushes.
-        rows: Which to draw.
     """
     for row in rows:
         is_doubtful = bool(marks.flags[row])
@@ -149,7 +147,6 @@ def label_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
 
     Args:
         axes: Axes with time in seconds along x.
-        marks: All pushes.
         rows: Which to label, in the order of time.
     """
     labels = [str(number) for number in marks.push]
@@ -206,8 +203,6 @@ def recording_figure(
         time: Sample times [s].
         signal: Samples; gaps are NaN.
         marks: The pushes, in the order of time.
-        unit: Unit of the signal.
-        channel: Name of the signal.
     """
     # Seconds since 1970 would leave no room for themselves.
     origin = float(np.floor(time[0])) if abs(time[0]) > MAX_TIME else 0.0
@@ -268,12 +263,7 @@ def _row_edges(
 
 
 def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
-    """A recording as the table keeps it, with the pushes that were taken from it.
-
-    Args:
-        trace: The signal.
-        table: The table it belongs to.
-    """
+    """A recording as the table keeps it, with the pushes that were taken from it."""
     rows = range(trace.first_row, trace.first_row + trace.n_rows)
     return recording_figure(
         trace.time,

@@ -95,7 +95,6 @@ def new_figure(
     Args:
         width: [inch].
         height: [inch].
-        layout: Layout engine of matplotlib.
     """
     return _shown_figure()(figsize=(width, height), layout=layout)
 
@@ -201,19 +200,13 @@ def channel_label(channel: str, unit: str) -> str:
 
     Args:
         channel: "height", "height_normal" or "height_tangential".
-        unit: Unit of the table.
     """
     kind = channel.removeprefix("height").strip("_")
     return axis_label(f"{kind} height".strip() if kind else "peak height", unit)
 
 
 def place_legend(axes: "Axes", **options: object) -> None:
-    """Legend, if anything has a label.
-
-    Args:
-        axes: Where to.
-        **options: Passed on to matplotlib.
-    """
+    """Legend, if anything has a label."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(**options)  # pyright: ignore[reportArgumentType]
 
@@ -232,7 +225,6 @@ def save_figure(figure: "Figure", path: Path) -> None:
     """Write a figure; the suffix decides the format.
 
     Args:
-        figure: Any figure of this package.
         path: For example `theta.png` or `theta.svg`.
 
     Raises:
@@ -248,7 +240,6 @@ def figure_bytes(figure: "Figure", suffix: str) -> bytes:
     """Content of the file of a figure.
 
     Args:
-        figure: Any figure of this package.
         suffix: "png", "svg" or "pdf".
     """
     if figure.get_layout_engine() is not None:

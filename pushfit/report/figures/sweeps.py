@@ -98,10 +98,7 @@ def draw_sweep(
 
     Args:
         axes: Cartesian axes with the angle in degrees, or polar in radians.
-        sweep: What to draw.
         index: Number of the series; decides marker and dashes.
-        colour: Of the series.
-        label: Entry of the legend.
     """
     scale = np.radians if axes.name == "polar" else np.asarray
     dashes = DASHES[index % len(DASHES)]
@@ -211,11 +208,8 @@ def draw_panel(
     """Draw all sweeps of one angle into cartesian axes.
 
     Args:
-        axes: Where to.
         sweeps: One per value of the other angle.
         swept: "theta" or "alpha".
-        channel: Height channel.
-        unit: Unit of the heights.
         marker: θ_c or α*, if it is to be marked.
         prob: Probability of the bands.
     """
@@ -284,8 +278,6 @@ def theta_figure(
 
     Args:
         sweeps: One per azimuth.
-        unit: Unit of the heights.
-        channel: Height channel.
         prob: Probability of the bands.
         marker: Critical angle to mark.
         ax: Where to draw; None makes a figure.
@@ -357,8 +349,6 @@ def alpha_figure(
 
     Args:
         sweeps: One per elevation.
-        unit: Unit of the heights.
-        channel: Height channel.
         prob: Probability of the bands.
         marker: Best push direction to mark.
         ax: Where to draw the curves alone; None makes a figure of both.

@@ -40,7 +40,6 @@ def render_html(
     """The whole report as one page.
 
     Args:
-        identification: The result.
         files: Figures as `figure_files` makes them; None makes them here.
 
     Returns:
@@ -60,7 +59,6 @@ def is_shown(name: str, suffix: str) -> bool:
     """Whether a page shows a figure in this format.
 
     Args:
-        name: Of the figure.
         suffix: "png" or "svg".
     """
     return suffix == ("png" if name in AS_PIXELS else "svg")

@@ -39,7 +39,6 @@ def write_result_folder(
     """Write tables, posterior, summary, reports and figures of a result.
 
     Args:
-        identification: The result.
         out: Folder to create; its parent exists.
         force: Replace a result folder that stands there.
         pictures: "png" or "svg" for every figure also in this format.

@@ -55,9 +55,6 @@ BROKEN = (
 def read_summary(folder: str | Path) -> dict[str, Any]:
     """`summary.json` of a result folder.
 
-    Returns:
-        Its content.
-
     Raises:
         DataError: The folder holds no result, or one of another schema.
     """

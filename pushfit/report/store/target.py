@@ -23,7 +23,6 @@ def check_target(out: Path, *, force: bool) -> None:
     """Refuse a target before anything is computed for it.
 
     Args:
-        out: Folder to create.
         force: Replace a result folder that stands there.
 
     Raises:

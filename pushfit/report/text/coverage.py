@@ -15,11 +15,7 @@ SCHEMA = "pushfit.calibrate/1"
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """Counts with what they can tell.
-
-    Returns:
-        Lines.
-    """
+    """Counts with what they can tell."""
     c = calibration
     lines = [
         f"{c.n_tables} tables of {c.n_pushes} pushes, truths drawn from the priors, "
@@ -84,11 +80,7 @@ def calibration_dict(calibration: Calibration) -> dict[str, Json]:
 
 
 def calibration_figure(calibration: Calibration) -> "Figure":
-    """Measured over claimed coverage of the intervals.
-
-    Returns:
-        Figure.
-    """
+    """Measured over claimed coverage of the intervals."""
     points: dict[str, list[tuple[float, float, float, float]]] = {}
     for coverage in calibration.coverages:
         if coverage.kind == "interval" and coverage.n_tables:

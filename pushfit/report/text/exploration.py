@@ -25,12 +25,7 @@ ADAPTIVE = ResultWarning(
 
 
 def next_text(explorer: Explorer, suggestions: Sequence[Suggestion]) -> str:
-    """Ranked pushes as lines.
-
-    Args:
-        explorer: The exploration.
-        suggestions: Its suggestions.
-    """
+    """Ranked pushes as lines."""
     lines = [explorer.state.sentence]
     if suggestions:
         lines += [
@@ -57,12 +52,7 @@ def next_text(explorer: Explorer, suggestions: Sequence[Suggestion]) -> str:
 def next_dict(
     explorer: Explorer, suggestions: Sequence[Suggestion]
 ) -> dict[str, object]:
-    """Ranked pushes as a document.
-
-    Args:
-        explorer: The exploration.
-        suggestions: Its suggestions.
-    """
+    """Ranked pushes as a document."""
     return (
         {"schema": SCHEMA, "mechanics": explorer.belief.grasp.mechanics}
         | state_dict(explorer.state)
@@ -85,11 +75,7 @@ def next_dict(
 
 
 def state_dict(state: State) -> dict[str, object]:
-    """Where an exploration stands, as a document.
-
-    Args:
-        state: The state.
-    """
+    """Where an exploration stands, as a document."""
     return {
         "status": state.answer.value,
         "sentence": state.sentence,
@@ -105,11 +91,7 @@ def state_dict(state: State) -> dict[str, object]:
 
 
 def progress_line(state: State) -> str:
-    """State, interval and forecast in a line.
-
-    Args:
-        state: Where the exploration stands.
-    """
+    """State, interval and forecast in a line."""
     known = ", ".join(
         f"{ANGLES[name].prose} " + ("?" if i is None else f"{i[0]:.1f}° to {i[1]:.1f}°")
         for name, i in state.intervals.items()
@@ -125,7 +107,6 @@ def exploration_picture(
     """What is known, what pushes would tell, and how it went.
 
     Args:
-        explorer: The exploration.
         suggestions: Pushes to mark, the best first.
     """
     from pushfit.report.figures.exploration import GainMap, Known, exploration_figure

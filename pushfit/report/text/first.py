@@ -33,9 +33,7 @@ def fit_line(fit: FitResult, reference_alpha_deg: float, mechanics: str) -> str:
     """θ_c of the best fit, and of others that fit nearly as well.
 
     Args:
-        fit: Least squares.
         reference_alpha_deg: Azimuth of θ_c [deg].
-        mechanics: By which it is.
     """
     best, *others = fit.modes
     if best.theta_c_deg is None:
@@ -54,12 +52,7 @@ def fit_line(fit: FitResult, reference_alpha_deg: float, mechanics: str) -> str:
 
 
 def set_line(profile: LikelihoodProfile, mechanics: str) -> str:
-    """θ_c as the likelihood confines it.
-
-    Args:
-        profile: Profile likelihood of θ_c.
-        mechanics: By which it is.
-    """
+    """θ_c as the likelihood confines it."""
     pieces = join_or([format_range(*piece, "deg") for piece in profile.pieces])
     level = f"({100 * profile.prob:g} %, {mechanics})"
     return f"likelihood set of θ_c {level}: {pieces or 'empty'}"

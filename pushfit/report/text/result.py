@@ -44,7 +44,6 @@ def render_text(identification: Identification, *, width: int = 80) -> str:
     """The whole report as plain text.
 
     Args:
-        identification: The result.
         width: Columns of the terminal; narrower than 20 counts as 20.
 
     Returns:
