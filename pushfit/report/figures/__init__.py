@@ -1,9 +1,11 @@
 """Figures: functions from arrays to matplotlib figures, and those of a result."""
 
-from pushfit.report.figures.coverage import coverage_figure
-from pushfit.report.figures.diagnostics import residual_figure, trace_figure
-from pushfit.report.figures.direction import Ellipses, ellipse_figure
-from pushfit.report.figures.grasp import grasp_figure
+from pushfit.report.figures.diagnostics import (
+    coverage_figure,
+    residual_figure,
+    trace_figure,
+)
+from pushfit.report.figures.grasp import Ellipses, ellipse_figure, grasp_figure
 from pushfit.report.figures.identification import all_figures, figure_files, plot
 from pushfit.report.figures.main import main_figure
 from pushfit.report.figures.pairs import corner_figure

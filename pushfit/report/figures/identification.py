@@ -29,8 +29,7 @@ from pushfit.report.answers import (
 )
 from pushfit.report.facts import verdict_word
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
-from pushfit.report.figures.direction import Ellipses, ellipse_figure
-from pushfit.report.figures.grasp import grasp_figure
+from pushfit.report.figures.grasp import Ellipses, ellipse_figure, grasp_figure
 from pushfit.report.figures.main import (
     main_figure,
     marker_of,

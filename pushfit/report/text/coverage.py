@@ -4,7 +4,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from pushfit.fit.coverage import Calibration, Coverage
-from pushfit.report.figures.coverage import coverage_figure
+from pushfit.report.figures.diagnostics import coverage_figure
 from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import symbol
 

@@ -21,7 +21,7 @@ from pushfit.report.figures import (
     theta_figure,
 )
 from pushfit.report.figures.diagnostics import autocorrelation
-from pushfit.report.figures.direction import ellipse_points
+from pushfit.report.figures.grasp import ellipse_points
 from pushfit.report.figures.main import sweep_makers, sweeps_of
 from pushfit.report.figures.pairs import corner_figure
 from pushfit.report.figures.recording import MAX_POINTS, marks_of, signal_figure
