@@ -41,7 +41,11 @@ TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
 UNGUARANTEED = (export.DisabledSafetyCheck.custom_call("lapack_dormqr_ffi"),)
 # XLA's newer code for fused loops takes twice as long to make and is no faster here.
 jit = functools.partial(
-    jax.jit, compiler_options={"xla_cpu_use_fusion_emitters": False}
+    jax.jit,
+    compiler_options={
+        "xla_cpu_use_fusion_emitters": False,
+        "xla_backend_optimization_level": 1,
+    },
 )
 # What names a function only within one process.
 ADDRESS = " at 0x"
