@@ -66,10 +66,8 @@ def read_bag(
     Args:
         path: Bag file, or folder of a ROS 2 bag.
         mapping: Field by channel name, `theta` and `alpha`.
-        units: Unit by channel name.
         definitions: Folder of `.msg` files, for bags that carry no definitions.
         is_salvage: Whether to read what there is of a `.mcap` file that was cut short.
-        max_bytes: Most memory that the samples may take.
 
     Returns:
         The samples; several topics are merged to the union of their times.

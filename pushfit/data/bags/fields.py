@@ -40,13 +40,7 @@ def mapped_fields(
     """Resolve the mapped fields against the bag's topics.
 
     Args:
-        path: Bag as the user named it.
         mapping: `/topic.field.path` by channel name, `theta` and `alpha`.
-        units: Unit by channel name.
-        reader: Open reader of the bag.
-
-    Returns:
-        The fields.
 
     Raises:
         ConfigError: If a unit is missing or wrong, or the time is mapped.
@@ -101,12 +95,7 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
     """Find the signals of the one topic whose message type is known.
 
     Args:
-        path: Bag as the user named it.
-        reader: Open reader of the bag.
         first: Gives the first message of a topic, None if it has none.
-
-    Returns:
-        The fields.
 
     Raises:
         DataError: If there is no topic (`no_rows`), none that is known (`no_channel`),
@@ -154,12 +143,7 @@ _MAX_LISTED = 24
 
 
 def numbers_in(message: Any, prefix: str = "") -> list[str]:
-    """Paths of all single numbers of a message, first of each array.
-
-    Args:
-        message: Decoded message.
-        prefix: Path of the message itself.
-    """
+    """Paths of all single numbers of a message, first of each array."""
     if message is None or isinstance(message, bool | str | bytes):
         return []
     if isinstance(message, int | float | np.number):
@@ -199,7 +183,6 @@ def number_at(message: Any, path: Sequence[str]) -> float:
     """Follow the steps of a path into a message.
 
     Args:
-        message: Decoded message.
         path: Names of fields, indices into arrays and texts, names of joints.
 
     Returns:

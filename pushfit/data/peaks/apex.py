@@ -88,9 +88,6 @@ def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) 
     Args:
         bins: Means of the samples in `N_BINS` equal parts of each window.
         noise: Standard deviation σ of a bin.
-
-    Returns:
-        Tops, one per row.
     """
     bank = _bank()
     centre = bins.mean(axis=1, keepdims=True)

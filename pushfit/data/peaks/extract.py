@@ -60,7 +60,6 @@ def extract_peaks(
     Args:
         recording: Samples, with the angles of the push where there is no schedule.
         schedule: Planned pushes; a recording of k cycles may have a schedule of one.
-        settings: How to find and measure.
 
     Returns:
         One row per push, flagged where the height is not to be trusted. A planned push
@@ -104,13 +103,6 @@ def measure_pushes(
     recording: Recording, *, settings: PeakSettings = DEFAULTS
 ) -> Heights:
     """Heights and times of the pushes of a recording whose directions are not known.
-
-    Args:
-        recording: Samples.
-        settings: How to find and measure.
-
-    Returns:
-        The heights.
 
     Raises:
         ConfigError: The channel to look in is not named, or not there.

@@ -127,7 +127,6 @@ def measure_heights(
         limit: Largest reading of the sensor; None to recognise it [unit].
         is_missing: Whether each is but the moment of a push that has no hump; none
             where empty.
-        course: Running means of the samples, if they are known already.
 
     Returns:
         Heights in the same order.

@@ -17,10 +17,6 @@ def extraction_notes(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Tell what was taken for granted, and what the user should not overlook.
 
-    Args:
-        paired: Humps and their pairing.
-        frame: Rows as measured.
-
     Returns:
         Notes, and cautions: what was left out, assumed to be missing, or mixed.
     """

@@ -144,9 +144,6 @@ def rests_of(
         time: Sample times [s].
         signal: Samples [unit].
         extents: All humps of the signal, in any order; one may be there twice.
-
-    Returns:
-        Noise and baselines of the humps.
     """
     humps = sorted(set(extents), key=lambda hump: hump.t_peak)
     place = {hump: k for k, hump in enumerate(humps)}
@@ -199,10 +196,6 @@ def baselines(
         time: Sample times [s].
         signal: Samples [unit].
         extents: Pushes in order.
-        noise: Noise beside each push.
-
-    Returns:
-        The baselines.
     """
     windows = rest_windows(time, extents)
     height = np.array([max(e.height, 1e-300) for e in extents])

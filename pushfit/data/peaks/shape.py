@@ -46,12 +46,7 @@ def bin_means(
     """Means and counts of the samples in equal parts of windows.
 
     Args:
-        course: Samples.
         windows: First and last time of each window [s].
-        n_bins: Parts of a window.
-
-    Returns:
-        Means and counts.
     """
     # Next to nothing of a push still has a level.
     lengths = np.maximum(np.diff(windows, axis=1), course.step)
@@ -60,12 +55,7 @@ def bin_means(
 
 
 def profiles(course: Course, extents: Sequence[Extent]) -> Float[np.ndarray, "p bins"]:
-    """Course of every push, from foot to foot, in `PROFILE_BINS` parts.
-
-    Args:
-        course: Samples.
-        extents: Where the pushes are.
-    """
+    """Course of every push, from foot to foot, in `PROFILE_BINS` parts."""
     windows = np.array([[e.t_start, e.t_end] for e in extents])
     return bin_means(course, windows, PROFILE_BINS)[0]
 
@@ -76,14 +66,7 @@ def calmed(
     extents: Sequence[Extent],
     noise: RestNoise,
 ) -> Float[np.ndarray, "p m"]:
-    """Profiles averaged over so many parts that their noise is small in the band.
-
-    Args:
-        profile: Courses of pushes.
-        base: Their baselines.
-        extents: Where they are.
-        noise: Noise beside them.
-    """
+    """Profiles averaged over so many parts that their noise is small in the band."""
     n = np.array([extent.end - extent.start for extent in extents])
     rise = np.maximum(profile.max(axis=1) - base, 1e-300)
     share = np.minimum(noise.of_part(n / PROFILE_BINS) / rise, 1.0)
@@ -170,10 +153,6 @@ def are_held(
 
     Args:
         course: Samples, pushes going up.
-        extents: Where the pushes are.
-        calm: Their courses, calmed.
-        base: Their baselines.
-        noise: Noise beside them.
     """
     held = np.zeros(len(extents), dtype=bool)
     windows = np.array([[e.feet.half_up, e.feet.half_down] for e in extents])

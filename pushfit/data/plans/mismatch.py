@@ -20,11 +20,6 @@ def mismatch_error(
 ) -> DataError:
     """Name the pushes that are missing or too many.
 
-    Args:
-        schedule: Planned pushes.
-        pairs: What was found of them.
-        extents: All humps that were paired.
-
     Returns:
         An error with found and planned pushes of the directions in which they differ,
         and one problem per doubtful push.
@@ -90,12 +85,7 @@ def _at(extents: Sequence[Extent], hump: int) -> str:
 
 
 def named(plan: PushSchedule, i: int) -> str:
-    """A planned push in words.
-
-    Args:
-        plan: Planned pushes.
-        i: Its position.
-    """
+    """A planned push in words."""
     return (
         f"push {plan.push[i]} (theta {np.degrees(plan.theta[i]):g}, "
         f"alpha {np.degrees(plan.alpha[i]):g}, repeat {plan.repeat[i]})"

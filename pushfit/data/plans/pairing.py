@@ -77,11 +77,7 @@ class Paired:
         return notes
 
     def cautions(self, unit: str) -> list[str]:
-        """What is missing, too many, or so small that it may be no push.
-
-        Args:
-            unit: That of the heights.
-        """
+        """What is missing, too many, or so small that it may be no push."""
         if self.schedule is None or self.alignment is None:
             return []
         error = mismatch_error(self.schedule, self.alignment, self.found.extents)
@@ -109,9 +105,7 @@ def pair(
     """Give the humps their planned pushes.
 
     Args:
-        found: Humps.
         schedule: Planned pushes; None where directions are recorded or not known.
-        settings: How humps were looked for.
         span: Begin and end of the recording, also where humps of but a part of it are
             looked for: a plan is one of the whole [s].
     """

@@ -42,7 +42,6 @@ class Course:
 
         Args:
             time: Sample times [s].
-            signal: Samples.
         """
         level, total = float(signal[0]), 0.0
         integral = np.zeros(len(time))

@@ -96,8 +96,6 @@ def find_extents(
     Args:
         time: Sample times [s].
         signal: Samples without gaps in value; pushes go up.
-        course: Running means of the samples.
-        noise: How the samples scatter.
         split: Two humps are two pushes if the valley between them is lower than this
             share of the lower hump.
         min_height: Smallest height of a push, lower humps are marked; None judges by

@@ -39,10 +39,6 @@ def rest_curve(
 
     Args:
         time: Sample times [s].
-        signal: Samples.
-
-    Returns:
-        Level at every sample.
     """
     return np.interp(time, *_rest_knots(time, signal))
 
@@ -86,9 +82,6 @@ def without_dips(
 
     Args:
         time: Sample times [s].
-        signal: Samples.
-        noise: How the samples scatter.
-        extents_of: Finds the humps of a picture.
 
     Returns:
         The signal with the dips filled, itself if there are none; and the dips.

@@ -150,7 +150,6 @@ def _valleys(
 
     Args:
         course: Running means of the samples [unit].
-        feet: Pushes.
         room: Times between which each is alone [s].
         tau: Averaging times [s].
         sigma: Noise of a sample [unit].

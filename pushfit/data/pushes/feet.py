@@ -66,11 +66,7 @@ class Feet(Generic[Number]):
 
     @staticmethod
     def together(feet: "Sequence[Feet[float]]") -> "Feet[np.ndarray]":
-        """Courses of several pushes as arrays.
-
-        Args:
-            feet: One by one.
-        """
+        """Courses of several pushes as arrays."""
         return Feet(**{n: np.array([getattr(own, n) for own in feet]) for n in _NAMES})
 
     def apart(self: "Feet[np.ndarray]") -> "tuple[Feet[float], ...]":
@@ -83,12 +79,7 @@ class Feet(Generic[Number]):
         kept: Bool[np.ndarray, " p"],
         other: "Feet[np.ndarray]",
     ) -> "Feet[np.ndarray]":
-        """Courses of some pushes, and of the rest from another record.
-
-        Args:
-            kept: Which stay.
-            other: The same pushes.
-        """
+        """Courses of some pushes, and of the rest from another record."""
         rows = ((getattr(self, n), getattr(other, n)) for n in _NAMES)
         both = (np.where(kept, *row) for row in rows)
         return Feet(**dict(zip(_NAMES, both, strict=True)))
@@ -101,11 +92,7 @@ class Feet(Generic[Number]):
     def rows(
         self: "Feet[np.ndarray]", some: Int[np.ndarray, " q"]
     ) -> "Feet[np.ndarray]":
-        """Courses of some pushes.
-
-        Args:
-            some: Their places.
-        """
+        """Courses of some pushes."""
         return Feet(**{n: getattr(self, n)[some] for n in _NAMES})
 
     def averaging(
@@ -190,7 +177,6 @@ def likeness(moved: Numbers, far: Numbers | float) -> Numbers:
     """Whether moves of rests may be drift: 1 for small ones, 0 for large ones.
 
     Args:
-        moved: How far rests have moved.
         far: What is too far, in the same unit.
     """
     return 1 / (1 + np.clip(moved / np.maximum(far, 1e-300), -1e3, 1e3) ** 4)

@@ -45,11 +45,7 @@ class Found:
     idle: tuple[tuple[float, float], ...] = ()
 
     def beside(self, taken: Sequence[Extent]) -> tuple[Extent, ...]:
-        """Humps besides some of them, also those that the user left out.
-
-        Args:
-            taken: Those that are left aside.
-        """
+        """Humps besides some of them, also those that the user left out."""
         known = set(taken)
         return tuple(e for e in (*self.extents, *self.excluded) if e not in known)
 
@@ -58,10 +54,6 @@ def find_pushes(
     recording: Recording, *, settings: PeakSettings = DEFAULTS
 ) -> tuple[Extent, ...]:
     """Find the pushes of a recording without measuring them.
-
-    Args:
-        recording: Samples.
-        settings: How to look.
 
     Returns:
         Their extents in order; none where the signal only rests.
@@ -88,8 +80,6 @@ def find(
     Args:
         time: Sample times [s].
         signal: Samples, pushes going up.
-        settings: How to look, and what the user says of the humps.
-        signed: Whether dips are pushes as well.
     """
     # Of the samples as they are: in a picture of them equal readings differ by
     # rounding, and the finest step would be that.
@@ -198,14 +188,7 @@ def no_pushes(
     *,
     unit: str,
 ) -> DataError:
-    """Say what there is instead of pushes.
-
-    Args:
-        signal: Samples.
-        settings: How they were looked at.
-        found: What was found.
-        unit: That of the samples.
-    """
+    """Say what there is instead of pushes."""
     n_dips, n_out = len(found.dips), len(found.excluded)
     spread = float(np.ptp(signal))
     if n_out:

@@ -61,7 +61,6 @@ def search(
     Args:
         time: Sample times [s].
         signal: Samples [unit].
-        noise: Noise of the samples.
         tau: Smoothing time [s].
         split: A valley is low below this share of the lower top.
         min_height: Least height of a push; None for what noise and wander allow [unit].

@@ -60,9 +60,6 @@ def trace_feet(
         coarse: Where all of their pushes are, in order, roughly.
         sigma: Noise of a sample [unit].
         smoothing: Averaging time; None takes a share of each width [s].
-
-    Returns:
-        The feet.
     """
     reach = 2 * _reach(coarse)
     lowest, highest = coarse.room(time)
@@ -99,7 +96,6 @@ def knots_for(
     """A course, known no finer than it takes to average over pushes.
 
     Args:
-        feet: The pushes.
         course: Running means of the samples [unit].
         smoothing: Averaging time; None takes a share of each width [s].
     """
@@ -266,10 +262,8 @@ def _falls(
     """Where courses first fall below levels, or the last times if they never do.
 
     Args:
-        smooth: Running means.
         when: Times, in either direction [s].
         y: Running means at `when`, times `sign`.
-        searched: Where to look.
         level: Levels to pass, times `sign`.
         sign: -1 to see courses upside down.
     """

@@ -106,14 +106,8 @@ def assign_roles(
     """Decide what each column of a recording is for.
 
     Args:
-        layout: Layout with the column names.
         mapping: Column name by channel, or by `time`, `theta` and `alpha`.
-        units: Unit by channel or column name.
-        path: File as the user named it, for messages.
         has_rate: Whether times follow from a rate where no column is one.
-
-    Returns:
-        The roles.
 
     Raises:
         ConfigError: If units contradict each other or are stated for nothing.

@@ -106,15 +106,11 @@ def build_recording(
     """Check samples, apply the gap policy, and convert to canonical units.
 
     Args:
-        samples: Columns as read.
         theta_from: What the recorded theta is measured from: the tangential plane, or
             the contact normal (elevation = 90° minus it).
         gaps: What to do about missing samples: call them an `error`, leave them NaN
             for peaks to be `split` there, or `interpolate` short ones.
         trust_units: Accept units that the samples make implausible.
-
-    Returns:
-        The recording.
 
     Raises:
         DataError: If any rule is broken; `.problems` lists all.

@@ -22,10 +22,8 @@ def check_columns(
     """Check every cell, and the angles together.
 
     Args:
-        columns: What `read_columns` gave.
         rules: Checks by column, each with an `error` that is a key of the reasons
             here; columns without an entry may hold empty cells.
-        origin: Where the rows come from.
 
     Raises:
         DataError: Cells break their rules; all are in `problems`.

@@ -131,11 +131,6 @@ def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
 
     Args:
         raw: Columns as named by the user; cells are numbers or text.
-        layout: Columns to look for.
-        origin: Where the rows come from.
-
-    Returns:
-        The columns, in canonical units.
 
     Raises:
         DataError: There are no rows; a column is missing, doubtful, twice there or in

@@ -71,9 +71,6 @@ class PeakTable:
         Args:
             frame: Rows; see `PeakTable.frame` for the columns. `push` and `repeat` are
                 numbered where they are absent, other columns are left out with a note.
-            origin: Where the rows come from, for messages.
-            sources: Files behind the rows.
-            notes: What is already known to be worth telling.
 
         Returns:
             The table, in canonical units.
@@ -102,13 +99,9 @@ class PeakTable:
             theta: Elevation of every push [rad].
             alpha: Azimuth of every push [rad].
             heights: Heights by channel name [unit].
-            unit: Unit of all heights and their sd.
             sd: Standard deviations by channel name [unit].
             repeat: Repeat number of every push; None numbers equal directions.
             flags: Flag words of every push, joined by ";".
-
-        Returns:
-            The table.
 
         Raises:
             DataError: A value breaks a rule.
@@ -147,12 +140,6 @@ class PeakTable:
 
     def heights(self, channel: str) -> Float[np.ndarray, " n"]:
         """Heights of a channel [unit].
-
-        Args:
-            channel: One of `channels`.
-
-        Returns:
-            Height of every push.
 
         Raises:
             DataError: The table lacks the channel.
@@ -194,15 +181,7 @@ class PeakTable:
         return pd.factorize(theta + 1j * (alpha % 360e9))[0]
 
     def with_flag(self, rows: Sequence[int], flag: str) -> "PeakTable":
-        """The table with one more flag on some rows.
-
-        Args:
-            rows: Positions of the rows.
-            flag: One word.
-
-        Returns:
-            A new table; this one stays as it is.
-        """
+        """The table with one more flag on some rows."""
         words = [
             ";".join(sorted(w | {flag})) if i in rows else ";".join(sorted(w))
             for i, w in enumerate(self.flags)
@@ -213,9 +192,6 @@ class PeakTable:
         """Scatter of repeated pushes about the mean of their direction.
 
             s² = Σ_g Σ_i (h_gi - mean_g)² / Σ_g (n_g - 1)
-
-        Args:
-            channel: One of `channels`.
 
         Returns:
             s, NaN without repeats [unit], and its degrees of freedom. Only pushes that
@@ -296,10 +272,6 @@ def write_table(table: PeakTable, path: str | Path) -> None:
     """Write a table of peak heights, CSV or Parquet by its suffix.
 
     The file is complete or absent. Parquet keeps sources and notes, CSV the rows only.
-
-    Args:
-        table: Table to write.
-        path: File to write or replace.
 
     Raises:
         ConfigError: Parquet is asked for and its library is not installed.

@@ -31,13 +31,6 @@ class Rows:
 def read_rows(path: str | Path, *, texts: tuple[str, ...] = ()) -> Rows:
     """Read a CSV file with one row per push.
 
-    Args:
-        path: File to read.
-        texts: Names of the columns that hold text.
-
-    Returns:
-        The cells, not yet judged.
-
     Raises:
         ConfigError: The file is not there.
         DataError: The file is no regular table of numbers.

@@ -47,7 +47,6 @@ def canonical_frame(
 
     Args:
         raw: Columns as named by the user; cells are numbers or text.
-        origin: Where the rows come from.
 
     Returns:
         Frame with canonical columns and units, unit of its heights, and notes on what

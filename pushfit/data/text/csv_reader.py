@@ -63,15 +63,9 @@ def read_cells(
     """Scan a table and parse the needed columns.
 
     Args:
-        text: The file.
-        layout: Its layout.
         kinds: What the cells of each needed column must be, by the column's position.
         tail: What to do about a damaged end, see `pushfit.data.text.scan.find_extent`.
         missing: Further texts that stand for a missing number.
-        max_bytes: Most memory that the result may take.
-
-    Returns:
-        The columns.
 
     Raises:
         DataError: If any line or needed cell breaks a rule; `.problems` lists all.
@@ -98,16 +92,7 @@ def read_cells(
 
 
 def row_problems(text: TextFile, layout: Layout, *, tail: Tail) -> list[Problem]:
-    """Find the rows that do not fit a layout, whatever their cells hold.
-
-    Args:
-        text: The file.
-        layout: Its layout.
-        tail: As for `read_cells`.
-
-    Returns:
-        The problems.
-    """
+    """Find the rows that do not fit a layout, whatever their cells hold."""
     try:
         extent = find_extent(text, layout, tail)
     except DataError as error:
@@ -239,7 +224,6 @@ def read_csv_strict(
     have. A last line without a line end is kept, with a note.
 
     Args:
-        path: File as the user named it.
         is_text: Tells by its name whether a column holds text; the cells of all other
             columns must be numbers, or blank.
         missing: Further texts that stand for a missing number.

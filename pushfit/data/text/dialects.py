@@ -97,12 +97,7 @@ def find_layout(
     """Recognise the layout from the first lines.
 
     Args:
-        text: The file.
-        format: Dialect that the user states.
         columns: Column names, for a file without a header.
-
-    Returns:
-        The layout.
 
     Raises:
         ConfigError: If `columns` or `format` do not fit the file.
@@ -148,12 +143,7 @@ def find_layout(
 
 
 def layout_of(names: tuple[str, ...], dialect: str) -> Layout:
-    """Layout of columns that were not text.
-
-    Args:
-        names: Their names.
-        dialect: What they were.
-    """
+    """Layout of columns that were not text."""
     return Layout(
         writer="native",
         delimiter=",",

@@ -50,9 +50,6 @@ def slow_scan(
     """Check every row and every needed cell.
 
     Args:
-        text: The file.
-        layout: Its layout.
-        extent: Where its rows are.
         kinds: What the cells of each needed column must be, by the column's position.
         missing: Further texts that stand for a missing number.
 

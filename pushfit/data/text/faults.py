@@ -20,13 +20,8 @@ def problem(
     Args:
         code: Stable snake_case word.
         text: Value, rule and next step.
-        path: File as the user named it.
         line: Line, counted from 1.
         column: Column name.
-        value: Text found.
-
-    Returns:
-        The problem with its whole sentence.
     """
     place = [path]
     if line is not None:

@@ -106,13 +106,8 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
     """Find where the rows end, and decide about a damaged end.
 
     Args:
-        text: The file.
-        layout: Its layout.
         tail: What to do about a last line without a line end: `drop` it, `keep` it, or
             call it an `error`. `salvage` drops it and also zero bytes at the end.
-
-    Returns:
-        The extent.
 
     Raises:
         DataError: If there are zero bytes (`nul_bytes`), the end is damaged
@@ -204,11 +199,6 @@ class _Tally:
 
 def fast_scan(text: TextFile, layout: Layout, extent: Extent) -> Scan | None:
     """Count rows and check that each has the layout's number of fields.
-
-    Args:
-        text: The file.
-        layout: Its layout.
-        extent: Where its rows are.
 
     Returns:
         The scan; None if some line is irregular or quoted, so that only the slow pass

@@ -65,9 +65,6 @@ class TextFile:
             start: First byte of clean text wanted.
             end: Byte of clean text to stop before; the end of the file if None.
 
-        Yields:
-            Non-empty blocks of clean text.
-
         Raises:
             DataError: If the text cannot be decoded (`bad_encoding`), or compressed
                 data are damaged (`bad_gzip`) or expand suspiciously (`zip_bomb`).
@@ -182,7 +179,6 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
     """Recognise a text file and refuse everything else.
 
     Args:
-        path: File as the user named it.
         encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
 
     Returns:
