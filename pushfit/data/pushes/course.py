@@ -108,3 +108,23 @@ class Course:
     def _up_to(self, when: Float[np.ndarray, "*m"]) -> Float[np.ndarray, "*m"]:
         """Integral up to some times."""
         return np.interp(when, self.time, self.integral)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """A signal, and how closely pushes are looked at in it.
+
+    Args:
+        time: Sample times [s].
+        course: Running means of the samples [unit].
+        sigma: Noise of a sample [unit].
+        smoothing: Averaging time; None takes a share of the width of each push [s].
+        split: Two humps are two pushes if the valley between them is lower than this
+            share of the lower hump.
+    """
+
+    time: Float[np.ndarray, " n"]
+    course: Course
+    sigma: float
+    smoothing: float | None
+    split: float

@@ -11,6 +11,8 @@ from typing import Generic, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from pushfit.data.pushes.course import View
+
 # Level of the foot, where a push begins and ends, as a share of its height.
 FOOT = 0.05
 # Smoothing by a tenth of the width at half height lowers the top of a triangle by 2 %.
@@ -95,18 +97,14 @@ class Feet(Generic[Number]):
         """Courses of some pushes."""
         return Feet(**{n: getattr(self, n)[some] for n in _NAMES})
 
-    def averaging(
-        self: "Feet[np.ndarray]", sigma: float, smoothing: float | None
-    ) -> Numbers:
+    def averaging(self: "Feet[np.ndarray]", view: View) -> Numbers:
         """Times to average over: a share of the width, and more to rise from noise [s].
 
-        Args:
-            sigma: Noise of a sample [unit].
-            smoothing: What is asked for; None for that of each push [s].
+        That which is asked for, where it is.
         """
-        if smoothing is not None:
-            return np.full(len(self.start), smoothing)
-        blurred = np.minimum(CLEAR * sigma / np.maximum(self.height, 1e-300), 1e6)
+        if view.smoothing is not None:
+            return np.full(len(self.start), view.smoothing)
+        blurred = np.minimum(CLEAR * view.sigma / np.maximum(self.height, 1e-300), 1e6)
         least = np.minimum(self.step * blurred**2, self.width / _MOST_SMOOTHING)
         return np.maximum.reduce([self.width / WIDTH_PER_SMOOTHING, least, self.step])
 

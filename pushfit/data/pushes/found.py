@@ -14,7 +14,7 @@ from jaxtyping import Float
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import push_signal
 from pushfit.data.peaks.heights import measure_heights
-from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.course import Course, View
 from pushfit.data.pushes.detection import Extent, find_extents
 from pushfit.data.pushes.dips import rest_curve, without_dips
 from pushfit.data.pushes.noise import Noise
@@ -86,15 +86,14 @@ def find(
     noise, course = Noise.of(time, signal), Course.of(time, signal)
 
     def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
-        return find_extents(
-            time,
-            picture,
+        view = View(
+            time=time,
             course=course if picture is signal else Course.of(time, picture),
-            noise=noise,
-            split=settings.split,
-            min_height=settings.min_height,
+            sigma=noise.sigma,
             smoothing=settings.smoothing,
+            split=settings.split,
         )
+        return find_extents(view, picture, noise=noise, min_height=settings.min_height)
 
     def deep_enough(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
         return tuple(dip for dip in extents_of(picture) if not dip.is_low)

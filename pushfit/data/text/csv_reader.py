@@ -23,7 +23,7 @@ from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
 from pushfit.data.text.faults import data_error, refuse
 from pushfit.data.text.guess import STAMP
-from pushfit.data.text.scan import Extent, Scan, Tail, fast_scan, find_extent
+from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile, open_text
 from pushfit.errors import DataError, Problem
 
@@ -64,23 +64,21 @@ def read_cells(
 
     Args:
         kinds: What the cells of each needed column must be, by the column's position.
-        tail: What to do about a damaged end, see `pushfit.data.text.scan.find_extent`.
+        tail: What to do about a damaged end, see `pushfit.data.text.scan.find_body`.
         missing: Further texts that stand for a missing number.
 
     Raises:
         DataError: If any line or needed cell breaks a rule; `.problems` lists all.
     """
     tokens = tuple(missing)
-    extent = find_extent(text, layout, tail)
-    scan = fast_scan(text, layout, extent)
-    if scan is None:
-        scan = _slow(text, layout, extent, kinds, tokens)
+    body = find_body(text, layout, tail)
+    scan = fast_scan(body) or _slow(body, kinds, tokens)
     if scan.n_rows == 0:
         raise refuse("no_rows", "has a header but 0 data rows", path=text.path)
     _refuse_too_large(text, scan.n_rows, kinds, max_bytes)
-    values = _parse(text, layout, extent, kinds, tokens, scan.n_rows)
+    values = _parse(body, kinds, tokens, scan.n_rows)
     if values is None:
-        _slow(text, layout, extent, kinds, tokens)
+        _slow(body, kinds, tokens)
         raise refuse(
             "unreadable",
             f"the rows from line {layout.data_line} on cannot be read as numbers; "
@@ -88,29 +86,21 @@ def read_cells(
             path=text.path,
         )
     text.stamp.check()
-    return Cells(values=values, scan=scan, notes=extent.notes)
+    return Cells(values=values, scan=scan, notes=body.notes)
 
 
 def row_problems(text: TextFile, layout: Layout, *, tail: Tail) -> list[Problem]:
     """Find the rows that do not fit a layout, whatever their cells hold."""
     try:
-        extent = find_extent(text, layout, tail)
+        body = find_body(text, layout, tail)
     except DataError as error:
         return list(error.problems)
-    if fast_scan(text, layout, extent) is not None:
-        return []
-    return slow_scan(text, layout, extent, kinds={})[1]
+    return [] if fast_scan(body) else slow_scan(body, {})[1]
 
 
-def _slow(
-    text: TextFile,
-    layout: Layout,
-    extent: Extent,
-    kinds: Mapping[int, Kind],
-    missing: tuple[str, ...],
-) -> Scan:
-    scan, problems = slow_scan(text, layout, extent, kinds=kinds, missing=missing)
-    text.stamp.check()
+def _slow(body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...]) -> Scan:
+    scan, problems = slow_scan(body, kinds, missing)
+    body.text.stamp.check()
     if problems:
         raise data_error(problems)
     return scan
@@ -132,9 +122,7 @@ def _refuse_too_large(
 
 
 def _parse(
-    text: TextFile,
-    layout: Layout,
-    extent: Extent,
+    body: Body,
     kinds: Mapping[int, Kind],
     missing: tuple[str, ...],
     n_rows: int,
@@ -144,7 +132,7 @@ def _parse(
     words: set[int] = set()
     done = 0
     try:
-        for frame in _chunks(text, layout, extent, kinds, missing):
+        for frame in _chunks(body, kinds, missing):
             stop = done + len(frame)
             if stop > n_rows:
                 return None
@@ -162,7 +150,7 @@ def _parse(
         return None
     if words:
         # pandas reads a chunk of nothing but True and False as 1 and 0.
-        _slow(text, layout, extent, {i: kinds[i] for i in words}, missing)
+        _slow(body, {i: kinds[i] for i in words}, missing)
     return columns if done == n_rows else None
 
 
@@ -173,16 +161,13 @@ def _may_be_words(values: np.ndarray) -> bool:
 
 
 def _chunks(
-    text: TextFile,
-    layout: Layout,
-    extent: Extent,
-    kinds: Mapping[int, Kind],
-    missing: tuple[str, ...],
+    body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...]
 ) -> Iterator[pd.DataFrame]:
     """Parse the rows, without their header, some at a time."""
+    layout, blocks = body.layout, body.text.blocks(body.start, body.end)
     tokens = list(missing_tokens(missing))
     with pd.read_csv(
-        cast(IO[bytes], BlockReader(text.blocks(extent.start, extent.end))),
+        cast(IO[bytes], BlockReader(blocks)),
         sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
         decimal=layout.decimal,
         header=None,
@@ -192,8 +177,8 @@ def _chunks(
         dtype={i: _PARSED[kind] for i, kind in kinds.items()},
         na_values={i: tokens for i, kind in kinds.items() if kind == "float"},
         keep_default_na=False,
-        skipinitialspace=extent.has_padding,
-        quoting=csv.QUOTE_MINIMAL if extent.has_quotes else csv.QUOTE_NONE,
+        skipinitialspace=body.has_padding,
+        quoting=csv.QUOTE_MINIMAL if body.has_quotes else csv.QUOTE_NONE,
         on_bad_lines="error",
         encoding="utf-8",
         chunksize=max(1, _CHUNK_CELLS // layout.n_fields),

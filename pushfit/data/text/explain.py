@@ -16,8 +16,7 @@ import numpy as np
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import problem
 from pushfit.data.text.guess import NUMBER, STAMP, split_line
-from pushfit.data.text.scan import Extent, Scan, whole_lines
-from pushfit.data.text.textfile import TextFile
+from pushfit.data.text.scan import Body, Scan, whole_lines
 from pushfit.errors import Problem
 
 Kind = Literal["float", "int", "stamp", "text"]
@@ -40,12 +39,7 @@ def missing_tokens(extra: tuple[str, ...] = ()) -> tuple[str, ...]:
 
 
 def slow_scan(
-    text: TextFile,
-    layout: Layout,
-    extent: Extent,
-    *,
-    kinds: Mapping[int, Kind],
-    missing: tuple[str, ...] = (),
+    body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...] = ()
 ) -> tuple[Scan, list[Problem]]:
     """Check every row and every needed cell.
 
@@ -56,10 +50,11 @@ def slow_scan(
     Returns:
         The scan and the problems: the first ones of each kind, and how many more.
     """
-    check = _RowCheck(text.path, layout, kinds, missing_tokens(missing))
+    layout = body.layout
+    check = _RowCheck(body.text.path, layout, kinds, missing_tokens(missing))
     n_rows = 0
     skips: list[int] = []
-    for line, row in _rows(text, layout, extent, check):
+    for line, row in _rows(body, check):
         if not any(cell.strip(" \t") for cell in row) and len(row) <= 1:
             continue
         skips += [n_rows] * (line - layout.data_line - n_rows - len(skips))
@@ -70,13 +65,12 @@ def slow_scan(
     return result, check.finish()
 
 
-def _rows(
-    text: TextFile, layout: Layout, extent: Extent, check: "_RowCheck"
-) -> Iterator[tuple[int, list[str]]]:
+def _rows(body: Body, check: "_RowCheck") -> Iterator[tuple[int, list[str]]]:
     """Give each row with the line where it begins."""
+    layout = body.layout
     lines = (
         line + "\n"
-        for block in whole_lines(text, extent)
+        for block in whole_lines(body)
         for line in block.decode().split("\n")[:-1]
     )
     if layout.delimiter == " ":
