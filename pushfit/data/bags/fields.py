@@ -9,7 +9,7 @@ import numpy as np
 
 from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.units import UNITS, Unit, parse_unit, split_unit
-from pushfit.data.text.faults import refuse
+from pushfit.data.text.faults import listed, refuse
 from pushfit.data.text.guess import NUMBER
 from pushfit.errors import ConfigError, DataError
 
@@ -173,10 +173,7 @@ def _example(reader: Any, first: Callable[[str], Any]) -> str:
 
 
 def _listed(reader: Any, first: Callable[[str], Any]) -> str:
-    paths = _paths(reader, first)
-    more = len(paths) - _MAX_LISTED
-    ending = f" and {more} more" if more > 0 else ""
-    return ", ".join(paths[:_MAX_LISTED]) + ending if paths else "none"
+    return listed(_paths(reader, first), _MAX_LISTED) or "none"
 
 
 def number_at(message: Any, path: Sequence[str]) -> float:

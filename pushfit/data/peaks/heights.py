@@ -276,7 +276,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
     while todo.size:
         bins, counts = bin_means(pushes.course, windows[todo], N_BINS)
         n = counts.sum(axis=1)
-        per_bin = pushes.noise.of_part(n / N_BINS, todo)
+        per_bin = pushes.noise.of(todo).of_part(n / N_BINS)
         fit = fit_apex(bins, per_bin)
         half = np.diff(windows[todo], axis=1)[:, 0] / 2
         middle = windows[todo].mean(axis=1)

@@ -1,7 +1,7 @@
 """The rests between pushes: their level, their drift and their noise."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +25,6 @@ _UNSETTLED = 4.0
 _UNLIKE = 3.0
 # The mean of the middle half scatters by 9 % more than the mean.
 _MIDDLE = 1.09
-_ALL = slice(None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,39 +43,24 @@ class RestNoise:
 
     def of(self, rows: Int[np.ndarray, " r"]) -> "RestNoise":
         """Noise beside some of the pushes."""
-        return RestNoise(
-            sigma=self.sigma[rows],
-            correlation=self.correlation[rows],
-            quantum=self.quantum,
-        )
+        own = {"sigma": self.sigma[rows], "correlation": self.correlation[rows]}
+        return replace(self, **own)
 
-    def of_mean(
-        self,
-        n_samples: Real[np.ndarray, " p"],
-        rows: Int[np.ndarray, " p"] | slice = _ALL,
-    ) -> Float[np.ndarray, " p"]:
-        """Standard deviations of means of so many samples beside some pushes [unit]."""
-        sigma = self.sigma[rows]
-        variance = self.correlation[rows] * sigma**2 / np.maximum(n_samples, 1.0)
-        return np.sqrt(variance + self._rounding(sigma))
+    def of_mean(self, n_samples: Real[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+        """Standard deviations of means of so many samples beside each push [unit]."""
+        variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
+        # It is not averaged out where noise does not reach a count.
+        is_fine = self.sigma < self.quantum / 2
+        return np.sqrt(variance + np.where(is_fine, self.quantum**2 / 12, 0.0))
 
-    def of_part(
-        self,
-        n_samples: Real[np.ndarray, " p"],
-        rows: Int[np.ndarray, " p"] | slice = _ALL,
-    ) -> Float[np.ndarray, " p"]:
+    def of_part(self, n_samples: Real[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
         """Standard deviations of means of neighbouring samples [unit].
 
         Without correlation, which a few rests show badly: what is slower than a part of
         a push has to show in the push itself.
         """
-        sigma = self.sigma[rows]
-        variance = sigma**2 / np.maximum(n_samples, 1.0)
-        return np.sqrt(variance + self._rounding(sigma))
-
-    def _rounding(self, sigma: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Variance that is not averaged out where noise does not reach a count."""
-        return np.where(sigma < self.quantum / 2, self.quantum**2 / 12, 0.0)
+        alone = replace(self, correlation=np.ones_like(self.correlation))
+        return alone.of_mean(n_samples)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,8 +40,7 @@ def mismatch_error(
             code="push_extra",
             message=(
                 f"the hump at {extents[j].t_peak:.2f} s is no planned push and left "
-                f"out; say so by --exclude {extents[j].t_start:.2f}:"
-                f"{extents[j].t_end:.2f}"
+                f"out; say so by --exclude {extents[j].window}"
             ),
             path=path,
             value=f"{extents[j].t_peak:.2f} s",
@@ -67,10 +66,7 @@ def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> s
         "; ".join(f"push {plan.push[i]} {_at(extents, int(hump[i]))}" for i in differ)
         for hump in (pairs.hump, pairs.other)
     ]
-    window = "T1:T2"
-    if pairs.extra:
-        extra = extents[pairs.extra[0]]
-        window = f"{extra.t_start:.2f}:{extra.t_end:.2f}"
+    window = extents[pairs.extra[0]].window if pairs.extra else "T1:T2"
     return (
         f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
         "the schedule a column time_s, leave out what is no push by --exclude "

@@ -89,8 +89,7 @@ class Paired:
                 lines.append(
                     f"{named(plan, i)} is taken to be the hump of only "
                     f"{extent.height:.3g} {unit} at {extent.t_peak:.2f} s, far smaller "
-                    f"than the others; leave it out by --exclude {extent.t_start:.2f}:"
-                    f"{extent.t_end:.2f}"
+                    f"than the others; leave it out by --exclude {extent.window}"
                 )
         return lines
 

@@ -76,6 +76,11 @@ class Extent:
         return self.feet.width
 
     @property
+    def window(self) -> str:
+        """Begin and end as the command line takes them."""
+        return f"{self.t_start:.2f}:{self.t_end:.2f}"
+
+    @property
     def height(self) -> float:
         """Top over the higher of the two feet, smoothed [unit]."""
         return self.feet.height

@@ -21,7 +21,6 @@ from pushfit.errors import ConfigError
 
 ANGLES = ("theta", "alpha")
 _NOTHING: Mapping[str, str] = MappingProxyType({})
-_SHOWN = 12
 
 
 class Columns:
@@ -98,12 +97,6 @@ class Columns:
             for i, name in enumerate(self.names)
             if name and (unit := self.unit(i)) and unit.quantity == quantity
         ]
-
-
-def listed(names: Sequence[str]) -> str:
-    """The first of some names, and how many more there are."""
-    shown = ", ".join(filter(None, names[:_SHOWN]))
-    return shown + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
 
 
 def units_of(quantity: Quantity) -> list[str]:

@@ -9,7 +9,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pushfit.data.recordings.recognise import ANGLES, Columns, listed, units_of
+from pushfit.data.recordings.recognise import ANGLES, Columns, units_of
 from pushfit.data.recordings.units import (
     UNITS,
     Quantity,
@@ -18,7 +18,7 @@ from pushfit.data.recordings.units import (
     split_unit,
 )
 from pushfit.data.text.dialects import Layout
-from pushfit.data.text.faults import data_error, did_you_mean, problem
+from pushfit.data.text.faults import data_error, did_you_mean, listed, problem
 from pushfit.data.text.guess import STAMP
 from pushfit.errors import ConfigError, Problem
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from pushfit.data.recordings.units import UNITS, implausible_angles
-from pushfit.data.tables.columns import Columns, Origin, failure
+from pushfit.data.tables.columns import Columns, Origin
+from pushfit.data.text.faults import data_error
 from pushfit.errors import Problem
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def check_columns(
     try:
         schema.validate(columns.frame, lazy=True)
     except pa.errors.SchemaErrors as error:
-        raise failure(_in_words(error.failure_cases, origin)) from error
+        raise data_error(_in_words(error.failure_cases, origin)) from error
     degrees = {
         stem: (columns.frame[f"{stem}_deg"].to_numpy(), UNITS["deg"])
         for stem in columns.in_degrees
@@ -59,7 +60,7 @@ def check_columns(
     implausible = implausible_angles(degrees)
     if implausible:
         given = next(iter(columns.in_degrees.values()))
-        raise failure(
+        raise data_error(
             [origin.problem("implausible_angles", implausible, column=given, value="")]
         )
 

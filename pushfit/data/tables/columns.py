@@ -8,7 +8,7 @@ remedy). Excluded: which columns a kind of table has, and the rules for their ce
 
 import difflib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +17,7 @@ from jaxtyping import Float, Int
 from pushfit.data.recordings import recognise
 from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.units import UNITS, Unit, in_degrees
+from pushfit.data.text.faults import data_error, problem
 from pushfit.errors import DataError, Problem
 
 COUNTS = ("push", "repeat")
@@ -42,21 +43,12 @@ class Origin:
         self, code: str, text: str, *, row: int | None = None, column: str, value: str
     ) -> Problem:
         """Make a problem whose message starts with the place."""
-        line = None
+        line = None if row is None or self.lines is None else int(self.lines[row])
         place = self.path or "table"
-        if row is not None and self.lines is not None:
-            line = int(self.lines[row])
-            place += f", line {line}"
-        elif row is not None:
+        if row is not None and line is None:
             place += f", row {row}"
-        return Problem(
-            code=code,
-            message=f"{place}, column {column}: {text}",
-            path=self.path,
-            line=line,
-            column=column,
-            value=value,
-        )
+        made = problem(code, text, path=place, line=line, column=column, value=value)
+        return replace(made, path=self.path)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,14 +110,6 @@ class Columns:
     in_degrees: Mapping[str, str]
 
 
-def failure(problems: list[Problem]) -> DataError:
-    """Error that shows the first problem and carries them all."""
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return DataError(
-        problems[0].message + more, code=problems[0].code, problems=tuple(problems)
-    )
-
-
 def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
     """Recognise and convert the columns of a table of pushes.
 
@@ -185,7 +169,7 @@ def _recognise(
             found[column.stem] = column
     problems += _doubtful(found, left_out, layout, origin)
     if problems:
-        raise failure(problems)
+        raise data_error(problems)
     return found, list(left_out)
 
 
@@ -228,7 +212,7 @@ def _common_unit(
             f"{name} in {unit}" for name, unit in units.items()
         )
         first = next(iter(units))
-        raise failure([origin.problem("mixed_units", text, column=first, value="")])
+        raise data_error([origin.problem("mixed_units", text, column=first, value="")])
     return next(iter(units.values()), None)
 
 
@@ -255,7 +239,7 @@ def _convert(
             suffix = unit if column.unit.quantity == "signal" else "s"
             converted[f"{stem}_{suffix}"] = column.unit.to_canonical(values)
     if problems:
-        raise failure(problems)
+        raise data_error(problems)
     return pd.DataFrame(converted)
 
 
@@ -298,7 +282,7 @@ def _number(frame: pd.DataFrame, origin: Origin) -> list[str]:
                 )
             )
     if problems:
-        raise failure(problems)
+        raise data_error(problems)
     for name in COUNTS:
         frame[name] = frame[name].astype(int)
     return notes
