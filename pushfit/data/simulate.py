@@ -60,7 +60,7 @@ def simulate_table(
         The table; pushes that lift the finger off are flagged `lost_contact`.
     """
     plan = PushSchedule.planned(theta, alpha, repeats=repeats)
-    truth = _forward(params, grasp, plan)
+    truth = forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
     heights = {
         name: np.asarray(getattr(truth, name))
         + noise * rng.standard_normal(plan.n_pushes)
@@ -226,11 +226,6 @@ def write_recording(recording: Recording, path: str | Path) -> None:
             columns[f"{name}_deg"] = in_degrees(angle)
     with atomic_path(path) as temporary:
         pd.DataFrame(columns).to_csv(temporary, index=False, lineterminator="\n")
-
-
-def _forward(params: Parameters, grasp: Grasp, plan: PushSchedule) -> Channels:
-    """Noise-free heights of planned pushes."""
-    return forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
 
 
 def _clock(

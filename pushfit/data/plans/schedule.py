@@ -14,9 +14,8 @@ from jaxtyping import Float, Int
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import in_degrees
-from pushfit.data.tables.column_rules import check_columns
-from pushfit.data.tables.columns import Layout, Origin, read_columns
-from pushfit.data.tables.rows import read_rows
+from pushfit.data.tables.columns import Layout, Origin, read_columns, read_rows
+from pushfit.data.tables.rules import check_columns
 
 LAYOUT = Layout(times=("time",))
 
@@ -79,13 +78,7 @@ class PushSchedule:
             theta: Elevation of every push [rad].
             alpha: Azimuth of every push [rad].
         """
-        n = len(theta)
-        return cls(
-            theta=theta,
-            alpha=alpha,
-            repeat=np.ones(n, dtype=int),
-            push=np.arange(1, n + 1),
-        )
+        return cls.planned(theta, alpha, repeats=1)
 
     def rows(self, index: Int[np.ndarray, " m"]) -> "PushSchedule":
         """Some of the pushes."""

@@ -12,8 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.course import View
 from pushfit.data.pushes.doubles import join_one, part_doubles
-from pushfit.data.pushes.ends import are_cut
-from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet
+from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet, are_cut
 from pushfit.data.pushes.noise import Noise
 from pushfit.data.pushes.search import search
 from pushfit.data.pushes.tracing import trace_feet

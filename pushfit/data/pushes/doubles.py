@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.course import Course, View
-from pushfit.data.pushes.ends import are_cut
-from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers
+from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers, are_cut
 from pushfit.data.pushes.tracing import knots_for
 
 _GRID = 240

@@ -18,7 +18,7 @@ from pushfit.data.recordings.roles import Role, Roles, assign_roles
 from pushfit.data.recordings.samples import Gaps, Samples, ThetaFrom, build_recording
 from pushfit.data.recordings.units import UNITS, Calibration, Unit
 from pushfit.data.text.csv_reader import MAX_BYTES, Cells, read_cells, row_problems
-from pushfit.data.text.dialects import Format, Layout, find_layout, layout_of
+from pushfit.data.text.dialects import Format, Layout, find_layout
 from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import existing_file, is_bag, sha256_of
@@ -140,7 +140,7 @@ def _foreign_samples(
     rate: float | None,
 ) -> Samples:
     """Sort the columns of a log that is no table by their roles."""
-    layout = layout_of(tuple(table), dialect)
+    layout = Layout(writer="native", delimiter=",", decimal=".", names=(*table,))
     roles = assign_roles(
         layout, mapping=mapping, units=units, path=path, has_rate=rate is not None
     )

@@ -3,12 +3,13 @@
 Peak tables and schedules share what is here: names with unit suffixes, the numbering of
 pushes and repeats, and how a breach is reported (file, line, column, value, rule,
 remedy). Excluded: which columns a kind of table has, and the rules for their cells
-(`pushfit.data.tables.column_rules`).
+(`pushfit.data.tables.rules`).
 """
 
 import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,9 @@ from jaxtyping import Float, Int
 
 from pushfit.data.recordings import recognise
 from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import UNITS, Unit, in_degrees
+from pushfit.data.text.csv_reader import read_csv_strict
 from pushfit.data.text.faults import data_error, problem
 from pushfit.errors import DataError, Problem
 
@@ -49,6 +52,38 @@ class Origin:
             place += f", row {row}"
         made = problem(code, text, path=place, line=line, column=column, value=value)
         return replace(made, path=self.path)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """Cells of a file as they stand there.
+
+    Args:
+        frame: Numbers, NaN where blank, or text, by column name.
+        origin: Path and line numbers, for messages.
+        source: Provenance.
+        notes: What the reader has to say.
+    """
+
+    frame: pd.DataFrame
+    origin: Origin
+    source: Source
+    notes: tuple[str, ...]
+
+
+def read_rows(path: str | Path, *, texts: tuple[str, ...] = ()) -> Rows:
+    """Read a CSV file with one row per push.
+
+    Raises:
+        ConfigError: The file is not there.
+        DataError: The file is no regular table of numbers.
+    """
+    frame, source, notes = read_csv_strict(
+        path, is_text=lambda name: name.strip().lower() in texts
+    )
+    lines = np.asarray(frame.index, dtype=int)
+    origin = Origin(path=str(path), lines=lines)
+    return Rows(frame=frame, origin=origin, source=source, notes=notes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

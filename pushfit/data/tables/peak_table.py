@@ -18,8 +18,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import in_degrees
-from pushfit.data.tables.columns import Origin
-from pushfit.data.tables.rows import read_rows
+from pushfit.data.tables.columns import Origin, read_rows
 from pushfit.data.tables.rules import (
     CHANNELS,
     EXCLUDING_FLAGS,
@@ -29,7 +28,10 @@ from pushfit.data.tables.rules import (
 from pushfit.data.tables.traces import Trace
 from pushfit.errors import ConfigError, DataError
 
-_PARQUET = frozenset({".parquet", ".pq"})
+
+def is_parquet(path: str | Path) -> bool:
+    """Whether a file is one of Parquet, by its suffix."""
+    return Path(path).suffix.lower() in {".parquet", ".pq"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -259,9 +261,8 @@ def read_table(path: str | Path) -> PeakTable:
         DataError: The file cannot be read or breaks a rule.
         ConfigError: Parquet is asked for and its library is not installed.
     """
-    file = Path(path)
-    if file.suffix.lower() in _PARQUET:
-        return _read_parquet(file)
+    if is_parquet(path):
+        return _read_parquet(Path(path))
     rows = read_rows(path, texts=LAYOUT.texts)
     return PeakTable.from_frame(
         rows.frame, origin=rows.origin, sources=(rows.source,), notes=rows.notes
@@ -277,7 +278,7 @@ def write_table(table: PeakTable, path: str | Path) -> None:
         ConfigError: Parquet is asked for and its library is not installed.
     """
     with atomic_path(path) as temporary:
-        if Path(path).suffix.lower() not in _PARQUET:
+        if not is_parquet(path):
             table.frame.to_csv(temporary, index=False, lineterminator="\n")
             return
         frame = table.frame.copy()
