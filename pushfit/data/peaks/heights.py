@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.apex import N_BINS, fit_apex
-from pushfit.data.peaks.rests import Baselines, RestNoise, rests_of
+from pushfit.data.peaks.rests import RestNoise, rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.peaks.shape import (
     PROFILE_BINS,
@@ -163,7 +163,8 @@ def measure_heights(
     sd = np.sqrt(tops.sd**2 + base.sd_at(tops.time) ** 2 + family**2)
     # A rest that is too short to tell of drift shows a step; half of it is at the top.
     step = np.abs([e.feet.moved for e in extents]) / 2
-    moved = np.maximum(_moved(base, tops.time), step)
+    rate = np.abs(base.slope) + 2 * base.doubt
+    moved = np.maximum(rate * np.abs(tops.time - base.time), step)
     checks = {
         "clipped": np.array([e.is_cut for e in extents]),
         "gap": tops.has_gap,
@@ -182,11 +183,6 @@ def measure_heights(
         )
         for k in range(len(extents))
     )
-
-
-def _moved(base: Baselines, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-    """How far the rest has moved, or may have, under the top [unit]."""
-    return (np.abs(base.slope) + 2 * base.doubt) * np.abs(when - base.time)
 
 
 def _upright(

@@ -5,6 +5,7 @@ is then looked at by itself. Excluded: baselines and heights
 (`pushfit.data.peaks.heights`) and which push is which (`pushfit.data.plans.alignment`).
 """
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,13 +108,12 @@ def find_extents(
     if noise.sigma == 0.0 or len(signal) < 5:
         return ()
     time, tau = view.time, view.smoothing or _FIRST_SMOOTHING
-    rules = (view.split, min_height, view.course.step)
-    found, is_low, is_rest, wander = search(time, signal, noise, tau, *rules)
+    look = functools.partial(search, view, signal, noise, min_height=min_height)
+    found, is_low, is_rest, wander = look(tau=tau)
     if view.smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            rules = (*rules, wander)
-            found, is_low, is_rest, _ = search(time, signal, noise, wider, *rules)
+            found, is_low, is_rest, _ = look(tau=wider, wander=wander)
     if found.start.size == 0:
         return ()
     # A hump that is too low is no part of a push.

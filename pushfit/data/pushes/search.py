@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
+from pushfit.data.pushes.course import View
 from pushfit.data.pushes.feet import FOOT, Feet
 from pushfit.data.pushes.humps import Humps
 from pushfit.data.pushes.noise import Noise
@@ -47,24 +48,20 @@ class _Trace:
 
 
 def search(
-    time: Float[np.ndarray, " n"],
+    view: View,
     signal: Float[np.ndarray, " n"],
     noise: Noise,
+    *,
     tau: float,
-    split: float,
     min_height: float | None,
-    usual_step: float,
     wander: float = np.inf,
 ) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"], float]:
     """One pass at one smoothing time.
 
     Args:
-        time: Sample times [s].
         signal: Samples [unit].
         tau: Smoothing time [s].
-        split: A valley is low below this share of the lower top.
         min_height: Least height of a push; None for what noise and wander allow [unit].
-        usual_step: Usual time from one sample to the next [s].
         wander: Slow noise at rest with less smoothing, which is no less [unit].
 
     Returns:
@@ -72,11 +69,11 @@ def search(
         either; which are followed by a level that is a rest however high it is; and
         the slow noise at rest.
     """
-    trace = _reduce(time, signal, noise, tau, usual_step)
+    trace = _reduce(view, signal, noise, tau)
     significant = _SIGNIFICANT * trace.noise
     tops = _maxima(trace.y, significant)
     humps = Humps.between(trace.y, tops)
-    rests = humps.join(split)
+    rests = humps.join(view.split)
     humps = _regained(humps, tops, trace)
     large = _LARGE * float(humps.heights.max(initial=0.0))
     wander = min(wander, _rest_wander(humps, trace, large))
@@ -118,16 +115,12 @@ def _regained(humps: Humps, tops: Int[np.ndarray, " t"], trace: _Trace) -> Humps
 
 
 def _reduce(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    noise: Noise,
-    tau: float,
-    usual_step: float,
+    view: View, signal: Float[np.ndarray, " n"], noise: Noise, tau: float
 ) -> _Trace:
     """Average in bins of a third of the smoothing time, then over three bins."""
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
 
-    step = max(tau / 3, usual_step)
+    time, step = view.time, max(tau / 3, view.course.step)
     n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
     edges = time[0] + step * (np.arange(n_bins) - 0.5)
     first = np.searchsorted(time, edges)
