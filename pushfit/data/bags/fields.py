@@ -20,6 +20,8 @@ _TACTILE = (
 )
 _WRENCH = "geometry_msgs/msg/WrenchStamped"
 _KNOWN = (*(known[0] for known in _TACTILE), _WRENCH)
+# Numbers of a message that are listed.
+_MAX_LISTED = 24
 _GLUED_INDEX = re.compile(r"(?P<name>.*?\D)(?P<index>\d+)")
 
 
@@ -106,40 +108,30 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
     topics = [t for t, info in reader.topics.items() if info.msgtype in _KNOWN]
     if len(topics) != 1:
         count = "no topic" if not topics else f"{len(topics)} topics"
+        paths = _paths(reader, first)
         raise refuse(
             "no_channel" if not topics else "ambiguous_topic",
             f"{count} of a known type among {_described(reader)}; state "
-            f"--map pressure={_example(reader, first)} --unit pressure=counts; the "
-            f"numbers in it are {_listed(reader, first)}",
+            f"--map pressure={paths[-1] if paths else '/topic.field'} "
+            "--unit pressure=counts; the numbers in it are "
+            f"{listed(paths, _MAX_LISTED) or 'none'}",
             path=path,
         )
     topic = topics[0]
     msgtype = reader.topics[topic].msgtype
     if msgtype == _WRENCH:
-        return [
-            Field(
-                name=f"force_{axis}",
-                topic=topic,
-                path=("wrench", "force", axis),
-                unit=UNITS["n"],
-            )
-            for axis in "xyz"
-        ]
-    _, array, number = next(known for known in _TACTILE if known[0] == msgtype)
-    n_fingers = len(getattr(first(topic), array, ()))
+        unit = UNITS["n"]
+        found = {f"force_{axis}": ("wrench", "force", axis) for axis in "xyz"}
+    else:
+        unit = UNITS["counts"]
+        _, array, number = next(known for known in _TACTILE if known[0] == msgtype)
+        stem = number.removesuffix("_data")
+        n_fingers = len(getattr(first(topic), array, ()))
+        found = {f"{stem}{i}": (array, str(i), number) for i in range(n_fingers)}
     return [
-        Field(
-            name=f"{number.removesuffix('_data')}{i}",
-            topic=topic,
-            path=(array, str(i), number),
-            unit=UNITS["counts"],
-        )
-        for i in range(n_fingers)
+        Field(name=name, topic=topic, path=steps, unit=unit)
+        for name, steps in found.items()
     ]
-
-
-# Numbers of a message that are listed.
-_MAX_LISTED = 24
 
 
 def numbers_in(message: Any, prefix: str = "") -> list[str]:
@@ -165,15 +157,6 @@ def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
         path for topic in reader.topics for path in numbers_in(first(topic), topic)
     ]
     return [path for path in paths if ".header." not in path]
-
-
-def _example(reader: Any, first: Callable[[str], Any]) -> str:
-    paths = _paths(reader, first)
-    return paths[-1] if paths else "/topic.field"
-
-
-def _listed(reader: Any, first: Callable[[str], Any]) -> str:
-    return listed(_paths(reader, first), _MAX_LISTED) or "none"
 
 
 def number_at(message: Any, path: Sequence[str]) -> float:

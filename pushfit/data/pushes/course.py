@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.data.pushes.noise import Noise
+
 # Shorter windows would divide rounding by next to nothing [s].
 _LEAST = 1e-12
 _SOME = 1 << 14
@@ -112,19 +114,24 @@ class Course:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """A signal, and how closely pushes are looked at in it.
+    """A signal, pushes going up, and how closely they are looked at in it.
 
     Args:
         time: Sample times [s].
+        signal: Samples without gaps in value [unit].
         course: Running means of the samples [unit].
-        sigma: Noise of a sample [unit].
+        noise: How the samples scatter.
+        min_height: Smallest height of a push, lower humps are marked; None judges by
+            the noise, and by the other pushes what is a brush [unit].
         smoothing: Averaging time; None takes a share of the width of each push [s].
         split: Two humps are two pushes if the valley between them is lower than this
             share of the lower hump.
     """
 
     time: Float[np.ndarray, " n"]
+    signal: Float[np.ndarray, " n"]
     course: Course
-    sigma: float
+    noise: Noise
+    min_height: float | None
     smoothing: float | None
     split: float

@@ -5,7 +5,6 @@ is then looked at by itself. Excluded: baselines and heights
 (`pushfit.data.peaks.heights`) and which push is which (`pushfit.data.plans.alignment`).
 """
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,6 @@ from jaxtyping import Bool, Float, Int
 from pushfit.data.pushes.course import View
 from pushfit.data.pushes.doubles import join_one, part_doubles
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet, are_cut
-from pushfit.data.pushes.noise import Noise
 from pushfit.data.pushes.search import search
 from pushfit.data.pushes.tracing import trace_feet
 
@@ -86,34 +84,16 @@ class Extent:
         return self.feet.height
 
 
-def find_extents(
-    view: View,
-    signal: Float[np.ndarray, " n"],
-    *,
-    noise: Noise,
-    min_height: float | None,
-) -> tuple[Extent, ...]:
-    """Find all humps that rise from rest and return to it.
-
-    Args:
-        view: How to look at them.
-        signal: Samples without gaps in value; pushes go up.
-        noise: How the samples scatter.
-        min_height: Smallest height of a push, lower humps are marked; None judges by
-            the noise, and by the other pushes what is a brush [unit].
-
-    Returns:
-        Extents in order of time.
-    """
-    if noise.sigma == 0.0 or len(signal) < 5:
+def find_extents(view: View) -> tuple[Extent, ...]:
+    """Find all humps that rise from rest and return to it, in order of time."""
+    if view.noise.sigma == 0.0 or len(view.signal) < 5:
         return ()
     time, tau = view.time, view.smoothing or _FIRST_SMOOTHING
-    look = functools.partial(search, view, signal, noise, min_height=min_height)
-    found, is_low, is_rest, wander = look(tau=tau)
+    found, is_low, is_rest, wander = search(view, tau=tau)
     if view.smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found, is_low, is_rest, _ = look(tau=wider, wander=wander)
+            found, is_low, is_rest, _ = search(view, tau=wider, wander=wander)
     if found.start.size == 0:
         return ()
     # A hump that is too low is no part of a push.
@@ -124,7 +104,7 @@ def find_extents(
     is_push = ~_are_trends(feet, is_cut, time, is_low)
     is_jerk = _are_jerks(feet)
     heights = feet.height[is_push & ~is_jerk]
-    smallest = 0.0 if min_height is not None else _smallest_push(heights)
+    smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
     last = np.maximum(last, first + 1)

@@ -35,7 +35,7 @@ def join_one(
     """
     places = np.arange(len(feet.start))
     tau = feet.averaging(view)
-    noise = view.sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
+    noise = view.noise.sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
     is_clear = feet.height > CLEAR * noise
     gap = feet.start[1:] - feet.end[:-1]
     is_near = gap < np.maximum(feet.width[:-1], feet.width[1:])
@@ -98,7 +98,7 @@ def part_doubles(
         feet,
         feet.room(view.time),
         tau=feet.averaging(view),
-        sigma=view.sigma,
+        sigma=view.noise.sigma,
         moved=np.abs(feet.moved),
     )
     parts = []

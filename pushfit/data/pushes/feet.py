@@ -106,7 +106,9 @@ class Feet(Generic[Number]):
         """
         if view.smoothing is not None:
             return np.full(len(self.start), view.smoothing)
-        blurred = np.minimum(CLEAR * view.sigma / np.maximum(self.height, 1e-300), 1e6)
+        blurred = np.minimum(
+            CLEAR * view.noise.sigma / np.maximum(self.height, 1e-300), 1e6
+        )
         least = np.minimum(self.step * blurred**2, self.width / _MOST_SMOOTHING)
         return np.maximum.reduce([self.width / WIDTH_PER_SMOOTHING, least, self.step])
 

@@ -88,12 +88,14 @@ def find(
     def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
         view = View(
             time=time,
+            signal=picture,
             course=course if picture is signal else Course.of(time, picture),
-            sigma=noise.sigma,
+            noise=noise,
+            min_height=settings.min_height,
             smoothing=settings.smoothing,
             split=settings.split,
         )
-        return find_extents(view, picture, noise=noise, min_height=settings.min_height)
+        return find_extents(view)
 
     def deep_enough(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
         return tuple(dip for dip in extents_of(picture) if not dip.is_low)

@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float, Int, Real
 from pushfit.data.pushes.course import View
 from pushfit.data.pushes.feet import FOOT, Feet
 from pushfit.data.pushes.humps import Humps
-from pushfit.data.pushes.noise import Noise
 
 # Smoothing lowers a push by less than this share.
 _SMOOTHED = 0.8
@@ -48,20 +47,12 @@ class _Trace:
 
 
 def search(
-    view: View,
-    signal: Float[np.ndarray, " n"],
-    noise: Noise,
-    *,
-    tau: float,
-    min_height: float | None,
-    wander: float = np.inf,
+    view: View, *, tau: float, wander: float = np.inf
 ) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"], float]:
     """One pass at one smoothing time.
 
     Args:
-        signal: Samples [unit].
         tau: Smoothing time [s].
-        min_height: Least height of a push; None for what noise and wander allow [unit].
         wander: Slow noise at rest with less smoothing, which is no less [unit].
 
     Returns:
@@ -69,7 +60,7 @@ def search(
         either; which are followed by a level that is a rest however high it is; and
         the slow noise at rest.
     """
-    trace = _reduce(view, signal, noise, tau)
+    trace = _reduce(view, tau)
     significant = _SIGNIFICANT * trace.noise
     tops = _maxima(trace.y, significant)
     humps = Humps.between(trace.y, tops)
@@ -78,7 +69,7 @@ def search(
     large = _LARGE * float(humps.heights.max(initial=0.0))
     wander = min(wander, _rest_wander(humps, trace, large))
     by_noise = max(_BEYOND_NOISE * trace.noise, _SIGNIFICANT * wander)
-    smallest = by_noise if min_height is None else _SMOOTHED * min_height
+    smallest = by_noise if view.min_height is None else _SMOOTHED * view.min_height
     humps.drop_below(min(by_noise, smallest))
     pushes = replace(humps)
     pushes.drop_below(smallest)
@@ -114,13 +105,12 @@ def _regained(humps: Humps, tops: Int[np.ndarray, " t"], trace: _Trace) -> Humps
     return humps
 
 
-def _reduce(
-    view: View, signal: Float[np.ndarray, " n"], noise: Noise, tau: float
-) -> _Trace:
+def _reduce(view: View, tau: float) -> _Trace:
     """Average in bins of a third of the smoothing time, then over three bins."""
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
 
-    time, step = view.time, max(tau / 3, view.course.step)
+    time, signal, noise = view.time, view.signal, view.noise
+    step = max(tau / 3, view.course.step)
     n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
     edges = time[0] + step * (np.arange(n_bins) - 0.5)
     first = np.searchsorted(time, edges)

@@ -50,7 +50,7 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
     Args:
         coarse: Where all of the pushes are, in order, roughly.
     """
-    time, sigma = view.time, view.sigma
+    time, sigma = view.time, view.noise.sigma
     reach = 2 * _reach(coarse)
     lowest, highest = coarse.room(time)
     lowest = np.maximum(lowest, coarse.start - reach)
