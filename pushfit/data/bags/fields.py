@@ -41,9 +41,6 @@ def mapped_fields(
 ) -> list[Field]:
     """Resolve the mapped fields against the bag's topics.
 
-    Args:
-        mapping: `/topic.field.path` by channel name, `theta` and `alpha`.
-
     Raises:
         ConfigError: If a unit is missing or wrong, or the time is mapped.
         DataError: If there is no such topic (`missing_column`).

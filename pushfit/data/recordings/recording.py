@@ -70,7 +70,8 @@ def read_recording(
             or the file itself tells it [Hz].
         calibration: Conversion by channel name.
         definitions: Folder of `.msg` files, for ROS 2 bags that carry no definitions.
-        theta_from: What a recorded theta is measured from.
+        theta_from: What a recorded theta is measured from: the tangential plane, or
+            the contact normal (elevation = 90° minus it).
         gaps: What to do about missing samples: an `error`, or leave them NaN for peaks
             to be `split` there, or `interpolate` those within five usual steps.
         tail: What to do about a last line without a line end: `drop` it, `keep` it, or

@@ -106,12 +106,7 @@ def build_recording(
 ) -> Recording:
     """Check samples, apply the gap policy, and convert to canonical units.
 
-    Args:
-        theta_from: What the recorded theta is measured from: the tangential plane, or
-            the contact normal (elevation = 90° minus it).
-        gaps: What to do about missing samples: call them an `error`, leave them NaN
-            for peaks to be `split` there, or `interpolate` short ones.
-        trust_units: Accept units that the samples make implausible.
+    The options are those of `pushfit.data.recordings.recording.read_recording`.
 
     Raises:
         DataError: If any rule is broken; `.problems` lists all.

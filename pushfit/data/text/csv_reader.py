@@ -21,7 +21,7 @@ from jaxtyping import Int
 from pushfit.data.recordings.records import Source
 from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
-from pushfit.data.text.faults import data_error, refuse
+from pushfit.data.text.faults import data_error, refuse, refuse_too_large
 from pushfit.data.text.guess import STAMP
 from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile, open_text
@@ -75,7 +75,11 @@ def read_cells(
     scan = fast_scan(body) or _slow(body, kinds, tokens)
     if scan.n_rows == 0:
         raise refuse("no_rows", "has a header but 0 data rows", path=text.path)
-    _refuse_too_large(text, scan.n_rows, kinds, max_bytes)
+    # Text costs its characters and a reference; 64 bytes is a long label.
+    needed = scan.n_rows * sum(64 if kind == "text" else 8 for kind in kinds.values())
+    what = f"{scan.n_rows} rows of {len(kinds)} columns"
+    remedy = "split the file, drop columns"
+    refuse_too_large(text.path, what, needed, max_bytes, remedy)
     values = _parse(body, kinds, tokens, scan.n_rows)
     if values is None:
         _slow(body, kinds, tokens)
@@ -104,21 +108,6 @@ def _slow(body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...]) -> Sc
     if problems:
         raise data_error(problems)
     return scan
-
-
-def _refuse_too_large(
-    text: TextFile, n_rows: int, kinds: Mapping[int, Kind], max_bytes: int
-) -> None:
-    # Text costs its characters and a reference; 64 bytes is a long label.
-    needed = n_rows * sum(64 if kind == "text" else 8 for kind in kinds.values())
-    if needed > max_bytes:
-        raise refuse(
-            "too_large",
-            f"{n_rows} rows of {len(kinds)} columns need {needed / 1e9:.3g} GB, over "
-            f"the limit of {max_bytes / 1e9:.3g} GB; split the file, drop columns, or "
-            "raise max_bytes",
-            path=text.path,
-        )
 
 
 def _parse(

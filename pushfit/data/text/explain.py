@@ -44,10 +44,6 @@ def slow_scan(
 ) -> tuple[Scan, list[Problem]]:
     """Check every row and every needed cell.
 
-    Args:
-        kinds: What the cells of each needed column must be, by the column's position.
-        missing: Further texts that stand for a missing number.
-
     Returns:
         The scan and the problems: the first ones of each kind, and how many more.
     """

@@ -46,6 +46,19 @@ def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataE
     return data_error([problem(code, text, path=path, line=line)])
 
 
+def refuse_too_large(
+    path: str, what: str, needed: int, max_bytes: int, remedy: str
+) -> None:
+    """Refuse samples that need more memory than they may."""
+    if needed > max_bytes:
+        raise refuse(
+            "too_large",
+            f"{what} need {needed / 1e9:.3g} GB, over the limit of "
+            f"{max_bytes / 1e9:.3g} GB; {remedy}, or raise max_bytes",
+            path=path,
+        )
+
+
 def listed(texts: Sequence[str], most: int = 12) -> str:
     """Give the first of some words, and how many more there are."""
     shown = ", ".join(filter(None, texts[:most]))
