@@ -23,7 +23,6 @@ from pushfit.data.peaks.shape import (
     bin_means,
     calmed,
     held_window,
-    profiles,
 )
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent
@@ -135,7 +134,8 @@ def measure_heights(
     noise, base = rests_of(time, signal, extents)
     if course is None or -1 in signs:
         course = Course.of(time, _upright(signal, extents, base.level))
-    profile = profiles(course, extents)
+    windows = np.array([[e.t_start, e.t_end] for e in extents])
+    profile = bin_means(course, windows, PROFILE_BINS)[0]
     calm = calmed(profile, base.level, extents, noise)
     held = are_held(course, extents, calm=calm, base=base.level, noise=noise)
     if definition != "auto":

@@ -92,19 +92,11 @@ class Baselines:
         return Baselines(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def drift(self, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Change of the level since `time` [unit].
-
-        Args:
-            when: A time for each push [s].
-        """
+        """Change of the level since `time`, at a time [s] for each push [unit]."""
         return self.slope * (when - self.time)
 
     def sd_at(self, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Standard deviation of the level [unit].
-
-        Args:
-            when: A time for each push [s].
-        """
+        """Standard deviation of the level at a time [s] for each push [unit]."""
         since = when - self.time
         share = np.where(
             self.slope == 0.0,

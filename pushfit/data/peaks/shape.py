@@ -44,21 +44,11 @@ def bin_means(
     windows: Float[np.ndarray, "p 2"],
     n_bins: int,
 ) -> tuple[Float[np.ndarray, "p bins"], Int[np.ndarray, "p bins"]]:
-    """Means and counts of the samples in equal parts of windows.
-
-    Args:
-        windows: First and last time of each window [s].
-    """
+    """Means and counts of the samples in equal parts of windows of times [s]."""
     # Next to nothing of a push still has a level.
     lengths = np.maximum(np.diff(windows, axis=1), course.step)
     edges = windows[:, :1] + lengths * np.linspace(0, 1, n_bins + 1)
     return course.parts(edges), np.diff(np.searchsorted(course.time, edges), axis=1)
-
-
-def profiles(course: Course, extents: Sequence[Extent]) -> Float[np.ndarray, "p bins"]:
-    """Course of every push, from foot to foot, in `PROFILE_BINS` parts."""
-    windows = np.array([[e.t_start, e.t_end] for e in extents])
-    return bin_means(course, windows, PROFILE_BINS)[0]
 
 
 def calmed(
@@ -83,13 +73,10 @@ def calmed(
 
 
 def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
-    """First and one past the last part of a course that stay near a level.
+    """First and one past the last part of a course, of 0..1, that stay near a level.
 
     That is the upper level; or, where the push does not stay there for long, the one
     that it settles to before its release.
-
-    Args:
-        course: Course of a push, scaled to 0..1.
     """
     high = course[course >= 0.8]
     if high.size == 0:
@@ -107,12 +94,9 @@ def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
 
 
 def held_window(course: Float[np.ndarray, " m"]) -> tuple[float, float]:
-    """Where a course enters the band of its held part and leaves it, in parts.
+    """Where a course, of 0..1, enters and leaves the band of its held part, in parts.
 
     Between two parts, so that a foot that moves by little moves no edge by a part.
-
-    Args:
-        course: Course of a push, scaled to 0..1.
     """
     first, last = held_part(course)
     if last == first:

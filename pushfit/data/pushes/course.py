@@ -40,11 +40,7 @@ class Course:
         time: Float[np.ndarray, " n"],
         signal: Float[np.ndarray, " n"],
     ) -> "Course":
-        """Course of samples.
-
-        Args:
-            time: Sample times [s].
-        """
+        """Course of samples at times [s]."""
         level, total = float(signal[0]), 0.0
         integral = np.zeros(len(time))
         # Some at a time, because recordings are longer than a processor's cache.
@@ -59,11 +55,7 @@ class Course:
         return cls(time, integral, level, step)
 
     def thinned(self, stride: int) -> "Course":
-        """The same, known at fewer times.
-
-        Args:
-            stride: Samples from one of them to the next.
-        """
+        """The same, known at every `stride`-th of its times."""
         if stride == 1:
             return self
         kept = np.append(np.arange(0, len(self.time) - 1, stride), len(self.time) - 1)
@@ -89,21 +81,12 @@ class Course:
     def mean(
         self, first: Float[np.ndarray, "*m"], last: Float[np.ndarray, "*m"]
     ) -> Float[np.ndarray, "*m"]:
-        """Means between pairs of times.
-
-        Args:
-            first: Begins [s].
-            last: Ends [s].
-        """
+        """Means between pairs of times [s]."""
         area = self._up_to(last) - self._up_to(first)
         return self.level + area / np.maximum(last - first, _LEAST)
 
     def parts(self, edges: Float[np.ndarray, "p e"]) -> Float[np.ndarray, "p parts"]:
-        """Means between successive times.
-
-        Args:
-            edges: Times, in rows [s].
-        """
+        """Means between successive times, in rows [s]."""
         areas = np.diff(self._up_to(edges), axis=1)
         return self.level + areas / np.maximum(np.diff(edges, axis=1), _LEAST)
 

@@ -115,11 +115,7 @@ class Feet(Generic[Number]):
     def room(
         self: "Feet[np.ndarray]", time: Float[np.ndarray, " n"]
     ) -> tuple[Numbers, Numbers]:
-        """Halves of the rests beside pushes in order: a cut between takes nothing [s].
-
-        Args:
-            time: Sample times [s].
-        """
+        """Halves of rests beside pushes in order: a cut between takes nothing [s]."""
         n = len(self.start)
         end, start = np.append(self.end, np.nan), np.append(self.start, np.nan)
         earlier, later = self._neighbours(-1), self._neighbours(1)
@@ -136,11 +132,7 @@ class Feet(Generic[Number]):
         return found
 
     def before(self: "Feet[np.ndarray]", lowest: Numbers) -> tuple[Numbers, Numbers]:
-        """Stretches whose level is the rest before the pushes [s].
-
-        Args:
-            lowest: Begins of their room [s].
-        """
+        """Stretches whose level is the rest before the pushes, in their room [s]."""
         # In a short rest a part of it has to do.
         guard = np.minimum(
             _GUARD * (self.half_up - self.start), (self.start - lowest) / 2
@@ -176,22 +168,16 @@ _NAMES = tuple(field.name for field in fields(Feet))
 
 
 def likeness(moved: Numbers, far: Numbers | float) -> Numbers:
-    """Whether moves of rests may be drift: 1 for small ones, 0 for large ones.
-
-    Args:
-        far: What is too far, in the same unit.
-    """
+    """Whether moves of rests may be drift: 1 for small ones, 0 for those too `far`."""
     return 1 / (1 + np.clip(moved / np.maximum(far, 1e-300), -1e3, 1e3) ** 4)
 
 
 def are_cut(
     time: Float[np.ndarray, " n"], feet: Feet[np.ndarray]
 ) -> Bool[np.ndarray, " p"]:
-    """Whether the samples begin or end before a rest is seen beside each push.
+    """Whether sample times [s] begin or end before a rest is seen beside each push.
 
-    Args:
-        time: Sample times [s].
-        feet: All pushes in order.
+    The pushes are all there are, in order.
     """
     early = feet.start - _BEGINS * (feet.half_up - feet.start)
     late = feet.end + _BEGINS * (feet.end - feet.half_down)

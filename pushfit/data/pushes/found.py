@@ -146,12 +146,7 @@ def _as_told(found: Found, settings: PeakSettings) -> Found:
 
 
 def is_in(when: float, windows: Sequence[tuple[float, float]]) -> bool:
-    """Whether a time lies in one of some windows.
-
-    Args:
-        when: Time [s].
-        windows: First and last time of each [s].
-    """
+    """Whether a time lies in one of some windows, of first and last times [s]."""
     return any(first <= when <= last for first, last in windows)
 
 

@@ -278,10 +278,7 @@ def implausible_angles(
 
 
 def in_degrees(radians: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Angles as they were stated: -60°, not -59.99999999999999°.
-
-    Args:
-        radians: Angles [rad].
+    """Angles [rad] as they were stated: -60°, not -59.99999999999999°.
 
     Returns:
         The round number of degrees of which this is the angle in radians, to the last
