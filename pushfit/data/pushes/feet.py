@@ -1,4 +1,4 @@
-"""What is known of the course of a push in time, and where its rests lie by that.
+"""What is known of the course of a push in time: its rests, and whether it is cut.
 
 Excluded: how it is traced (`pushfit.data.pushes.tracing`) and the levels of the rests
 (`pushfit.data.peaks.rests`).
@@ -102,7 +102,7 @@ class Feet(Generic[Number]):
     def averaging(self: "Feet[np.ndarray]", view: View) -> Numbers:
         """Times to average over: a share of the width, and more to rise from noise [s].
 
-        That which is asked for, where it is.
+        An averaging time that is asked for takes their place.
         """
         if view.smoothing is not None:
             return np.full(len(self.start), view.smoothing)
