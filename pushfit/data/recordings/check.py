@@ -46,7 +46,6 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     """Recognise by its columns whether a file is a recording, schedule or peak table.
 
     Args:
-        path: File as the user named it.
         **recording_options: As for `pushfit.data.recordings.recording.read_recording`.
 
     Returns:
@@ -88,8 +87,6 @@ def expect_kind(
     """Refuse a file of another kind before its reader misunderstands it.
 
     Args:
-        path: File as the user named it.
-        kind: What is to be read.
         **recording_options: As for `pushfit.data.recordings.recording.read_recording`.
 
     Raises:
