@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from pushfit.atomic import atomic_path
-from pushfit.data.recordings.recording import Source
 from pushfit.data.recordings.check import file_kind
+from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.peak_table import (
     PeakTable,
     concatenate,
