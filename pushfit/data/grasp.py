@@ -11,15 +11,7 @@ from pushfit.model import Grasp
 
 
 def is_calibrated(config: GraspConfig, unit: str) -> bool:
-    """Whether stiffness comes out in N/m rather than sensor units per metre.
-
-    Args:
-        config: Configuration in force.
-        unit: Unit of the heights.
-
-    Returns:
-        True if heights convert to newtons.
-    """
+    """Whether stiffness comes out in N/m rather than sensor units per metre."""
     return config.sensor.factor("n", unit) is not None
 
 
@@ -29,7 +21,6 @@ def make_grasp(config: GraspConfig, unit: str) -> Grasp:
     Args:
         config: Configuration in force; where it leaves the mechanics open the first of
             them stands.
-        unit: Unit of the heights.
 
     Returns:
         Grasp with the preload in newtons, or in the unit of uncalibrated heights; 0

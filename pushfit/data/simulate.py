@@ -48,13 +48,10 @@ def simulate_table(
         height = forward(θ, α) + noise · N(0, 1)
 
     Args:
-        params: True parameters.
-        grasp: Grasp and sensor.
         theta: Elevations, broadcast against `alpha` [rad].
         alpha: Azimuths [rad].
         repeats: Pushes per direction, in a row.
         noise: Standard deviation of a height, one or per push [unit].
-        rng: Source of the noise.
         channels: Which of `height`, `height_normal`, `height_tangential` to give.
         unit: Unit that the sensor's `gain` gives.
         state_sd: Whether the table states `noise` as the sd of its heights.
@@ -63,7 +60,7 @@ def simulate_table(
         The table; pushes that lift the finger off are flagged `lost_contact`.
     """
     plan = PushSchedule.planned(theta, alpha, repeats=repeats)
-    truth = _forward(params, grasp, plan)
+    truth = forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
     heights = {
         name: np.asarray(getattr(truth, name))
         + noise * rng.standard_normal(plan.n_pushes)
@@ -180,11 +177,7 @@ def simulate_recording(
     """Execute a schedule and record it.
 
     Args:
-        params: True parameters.
         grasp: Grasp and sensor; its gain gives the unit of the session.
-        schedule: Planned pushes.
-        session: Course of the pushes and the sensor.
-        rng: Source of all randomness.
 
     Returns:
         The recording, with the angles of the joints as channels, and the truth.
@@ -223,12 +216,7 @@ def simulate_recording(
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
-    """Write a recording as native CSV; the file is complete or absent.
-
-    Args:
-        recording: What to write.
-        path: File to write or replace.
-    """
+    """Write a recording as native CSV; the file is complete or absent."""
     columns: dict[str, Float[np.ndarray, " n"]] = {"time_s": recording.time}
     for name, values in recording.channels.items():
         columns[f"{name}_{recording.units[name]}"] = values
@@ -238,11 +226,6 @@ def write_recording(recording: Recording, path: str | Path) -> None:
             columns[f"{name}_deg"] = in_degrees(angle)
     with atomic_path(path) as temporary:
         pd.DataFrame(columns).to_csv(temporary, index=False, lineterminator="\n")
-
-
-def _forward(params: Parameters, grasp: Grasp, plan: PushSchedule) -> Channels:
-    """Noise-free heights of planned pushes."""
-    return forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
 
 
 def _clock(

@@ -23,12 +23,9 @@ def simulate_from_config(
     """Record a schedule with the grasp and the parameters of a configuration.
 
     Args:
-        schedule: Planned pushes.
         config: Settings; `[parameters]` is the truth and the preload the reading at
             rest.
-        unit: Unit of the sensor.
         noise: Standard deviation of a sample [unit].
-        seed: Seed of the noise.
 
     Returns:
         The recording, with the angles of the joints as channels.

@@ -39,9 +39,14 @@ TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
 # Calls whose form may change with the version of jaxlib, which is part of the
 # fingerprint: LAPACK's solver by QR.
 UNGUARANTEED = (export.DisabledSafetyCheck.custom_call("lapack_dormqr_ffi"),)
-# XLA's newer code for fused loops takes twice as long to make and is no faster here.
+# XLA's newer code for fused loops takes twice as long to make and is no faster here,
+# and nor is what LLVM makes of it beyond its first level, a third longer.
 jit = functools.partial(
-    jax.jit, compiler_options={"xla_cpu_use_fusion_emitters": False}
+    jax.jit,
+    compiler_options={
+        "xla_cpu_use_fusion_emitters": False,
+        "xla_backend_optimization_level": 1,
+    },
 )
 # What names a function only within one process.
 ADDRESS = " at 0x"

@@ -99,12 +99,13 @@ def test_gain_is_zero_where_nothing_can_be_felt():
     assert gain[0] < 0.01
 
 
-def test_gain_of_an_equal_reading_is_exactly_zero():
+def test_gain_of_an_equal_reading_is_zero():
     rng = np.random.default_rng(6)
     heights = np.full((1, 1, 4096), 2.0)
     weights = rng.dirichlet(np.ones(4096))
     gain = information_gain(heights, rng.uniform(0, 90, 4096), weights, np.array([0.1]))
-    assert gain[0] < 1e-12
+    # Entropies of 16 bins, in single precision.
+    assert gain[0] < np.finfo(np.float32).eps * np.log(16)
 
 
 def test_gain_of_a_perfect_reading_is_the_entropy_of_the_label():

@@ -27,7 +27,7 @@ from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.samples import Samples
 from pushfit.data.recordings.units import UNITS
-from pushfit.data.text.faults import refuse
+from pushfit.data.text.faults import refuse, refuse_too_large
 from pushfit.data.text.files import FileStamp, sha256_of
 from pushfit.errors import ConfigError
 
@@ -61,15 +61,12 @@ def read_bag(
     Known are BioTac hands (`pdc0`, `pdc1`, … in counts) and wrenches (`force_x` … in
     newtons). A mapped field is named `/topic.field.path`; an element of an array as
     `bt_data[0]`, of a joint state as `effort[joint_name]`, of a text with numbers as
-    `data[5]`.
+    `data[5]`. With `is_salvage` a `.mcap` file that was cut short is read as far as it
+    goes.
 
     Args:
         path: Bag file, or folder of a ROS 2 bag.
-        mapping: Field by channel name, `theta` and `alpha`.
-        units: Unit by channel name.
         definitions: Folder of `.msg` files, for bags that carry no definitions.
-        is_salvage: Whether to read what there is of a `.mcap` file that was cut short.
-        max_bytes: Most memory that the samples may take.
 
     Returns:
         The samples; several topics are merged to the union of their times.
@@ -184,16 +181,10 @@ def _refuse_too_large(
     path: str, fields: Sequence[Field], reader: Any, max_bytes: int
 ) -> None:
     n = sum(reader.topics[topic].msgcount for topic in {f.topic for f in fields})
-    needed = n * 8 * (len(fields) + 1)
     if not fields or n == 0:
         raise refuse("no_rows", "the bag holds no messages of these topics", path=path)
-    if needed > max_bytes:
-        raise refuse(
-            "too_large",
-            f"{n} messages need {needed / 1e9:.3g} GB, over the limit of "
-            f"{max_bytes / 1e9:.3g} GB; split the bag, or raise max_bytes",
-            path=path,
-        )
+    needed = n * 8 * (len(fields) + 1)
+    refuse_too_large(path, f"{n} messages", needed, max_bytes, "split the bag")
 
 
 def _collect(path: str, reader: Any, fields: Sequence[Field]) -> dict[str, _Clock]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.units import UNITS, Unit, parse_unit, split_unit
-from pushfit.data.text.faults import refuse
+from pushfit.data.text.faults import listed, refuse
 from pushfit.data.text.guess import NUMBER
 from pushfit.errors import ConfigError, DataError
 
@@ -20,6 +20,8 @@ _TACTILE = (
 )
 _WRENCH = "geometry_msgs/msg/WrenchStamped"
 _KNOWN = (*(known[0] for known in _TACTILE), _WRENCH)
+# Numbers of a message that are listed.
+_MAX_LISTED = 24
 _GLUED_INDEX = re.compile(r"(?P<name>.*?\D)(?P<index>\d+)")
 
 
@@ -38,15 +40,6 @@ def mapped_fields(
     path: str, mapping: Mapping[str, str], units: Mapping[str, str], reader: Any
 ) -> list[Field]:
     """Resolve the mapped fields against the bag's topics.
-
-    Args:
-        path: Bag as the user named it.
-        mapping: `/topic.field.path` by channel name, `theta` and `alpha`.
-        units: Unit by channel name.
-        reader: Open reader of the bag.
-
-    Returns:
-        The fields.
 
     Raises:
         ConfigError: If a unit is missing or wrong, or the time is mapped.
@@ -101,12 +94,7 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
     """Find the signals of the one topic whose message type is known.
 
     Args:
-        path: Bag as the user named it.
-        reader: Open reader of the bag.
         first: Gives the first message of a topic, None if it has none.
-
-    Returns:
-        The fields.
 
     Raises:
         DataError: If there is no topic (`no_rows`), none that is known (`no_channel`),
@@ -117,49 +105,34 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
     topics = [t for t, info in reader.topics.items() if info.msgtype in _KNOWN]
     if len(topics) != 1:
         count = "no topic" if not topics else f"{len(topics)} topics"
+        paths = _paths(reader, first)
         raise refuse(
             "no_channel" if not topics else "ambiguous_topic",
             f"{count} of a known type among {_described(reader)}; state "
-            f"--map pressure={_example(reader, first)} --unit pressure=counts; the "
-            f"numbers in it are {_listed(reader, first)}",
+            f"--map pressure={paths[-1] if paths else '/topic.field'} "
+            "--unit pressure=counts; the numbers in it are "
+            f"{listed(paths, _MAX_LISTED) or 'none'}",
             path=path,
         )
     topic = topics[0]
     msgtype = reader.topics[topic].msgtype
     if msgtype == _WRENCH:
-        return [
-            Field(
-                name=f"force_{axis}",
-                topic=topic,
-                path=("wrench", "force", axis),
-                unit=UNITS["n"],
-            )
-            for axis in "xyz"
-        ]
-    _, array, number = next(known for known in _TACTILE if known[0] == msgtype)
-    n_fingers = len(getattr(first(topic), array, ()))
+        unit = UNITS["n"]
+        found = {f"force_{axis}": ("wrench", "force", axis) for axis in "xyz"}
+    else:
+        unit = UNITS["counts"]
+        _, array, number = next(known for known in _TACTILE if known[0] == msgtype)
+        stem = number.removesuffix("_data")
+        n_fingers = len(getattr(first(topic), array, ()))
+        found = {f"{stem}{i}": (array, str(i), number) for i in range(n_fingers)}
     return [
-        Field(
-            name=f"{number.removesuffix('_data')}{i}",
-            topic=topic,
-            path=(array, str(i), number),
-            unit=UNITS["counts"],
-        )
-        for i in range(n_fingers)
+        Field(name=name, topic=topic, path=steps, unit=unit)
+        for name, steps in found.items()
     ]
 
 
-# Numbers of a message that are listed.
-_MAX_LISTED = 24
-
-
 def numbers_in(message: Any, prefix: str = "") -> list[str]:
-    """Paths of all single numbers of a message, first of each array.
-
-    Args:
-        message: Decoded message.
-        prefix: Path of the message itself.
-    """
+    """Paths of all single numbers of a message, first of each array."""
     if message is None or isinstance(message, bool | str | bytes):
         return []
     if isinstance(message, int | float | np.number):
@@ -183,23 +156,10 @@ def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
     return [path for path in paths if ".header." not in path]
 
 
-def _example(reader: Any, first: Callable[[str], Any]) -> str:
-    paths = _paths(reader, first)
-    return paths[-1] if paths else "/topic.field"
-
-
-def _listed(reader: Any, first: Callable[[str], Any]) -> str:
-    paths = _paths(reader, first)
-    more = len(paths) - _MAX_LISTED
-    ending = f" and {more} more" if more > 0 else ""
-    return ", ".join(paths[:_MAX_LISTED]) + ending if paths else "none"
-
-
 def number_at(message: Any, path: Sequence[str]) -> float:
     """Follow the steps of a path into a message.
 
     Args:
-        message: Decoded message.
         path: Names of fields, indices into arrays and texts, names of joints.
 
     Returns:

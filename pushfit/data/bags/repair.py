@@ -21,12 +21,6 @@ _COPIED = 1 << 22
 def message_types(folder: str) -> dict[str, Any]:
     """Read message definitions as ROS packages keep them, `package/msg/Name.msg`.
 
-    Args:
-        folder: Where to look, and below.
-
-    Returns:
-        Types for a store of rosbags, by name.
-
     Raises:
         ConfigError: If there are none (`no_definitions`) or one is not a definition
             (`bad_definition`).

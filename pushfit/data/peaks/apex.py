@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 N_BINS = 16
+_FINE = 8
 
 # Apex positions and roundings on the window [-1, 1].
 _T0 = np.linspace(-0.6, 0.6, 49)
@@ -62,18 +63,38 @@ class _Bank:
 def _bank() -> _Bank:
     """Orthonormal bases and inverse triangles of all cells."""
     r, t0 = (a.ravel() for a in np.meshgrid(_R, _T0, indexing="ij"))
-    # Samples of a bin are averaged, so is the shape: a tip is lower than its middle.
-    fine = (np.arange(8 * N_BINS) + 0.5) / (4 * N_BINS) - 1
-    d = fine - t0[:, None]
-    arc = np.sqrt(d**2 + r[:, None] ** 2) - r[:, None]
+    falling, lopsided = hyperbolas(t0, r, N_BINS)
+    q, triangle = bases(falling, lopsided)
     # Scaled to the fall over the window, so that equal s means an equal fall.
-    columns = np.stack([np.ones_like(d), -arc, d], axis=-1)
-    design = columns.reshape(len(t0), N_BINS, 8, 3).mean(axis=2)
-    q, triangle = np.linalg.qr(design)
-    fall = arc[:, [0, -1]].mean(axis=1)
+    fall = -falling[:, [0, -1]].mean(axis=1)
     volume = fall / np.abs(np.linalg.det(triangle))
-    rows = np.ascontiguousarray(q.transpose(0, 2, 1))
-    return _Bank(t0, r, rows, np.linalg.inv(triangle), volume)
+    return _Bank(t0, r, q, np.linalg.inv(triangle), volume)
+
+
+def moments(n_bins: int) -> Float[np.ndarray, " f"]:
+    """Moments of the window [-1, 1], several for each of its bins."""
+    n = _FINE * n_bins
+    return (2 * np.arange(n) + 1) / n - 1
+
+
+def hyperbolas(
+    top: Float[np.ndarray, " g"], rounding: Float[np.ndarray, " g"], n_bins: int
+) -> tuple[Float[np.ndarray, "g f"], Float[np.ndarray, "g f"]]:
+    """Columns of s and of q at the moments of so many bins."""
+    off = moments(n_bins) - top[:, None]
+    return rounding[:, None] - np.sqrt(off**2 + rounding[:, None] ** 2), off
+
+
+def bases(
+    *columns: Float[np.ndarray, "g f"],
+) -> tuple[Float[np.ndarray, "g 3 bins"], Float[np.ndarray, "g 3 3"]]:
+    """Orthonormal bases of a constant and two columns, and their triangles.
+
+    Samples of a bin are averaged, so is the shape: a tip is lower than its middle.
+    """
+    fine = np.stack([np.ones_like(columns[0]), *columns], axis=-1)
+    q, triangle = np.linalg.qr(fine.reshape(len(fine), -1, _FINE, 3).mean(axis=2))
+    return np.ascontiguousarray(q.transpose(0, 2, 1)), triangle
 
 
 def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) -> Apex:
@@ -88,9 +109,6 @@ def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) 
     Args:
         bins: Means of the samples in `N_BINS` equal parts of each window.
         noise: Standard deviation σ of a bin.
-
-    Returns:
-        Tops, one per row.
     """
     bank = _bank()
     centre = bins.mean(axis=1, keepdims=True)

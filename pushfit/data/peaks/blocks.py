@@ -50,11 +50,7 @@ def correlation_of(
 ) -> Float[np.ndarray, " p"]:
     """Variances of means over those of independent samples; of all for too few.
 
-    Args:
-        signal: Samples [unit].
-        windows: Rests, first and one past the last sample.
-        n_pushes: Pushes; their rests follow each other in `windows`.
-        floor: Smallest variance [unit²].
+    Of the same rests as `scatter`.
     """
     blocks, whose = _blocks(signal, windows, _BLOCK)
     variance, push = blocks.var(axis=0, ddof=1), whose % n_pushes

@@ -32,10 +32,6 @@ def push_signal(
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Signal that the pushes are found in, pushes going up.
 
-    Args:
-        recording: Samples.
-        settings: Which channel, or which normal.
-
     Returns:
         Times [s] and samples, those that are missing left out.
 
@@ -61,12 +57,7 @@ def push_signal(
 
 
 def signal_name(recording: Recording, settings: PeakSettings) -> str:
-    """Words for what `push_signal` returns.
-
-    Args:
-        recording: Samples.
-        settings: Which channel, or which normal.
-    """
+    """Words for what `push_signal` returns."""
     if settings.normal is not None:
         return "change of force"
     name = _channel(recording, settings.channel)
@@ -74,12 +65,7 @@ def signal_name(recording: Recording, settings: PeakSettings) -> str:
 
 
 def signal_unit(recording: Recording, settings: PeakSettings) -> str:
-    """Unit of what `push_signal` returns, and of the heights.
-
-    Args:
-        recording: Samples.
-        settings: Which channel, or which normal.
-    """
+    """Unit of what `push_signal` returns, and of the heights."""
     units = recording.units
     return units.get(settings.channel or "", next(iter(units.values())))
 
@@ -102,12 +88,7 @@ def measure_components(
     subtracted, because noise only ever lengthens a vector.
 
     Args:
-        recording: Samples of all force channels.
-        extents: All humps of that length.
-        heights: Measured tops of the length of the change of force.
-        settings: Which channel is along the normal, and where the sensor ends.
         time: Times of `length` [s].
-        length: Length of the change of force, as `push_signal` gives it.
 
     Returns:
         Columns of a peak table, and which pushes reach the end of a channel's range.

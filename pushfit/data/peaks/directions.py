@@ -24,10 +24,6 @@ def recorded_directions(
 
     Args:
         recording: Samples with both angles.
-        extents: Where the pushes are.
-
-    Returns:
-        The pushes as a schedule, in order.
 
     Raises:
         DataError: The recording has no angles, or none at a push (`no_directions`).

@@ -60,7 +60,6 @@ def extract_peaks(
     Args:
         recording: Samples, with the angles of the push where there is no schedule.
         schedule: Planned pushes; a recording of k cycles may have a schedule of one.
-        settings: How to find and measure.
 
     Returns:
         One row per push, flagged where the height is not to be trusted. A planned push
@@ -72,21 +71,17 @@ def extract_peaks(
             or two assignments to the schedule are nearly as good (`push_mismatch`).
     """
     span = (float(recording.time[0]), float(recording.time[-1]))
-    recording = recording.between(settings.begin, settings.end)
-    time, signal = push_signal(recording, settings)
-    paired = _paired(recording, time, signal, schedule, settings, span=span)
-    if paired.plan is None:
-        plan = recorded_directions(recording, paired.chosen)
-    else:
-        plan = paired.plan
-    columns = _measured(recording, time, signal, paired, settings)
+    look = _Look.at(recording, settings)
+    recording = look.recording
+    paired = look.paired(schedule, span=span)
+    plan = paired.plan or recorded_directions(recording, paired.chosen)
     frame = pd.DataFrame(
         {
             "push": plan.push,
             "theta_deg": np.degrees(plan.theta).round(DECIMALS),
             "alpha_deg": np.degrees(plan.alpha).round(DECIMALS),
             "repeat": plan.repeat,
-            **columns,
+            **look.measured(paired),
         }
     )
     notes, cautions = extraction_notes(paired, frame)
@@ -96,8 +91,7 @@ def extract_peaks(
     table = PeakTable.from_frame(
         frame, sources=sources, notes=(*recording.notes, *cautions, *notes)
     )
-    trace = _trace(recording, settings, time, signal, table=table)
-    return replace(table, traces=(trace,), cautions=cautions)
+    return replace(table, traces=(look.trace(table),), cautions=cautions)
 
 
 def measure_pushes(
@@ -105,136 +99,131 @@ def measure_pushes(
 ) -> Heights:
     """Heights and times of the pushes of a recording whose directions are not known.
 
-    Args:
-        recording: Samples.
-        settings: How to find and measure.
-
-    Returns:
-        The heights.
-
     Raises:
         ConfigError: The channel to look in is not named, or not there.
         DataError: There are no pushes (`no_pushes`).
     """
-    recording = recording.between(settings.begin, settings.end)
-    time, signal = push_signal(recording, settings)
-    paired = _paired(recording, time, signal, None, settings)
-    columns = _measured(recording, time, signal, paired, settings)
-    n = len(paired.chosen)
-    frame = pd.DataFrame({"push": np.arange(1, n + 1), **columns})
+    look = _Look.at(recording, settings)
+    paired = look.paired(None)
+    push = np.arange(1, len(paired.chosen) + 1)
+    frame = pd.DataFrame({"push": push, **look.measured(paired)})
     notes, cautions = extraction_notes(paired, frame)
     return Heights(frame=frame, notes=(*cautions, *notes), cautions=cautions)
 
 
-def _trace(
-    recording: Recording,
-    settings: PeakSettings,
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    *,
-    table: PeakTable,
-) -> Trace:
-    """The signal that all rows of a table were measured in."""
-    time, signal = envelope(time, signal, max_points=MAX_KEPT)
-    return Trace(
-        path=recording.sources[0].path if recording.sources else "",
-        name=signal_name(recording, settings),
-        unit=table.unit,
-        time=time,
-        signal=signal,
-        first_row=0,
-        n_rows=table.n_pushes,
-        sign=-1 if settings.invert else 1,
-    )
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """A part of a recording, its signal that pushes are looked for in, and how."""
 
+    recording: Recording
+    settings: PeakSettings
+    time: Float[np.ndarray, " n"]
+    signal: Float[np.ndarray, " n"]
 
-def _paired(
-    recording: Recording,
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    schedule: PushSchedule | None,
-    settings: PeakSettings,
-    *,
-    span: tuple[float, float] = (-np.inf, np.inf),
-) -> Paired:
-    """Humps, and which of them are the planned pushes."""
-    found = find(time, signal, settings, signed=bool(settings.signed))
-    paired = pair(found, schedule, settings, span=span)
-    if (
-        settings.signed is None
-        and schedule is not None
-        and (paired.alignment is None or not paired.alignment.is_complete)
-        and np.any(schedule.theta < 0)
-    ):
-        both = find(time, signal, settings, signed=True)
-        better = pair(both, schedule, settings, span=span)
-        if paired.n_odd > better.n_odd:
-            found, paired = both, better
-    try:
-        if all(extent.is_brush for extent in found.extents):
-            unit = signal_unit(recording, settings)
-            raise no_pushes(signal, settings, found, unit=unit)
-        paired.refuse_doubt(settings)
-    except DataError as error:
-        files = ", ".join(source.path for source in recording.sources)
-        message = f"{files}: {error}" if files else str(error)
-        raise DataError(message, code=error.code, problems=error.problems) from None
-    return paired
+    @classmethod
+    def at(cls, recording: Recording, settings: PeakSettings) -> "_Look":
+        """Take the part and the channel that are to be looked at."""
+        part = recording.between(settings.begin, settings.end)
+        return cls(part, settings, *push_signal(part, settings))
 
-
-def _measured(
-    recording: Recording,
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    paired: Paired,
-    settings: PeakSettings,
-) -> dict[str, Sequence[float] | Sequence[str]]:
-    """Height columns of the table, with what each height is."""
-    chosen = paired.chosen
-    turned = -1.0 if settings.invert else 1.0
-    is_force = settings.normal is not None
-    # What is left out is no rest, and may show where the sensor ends.
-    humps = [*chosen, *paired.left_out]
-    measured = measure_heights(
-        time,
-        signal,
-        humps,
-        definition=settings.height,
-        # The limit is that of the channel, not of its picture.
-        limit=None if settings.limit is None or is_force else turned * settings.limit,
-        is_missing=[*paired.is_missing, *[False] * len(paired.left_out)],
-        course=paired.found.course,
-    )
-    heights = measured[: len(chosen)]
-    words = [set(h.flags) for h in heights]
-    if settings.use_missing:
-        # What the user leaves out is no reading of a push that felt nothing.
-        words = [
-            own if is_excluded else own - {"missing"}
-            for own, is_excluded in zip(words, paired.is_excluded, strict=True)
-        ]
-    times = {
-        "t_peak_s": [h.t_peak for h in heights],
-        "t_start_s": [e.t_start for e in chosen],
-        "t_end_s": [e.t_end for e in chosen],
-        "definition": [h.definition for h in heights],
-    }
-    if is_force:
-        columns, is_cut = measure_components(
-            recording, humps, measured, settings=settings, time=time, length=signal
+    def trace(self, table: PeakTable) -> Trace:
+        """The signal that all rows of a table were measured in."""
+        time, signal = envelope(self.time, self.signal, max_points=MAX_KEPT)
+        return Trace(
+            path=self.recording.sources[0].path if self.recording.sources else "",
+            name=signal_name(self.recording, self.settings),
+            unit=table.unit,
+            time=time,
+            signal=signal,
+            first_row=0,
+            n_rows=table.n_pushes,
+            sign=-1 if self.settings.invert else 1,
         )
-        for own, cut in zip(words, is_cut, strict=False):
-            own |= {"saturated"} if cut else set()
-        own_rows = {name: rows[: len(chosen)] for name, rows in columns.items()}
-        return {**own_rows, **times, "flags": _joined(words)}
-    unit = signal_unit(recording, settings)
-    return {
-        f"height_{unit}": [h.height for h in heights],
-        f"height_sd_{unit}": [h.sd for h in heights],
-        f"baseline_{unit}": [turned * h.baseline for h in heights],
-        **times,
-        "flags": _joined(words),
-    }
+
+    def paired(
+        self,
+        schedule: PushSchedule | None,
+        *,
+        span: tuple[float, float] = (-np.inf, np.inf),
+    ) -> Paired:
+        """Humps, and which of them are the planned pushes."""
+        time, signal, settings = self.time, self.signal, self.settings
+        found = find(time, signal, settings, signed=bool(settings.signed))
+        paired = pair(found, schedule, settings, span=span)
+        if (
+            settings.signed is None
+            and schedule is not None
+            and (paired.alignment is None or not paired.alignment.is_complete)
+            and np.any(schedule.theta < 0)
+        ):
+            both = find(time, signal, settings, signed=True)
+            better = pair(both, schedule, settings, span=span)
+            paired = better if paired.n_odd > better.n_odd else paired
+        try:
+            if all(extent.is_brush for extent in paired.found.extents):
+                unit = signal_unit(self.recording, settings)
+                raise no_pushes(signal, settings, paired.found, unit=unit)
+            paired.refuse_doubt(settings)
+        except DataError as error:
+            files = ", ".join(source.path for source in self.recording.sources)
+            message = f"{files}: {error}" if files else str(error)
+            raise DataError(message, code=error.code, problems=error.problems) from None
+        return paired
+
+    def measured(self, paired: Paired) -> dict[str, Sequence[float] | Sequence[str]]:
+        """Height columns of the table, with what each height is."""
+        time, signal, settings = self.time, self.signal, self.settings
+        chosen = paired.chosen
+        turned = -1.0 if settings.invert else 1.0
+        is_force = settings.normal is not None
+        # The limit is that of the channel, not of its picture.
+        limit = None if settings.limit is None or is_force else turned * settings.limit
+        # What is left out is no rest, and may show where the sensor ends.
+        humps = [*chosen, *paired.left_out]
+        measured = measure_heights(
+            time,
+            signal,
+            humps,
+            definition=settings.height,
+            limit=limit,
+            is_missing=[*paired.is_missing, *[False] * len(paired.left_out)],
+            course=paired.found.course,
+        )
+        heights = measured[: len(chosen)]
+        words = [set(h.flags) for h in heights]
+        if settings.use_missing:
+            # What the user leaves out is no reading of a push that felt nothing.
+            words = [
+                own if is_excluded else own - {"missing"}
+                for own, is_excluded in zip(words, paired.is_excluded, strict=True)
+            ]
+        times = {
+            "t_peak_s": [h.t_peak for h in heights],
+            "t_start_s": [e.t_start for e in chosen],
+            "t_end_s": [e.t_end for e in chosen],
+            "definition": [h.definition for h in heights],
+        }
+        if is_force:
+            columns, is_cut = measure_components(
+                self.recording,
+                humps,
+                measured,
+                settings=settings,
+                time=time,
+                length=signal,
+            )
+            for own, cut in zip(words, is_cut, strict=False):
+                own |= {"saturated"} if cut else set()
+            own_rows = {name: rows[: len(chosen)] for name, rows in columns.items()}
+            return {**own_rows, **times, "flags": _joined(words)}
+        unit = signal_unit(self.recording, settings)
+        return {
+            f"height_{unit}": [h.height for h in heights],
+            f"height_sd_{unit}": [h.sd for h in heights],
+            f"baseline_{unit}": [turned * h.baseline for h in heights],
+            **times,
+            "flags": _joined(words),
+        }
 
 
 def _joined(words: Sequence[set[str]]) -> list[str]:

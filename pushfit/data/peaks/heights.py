@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.apex import N_BINS, fit_apex
-from pushfit.data.peaks.rests import Baselines, RestNoise, rests_of
+from pushfit.data.peaks.rests import RestNoise, rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.peaks.shape import (
     PROFILE_BINS,
@@ -23,7 +23,6 @@ from pushfit.data.peaks.shape import (
     bin_means,
     calmed,
     held_window,
-    profiles,
 )
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent
@@ -127,7 +126,6 @@ def measure_heights(
         limit: Largest reading of the sensor; None to recognise it [unit].
         is_missing: Whether each is but the moment of a push that has no hump; none
             where empty.
-        course: Running means of the samples, if they are known already.
 
     Returns:
         Heights in the same order.
@@ -136,7 +134,8 @@ def measure_heights(
     noise, base = rests_of(time, signal, extents)
     if course is None or -1 in signs:
         course = Course.of(time, _upright(signal, extents, base.level))
-    profile = profiles(course, extents)
+    windows = np.array([[e.t_start, e.t_end] for e in extents])
+    profile = bin_means(course, windows, PROFILE_BINS)[0]
     calm = calmed(profile, base.level, extents, noise)
     held = are_held(course, extents, calm=calm, base=base.level, noise=noise)
     if definition != "auto":
@@ -164,7 +163,8 @@ def measure_heights(
     sd = np.sqrt(tops.sd**2 + base.sd_at(tops.time) ** 2 + family**2)
     # A rest that is too short to tell of drift shows a step; half of it is at the top.
     step = np.abs([e.feet.moved for e in extents]) / 2
-    moved = np.maximum(_moved(base, tops.time), step)
+    rate = np.abs(base.slope) + 2 * base.doubt
+    moved = np.maximum(rate * np.abs(tops.time - base.time), step)
     checks = {
         "clipped": np.array([e.is_cut for e in extents]),
         "gap": tops.has_gap,
@@ -183,11 +183,6 @@ def measure_heights(
         )
         for k in range(len(extents))
     )
-
-
-def _moved(base: Baselines, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-    """How far the rest has moved, or may have, under the top [unit]."""
-    return (np.abs(base.slope) + 2 * base.doubt) * np.abs(when - base.time)
 
 
 def _upright(
@@ -277,7 +272,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
     while todo.size:
         bins, counts = bin_means(pushes.course, windows[todo], N_BINS)
         n = counts.sum(axis=1)
-        per_bin = pushes.noise.of_part(n / N_BINS, todo)
+        per_bin = pushes.noise.of(todo).of_part(n / N_BINS)
         fit = fit_apex(bins, per_bin)
         half = np.diff(windows[todo], axis=1)[:, 0] / 2
         middle = windows[todo].mean(axis=1)

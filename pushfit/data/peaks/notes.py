@@ -7,19 +7,13 @@ import pandas as pd
 from pushfit.data.plans.pairing import Paired
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
-
-# Pushes that a note names one by one.
-_MAX_NAMED = 12
+from pushfit.data.text.faults import listed
 
 
 def extraction_notes(
     paired: Paired, frame: pd.DataFrame
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Tell what was taken for granted, and what the user should not overlook.
-
-    Args:
-        paired: Humps and their pairing.
-        frame: Rows as measured.
 
     Returns:
         Notes, and cautions: what was left out, assumed to be missing, or mixed.
@@ -62,7 +56,7 @@ def _left_out(paired: Paired, unit: str) -> list[str]:
         notes.append(
             "humps far smaller than the pushes, or far briefer than one beside them, "
             f"are left out: {_times(brushes, unit)}; take one in by --include "
-            f"{_window(brushes[0])}"
+            f"{brushes[0].window}"
         )
     if found.idle:
         windows = ", ".join(f"{first:g}:{last:g}" for first, last in found.idle)
@@ -79,18 +73,10 @@ def _left_out(paired: Paired, unit: str) -> list[str]:
     return notes
 
 
-def _window(extent: Extent) -> str:
-    """Window around a hump as the command line takes it."""
-    return f"{extent.t_start:.2f}:{extent.t_end:.2f}"
-
-
 def _times(extents: Sequence[Extent], unit: str) -> str:
     """When the first of some humps are, and how high."""
-    named = ", ".join(
-        f"{e.t_peak:.2f} s ({e.height:.3g} {unit})" for e in extents[:_MAX_NAMED]
-    )
-    more = len(extents) - _MAX_NAMED
-    return f"at {named}" + (f" and {more} more" if more > 0 else "")
+    humps = [f"{e.t_peak:.2f} s ({e.height:.3g} {unit})" for e in extents]
+    return f"at {listed(humps)}"
 
 
 def _flag_notes(frame: pd.DataFrame) -> list[str]:
@@ -102,7 +88,5 @@ def _flag_notes(frame: pd.DataFrame) -> list[str]:
             for push, cell in zip(frame["push"], frame["flags"], strict=True)
             if flag in cell.split(";")
         ]
-        more = len(pushes) - _MAX_NAMED
-        ending = f" and {more} more" if more > 0 else ""
-        notes.append(f"{flag}: push {', '.join(pushes[:_MAX_NAMED])}{ending}")
+        notes.append(f"{flag}: push {listed(pushes)}")
     return notes

@@ -1,11 +1,10 @@
 """The rests between pushes: their level, their drift and their noise."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
-from itertools import pairwise
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, Real
+from jaxtyping import Float, Int, Real
 
 from pushfit.data.peaks.blocks import MAX_SAMPLES, correlation_of, scatter
 from pushfit.data.pushes.detection import Extent
@@ -25,7 +24,6 @@ _UNSETTLED = 4.0
 _UNLIKE = 3.0
 # The mean of the middle half scatters by 9 % more than the mean.
 _MIDDLE = 1.09
-_ALL = slice(None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,39 +42,24 @@ class RestNoise:
 
     def of(self, rows: Int[np.ndarray, " r"]) -> "RestNoise":
         """Noise beside some of the pushes."""
-        return RestNoise(
-            sigma=self.sigma[rows],
-            correlation=self.correlation[rows],
-            quantum=self.quantum,
-        )
+        own = {"sigma": self.sigma[rows], "correlation": self.correlation[rows]}
+        return replace(self, **own)
 
-    def of_mean(
-        self,
-        n_samples: Real[np.ndarray, " p"],
-        rows: Int[np.ndarray, " p"] | slice = _ALL,
-    ) -> Float[np.ndarray, " p"]:
-        """Standard deviations of means of so many samples beside some pushes [unit]."""
-        sigma = self.sigma[rows]
-        variance = self.correlation[rows] * sigma**2 / np.maximum(n_samples, 1.0)
-        return np.sqrt(variance + self._rounding(sigma))
+    def of_mean(self, n_samples: Real[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+        """Standard deviations of means of so many samples beside each push [unit]."""
+        variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
+        # It is not averaged out where noise does not reach a count.
+        is_fine = self.sigma < self.quantum / 2
+        return np.sqrt(variance + np.where(is_fine, self.quantum**2 / 12, 0.0))
 
-    def of_part(
-        self,
-        n_samples: Real[np.ndarray, " p"],
-        rows: Int[np.ndarray, " p"] | slice = _ALL,
-    ) -> Float[np.ndarray, " p"]:
+    def of_part(self, n_samples: Real[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
         """Standard deviations of means of neighbouring samples [unit].
 
         Without correlation, which a few rests show badly: what is slower than a part of
         a push has to show in the push itself.
         """
-        sigma = self.sigma[rows]
-        variance = sigma**2 / np.maximum(n_samples, 1.0)
-        return np.sqrt(variance + self._rounding(sigma))
-
-    def _rounding(self, sigma: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Variance that is not averaged out where noise does not reach a count."""
-        return np.where(sigma < self.quantum / 2, self.quantum**2 / 12, 0.0)
+        alone = replace(self, correlation=np.ones_like(self.correlation))
+        return alone.of_mean(n_samples)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,19 +92,11 @@ class Baselines:
         return Baselines(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def drift(self, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Change of the level since `time` [unit].
-
-        Args:
-            when: A time for each push [s].
-        """
+        """Change of the level since `time`, at a time [s] for each push [unit]."""
         return self.slope * (when - self.time)
 
     def sd_at(self, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Standard deviation of the level [unit].
-
-        Args:
-            when: A time for each push [s].
-        """
+        """Standard deviation of the level at a time [s] for each push [unit]."""
         since = when - self.time
         share = np.where(
             self.slope == 0.0,
@@ -131,6 +106,145 @@ class Baselines:
         share = np.nan_to_num(share)
         own, after = (1 - share) * self.sd, share * np.nan_to_num(self.sd_after)
         return np.sqrt(own**2 + after**2 + (self.doubt * since) ** 2)
+
+
+@dataclass(frozen=True, slots=True)
+class _Beside:
+    """Samples, and the feet of pushes in order, beside which the rests are."""
+
+    time: Float[np.ndarray, " n"]
+    signal: Float[np.ndarray, " n"]
+    feet: Feet[np.ndarray]
+
+    def windows(
+        self, *, is_long: bool = False
+    ) -> tuple[Int[np.ndarray, "p 2"], Int[np.ndarray, "p 2"]]:
+        """Samples of the rests before and after pushes, first and one past the last.
+
+        They are measured from the feet of the push, so that a neighbour or an end of
+        the recording can only cut them short, never move them. `is_long` takes all that
+        is settled, to judge the noise.
+        """
+        feet = self.feet
+        lowest, highest = feet.room(self.time)
+        before = np.stack(feet.before(lowest), axis=1)
+        after = np.stack(feet.after(highest, waited=_WAITED), axis=1)
+        if is_long:
+            reach = MAX_SAMPLES * feet.step
+            before[:, 0] = np.maximum(before[:, 0] - reach, lowest)
+            after[:, 1] = np.minimum(after[:, 1] + reach, highest)
+            after = np.maximum(after, after[:, :1])
+        return np.searchsorted(self.time, before), np.searchsorted(self.time, after)
+
+    def noise(self) -> RestNoise:
+        """Noise at rest, and how far it averages out; of all rests if few samples."""
+        general = Noise.of(self.time, self.signal)
+        floor = max(general.quantum**2 / 12, 1e-300)
+        n = len(self.feet.start)
+        near, far = (
+            np.concatenate(self.windows(is_long=is_long)) for is_long in (False, True)
+        )
+        sigma = scatter(self.signal, near, n, floor)
+        if np.isnan(sigma).any():
+            whole = scatter(self.signal, far, n, floor)
+            sigma = np.where(np.isnan(sigma), whole, sigma)
+        return RestNoise(
+            sigma=np.nan_to_num(sigma, nan=general.sigma),
+            correlation=correlation_of(self.signal, far, n, floor),
+            quantum=general.quantum,
+        )
+
+    def baselines(self, noise: RestNoise) -> Baselines:
+        """Rest levels under pushes, each by its own rests.
+
+        The rest before a push is its baseline. That after it tells of drift, unless it
+        is off by more than drift can be, or has not settled: then the grasp or the
+        sensor has changed under the push, and what lies between is doubt.
+        """
+        feet, (windows, windows_after) = self.feet, self.windows()
+        height = np.maximum(feet.height, 1e-300)
+        # Levels, middles and numbers of samples of the rests.
+        level, when, n = self._levels(windows, -1, noise)
+        level_after, when_after, n_after = self._levels(windows_after, 1, noise)
+        sd, sd_after = (_MIDDLE * noise.of_mean(count) for count in (n, n_after))
+        # A rest that is hardly there may be the flank of a push.
+        is_scanty = (n < LEAST * feet.span / feet.step) & (n_after > n)
+        # Or the signal did not come to rest before a push, but did so after it.
+        is_short = feet.start[1:] - feet.end[:-1] < feet.width[1:] / 2
+        is_high = np.nan_to_num(level - level_after) > _MAX_UNREST * height
+        only_after = np.isnan(level) | is_scanty
+        only_after |= np.append(False, is_short) & is_high
+        rate = (level_after - level) / np.maximum(when_after - when, 1e-9)
+        first = self.time[np.minimum(windows_after[:, 0], len(self.time) - 1)]
+        early = np.maximum(feet.settling - (first - feet.end), 0.0)
+        waited = likeness(early, feet.settling / 2)
+        small = likeness(level_after - level, SHIFT * height)
+        calm = likeness(self._unsettled(windows_after, rate, noise), _UNSETTLED)
+        trust = waited * small * calm
+        # A sensor that had no time to recover tells of shifts that are large.
+        doubt = 1 - small * (waited * calm + 1 - waited)
+        has_both = np.isfinite(rate) & ~only_after
+        own_when = np.where(only_after, when_after, when)
+        unseen = only_after & np.isnan(when_after)
+        return Baselines(
+            level=_filled(np.where(only_after, level_after, level), self.signal),
+            time=np.nan_to_num(own_when, nan=0.0) + np.where(unseen, feet.start, 0.0),
+            slope=np.where(has_both, trust * rate, 0.0),
+            doubt=np.where(has_both, doubt * np.abs(rate) / 2, 0.0),
+            sd=np.where(only_after, sd_after, sd),
+            sd_after=sd_after,
+            time_after=when_after,
+        )
+
+    def _levels(
+        self, windows: Int[np.ndarray, "p 2"], side: int, noise: RestNoise
+    ) -> Float[np.ndarray, "3 p"]:
+        """Levels, middles and samples of rests; NaN where there is next to nothing.
+
+        Those of the part beside the push where the rest has another level: it has
+        stepped.
+        """
+        first, last = windows.T
+        n = np.minimum(np.maximum((last - first) // 4, _FEWEST), last - first)
+        begin = first if side > 0 else last - n
+        parts = np.stack([begin, begin + n], axis=1)
+        whole = np.array([self._rest(own, _middle_mean) for own in windows]).T
+        near = np.array([self._rest(own, np.mean) for own in parts]).T
+        height = np.maximum(self.feet.height, 1e-300)
+        far = np.maximum(FOOT * height, _UNLIKE * noise.of_mean(n))
+        level, when, n = near + likeness(whole[0] - near[0], far) * (whole - near)
+        return np.stack([level, when, np.nan_to_num(n)])
+
+    def _rest(
+        self,
+        window: Int[np.ndarray, " 2"],
+        mean: Callable[[Float[np.ndarray, " m"]], float],
+    ) -> tuple[float, float, int]:
+        """Level, middle and number of samples of a rest."""
+        first, last = window.tolist()
+        if last - first < _FEWEST:
+            return np.nan, np.nan, 0
+        middle = (self.time[first] + self.time[last - 1]) / 2
+        return float(mean(self.signal[first:last])), float(middle), last - first
+
+    def _unsettled(
+        self,
+        windows: Int[np.ndarray, "p 2"],
+        rate: Float[np.ndarray, " p"],
+        noise: RestNoise,
+    ) -> Float[np.ndarray, " p"]:
+        """How far the rests after pushes move besides their drift [sd]."""
+        time, signal = self.time, self.signal
+        moved, n = np.zeros((2, len(windows)))
+        for k, (first, last) in enumerate(windows.tolist()):
+            half = (last - first) // 2
+            if half < _FEWEST:
+                continue
+            early, late = slice(first, first + half), slice(last - half, last)
+            drift = np.nan_to_num(rate[k]) * (time[late].mean() - time[early].mean())
+            moved[k] = signal[late].mean() - signal[early].mean() - drift
+            n[k] = half
+        return np.where(n > 0, moved / (2**0.5 * noise.of_part(n) + 1e-300), 0)
 
 
 def rests_of(
@@ -144,139 +258,13 @@ def rests_of(
         time: Sample times [s].
         signal: Samples [unit].
         extents: All humps of the signal, in any order; one may be there twice.
-
-    Returns:
-        Noise and baselines of the humps.
     """
     humps = sorted(set(extents), key=lambda hump: hump.t_peak)
     place = {hump: k for k, hump in enumerate(humps)}
     rows = np.array([place[extent] for extent in extents])
-    noise = rest_noise(time, signal, humps)
-    return noise.of(rows), baselines(time, signal, humps, noise).of(rows)
-
-
-def rest_windows(
-    time: Float[np.ndarray, " n"], extents: Sequence[Extent], *, is_long: bool = False
-) -> tuple[Int[np.ndarray, "p 2"], Int[np.ndarray, "p 2"]]:
-    """Samples of the rests before and after each push, first and one past the last.
-
-    They are measured from the feet of the push, so that a neighbour or an end of the
-    recording can only cut them short, never move them.
-
-    Args:
-        time: Sample times [s].
-        extents: Pushes in order.
-        is_long: Whether to take all that is settled, to judge the noise.
-
-    Returns:
-        Rests before and after; empty where there is none.
-    """
-    feet = Feet.together([extent.feet for extent in extents])
-    lowest, highest = feet.room(time)
-    before = np.stack(feet.before(lowest), axis=1)
-    after = np.stack(feet.after(highest, waited=_WAITED), axis=1)
-    if is_long:
-        reach = MAX_SAMPLES * feet.step
-        before[:, 0] = np.maximum(before[:, 0] - reach, lowest)
-        after[:, 1] = np.minimum(after[:, 1] + reach, highest)
-        after = np.maximum(after, after[:, :1])
-    return np.searchsorted(time, before), np.searchsorted(time, after)
-
-
-def baselines(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    extents: Sequence[Extent],
-    noise: RestNoise,
-) -> Baselines:
-    """Rest levels under pushes, each by its own rests.
-
-    The rest before a push is its baseline. That after it tells of drift, unless it is
-    off by more than drift can be, or has not settled: then the grasp or the sensor has
-    changed under the push, and what lies between is doubt.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples [unit].
-        extents: Pushes in order.
-        noise: Noise beside each push.
-
-    Returns:
-        The baselines.
-    """
-    windows = rest_windows(time, extents)
-    height = np.array([max(e.height, 1e-300) for e in extents])
-    # Levels, middles and numbers of samples of the rests.
-    level, when, n = _levels(time, signal, windows[0], -1, height, noise)
-    level_after, when_after, n_after = _levels(
-        time, signal, windows[1], 1, height, noise
-    )
-    sd, sd_after = (_MIDDLE * noise.of_mean(count) for count in (n, n_after))
-    feet = Feet.together([extent.feet for extent in extents])
-    # A rest that is hardly there may be the flank of a push.
-    is_scanty = (n < LEAST * feet.span / feet.step) & (n_after > n)
-    only_after = np.isnan(level) | is_scanty
-    only_after |= _is_unrest(extents, level - level_after, height)
-    rate = (level_after - level) / np.maximum(when_after - when, 1e-9)
-    first = time[np.minimum(windows[1][:, 0], len(time) - 1)]
-    early = np.maximum(feet.settling - (first - feet.end), 0.0)
-    waited = likeness(early, feet.settling / 2)
-    small = likeness(level_after - level, SHIFT * height)
-    calm = likeness(_unsettled(signal, time, windows[1], rate, noise), _UNSETTLED)
-    trust = waited * small * calm
-    # A sensor that had no time to recover tells of shifts that are large.
-    doubt = 1 - small * (waited * calm + 1 - waited)
-    has_both = np.isfinite(rate) & ~only_after
-    starts = np.array([e.t_start for e in extents])
-    return Baselines(
-        level=_filled(np.where(only_after, level_after, level), signal),
-        time=np.nan_to_num(np.where(only_after, when_after, when), nan=0.0)
-        + np.where(only_after & np.isnan(when_after), starts, 0.0),
-        slope=np.where(has_both, trust * rate, 0.0),
-        doubt=np.where(has_both, doubt * np.abs(rate) / 2, 0.0),
-        sd=np.where(only_after, sd_after, sd),
-        sd_after=sd_after,
-        time_after=when_after,
-    )
-
-
-def _levels(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    windows: Int[np.ndarray, "p 2"],
-    side: int,
-    height: Float[np.ndarray, " p"],
-    noise: RestNoise,
-) -> Float[np.ndarray, "3 p"]:
-    """Levels, middles and samples of rests; NaN where there is next to nothing of one.
-
-    Those of the part beside the push where the rest has another level: it has stepped.
-    """
-    first, last = windows.T
-    n = np.minimum(np.maximum((last - first) // 4, _FEWEST), last - first)
-    begin = first if side > 0 else last - n
-    whole = [_rest(time, signal, own, _middle_mean) for own in windows]
-    near = [
-        _rest(time, signal, own, np.mean) for own in np.stack([begin, begin + n], 1)
-    ]
-    whole, near = np.array(whole).T, np.array(near).T
-    far = np.maximum(FOOT * height, _UNLIKE * noise.of_mean(n))
-    level, when, n = near + likeness(whole[0] - near[0], far) * (whole - near)
-    return np.stack([level, when, np.nan_to_num(n)])
-
-
-def _rest(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    window: Int[np.ndarray, " 2"],
-    mean: Callable[[Float[np.ndarray, " m"]], float],
-) -> tuple[float, float, int]:
-    """Level, middle and number of samples of a rest."""
-    first, last = window.tolist()
-    if last - first < _FEWEST:
-        return np.nan, np.nan, 0
-    middle = (time[first] + time[last - 1]) / 2
-    return float(mean(signal[first:last])), float(middle), last - first
+    beside = _Beside(time, signal, Feet.together([hump.feet for hump in humps]))
+    noise = beside.noise()
+    return noise.of(rows), beside.baselines(noise).of(rows)
 
 
 def _filled(
@@ -287,70 +275,6 @@ def _filled(
     if known.size == 0:
         return np.full(len(level), float(signal.min()))
     return np.interp(np.arange(len(level)), known, level[known])
-
-
-def _is_unrest(
-    extents: Sequence[Extent],
-    excess: Float[np.ndarray, " p"],
-    height: Float[np.ndarray, " p"],
-) -> Bool[np.ndarray, " p"]:
-    """Whether the signal did not come to rest before a push, but did so after it."""
-    is_short = np.array(
-        [False, *(b.t_start - a.t_end < b.width / 2 for a, b in pairwise(extents))]
-    )
-    return is_short & (np.nan_to_num(excess) > _MAX_UNREST * height)
-
-
-def _unsettled(
-    signal: Float[np.ndarray, " n"],
-    time: Float[np.ndarray, " n"],
-    windows: Int[np.ndarray, "p 2"],
-    rate: Float[np.ndarray, " p"],
-    noise: RestNoise,
-) -> Float[np.ndarray, " p"]:
-    """How far the rests after pushes move besides their drift [sd]."""
-    moved, expected, n = np.zeros((3, len(windows)))
-    for k, (first, last) in enumerate(windows.tolist()):
-        half = (last - first) // 2
-        if half < _FEWEST:
-            continue
-        early, late = slice(first, first + half), slice(last - half, last)
-        moved[k] = signal[late].mean() - signal[early].mean()
-        expected[k] = np.nan_to_num(rate[k]) * (time[late].mean() - time[early].mean())
-        n[k] = half
-    return np.where(n > 0, (moved - expected) / (2**0.5 * noise.of_part(n) + 1e-300), 0)
-
-
-def rest_noise(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    extents: Sequence[Extent],
-) -> RestNoise:
-    """Noise of the samples at rest beside each push, and how far it averages out.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples [unit].
-        extents: Pushes in order.
-
-    Returns:
-        The noise; that of all rests beside a push whose own are too short.
-    """
-    general = Noise.of(time, signal)
-    floor = max(general.quantum**2 / 12, 1e-300)
-    n = len(extents)
-    near, far = (
-        np.concatenate(rest_windows(time, extents, is_long=is_long))
-        for is_long in (False, True)
-    )
-    sigma = scatter(signal, near, n, floor)
-    if np.isnan(sigma).any():
-        sigma = np.where(np.isnan(sigma), scatter(signal, far, n, floor), sigma)
-    return RestNoise(
-        sigma=np.nan_to_num(sigma, nan=general.sigma),
-        correlation=correlation_of(signal, far, n, floor),
-        quantum=general.quantum,
-    )
 
 
 def _middle_mean(samples: Float[np.ndarray, " n"]) -> float:

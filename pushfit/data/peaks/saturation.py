@@ -28,15 +28,11 @@ def saturated_pushes(
 
     Args:
         signal: Samples [unit].
-        extents: Where the pushes are.
         signs: 1 for a push that goes up, -1 for one that goes down.
         limit: Largest reading of the sensor; None to recognise it. Where a push goes
             down, it is that of the reversed signal, and recognised as well [unit].
         sigma: Noise of a sample at rest beside each push; 0 where it is held, so that
             its readings pile up at their level by themselves [unit].
-
-    Returns:
-        Whether each push is cut.
     """
     is_cut = np.zeros(len(extents), dtype=bool)
     for sign in set(signs):

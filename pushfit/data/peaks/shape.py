@@ -12,9 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from pushfit.data.peaks.apex import bases, hyperbolas, moments
 from pushfit.data.peaks.rests import RestNoise
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.humps import longest_run
 
 PROFILE_BINS = 32
 # A plateau stays within this share of its height for so long a part of the time above
@@ -35,7 +37,6 @@ _SHORTEST = 0.4
 # read too low, by more than a level is too high that is read as a top.
 _NEVER = 1e300
 _EVIDENCE = 2.0
-_FINE = 8
 
 
 def bin_means(
@@ -43,31 +44,11 @@ def bin_means(
     windows: Float[np.ndarray, "p 2"],
     n_bins: int,
 ) -> tuple[Float[np.ndarray, "p bins"], Int[np.ndarray, "p bins"]]:
-    """Means and counts of the samples in equal parts of windows.
-
-    Args:
-        course: Samples.
-        windows: First and last time of each window [s].
-        n_bins: Parts of a window.
-
-    Returns:
-        Means and counts.
-    """
+    """Means and counts of the samples in equal parts of windows of times [s]."""
     # Next to nothing of a push still has a level.
     lengths = np.maximum(np.diff(windows, axis=1), course.step)
     edges = windows[:, :1] + lengths * np.linspace(0, 1, n_bins + 1)
     return course.parts(edges), np.diff(np.searchsorted(course.time, edges), axis=1)
-
-
-def profiles(course: Course, extents: Sequence[Extent]) -> Float[np.ndarray, "p bins"]:
-    """Course of every push, from foot to foot, in `PROFILE_BINS` parts.
-
-    Args:
-        course: Samples.
-        extents: Where the pushes are.
-    """
-    windows = np.array([[e.t_start, e.t_end] for e in extents])
-    return bin_means(course, windows, PROFILE_BINS)[0]
 
 
 def calmed(
@@ -76,14 +57,7 @@ def calmed(
     extents: Sequence[Extent],
     noise: RestNoise,
 ) -> Float[np.ndarray, "p m"]:
-    """Profiles averaged over so many parts that their noise is small in the band.
-
-    Args:
-        profile: Courses of pushes.
-        base: Their baselines.
-        extents: Where they are.
-        noise: Noise beside them.
-    """
+    """Profiles averaged over so many parts that their noise is small in the band."""
     n = np.array([extent.end - extent.start for extent in extents])
     rise = np.maximum(profile.max(axis=1) - base, 1e-300)
     share = np.minimum(noise.of_part(n / PROFILE_BINS) / rise, 1.0)
@@ -98,28 +72,17 @@ def calmed(
     return calm
 
 
-def _longest_run(inside: Bool[np.ndarray, " m"]) -> tuple[int, int]:
-    """First and one past the last position of the longest stretch of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
-    if edges.size == 0:
-        return 0, 0
-    longest = int(np.argmax(edges[1::2] - edges[::2]))
-    return int(edges[2 * longest]), int(edges[2 * longest + 1])
-
-
 def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
-    """First and one past the last part of a course that stay near a level.
+    """First and one past the last part of a course, of 0..1, that stay near a level.
 
     That is the upper level; or, where the push does not stay there for long, the one
     that it settles to before its release.
-
-    Args:
-        course: Course of a push, scaled to 0..1.
     """
     high = course[course >= 0.8]
     if high.size == 0:
         return 0, 0
-    upper = _longest_run(np.abs(course - np.median(high)) <= _BAND)
+    n, begin = longest_run(np.abs(course - np.median(high)) <= _BAND)
+    upper = begin, begin + n
     if _is_long(course, upper):
         return upper
     last = int(np.flatnonzero(course > 0.5)[-1]) + 1
@@ -131,12 +94,9 @@ def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
 
 
 def held_window(course: Float[np.ndarray, " m"]) -> tuple[float, float]:
-    """Where a course enters the band of its held part and leaves it, in parts.
+    """Where a course, of 0..1, enters and leaves the band of its held part, in parts.
 
     Between two parts, so that a foot that moves by little moves no edge by a part.
-
-    Args:
-        course: Course of a push, scaled to 0..1.
     """
     first, last = held_part(course)
     if last == first:
@@ -170,10 +130,6 @@ def are_held(
 
     Args:
         course: Samples, pushes going up.
-        extents: Where the pushes are.
-        calm: Their courses, calmed.
-        base: Their baselines.
-        noise: Noise beside them.
     """
     held = np.zeros(len(extents), dtype=bool)
     windows = np.array([[e.feet.half_up, e.feet.half_down] for e in extents])
@@ -232,9 +188,8 @@ def _misfit(
 def _hyperbolas() -> tuple[np.ndarray, np.ndarray, bool]:
     """Orthonormal bases of hyperbolas of every top and rounding."""
     top, rounding = (a.ravel() for a in np.meshgrid(_TOPS, _ROUNDINGS))
-    off = _fine() - top[:, None]
-    arc = np.sqrt(off**2 + rounding[:, None] ** 2) - rounding[:, None]
-    return *_bases(-arc, off), True
+    q, triangle = bases(*hyperbolas(top, rounding, PROFILE_BINS))
+    return q, np.linalg.inv(triangle), True
 
 
 @functools.cache
@@ -242,22 +197,7 @@ def _levels() -> tuple[np.ndarray, np.ndarray, bool]:
     """Orthonormal bases of levels with a flank on either side."""
     first, last = (a.ravel() for a in np.meshgrid(_MOMENTS, _MOMENTS))
     is_long = last - first >= _SHORTEST
-    rise = -np.maximum(0.0, first[is_long, None] - _fine())
-    fall = -np.maximum(0.0, _fine() - last[is_long, None])
-    return *_bases(rise, fall), False
-
-
-def _fine() -> Float[np.ndarray, " f"]:
-    """Moments of the window, several for each part."""
-    n = _FINE * PROFILE_BINS
-    return (2 * np.arange(n) + 1) / n - 1
-
-
-def _bases(
-    *columns: Float[np.ndarray, "g f"],
-) -> tuple[Float[np.ndarray, "g 3 bins"], Float[np.ndarray, "g 3 3"]]:
-    """Least squares with a constant and two columns, prepared once."""
-    fine = np.stack([np.ones_like(columns[0]), *columns], axis=-1)
-    design = fine.reshape(len(fine), PROFILE_BINS, _FINE, 3).mean(axis=2)
-    q, triangle = np.linalg.qr(design)
-    return np.ascontiguousarray(q.transpose(0, 2, 1)), np.linalg.inv(triangle)
+    rise = -np.maximum(0.0, first[is_long, None] - moments(PROFILE_BINS))
+    fall = -np.maximum(0.0, moments(PROFILE_BINS) - last[is_long, None])
+    q, triangle = bases(rise, fall)
+    return q, np.linalg.inv(triangle), False

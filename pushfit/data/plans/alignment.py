@@ -115,13 +115,9 @@ def align(
     Args:
         times: Time of every hump, brushes included [s].
         is_brush: Whether a hump is so small that it may be no push.
-        n_planned: Pushes in the schedule.
         planned_times: Their times, from any origin, that of the recording where they
             agree with it; None for a steady rhythm [s].
         span: Begin and end of the recording; unbounded where unknown [s].
-
-    Returns:
-        The likeliest alignment.
     """
     brush = np.asarray(is_brush, dtype=bool)
     n_pushes = int(np.count_nonzero(~brush))

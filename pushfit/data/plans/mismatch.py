@@ -20,11 +20,6 @@ def mismatch_error(
 ) -> DataError:
     """Name the pushes that are missing or too many.
 
-    Args:
-        schedule: Planned pushes.
-        pairs: What was found of them.
-        extents: All humps that were paired.
-
     Returns:
         An error with found and planned pushes of the directions in which they differ,
         and one problem per doubtful push.
@@ -45,8 +40,7 @@ def mismatch_error(
             code="push_extra",
             message=(
                 f"the hump at {extents[j].t_peak:.2f} s is no planned push and left "
-                f"out; say so by --exclude {extents[j].t_start:.2f}:"
-                f"{extents[j].t_end:.2f}"
+                f"out; say so by --exclude {extents[j].window}"
             ),
             path=path,
             value=f"{extents[j].t_peak:.2f} s",
@@ -72,10 +66,7 @@ def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> s
         "; ".join(f"push {plan.push[i]} {_at(extents, int(hump[i]))}" for i in differ)
         for hump in (pairs.hump, pairs.other)
     ]
-    window = "T1:T2"
-    if pairs.extra:
-        extra = extents[pairs.extra[0]]
-        window = f"{extra.t_start:.2f}:{extra.t_end:.2f}"
+    window = extents[pairs.extra[0]].window if pairs.extra else "T1:T2"
     return (
         f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
         "the schedule a column time_s, leave out what is no push by --exclude "
@@ -90,12 +81,7 @@ def _at(extents: Sequence[Extent], hump: int) -> str:
 
 
 def named(plan: PushSchedule, i: int) -> str:
-    """A planned push in words.
-
-    Args:
-        plan: Planned pushes.
-        i: Its position.
-    """
+    """A planned push in words."""
     return (
         f"push {plan.push[i]} (theta {np.degrees(plan.theta[i]):g}, "
         f"alpha {np.degrees(plan.alpha[i]):g}, repeat {plan.repeat[i]})"

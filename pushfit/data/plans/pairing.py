@@ -77,11 +77,7 @@ class Paired:
         return notes
 
     def cautions(self, unit: str) -> list[str]:
-        """What is missing, too many, or so small that it may be no push.
-
-        Args:
-            unit: That of the heights.
-        """
+        """What is missing, too many, or so small that it may be no push."""
         if self.schedule is None or self.alignment is None:
             return []
         error = mismatch_error(self.schedule, self.alignment, self.found.extents)
@@ -93,8 +89,7 @@ class Paired:
                 lines.append(
                     f"{named(plan, i)} is taken to be the hump of only "
                     f"{extent.height:.3g} {unit} at {extent.t_peak:.2f} s, far smaller "
-                    f"than the others; leave it out by --exclude {extent.t_start:.2f}:"
-                    f"{extent.t_end:.2f}"
+                    f"than the others; leave it out by --exclude {extent.window}"
                 )
         return lines
 
@@ -109,9 +104,7 @@ def pair(
     """Give the humps their planned pushes.
 
     Args:
-        found: Humps.
         schedule: Planned pushes; None where directions are recorded or not known.
-        settings: How humps were looked for.
         span: Begin and end of the recording, also where humps of but a part of it are
             looked for: a plan is one of the whole [s].
     """

@@ -14,9 +14,8 @@ from jaxtyping import Float, Int
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import in_degrees
-from pushfit.data.tables.column_rules import check_columns
-from pushfit.data.tables.columns import Layout, Origin, read_columns
-from pushfit.data.tables.rows import read_rows
+from pushfit.data.tables.columns import Layout, Origin, read_columns, read_rows
+from pushfit.data.tables.rules import check_columns
 
 LAYOUT = Layout(times=("time",))
 
@@ -60,9 +59,6 @@ class PushSchedule:
             theta: Elevations [rad]; broadcast against `alpha`.
             alpha: Azimuths [rad].
             repeats: Pushes per direction.
-
-        Returns:
-            The schedule.
         """
         theta, alpha = (np.ravel(a) for a in np.broadcast_arrays(theta, alpha))
         return cls(
@@ -81,27 +77,11 @@ class PushSchedule:
         Args:
             theta: Elevation of every push [rad].
             alpha: Azimuth of every push [rad].
-
-        Returns:
-            The schedule.
         """
-        n = len(theta)
-        return cls(
-            theta=theta,
-            alpha=alpha,
-            repeat=np.ones(n, dtype=int),
-            push=np.arange(1, n + 1),
-        )
+        return cls.planned(theta, alpha, repeats=1)
 
     def rows(self, index: Int[np.ndarray, " m"]) -> "PushSchedule":
-        """Some of the pushes.
-
-        Args:
-            index: Their positions.
-
-        Returns:
-            A schedule of these pushes.
-        """
+        """Some of the pushes."""
         return replace(
             self,
             theta=self.theta[index],
@@ -113,9 +93,6 @@ class PushSchedule:
 
     def repeated(self, n_cycles: int) -> "PushSchedule":
         """The schedule run through several times, pushes and repeats counted on.
-
-        Args:
-            n_cycles: How often.
 
         Returns:
             The longer schedule; without planned times if it is longer.
@@ -142,8 +119,6 @@ class PushSchedule:
 
         Args:
             frame: `theta_deg`, `alpha_deg`, and where known `push`, `repeat`, `time_s`.
-            origin: Where the rows come from, for messages.
-            source: File behind the rows.
 
         Returns:
             The schedule, its rows in the order given.
@@ -172,9 +147,6 @@ def read_schedule(path: str | Path) -> PushSchedule:
         path: File with columns `theta_deg`, `alpha_deg` and, where they are not simply
             counted, `push` and `repeat`; `time_s` if the pushes were timed.
 
-    Returns:
-        The schedule.
-
     Raises:
         DataError: The file cannot be read or breaks a rule.
     """
@@ -183,12 +155,7 @@ def read_schedule(path: str | Path) -> PushSchedule:
 
 
 def write_schedule(schedule: PushSchedule, path: str | Path) -> None:
-    """Write a schedule as CSV; the file is complete or absent.
-
-    Args:
-        schedule: Plan to write.
-        path: File to write or replace.
-    """
+    """Write a schedule as CSV; the file is complete or absent."""
     columns = {
         "push": schedule.push,
         "theta_deg": in_degrees(schedule.theta),

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.data.pushes.noise import Noise
+
 # Shorter windows would divide rounding by next to nothing [s].
 _LEAST = 1e-12
 _SOME = 1 << 14
@@ -38,12 +40,7 @@ class Course:
         time: Float[np.ndarray, " n"],
         signal: Float[np.ndarray, " n"],
     ) -> "Course":
-        """Course of samples.
-
-        Args:
-            time: Sample times [s].
-            signal: Samples.
-        """
+        """Course of samples at times [s]."""
         level, total = float(signal[0]), 0.0
         integral = np.zeros(len(time))
         # Some at a time, because recordings are longer than a processor's cache.
@@ -58,11 +55,7 @@ class Course:
         return cls(time, integral, level, step)
 
     def thinned(self, stride: int) -> "Course":
-        """The same, known at fewer times.
-
-        Args:
-            stride: Samples from one of them to the next.
-        """
+        """The same, known at every `stride`-th of its times."""
         if stride == 1:
             return self
         kept = np.append(np.arange(0, len(self.time) - 1, stride), len(self.time) - 1)
@@ -88,24 +81,40 @@ class Course:
     def mean(
         self, first: Float[np.ndarray, "*m"], last: Float[np.ndarray, "*m"]
     ) -> Float[np.ndarray, "*m"]:
-        """Means between pairs of times.
-
-        Args:
-            first: Begins [s].
-            last: Ends [s].
-        """
+        """Means between pairs of times [s]."""
         area = self._up_to(last) - self._up_to(first)
         return self.level + area / np.maximum(last - first, _LEAST)
 
     def parts(self, edges: Float[np.ndarray, "p e"]) -> Float[np.ndarray, "p parts"]:
-        """Means between successive times.
-
-        Args:
-            edges: Times, in rows [s].
-        """
+        """Means between successive times, in rows [s]."""
         areas = np.diff(self._up_to(edges), axis=1)
         return self.level + areas / np.maximum(np.diff(edges, axis=1), _LEAST)
 
     def _up_to(self, when: Float[np.ndarray, "*m"]) -> Float[np.ndarray, "*m"]:
         """Integral up to some times."""
         return np.interp(when, self.time, self.integral)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """A signal, pushes going up, and how closely they are looked at in it.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples without gaps in value [unit].
+        course: Running means of the samples [unit].
+        noise: How the samples scatter.
+        min_height: Smallest height of a push, lower humps are marked; None judges by
+            the noise, and by the other pushes what is a brush [unit].
+        smoothing: Averaging time; None takes a share of the width of each push [s].
+        split: Two humps are two pushes if the valley between them is lower than this
+            share of the lower hump.
+    """
+
+    time: Float[np.ndarray, " n"]
+    signal: Float[np.ndarray, " n"]
+    course: Course
+    noise: Noise
+    min_height: float | None
+    smoothing: float | None
+    split: float

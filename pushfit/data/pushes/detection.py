@@ -10,11 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.course import View
 from pushfit.data.pushes.doubles import join_one, part_doubles
-from pushfit.data.pushes.ends import are_cut
-from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet
-from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet, are_cut
 from pushfit.data.pushes.search import search
 from pushfit.data.pushes.tracing import trace_feet
 
@@ -76,65 +74,37 @@ class Extent:
         return self.feet.width
 
     @property
+    def window(self) -> str:
+        """Begin and end as the command line takes them."""
+        return f"{self.t_start:.2f}:{self.t_end:.2f}"
+
+    @property
     def height(self) -> float:
         """Top over the higher of the two feet, smoothed [unit]."""
         return self.feet.height
 
 
-def find_extents(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    *,
-    course: Course,
-    noise: Noise,
-    split: float,
-    min_height: float | None,
-    smoothing: float | None,
-) -> tuple[Extent, ...]:
-    """Find all humps that rise from rest and return to it.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples without gaps in value; pushes go up.
-        course: Running means of the samples.
-        noise: How the samples scatter.
-        split: Two humps are two pushes if the valley between them is lower than this
-            share of the lower hump.
-        min_height: Smallest height of a push, lower humps are marked; None judges by
-            the noise, and by the other pushes what is a brush [unit].
-        smoothing: Averaging time; None takes it from the pushes [s].
-
-    Returns:
-        Extents in order of time.
-    """
-    if noise.sigma == 0.0 or len(signal) < 5:
+def find_extents(view: View) -> tuple[Extent, ...]:
+    """Find all humps that rise from rest and return to it, in order of time."""
+    if view.noise.sigma == 0.0 or len(view.signal) < 5:
         return ()
-    tau = smoothing or _FIRST_SMOOTHING
-    rules = (split, min_height, course.step)
-    found, is_low, is_rest, wander = search(time, signal, noise, tau, *rules)
-    if smoothing is None and not is_low.all():
+    time, tau = view.time, view.smoothing or _FIRST_SMOOTHING
+    found, is_low, is_rest, wander = search(view, tau=tau)
+    if view.smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            rules = (*rules, wander)
-            found, is_low, is_rest, _ = search(time, signal, noise, wider, *rules)
+            found, is_low, is_rest, _ = search(view, tau=wider, wander=wander)
     if found.start.size == 0:
         return ()
-    feet, whose = _resolved(
-        time,
-        course,
-        found,
-        # A hump that is too low is no part of a push.
-        is_rest=is_rest | is_low | np.append(is_low[1:], True),
-        sigma=noise.sigma,
-        smoothing=smoothing,
-        split=split,
-    )
+    # A hump that is too low is no part of a push.
+    is_rest |= is_low | np.append(is_low[1:], True)
+    feet, whose = _resolved(view, found, is_rest)
     is_low = is_low[whose]
     is_cut = are_cut(time, feet)
     is_push = ~_are_trends(feet, is_cut, time, is_low)
     is_jerk = _are_jerks(feet)
     heights = feet.height[is_push & ~is_jerk]
-    smallest = 0.0 if min_height is not None else _smallest_push(heights)
+    smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
     last = np.maximum(last, first + 1)
@@ -153,34 +123,21 @@ def find_extents(
 
 
 def _resolved(
-    time: Float[np.ndarray, " n"],
-    course: Course,
-    found: Feet[np.ndarray],
-    *,
-    is_rest: Bool[np.ndarray, " p"],
-    sigma: float,
-    smoothing: float | None,
-    split: float,
+    view: View, found: Feet[np.ndarray], is_rest: Bool[np.ndarray, " p"]
 ) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
     """Feet of pushes that are one and no more, each by its own course; and whose."""
-    whose = np.arange(len(is_rest))
-
-    def traced(coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
-        return trace_feet(time, course, coarse, sigma=sigma, smoothing=smoothing)
-
-    by = {"sigma": sigma, "smoothing": smoothing, "split": split}
-    feet = traced(found)
+    whose, feet = np.arange(len(is_rest)), trace_feet(view, found)
     # First what is one is joined, then what is two is parted, and not for ever.
     for _ in range(_MOST_ONE):
-        found, own = join_one(time, course, feet, is_rest=is_rest[whose], **by)
+        found, own = join_one(view, feet, is_rest=is_rest[whose])
         if len(own) == len(whose):
             break
-        whose, feet = whose[own], traced(found)
+        whose, feet = whose[own], trace_feet(view, found)
     for _ in range(_MOST_TWO):
-        found, own = part_doubles(time, course, feet, **by)
+        found, own = part_doubles(view, feet)
         if len(own) == len(whose):
             break
-        whose, feet = whose[own], traced(found)
+        whose, feet = whose[own], trace_feet(view, found)
     return feet, whose
 
 

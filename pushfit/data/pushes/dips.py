@@ -32,17 +32,10 @@ _MAX_BLOCKS = 1 << 14
 def rest_curve(
     time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Rest level of a signal that pushes may raise or lower.
+    """Rest level, at sample times [s], of a signal that pushes may raise or lower.
 
     The middle of the densest quarter of the readings, in stretches of half a minute:
     rest is what a signal that goes both ways has in common with itself.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples.
-
-    Returns:
-        Level at every sample.
     """
     return np.interp(time, *_rest_knots(time, signal))
 
@@ -86,9 +79,6 @@ def without_dips(
 
     Args:
         time: Sample times [s].
-        signal: Samples.
-        noise: How the samples scatter.
-        extents_of: Finds the humps of a picture.
 
     Returns:
         The signal with the dips filled, itself if there are none; and the dips.

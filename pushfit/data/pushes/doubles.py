@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.ends import are_cut
-from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers
+from pushfit.data.pushes.course import Course, View
+from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers, are_cut
 from pushfit.data.pushes.tracing import knots_for
 
 _GRID = 240
@@ -21,47 +20,35 @@ _SIGNIFICANT = 6.0
 
 
 def join_one(
-    time: Float[np.ndarray, " n"],
-    course: Course,
-    feet: Feet[np.ndarray],
-    *,
-    is_rest: Bool[np.ndarray, " p"],
-    sigma: float,
-    smoothing: float | None,
-    split: float,
+    view: View, feet: Feet[np.ndarray], *, is_rest: Bool[np.ndarray, " p"]
 ) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
     """Join two pushes whose course does not fall low between them, the first such two.
 
     They are clear of the noise, and nearer to each other than they are wide.
 
     Args:
-        time: Sample times [s].
-        course: Running means of the samples [unit].
         feet: Pushes as they are traced, in order.
         is_rest: Whether what follows each is known to be a rest.
-        sigma: Noise of a sample [unit].
-        smoothing: Averaging time; None takes a share of each width [s].
-        split: A valley is low below this share of the lower top.
 
     Returns:
         All pushes, the feet of a joined one roughly; and which each was.
     """
     places = np.arange(len(feet.start))
-    tau = feet.averaging(sigma, smoothing)
-    noise = sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
+    tau = feet.averaging(view)
+    noise = view.noise.sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
     is_clear = feet.height > CLEAR * noise
     gap = feet.start[1:] - feet.end[:-1]
     is_near = gap < np.maximum(feet.width[:-1], feet.width[1:])
     pairs = np.flatnonzero(~is_rest[:-1] & is_clear[:-1] & is_clear[1:] & is_near)
     if pairs.size == 0:
         return feet, places
-    room = feet.room(time)
+    room = feet.room(view.time)
     ends = room[0][:, None], room[1][:, None]
-    top = course.smooth(feet.peak[:, None], tau=tau[:, None], ends=ends)[:, 0]
+    top = view.course.smooth(feet.peak[:, None], tau=tau[:, None], ends=ends)[:, 0]
     first = (top - feet.height - np.maximum(feet.moved, 0.0))[pairs]
     last = (top - feet.height + np.minimum(feet.moved, 0.0))[pairs + 1]
     # The rest that a cut push is not seen to go back to is that of the other one.
-    is_cut = are_cut(time, feet)
+    is_cut = are_cut(view.time, feet)
     last = np.where(is_cut[pairs + 1], first, last)
     first = np.where(is_cut[pairs], last, first)
     left, right = feet.rows(pairs), feet.rows(pairs + 1)
@@ -77,14 +64,16 @@ def join_one(
     room = room[0][pairs], room[1][pairs + 1]
     # By the middle of both rests, for drift under two pushes fills no valley. Averaging
     # fills a short rest: in a finer course half of the share has to do.
-    usual = both.averaging(sigma, smoothing)
-    fine = np.maximum(_FINE * usual, right.step) if smoothing is None else usual
+    usual = both.averaging(view)
+    fine = np.maximum(_FINE * usual, right.step) if view.smoothing is None else usual
     moved = np.abs(both.moved) / 2
     shares = [
-        _valleys(course, both, room, tau=own, sigma=0.0, moved=moved)[2].min(axis=1)
+        _valleys(view.course, both, room, tau=own, sigma=0.0, moved=moved)[2].min(
+            axis=1
+        )
         for own in (usual, fine)
     ]
-    is_one = (shares[0] >= split) & (shares[1] >= split / 2)
+    is_one = (shares[0] >= view.split) & (shares[1] >= view.split / 2)
     if not is_one.any():
         return feet, places
     one = int(is_one.argmax())
@@ -94,44 +83,33 @@ def join_one(
 
 
 def part_doubles(
-    time: Float[np.ndarray, " n"],
-    course: Course,
-    feet: Feet[np.ndarray],
-    *,
-    sigma: float,
-    smoothing: float | None,
-    split: float,
+    view: View, feet: Feet[np.ndarray]
 ) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
     """Part each push in two whose course falls low between two tops.
 
     Args:
-        time: Sample times [s].
-        course: Running means of the samples [unit].
         feet: Pushes as they are traced, in order.
-        sigma: Noise of a sample [unit].
-        smoothing: Averaging time; None takes a share of each width [s].
-        split: A valley is low below this share of the lower top.
 
     Returns:
         All pushes, the feet of two that were one roughly; and which each was.
     """
     when, y, share = _valleys(
-        knots_for(feet, course, smoothing),
+        knots_for(feet, view),
         feet,
-        feet.room(time),
-        tau=feet.averaging(sigma, smoothing),
-        sigma=sigma,
+        feet.room(view.time),
+        tau=feet.averaging(view),
+        sigma=view.noise.sigma,
         moved=np.abs(feet.moved),
     )
     parts = []
     for k, own in enumerate(feet.apart()):
         valley = int(share[k].argmin())
-        if share[k, valley] < split:
+        if share[k, valley] < view.split:
             sides = slice(None, valley + 1), slice(valley, None)
             parts += [_part(own, when[k, side], y[k, side]) for side in sides]
         else:
             parts.append(own)
-    n_parts = 1 + (share.min(axis=1) < split)
+    n_parts = 1 + (share.min(axis=1) < view.split)
     return Feet.together(parts), np.repeat(np.arange(len(n_parts)), n_parts)
 
 
@@ -150,7 +128,6 @@ def _valleys(
 
     Args:
         course: Running means of the samples [unit].
-        feet: Pushes.
         room: Times between which each is alone [s].
         tau: Averaging times [s].
         sigma: Noise of a sample [unit].

@@ -1,4 +1,4 @@
-"""What is known of the course of a push in time, and where its rests lie by that.
+"""What is known of the course of a push in time: its rests, and whether it is cut.
 
 Excluded: how it is traced (`pushfit.data.pushes.tracing`) and the levels of the rests
 (`pushfit.data.peaks.rests`).
@@ -10,6 +10,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from pushfit.data.pushes.course import View
 
 # Level of the foot, where a push begins and ends, as a share of its height.
 FOOT = 0.05
@@ -34,7 +36,9 @@ SHIFT = 0.08
 # Height over the noise that makes feet clear, and the share of the width that may be
 # smoothed over to get there.
 CLEAR, _MOST_SMOOTHING = 30.0, 3.0
-
+# A push begins a ninth of the way to half height before it passes the foot; so many
+# samples of rest show that it had not begun.
+_BEGINS, _SHOWN = 0.11, 3
 
 Number = TypeVar("Number", float, np.ndarray)
 Numbers = Float[np.ndarray, " p"]
@@ -66,11 +70,7 @@ class Feet(Generic[Number]):
 
     @staticmethod
     def together(feet: "Sequence[Feet[float]]") -> "Feet[np.ndarray]":
-        """Courses of several pushes as arrays.
-
-        Args:
-            feet: One by one.
-        """
+        """Courses of several pushes as arrays."""
         return Feet(**{n: np.array([getattr(own, n) for own in feet]) for n in _NAMES})
 
     def apart(self: "Feet[np.ndarray]") -> "tuple[Feet[float], ...]":
@@ -83,12 +83,7 @@ class Feet(Generic[Number]):
         kept: Bool[np.ndarray, " p"],
         other: "Feet[np.ndarray]",
     ) -> "Feet[np.ndarray]":
-        """Courses of some pushes, and of the rest from another record.
-
-        Args:
-            kept: Which stay.
-            other: The same pushes.
-        """
+        """Courses of some pushes, and of the rest from another record."""
         rows = ((getattr(self, n), getattr(other, n)) for n in _NAMES)
         both = (np.where(kept, *row) for row in rows)
         return Feet(**dict(zip(_NAMES, both, strict=True)))
@@ -101,36 +96,26 @@ class Feet(Generic[Number]):
     def rows(
         self: "Feet[np.ndarray]", some: Int[np.ndarray, " q"]
     ) -> "Feet[np.ndarray]":
-        """Courses of some pushes.
-
-        Args:
-            some: Their places.
-        """
+        """Courses of some pushes."""
         return Feet(**{n: getattr(self, n)[some] for n in _NAMES})
 
-    def averaging(
-        self: "Feet[np.ndarray]", sigma: float, smoothing: float | None
-    ) -> Numbers:
+    def averaging(self: "Feet[np.ndarray]", view: View) -> Numbers:
         """Times to average over: a share of the width, and more to rise from noise [s].
 
-        Args:
-            sigma: Noise of a sample [unit].
-            smoothing: What is asked for; None for that of each push [s].
+        An averaging time that is asked for takes their place.
         """
-        if smoothing is not None:
-            return np.full(len(self.start), smoothing)
-        blurred = np.minimum(CLEAR * sigma / np.maximum(self.height, 1e-300), 1e6)
+        if view.smoothing is not None:
+            return np.full(len(self.start), view.smoothing)
+        blurred = np.minimum(
+            CLEAR * view.noise.sigma / np.maximum(self.height, 1e-300), 1e6
+        )
         least = np.minimum(self.step * blurred**2, self.width / _MOST_SMOOTHING)
         return np.maximum.reduce([self.width / WIDTH_PER_SMOOTHING, least, self.step])
 
     def room(
         self: "Feet[np.ndarray]", time: Float[np.ndarray, " n"]
     ) -> tuple[Numbers, Numbers]:
-        """Halves of the rests beside pushes in order: a cut between takes nothing [s].
-
-        Args:
-            time: Sample times [s].
-        """
+        """Halves of rests beside pushes in order: a cut between takes nothing [s]."""
         n = len(self.start)
         end, start = np.append(self.end, np.nan), np.append(self.start, np.nan)
         earlier, later = self._neighbours(-1), self._neighbours(1)
@@ -147,11 +132,7 @@ class Feet(Generic[Number]):
         return found
 
     def before(self: "Feet[np.ndarray]", lowest: Numbers) -> tuple[Numbers, Numbers]:
-        """Stretches whose level is the rest before the pushes [s].
-
-        Args:
-            lowest: Begins of their room [s].
-        """
+        """Stretches whose level is the rest before the pushes, in their room [s]."""
         # In a short rest a part of it has to do.
         guard = np.minimum(
             _GUARD * (self.half_up - self.start), (self.start - lowest) / 2
@@ -187,10 +168,40 @@ _NAMES = tuple(field.name for field in fields(Feet))
 
 
 def likeness(moved: Numbers, far: Numbers | float) -> Numbers:
-    """Whether moves of rests may be drift: 1 for small ones, 0 for large ones.
-
-    Args:
-        moved: How far rests have moved.
-        far: What is too far, in the same unit.
-    """
+    """Whether moves of rests may be drift: 1 for small ones, 0 for those too `far`."""
     return 1 / (1 + np.clip(moved / np.maximum(far, 1e-300), -1e3, 1e3) ** 4)
+
+
+def are_cut(
+    time: Float[np.ndarray, " n"], feet: Feet[np.ndarray]
+) -> Bool[np.ndarray, " p"]:
+    """Whether sample times [s] begin or end before a rest is seen beside each push.
+
+    The pushes are all there are, in order.
+    """
+    early = feet.start - _BEGINS * (feet.half_up - feet.start)
+    late = feet.end + _BEGINS * (feet.end - feet.half_down)
+    shown = np.searchsorted(time, [early, late])
+    lowest, highest = feet.room(time)
+    is_first, is_last = lowest <= time[0], highest >= time[-1]
+    # A level over that of the other rest is one on the way, unless drift leads there
+    # or it is held for as long as the push.
+    length = np.maximum(feet.end - feet.start, feet.step)
+    drift = length * _usual_rate(feet.rows(np.flatnonzero(~(is_first | is_last))))
+    high = FOOT * feet.height
+    is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
+    is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
+    begins = (shown[0] < _SHOWN) | is_high[0]
+    ends = (len(time) - shown[1] < _SHOWN) | is_high[1]
+    return (is_first & begins) | (is_last & ends)
+
+
+def _usual_rate(feet: Feet[np.ndarray]) -> float:
+    """Drift of the rests beside pushes: a median, a long push for more [unit/s]."""
+    length = np.maximum(feet.end - feet.start, feet.step)
+    if length.size == 0:
+        return 0.0
+    rates = feet.moved / length
+    order = np.argsort(rates)
+    up_to = np.cumsum(length[order])
+    return float(rates[order][np.searchsorted(up_to, up_to[-1] / 2)])

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import push_signal
 from pushfit.data.peaks.heights import measure_heights
-from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.course import Course, View
 from pushfit.data.pushes.detection import Extent, find_extents
 from pushfit.data.pushes.dips import rest_curve, without_dips
 from pushfit.data.pushes.noise import Noise
@@ -45,11 +45,7 @@ class Found:
     idle: tuple[tuple[float, float], ...] = ()
 
     def beside(self, taken: Sequence[Extent]) -> tuple[Extent, ...]:
-        """Humps besides some of them, also those that the user left out.
-
-        Args:
-            taken: Those that are left aside.
-        """
+        """Humps besides some of them, also those that the user left out."""
         known = set(taken)
         return tuple(e for e in (*self.extents, *self.excluded) if e not in known)
 
@@ -58,10 +54,6 @@ def find_pushes(
     recording: Recording, *, settings: PeakSettings = DEFAULTS
 ) -> tuple[Extent, ...]:
     """Find the pushes of a recording without measuring them.
-
-    Args:
-        recording: Samples.
-        settings: How to look.
 
     Returns:
         Their extents in order; none where the signal only rests.
@@ -88,23 +80,22 @@ def find(
     Args:
         time: Sample times [s].
         signal: Samples, pushes going up.
-        settings: How to look, and what the user says of the humps.
-        signed: Whether dips are pushes as well.
     """
     # Of the samples as they are: in a picture of them equal readings differ by
     # rounding, and the finest step would be that.
     noise, course = Noise.of(time, signal), Course.of(time, signal)
 
     def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
-        return find_extents(
-            time,
-            picture,
+        view = View(
+            time=time,
+            signal=picture,
             course=course if picture is signal else Course.of(time, picture),
             noise=noise,
-            split=settings.split,
             min_height=settings.min_height,
             smoothing=settings.smoothing,
+            split=settings.split,
         )
+        return find_extents(view)
 
     def deep_enough(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
         return tuple(dip for dip in extents_of(picture) if not dip.is_low)
@@ -155,12 +146,7 @@ def _as_told(found: Found, settings: PeakSettings) -> Found:
 
 
 def is_in(when: float, windows: Sequence[tuple[float, float]]) -> bool:
-    """Whether a time lies in one of some windows.
-
-    Args:
-        when: Time [s].
-        windows: First and last time of each [s].
-    """
+    """Whether a time lies in one of some windows, of first and last times [s]."""
     return any(first <= when <= last for first, last in windows)
 
 
@@ -198,14 +184,7 @@ def no_pushes(
     *,
     unit: str,
 ) -> DataError:
-    """Say what there is instead of pushes.
-
-    Args:
-        signal: Samples.
-        settings: How they were looked at.
-        found: What was found.
-        unit: That of the samples.
-    """
+    """Say what there is instead of pushes."""
     n_dips, n_out = len(found.dips), len(found.excluded)
     spread = float(np.ptp(signal))
     if n_out:

@@ -229,11 +229,7 @@ class Humps:
         self.rests = np.delete(self.rests, pair + 1)
 
     def drop_below(self, least: float) -> None:
-        """Remove humps that are too low, the lowest first.
-
-        Args:
-            least: Smallest height that stays.
-        """
+        """Remove humps that are too low, the lowest first."""
         while len(self.peaks):
             heights = self.heights
             smallest = int(np.argmin(heights))
@@ -249,11 +245,7 @@ def _low(y: Float[np.ndarray, " m"]) -> float:
 
 
 def longest_run(inside: Bool[np.ndarray, " m"]) -> tuple[int, int]:
-    """Length of the longest stretch of True, and where it begins.
-
-    Args:
-        inside: Where.
-    """
+    """Length of the longest stretch of True, and where it begins."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
     if edges.size == 0:
         return 0, 0

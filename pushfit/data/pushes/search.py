@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
+from pushfit.data.pushes.course import View
 from pushfit.data.pushes.feet import FOOT, Feet
 from pushfit.data.pushes.humps import Humps
-from pushfit.data.pushes.noise import Noise
 
 # Smoothing lowers a push by less than this share.
 _SMOOTHED = 0.8
@@ -47,25 +47,12 @@ class _Trace:
 
 
 def search(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    noise: Noise,
-    tau: float,
-    split: float,
-    min_height: float | None,
-    usual_step: float,
-    wander: float = np.inf,
+    view: View, *, tau: float, wander: float = np.inf
 ) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"], float]:
     """One pass at one smoothing time.
 
     Args:
-        time: Sample times [s].
-        signal: Samples [unit].
-        noise: Noise of the samples.
         tau: Smoothing time [s].
-        split: A valley is low below this share of the lower top.
-        min_height: Least height of a push; None for what noise and wander allow [unit].
-        usual_step: Usual time from one sample to the next [s].
         wander: Slow noise at rest with less smoothing, which is no less [unit].
 
     Returns:
@@ -73,16 +60,16 @@ def search(
         either; which are followed by a level that is a rest however high it is; and
         the slow noise at rest.
     """
-    trace = _reduce(time, signal, noise, tau, usual_step)
+    trace = _reduce(view, tau)
     significant = _SIGNIFICANT * trace.noise
     tops = _maxima(trace.y, significant)
     humps = Humps.between(trace.y, tops)
-    rests = humps.join(split)
+    rests = humps.join(view.split)
     humps = _regained(humps, tops, trace)
     large = _LARGE * float(humps.heights.max(initial=0.0))
     wander = min(wander, _rest_wander(humps, trace, large))
     by_noise = max(_BEYOND_NOISE * trace.noise, _SIGNIFICANT * wander)
-    smallest = by_noise if min_height is None else _SMOOTHED * min_height
+    smallest = by_noise if view.min_height is None else _SMOOTHED * view.min_height
     humps.drop_below(min(by_noise, smallest))
     pushes = replace(humps)
     pushes.drop_below(smallest)
@@ -118,17 +105,12 @@ def _regained(humps: Humps, tops: Int[np.ndarray, " t"], trace: _Trace) -> Humps
     return humps
 
 
-def _reduce(
-    time: Float[np.ndarray, " n"],
-    signal: Float[np.ndarray, " n"],
-    noise: Noise,
-    tau: float,
-    usual_step: float,
-) -> _Trace:
+def _reduce(view: View, tau: float) -> _Trace:
     """Average in bins of a third of the smoothing time, then over three bins."""
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
 
-    step = max(tau / 3, usual_step)
+    time, signal, noise = view.time, view.signal, view.noise
+    step = max(tau / 3, view.course.step)
     n_bins = max(3, int(np.ceil((time[-1] - time[0]) / step)) + 1)
     edges = time[0] + step * (np.arange(n_bins) - 0.5)
     first = np.searchsorted(time, edges)

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.course import Course, View
 from pushfit.data.pushes.feet import (
     CLEAR,
     FOOT,
@@ -41,38 +41,25 @@ _SEEN = 6.0
 Smooth = Callable[[Float[np.ndarray, "p m"]], Float[np.ndarray, "p m"]]
 
 
-def trace_feet(
-    time: Float[np.ndarray, " n"],
-    course: Course,
-    coarse: Feet[np.ndarray],
-    *,
-    sigma: float,
-    smoothing: float | None,
-) -> Feet[np.ndarray]:
+def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
     """Trace the feet of pushes from their own samples.
 
     Feet depend on the levels of the rests, and rests lie beyond the feet: both are
     found in turns, until nothing changes: where the search began must not matter.
 
     Args:
-        time: Sample times [s].
-        course: Running means of the samples [unit].
-        coarse: Where all of their pushes are, in order, roughly.
-        sigma: Noise of a sample [unit].
-        smoothing: Averaging time; None takes a share of each width [s].
-
-    Returns:
-        The feet.
+        coarse: Where all of the pushes are, in order, roughly.
     """
+    time, sigma = view.time, view.noise.sigma
     reach = 2 * _reach(coarse)
     lowest, highest = coarse.room(time)
     lowest = np.maximum(lowest, coarse.start - reach)
     highest = np.minimum(highest, coarse.end + reach)
     ends = np.searchsorted(time, [lowest, highest])
     feet = replace(coarse, step=_usual_steps(time, ends))
-    course = knots_for(feet, course, smoothing)
+    course = knots_for(feet, view)
     for _ in range(_ROUNDS):
-        tau = feet.averaging(sigma, smoothing)
+        tau = feet.averaging(view)
         was = feet
         seen = _trace(course, feet, feet.room(time), tau=tau, sigma=sigma)
         noise = sigma * np.minimum(1.0, feet.step / tau) ** 0.5
@@ -93,18 +80,10 @@ def trace_feet(
     return feet
 
 
-def knots_for(
-    feet: Feet[np.ndarray], course: Course, smoothing: float | None
-) -> Course:
-    """A course, known no finer than it takes to average over pushes.
-
-    Args:
-        feet: The pushes.
-        course: Running means of the samples [unit].
-        smoothing: Averaging time; None takes a share of each width [s].
-    """
-    finest = smoothing or feet.width.min() / WIDTH_PER_SMOOTHING
-    return course.thinned(max(1, int(finest / _KNOTS / feet.step.max())))
+def knots_for(feet: Feet[np.ndarray], view: View) -> Course:
+    """A course, known no finer than it takes to average over pushes."""
+    finest = view.smoothing or feet.width.min() / WIDTH_PER_SMOOTHING
+    return view.course.thinned(max(1, int(finest / _KNOTS / feet.step.max())))
 
 
 def _usual_steps(
@@ -266,10 +245,8 @@ def _falls(
     """Where courses first fall below levels, or the last times if they never do.
 
     Args:
-        smooth: Running means.
         when: Times, in either direction [s].
         y: Running means at `when`, times `sign`.
-        searched: Where to look.
         level: Levels to pass, times `sign`.
         sign: -1 to see courses upside down.
     """

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from pushfit.data.plans.schedule import read_schedule
 from pushfit.data.recordings.recognise import Columns
 from pushfit.data.recordings.recording import read_recording
-from pushfit.data.tables.peak_table import read_table
+from pushfit.data.tables.peak_table import is_parquet, read_table
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import existing_file, is_bag
@@ -46,7 +46,6 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     """Recognise by its columns whether a file is a recording, schedule or peak table.
 
     Args:
-        path: File as the user named it.
         **recording_options: As for `pushfit.data.recordings.recording.read_recording`.
 
     Returns:
@@ -58,7 +57,7 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
         DataError: If the file is no table of text.
     """
     given = existing_file(path)
-    if given.endswith(".parquet"):
+    if is_parquet(given):
         return "table"
     if is_bag(given) or recording_options.get("format", "auto") != "auto":
         return "recording"
@@ -88,8 +87,6 @@ def expect_kind(
     """Refuse a file of another kind before its reader misunderstands it.
 
     Args:
-        path: File as the user named it.
-        kind: What is to be read.
         **recording_options: As for `pushfit.data.recordings.recording.read_recording`.
 
     Raises:

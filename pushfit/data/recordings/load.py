@@ -15,14 +15,7 @@ READER_NAMES = {"map": "mapping", "unit": "units"}
 
 
 def reader_options(config: GraspConfig) -> dict[str, Any]:
-    """Keywords of `read_recording` that a configuration asks for.
-
-    Args:
-        config: Settings in force.
-
-    Returns:
-        Keywords.
-    """
+    """Keywords of `read_recording` that a configuration asks for."""
     layout = config.recording.model_dump()
     calibration = config.recording.calibration
     layout["calibration"] = {
@@ -33,13 +26,6 @@ def reader_options(config: GraspConfig) -> dict[str, Any]:
 
 def configured_recording(path: str | Path, config: GraspConfig) -> Recording:
     """Read a recording as the settings say.
-
-    Args:
-        path: Recording.
-        config: Settings in force.
-
-    Returns:
-        The recording.
 
     Raises:
         DataError: It cannot be read or breaks a rule.
@@ -53,13 +39,8 @@ def configured_peaks(
     """Extract the peaks of a recording as the settings say.
 
     Args:
-        recording: Recording.
         schedule: File with the directions of its pushes; None if the recording has
             angles.
-        config: Settings in force.
-
-    Returns:
-        Its peak heights.
 
     Raises:
         DataError: The schedule breaks a rule, or pushes and plan do not agree.

@@ -21,7 +21,6 @@ from pushfit.errors import ConfigError
 
 ANGLES = ("theta", "alpha")
 _NOTHING: Mapping[str, str] = MappingProxyType({})
-_SHOWN = 12
 
 
 class Columns:
@@ -44,8 +43,6 @@ class Columns:
         """Read the names.
 
         Args:
-            names: As in the file.
-            path: File as the user named it, for messages.
             unit_row: Cells of a row of units below the header; empty without one.
             units: Unit by column name or by what a column is for, as the user states.
         """
@@ -58,7 +55,6 @@ class Columns:
         """Unit of a column, if all that is stated about it agrees.
 
         Args:
-            i: Its position.
             *keys: Names of what it is for.
 
         Returns:
@@ -95,11 +91,7 @@ class Columns:
         return [i for i, stem in enumerate(self.stems) if stem in stems]
 
     def measuring(self, quantity: Quantity) -> list[int]:
-        """Positions of the columns in a unit of a quantity.
-
-        Args:
-            quantity: What is measured.
-        """
+        """Positions of the columns in a unit of a quantity."""
         return [
             i
             for i, name in enumerate(self.names)
@@ -107,20 +99,6 @@ class Columns:
         ]
 
 
-def listed(names: Sequence[str]) -> str:
-    """The first of some names, and how many more there are.
-
-    Args:
-        names: Those of columns.
-    """
-    shown = ", ".join(filter(None, names[:_SHOWN]))
-    return shown + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
-
-
 def units_of(quantity: Quantity) -> list[str]:
-    """Names of the units of a quantity.
-
-    Args:
-        quantity: What is measured.
-    """
+    """Names of the units of a quantity."""
     return [unit.name for unit in UNITS.values() if unit.quantity == quantity]

@@ -18,7 +18,7 @@ from pushfit.data.recordings.roles import Role, Roles, assign_roles
 from pushfit.data.recordings.samples import Gaps, Samples, ThetaFrom, build_recording
 from pushfit.data.recordings.units import UNITS, Calibration, Unit
 from pushfit.data.text.csv_reader import MAX_BYTES, Cells, read_cells, row_problems
-from pushfit.data.text.dialects import Format, Layout, find_layout, layout_of
+from pushfit.data.text.dialects import Format, Layout, find_layout
 from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import existing_file, is_bag, sha256_of
@@ -70,7 +70,8 @@ def read_recording(
             or the file itself tells it [Hz].
         calibration: Conversion by channel name.
         definitions: Folder of `.msg` files, for ROS 2 bags that carry no definitions.
-        theta_from: What a recorded theta is measured from.
+        theta_from: What a recorded theta is measured from: the tangential plane, or
+            the contact normal (elevation = 90° minus it).
         gaps: What to do about missing samples: an `error`, or leave them NaN for peaks
             to be `split` there, or `interpolate` those within five usual steps.
         tail: What to do about a last line without a line end: `drop` it, `keep` it, or
@@ -79,7 +80,6 @@ def read_recording(
         missing: Further texts that stand for a missing sample, such as a sentinel.
         encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
         trust_units: Accept units that the samples make implausible.
-        max_bytes: Most memory that the samples may take.
 
     Returns:
         The recording, in canonical units.
@@ -141,7 +141,7 @@ def _foreign_samples(
     rate: float | None,
 ) -> Samples:
     """Sort the columns of a log that is no table by their roles."""
-    layout = layout_of(tuple(table), dialect)
+    layout = Layout(writer="native", delimiter=",", decimal=".", names=(*table,))
     roles = assign_roles(
         layout, mapping=mapping, units=units, path=path, has_rate=rate is not None
     )

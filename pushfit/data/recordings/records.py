@@ -91,10 +91,6 @@ class Recording:
 
         An offset is not asked for: heights are differences from a baseline.
 
-        Args:
-            channel: Channel to convert.
-            calibration: Factor with its units and provenance.
-
         Returns:
             The recording with the channel in the calibration's target unit.
 

@@ -9,7 +9,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pushfit.data.recordings.recognise import ANGLES, Columns, listed, units_of
+from pushfit.data.recordings.recognise import ANGLES, Columns, units_of
 from pushfit.data.recordings.units import (
     UNITS,
     Quantity,
@@ -18,7 +18,7 @@ from pushfit.data.recordings.units import (
     split_unit,
 )
 from pushfit.data.text.dialects import Layout
-from pushfit.data.text.faults import data_error, did_you_mean, problem
+from pushfit.data.text.faults import data_error, did_you_mean, listed, problem
 from pushfit.data.text.guess import STAMP
 from pushfit.errors import ConfigError, Problem
 
@@ -106,14 +106,8 @@ def assign_roles(
     """Decide what each column of a recording is for.
 
     Args:
-        layout: Layout with the column names.
         mapping: Column name by channel, or by `time`, `theta` and `alpha`.
-        units: Unit by channel or column name.
-        path: File as the user named it, for messages.
         has_rate: Whether times follow from a rate where no column is one.
-
-    Returns:
-        The roles.
 
     Raises:
         ConfigError: If units contradict each other or are stated for nothing.

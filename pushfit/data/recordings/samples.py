@@ -11,7 +11,6 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
-from pushfit.data.recordings.gaps import MAX_FILLED_STEPS, fill_short_gaps
 from pushfit.data.recordings.records import Recording, Source
 from pushfit.data.recordings.units import Unit, implausible_angles, implausible_signal
 from pushfit.data.text.faults import data_error, problem
@@ -28,6 +27,8 @@ _IRREGULAR_SHARE = 0.05
 _LONG_STEP = 10.0
 _MEDIAN_STEPS = 1 << 16
 _SENTINEL = 1e20
+# Between neighbours further apart than this many usual steps a push may hide.
+_MAX_FILLED_STEPS = 5.0
 # Angles are recorded with few decimals, so a right angle may be passed by rounding.
 _ANGLE_SLACK = np.deg2rad(0.01)
 
@@ -105,16 +106,7 @@ def build_recording(
 ) -> Recording:
     """Check samples, apply the gap policy, and convert to canonical units.
 
-    Args:
-        samples: Columns as read.
-        theta_from: What the recorded theta is measured from: the tangential plane, or
-            the contact normal (elevation = 90° minus it).
-        gaps: What to do about missing samples: call them an `error`, leave them NaN
-            for peaks to be `split` there, or `interpolate` short ones.
-        trust_units: Accept units that the samples make implausible.
-
-    Returns:
-        The recording.
+    The options are those of `pushfit.data.recordings.recording.read_recording`.
 
     Raises:
         DataError: If any rule is broken; `.problems` lists all.
@@ -302,13 +294,51 @@ def _fill_gaps(
     elif gaps == "split":
         findings.notes.append(f"{name}: {found}; left as gaps")
     else:
-        values = fill_short_gaps(time, values, is_azimuth=name == "alpha")
+        values = _fill_short_gaps(time, values, is_azimuth=name == "alpha")
         n_left = int(np.count_nonzero(np.isnan(values)))
         findings.notes.append(
             f"{name}: {found}; filled {rows.size - n_left} by interpolation, left "
-            f"{n_left} in gaps over {MAX_FILLED_STEPS:g} usual steps or at an end"
+            f"{n_left} in gaps over {_MAX_FILLED_STEPS:g} usual steps or at an end"
         )
     return values
+
+
+def _fill_short_gaps(
+    time: Float[np.ndarray, " n"],
+    values: Float[np.ndarray, " n"],
+    *,
+    is_azimuth: bool = False,
+) -> Float[np.ndarray, " n"]:
+    """Interpolate missing samples between neighbours that are close in time.
+
+    Args:
+        time: Sample times [s].
+        values: Samples, NaN where missing.
+        is_azimuth: Whether the samples are angles through 360°, of which the shorter
+            way round is meant [rad].
+
+    Returns:
+        The samples, still NaN in gaps longer than `_MAX_FILLED_STEPS` usual steps of
+        this series, and before its first and after its last sample.
+    """
+    known = np.flatnonzero(~np.isnan(values))
+    if known.size < 2:
+        return values
+    rows = np.flatnonzero(np.isnan(values))
+    after = np.searchsorted(known, rows)
+    inside = (after > 0) & (after < known.size)
+    rows, after = rows[inside], after[inside]
+    step = np.diff(time[known])
+    is_short = step[after - 1] <= _MAX_FILLED_STEPS * np.median(step)
+    rows = rows[is_short]
+    samples = values[known]
+    if is_azimuth:
+        samples = np.unwrap(samples)
+    filled = values.copy()
+    filled[rows] = np.interp(time[rows], time[known], samples)
+    if is_azimuth:
+        filled[rows] = np.angle(np.exp(1j * filled[rows]))
+    return filled
 
 
 def _note_irregular_steps(

@@ -113,9 +113,6 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
     >>> split_unit("pdc")
     ('pdc', None)
 
-    Args:
-        name: Column name as in the file.
-
     Returns:
         Stem, and the unit; the whole name and None where no known unit is stated.
     """
@@ -135,9 +132,6 @@ def parse_unit(text: str, *, quantities: Sequence[Quantity] = ()) -> Unit:
     Args:
         text: Unit as written, case does not matter.
         quantities: What the unit may measure; empty for anything.
-
-    Returns:
-        The unit.
 
     Raises:
         ConfigError: If the unit is unknown (`unknown_unit`) or measures something else
@@ -197,9 +191,6 @@ def stated_calibration(section: CalibrationSection) -> Calibration:
 
     Args:
         section: A known name, or what replaces parts of it, or all parts.
-
-    Returns:
-        The calibration.
     """
     known = asdict(CALIBRATIONS[section.name]) if section.name else {}
     own = section.model_dump(exclude={"name"}, exclude_none=True)
@@ -218,7 +209,6 @@ def implausible_signal(values: Float[np.ndarray, " n"], unit: Unit) -> str | Non
 
     Args:
         values: Samples as in the file, in `unit`; NaN is skipped.
-        unit: Claimed unit.
 
     Returns:
         Value, rule and next step as one clause; None where nothing is wrong.
@@ -288,10 +278,7 @@ def implausible_angles(
 
 
 def in_degrees(radians: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Angles as they were stated: -60°, not -59.99999999999999°.
-
-    Args:
-        radians: Angles [rad].
+    """Angles [rad] as they were stated: -60°, not -59.99999999999999°.
 
     Returns:
         The round number of degrees of which this is the angle in radians, to the last

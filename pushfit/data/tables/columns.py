@@ -3,12 +3,13 @@
 Peak tables and schedules share what is here: names with unit suffixes, the numbering of
 pushes and repeats, and how a breach is reported (file, line, column, value, rule,
 remedy). Excluded: which columns a kind of table has, and the rules for their cells
-(`pushfit.data.tables.column_rules`).
+(`pushfit.data.tables.rules`).
 """
 
 import difflib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,10 @@ from jaxtyping import Float, Int
 
 from pushfit.data.recordings import recognise
 from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import UNITS, Unit, in_degrees
+from pushfit.data.text.csv_reader import read_csv_strict
+from pushfit.data.text.faults import data_error, problem
 from pushfit.errors import DataError, Problem
 
 COUNTS = ("push", "repeat")
@@ -42,21 +46,44 @@ class Origin:
         self, code: str, text: str, *, row: int | None = None, column: str, value: str
     ) -> Problem:
         """Make a problem whose message starts with the place."""
-        line = None
+        line = None if row is None or self.lines is None else int(self.lines[row])
         place = self.path or "table"
-        if row is not None and self.lines is not None:
-            line = int(self.lines[row])
-            place += f", line {line}"
-        elif row is not None:
+        if row is not None and line is None:
             place += f", row {row}"
-        return Problem(
-            code=code,
-            message=f"{place}, column {column}: {text}",
-            path=self.path,
-            line=line,
-            column=column,
-            value=value,
-        )
+        made = problem(code, text, path=place, line=line, column=column, value=value)
+        return replace(made, path=self.path)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """Cells of a file as they stand there.
+
+    Args:
+        frame: Numbers, NaN where blank, or text, by column name.
+        origin: Path and line numbers, for messages.
+        source: Provenance.
+        notes: What the reader has to say.
+    """
+
+    frame: pd.DataFrame
+    origin: Origin
+    source: Source
+    notes: tuple[str, ...]
+
+
+def read_rows(path: str | Path, *, texts: tuple[str, ...] = ()) -> Rows:
+    """Read a CSV file with one row per push.
+
+    Raises:
+        ConfigError: The file is not there.
+        DataError: The file is no regular table of numbers.
+    """
+    frame, source, notes = read_csv_strict(
+        path, is_text=lambda name: name.strip().lower() in texts
+    )
+    lines = np.asarray(frame.index, dtype=int)
+    origin = Origin(path=str(path), lines=lines)
+    return Rows(frame=frame, origin=origin, source=source, notes=notes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,24 +145,11 @@ class Columns:
     in_degrees: Mapping[str, str]
 
 
-def failure(problems: list[Problem]) -> DataError:
-    """Error that shows the first problem and carries them all."""
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return DataError(
-        problems[0].message + more, code=problems[0].code, problems=tuple(problems)
-    )
-
-
 def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
     """Recognise and convert the columns of a table of pushes.
 
     Args:
         raw: Columns as named by the user; cells are numbers or text.
-        layout: Columns to look for.
-        origin: Where the rows come from.
-
-    Returns:
-        The columns, in canonical units.
 
     Raises:
         DataError: There are no rows; a column is missing, doubtful, twice there or in
@@ -190,7 +204,7 @@ def _recognise(
             found[column.stem] = column
     problems += _doubtful(found, left_out, layout, origin)
     if problems:
-        raise failure(problems)
+        raise data_error(problems)
     return found, list(left_out)
 
 
@@ -233,7 +247,7 @@ def _common_unit(
             f"{name} in {unit}" for name, unit in units.items()
         )
         first = next(iter(units))
-        raise failure([origin.problem("mixed_units", text, column=first, value="")])
+        raise data_error([origin.problem("mixed_units", text, column=first, value="")])
     return next(iter(units.values()), None)
 
 
@@ -260,7 +274,7 @@ def _convert(
             suffix = unit if column.unit.quantity == "signal" else "s"
             converted[f"{stem}_{suffix}"] = column.unit.to_canonical(values)
     if problems:
-        raise failure(problems)
+        raise data_error(problems)
     return pd.DataFrame(converted)
 
 
@@ -303,7 +317,7 @@ def _number(frame: pd.DataFrame, origin: Origin) -> list[str]:
                 )
             )
     if problems:
-        raise failure(problems)
+        raise data_error(problems)
     for name in COUNTS:
         frame[name] = frame[name].astype(int)
     return notes

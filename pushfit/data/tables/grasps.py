@@ -12,9 +12,8 @@ import pandas as pd
 from pandas.util import hash_pandas_object
 
 from pushfit.data.recordings.records import Source
-from pushfit.data.tables.columns import Origin
-from pushfit.data.tables.peak_table import PeakTable
-from pushfit.data.tables.rows import Rows, read_rows
+from pushfit.data.tables.columns import Origin, Rows, read_rows
+from pushfit.data.tables.peak_table import PeakTable, is_parquet
 from pushfit.data.tables.rules import LAYOUT
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import DataError
@@ -67,7 +66,7 @@ def is_long_table(path: str | Path) -> bool:
     """
     if Path(path).is_dir():
         return False
-    if _is_parquet(path):
+    if is_parquet(path):
         return _parquet_has_grasps(path)
     with open(path, "rb") as file:
         start = file.read(_HEAD)
@@ -136,7 +135,7 @@ def _place(rows: Rows, row: int) -> str:
 
 def _read_rows(path: str | Path) -> Rows:
     """Cells of a long table."""
-    if not _is_parquet(path):
+    if not is_parquet(path):
         return read_rows(path, texts=(*LAYOUT.texts, COLUMN))
     frame = pd.read_parquet(path, engine="pyarrow")
     frame.attrs.clear()
@@ -144,10 +143,6 @@ def _read_rows(path: str | Path) -> Rows:
         path=str(path), sha256=sha256_of(path), dialect="peak table, parquet"
     )
     return Rows(frame=frame, origin=Origin(path=str(path)), source=source, notes=())
-
-
-def _is_parquet(path: str | Path) -> bool:
-    return Path(path).suffix.lower() in {".parquet", ".pq"}
 
 
 def _parquet_has_grasps(path: str | Path) -> bool:

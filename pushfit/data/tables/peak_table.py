@@ -18,8 +18,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import in_degrees
-from pushfit.data.tables.columns import Origin
-from pushfit.data.tables.rows import read_rows
+from pushfit.data.tables.columns import Origin, read_rows
 from pushfit.data.tables.rules import (
     CHANNELS,
     EXCLUDING_FLAGS,
@@ -29,7 +28,10 @@ from pushfit.data.tables.rules import (
 from pushfit.data.tables.traces import Trace
 from pushfit.errors import ConfigError, DataError
 
-_PARQUET = frozenset({".parquet", ".pq"})
+
+def is_parquet(path: str | Path) -> bool:
+    """Whether a file is one of Parquet, by its suffix."""
+    return Path(path).suffix.lower() in {".parquet", ".pq"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,9 +73,6 @@ class PeakTable:
         Args:
             frame: Rows; see `PeakTable.frame` for the columns. `push` and `repeat` are
                 numbered where they are absent, other columns are left out with a note.
-            origin: Where the rows come from, for messages.
-            sources: Files behind the rows.
-            notes: What is already known to be worth telling.
 
         Returns:
             The table, in canonical units.
@@ -102,13 +101,9 @@ class PeakTable:
             theta: Elevation of every push [rad].
             alpha: Azimuth of every push [rad].
             heights: Heights by channel name [unit].
-            unit: Unit of all heights and their sd.
             sd: Standard deviations by channel name [unit].
             repeat: Repeat number of every push; None numbers equal directions.
             flags: Flag words of every push, joined by ";".
-
-        Returns:
-            The table.
 
         Raises:
             DataError: A value breaks a rule.
@@ -147,12 +142,6 @@ class PeakTable:
 
     def heights(self, channel: str) -> Float[np.ndarray, " n"]:
         """Heights of a channel [unit].
-
-        Args:
-            channel: One of `channels`.
-
-        Returns:
-            Height of every push.
 
         Raises:
             DataError: The table lacks the channel.
@@ -194,15 +183,7 @@ class PeakTable:
         return pd.factorize(theta + 1j * (alpha % 360e9))[0]
 
     def with_flag(self, rows: Sequence[int], flag: str) -> "PeakTable":
-        """The table with one more flag on some rows.
-
-        Args:
-            rows: Positions of the rows.
-            flag: One word.
-
-        Returns:
-            A new table; this one stays as it is.
-        """
+        """The table with one more flag on some rows."""
         words = [
             ";".join(sorted(w | {flag})) if i in rows else ";".join(sorted(w))
             for i, w in enumerate(self.flags)
@@ -213,9 +194,6 @@ class PeakTable:
         """Scatter of repeated pushes about the mean of their direction.
 
             s² = Σ_g Σ_i (h_gi - mean_g)² / Σ_g (n_g - 1)
-
-        Args:
-            channel: One of `channels`.
 
         Returns:
             s, NaN without repeats [unit], and its degrees of freedom. Only pushes that
@@ -283,9 +261,8 @@ def read_table(path: str | Path) -> PeakTable:
         DataError: The file cannot be read or breaks a rule.
         ConfigError: Parquet is asked for and its library is not installed.
     """
-    file = Path(path)
-    if file.suffix.lower() in _PARQUET:
-        return _read_parquet(file)
+    if is_parquet(path):
+        return _read_parquet(Path(path))
     rows = read_rows(path, texts=LAYOUT.texts)
     return PeakTable.from_frame(
         rows.frame, origin=rows.origin, sources=(rows.source,), notes=rows.notes
@@ -297,15 +274,11 @@ def write_table(table: PeakTable, path: str | Path) -> None:
 
     The file is complete or absent. Parquet keeps sources and notes, CSV the rows only.
 
-    Args:
-        table: Table to write.
-        path: File to write or replace.
-
     Raises:
         ConfigError: Parquet is asked for and its library is not installed.
     """
     with atomic_path(path) as temporary:
-        if Path(path).suffix.lower() not in _PARQUET:
+        if not is_parquet(path):
             table.frame.to_csv(temporary, index=False, lineterminator="\n")
             return
         frame = table.frame.copy()

@@ -46,8 +46,6 @@ def envelope(
 
     Args:
         time: Sample times [s].
-        signal: Samples.
-        max_points: How many samples may stay.
 
     Returns:
         Times and samples, unchanged if there are few.

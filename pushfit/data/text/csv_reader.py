@@ -21,9 +21,9 @@ from jaxtyping import Int
 from pushfit.data.recordings.records import Source
 from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
-from pushfit.data.text.faults import data_error, refuse
+from pushfit.data.text.faults import data_error, refuse, refuse_too_large
 from pushfit.data.text.guess import STAMP
-from pushfit.data.text.scan import Extent, Scan, Tail, fast_scan, find_extent
+from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile, open_text
 from pushfit.errors import DataError, Problem
 
@@ -63,30 +63,26 @@ def read_cells(
     """Scan a table and parse the needed columns.
 
     Args:
-        text: The file.
-        layout: Its layout.
         kinds: What the cells of each needed column must be, by the column's position.
-        tail: What to do about a damaged end, see `pushfit.data.text.scan.find_extent`.
+        tail: What to do about a damaged end, see `pushfit.data.text.scan.find_body`.
         missing: Further texts that stand for a missing number.
-        max_bytes: Most memory that the result may take.
-
-    Returns:
-        The columns.
 
     Raises:
         DataError: If any line or needed cell breaks a rule; `.problems` lists all.
     """
     tokens = tuple(missing)
-    extent = find_extent(text, layout, tail)
-    scan = fast_scan(text, layout, extent)
-    if scan is None:
-        scan = _slow(text, layout, extent, kinds, tokens)
+    body = find_body(text, layout, tail)
+    scan = fast_scan(body) or _slow(body, kinds, tokens)
     if scan.n_rows == 0:
         raise refuse("no_rows", "has a header but 0 data rows", path=text.path)
-    _refuse_too_large(text, scan.n_rows, kinds, max_bytes)
-    values = _parse(text, layout, extent, kinds, tokens, scan.n_rows)
+    # Text costs its characters and a reference; 64 bytes is a long label.
+    needed = scan.n_rows * sum(64 if kind == "text" else 8 for kind in kinds.values())
+    what = f"{scan.n_rows} rows of {len(kinds)} columns"
+    remedy = "split the file, drop columns"
+    refuse_too_large(text.path, what, needed, max_bytes, remedy)
+    values = _parse(body, kinds, tokens, scan.n_rows)
     if values is None:
-        _slow(text, layout, extent, kinds, tokens)
+        _slow(body, kinds, tokens)
         raise refuse(
             "unreadable",
             f"the rows from line {layout.data_line} on cannot be read as numbers; "
@@ -94,62 +90,28 @@ def read_cells(
             path=text.path,
         )
     text.stamp.check()
-    return Cells(values=values, scan=scan, notes=extent.notes)
+    return Cells(values=values, scan=scan, notes=body.notes)
 
 
 def row_problems(text: TextFile, layout: Layout, *, tail: Tail) -> list[Problem]:
-    """Find the rows that do not fit a layout, whatever their cells hold.
-
-    Args:
-        text: The file.
-        layout: Its layout.
-        tail: As for `read_cells`.
-
-    Returns:
-        The problems.
-    """
+    """Find the rows that do not fit a layout, whatever their cells hold."""
     try:
-        extent = find_extent(text, layout, tail)
+        body = find_body(text, layout, tail)
     except DataError as error:
         return list(error.problems)
-    if fast_scan(text, layout, extent) is not None:
-        return []
-    return slow_scan(text, layout, extent, kinds={})[1]
+    return [] if fast_scan(body) else slow_scan(body, {})[1]
 
 
-def _slow(
-    text: TextFile,
-    layout: Layout,
-    extent: Extent,
-    kinds: Mapping[int, Kind],
-    missing: tuple[str, ...],
-) -> Scan:
-    scan, problems = slow_scan(text, layout, extent, kinds=kinds, missing=missing)
-    text.stamp.check()
+def _slow(body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...]) -> Scan:
+    scan, problems = slow_scan(body, kinds, missing)
+    body.text.stamp.check()
     if problems:
         raise data_error(problems)
     return scan
 
 
-def _refuse_too_large(
-    text: TextFile, n_rows: int, kinds: Mapping[int, Kind], max_bytes: int
-) -> None:
-    # Text costs its characters and a reference; 64 bytes is a long label.
-    needed = n_rows * sum(64 if kind == "text" else 8 for kind in kinds.values())
-    if needed > max_bytes:
-        raise refuse(
-            "too_large",
-            f"{n_rows} rows of {len(kinds)} columns need {needed / 1e9:.3g} GB, over "
-            f"the limit of {max_bytes / 1e9:.3g} GB; split the file, drop columns, or "
-            "raise max_bytes",
-            path=text.path,
-        )
-
-
 def _parse(
-    text: TextFile,
-    layout: Layout,
-    extent: Extent,
+    body: Body,
     kinds: Mapping[int, Kind],
     missing: tuple[str, ...],
     n_rows: int,
@@ -159,7 +121,7 @@ def _parse(
     words: set[int] = set()
     done = 0
     try:
-        for frame in _chunks(text, layout, extent, kinds, missing):
+        for frame in _chunks(body, kinds, missing):
             stop = done + len(frame)
             if stop > n_rows:
                 return None
@@ -177,7 +139,7 @@ def _parse(
         return None
     if words:
         # pandas reads a chunk of nothing but True and False as 1 and 0.
-        _slow(text, layout, extent, {i: kinds[i] for i in words}, missing)
+        _slow(body, {i: kinds[i] for i in words}, missing)
     return columns if done == n_rows else None
 
 
@@ -188,16 +150,13 @@ def _may_be_words(values: np.ndarray) -> bool:
 
 
 def _chunks(
-    text: TextFile,
-    layout: Layout,
-    extent: Extent,
-    kinds: Mapping[int, Kind],
-    missing: tuple[str, ...],
+    body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...]
 ) -> Iterator[pd.DataFrame]:
     """Parse the rows, without their header, some at a time."""
+    layout, blocks = body.layout, body.text.blocks(body.start, body.end)
     tokens = list(missing_tokens(missing))
     with pd.read_csv(
-        cast(IO[bytes], BlockReader(text.blocks(extent.start, extent.end))),
+        cast(IO[bytes], BlockReader(blocks)),
         sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
         decimal=layout.decimal,
         header=None,
@@ -207,8 +166,8 @@ def _chunks(
         dtype={i: _PARSED[kind] for i, kind in kinds.items()},
         na_values={i: tokens for i, kind in kinds.items() if kind == "float"},
         keep_default_na=False,
-        skipinitialspace=extent.has_padding,
-        quoting=csv.QUOTE_MINIMAL if extent.has_quotes else csv.QUOTE_NONE,
+        skipinitialspace=body.has_padding,
+        quoting=csv.QUOTE_MINIMAL if body.has_quotes else csv.QUOTE_NONE,
         on_bad_lines="error",
         encoding="utf-8",
         chunksize=max(1, _CHUNK_CELLS // layout.n_fields),
@@ -239,7 +198,6 @@ def read_csv_strict(
     have. A last line without a line end is kept, with a note.
 
     Args:
-        path: File as the user named it.
         is_text: Tells by its name whether a column holds text; the cells of all other
             columns must be numbers, or blank.
         missing: Further texts that stand for a missing number.

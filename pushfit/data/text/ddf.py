@@ -27,10 +27,6 @@ class Preamble:
 def read_preamble(lines: list[str], names: tuple[str, ...]) -> Preamble | None:
     """Read what stands above the columns.
 
-    Args:
-        lines: Lines above the names.
-        names: Columns.
-
     Returns:
         What they state; None if the file is no such log.
     """

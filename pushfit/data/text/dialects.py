@@ -61,13 +61,13 @@ class Layout:
     delimiter: str
     decimal: str
     names: tuple[str, ...]
-    unit_row: tuple[str, ...]
-    first_row: tuple[str, ...]
-    has_trailing: bool
-    header_line: int | None
-    data_line: int
-    data_start: int
-    notes: tuple[str, ...]
+    unit_row: tuple[str, ...] = ()
+    first_row: tuple[str, ...] = ()
+    has_trailing: bool = False
+    header_line: int | None = None
+    data_line: int = 1
+    data_start: int = 0
+    notes: tuple[str, ...] = ()
     rate: float | None = None
 
     @property
@@ -97,12 +97,7 @@ def find_layout(
     """Recognise the layout from the first lines.
 
     Args:
-        text: The file.
-        format: Dialect that the user states.
         columns: Column names, for a file without a header.
-
-    Returns:
-        The layout.
 
     Raises:
         ConfigError: If `columns` or `format` do not fit the file.
@@ -144,28 +139,6 @@ def find_layout(
         data_start=_byte_of_line(head, guess.data),
         notes=(*notes, *_layout_notes(lines, guess, () if log else unit_row)),
         rate=log.rate if log else None,
-    )
-
-
-def layout_of(names: tuple[str, ...], dialect: str) -> Layout:
-    """Layout of columns that were not text.
-
-    Args:
-        names: Their names.
-        dialect: What they were.
-    """
-    return Layout(
-        writer="native",
-        delimiter=",",
-        decimal=".",
-        names=names,
-        unit_row=(),
-        first_row=(),
-        has_trailing=False,
-        header_line=None,
-        data_line=1,
-        data_start=0,
-        notes=(dialect,),
     )
 
 

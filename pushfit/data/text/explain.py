@@ -9,6 +9,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -16,8 +17,7 @@ import numpy as np
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import problem
 from pushfit.data.text.guess import NUMBER, STAMP, split_line
-from pushfit.data.text.scan import Extent, Scan, whole_lines
-from pushfit.data.text.textfile import TextFile
+from pushfit.data.text.scan import Body, Scan, whole_lines
 from pushfit.errors import Problem
 
 Kind = Literal["float", "int", "stamp", "text"]
@@ -40,29 +40,18 @@ def missing_tokens(extra: tuple[str, ...] = ()) -> tuple[str, ...]:
 
 
 def slow_scan(
-    text: TextFile,
-    layout: Layout,
-    extent: Extent,
-    *,
-    kinds: Mapping[int, Kind],
-    missing: tuple[str, ...] = (),
+    body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...] = ()
 ) -> tuple[Scan, list[Problem]]:
     """Check every row and every needed cell.
-
-    Args:
-        text: The file.
-        layout: Its layout.
-        extent: Where its rows are.
-        kinds: What the cells of each needed column must be, by the column's position.
-        missing: Further texts that stand for a missing number.
 
     Returns:
         The scan and the problems: the first ones of each kind, and how many more.
     """
-    check = _RowCheck(text.path, layout, kinds, missing_tokens(missing))
+    layout = body.layout
+    check = _RowCheck(body.text.path, layout, kinds, frozenset(missing_tokens(missing)))
     n_rows = 0
     skips: list[int] = []
-    for line, row in _rows(text, layout, extent, check):
+    for line, row in _rows(body, check):
         if not any(cell.strip(" \t") for cell in row) and len(row) <= 1:
             continue
         skips += [n_rows] * (line - layout.data_line - n_rows - len(skips))
@@ -73,13 +62,12 @@ def slow_scan(
     return result, check.finish()
 
 
-def _rows(
-    text: TextFile, layout: Layout, extent: Extent, check: "_RowCheck"
-) -> Iterator[tuple[int, list[str]]]:
+def _rows(body: Body, check: "_RowCheck") -> Iterator[tuple[int, list[str]]]:
     """Give each row with the line where it begins."""
+    layout = body.layout
     lines = (
         line + "\n"
-        for block in whole_lines(text, extent)
+        for block in whole_lines(body)
         for line in block.decode().split("\n")[:-1]
     )
     if layout.delimiter == " ":
@@ -102,22 +90,16 @@ def _rows(
         )
 
 
+@dataclass(slots=True)
 class _RowCheck:
     """Collects the problems of rows, listing the first ones of each kind."""
 
-    def __init__(
-        self,
-        path: str,
-        layout: Layout,
-        kinds: Mapping[int, Kind],
-        missing: tuple[str, ...],
-    ) -> None:
-        self._path = path
-        self._layout = layout
-        self._kinds = kinds
-        self._missing = frozenset(missing)
-        self._problems: list[Problem] = []
-        self._counts: Counter[str] = Counter()
+    path: str
+    layout: Layout
+    kinds: Mapping[int, Kind]
+    missing: frozenset[str]
+    problems: list[Problem] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
 
     def add(
         self,
@@ -129,41 +111,41 @@ class _RowCheck:
         value: str | None = None,
     ) -> None:
         """Note a problem, unless enough of its kind are listed."""
-        self._counts[code] += 1
-        if self._counts[code] <= _MAX_LISTED:
-            self._problems.append(
+        self.counts[code] += 1
+        if self.counts[code] <= _MAX_LISTED:
+            self.problems.append(
                 problem(
-                    code, text, path=self._path, line=line, column=column, value=value
+                    code, text, path=self.path, line=line, column=column, value=value
                 )
             )
 
     def row(self, line: int, row: list[str]) -> None:
         """Check the number of fields and the needed cells."""
-        names = self._layout.names
+        names = self.layout.names
         n = len(names)
-        if self._layout.header_line is not None and _same(row[:n], names):
+        if self.layout.header_line is not None and _same(row[:n], names):
             self.add(
                 "repeated_header",
                 line,
-                f"the header of line {self._layout.header_line} comes again, as in "
+                f"the header of line {self.layout.header_line} comes again, as in "
                 "appended logs; split the file here",
             )
-        elif len(row) != self._layout.n_fields or any(c.strip(" \t") for c in row[n:]):
+        elif len(row) != self.layout.n_fields or any(c.strip(" \t") for c in row[n:]):
             self.add("field_count", line, self._miscount(row))
         else:
-            for position, kind in self._kinds.items():
+            for position, kind in self.kinds.items():
                 self._cell(line, names[position], row[position].strip(" \t"), kind)
 
     def _miscount(self, row: list[str]) -> str:
-        n = len(self._layout.names)
+        n = len(self.layout.names)
         where = (
             "columns were named"
-            if self._layout.header_line is None
-            else f"columns are named on line {self._layout.header_line}"
+            if self.layout.header_line is None
+            else f"columns are named on line {self.layout.header_line}"
         )
         if len(row) == n + 1 and not row[-1].strip(" \t"):
             hint = "this row alone ends in a delimiter"
-        elif self._layout.delimiter == "," and len(row) > n:
+        elif self.layout.delimiter == "," and len(row) > n:
             hint = (
                 "a decimal comma, or a comma inside unquoted text, splits a field: "
                 "export with another delimiter"
@@ -173,14 +155,14 @@ class _RowCheck:
         return f"{len(row)} fields, but {n} {where}; {hint}"
 
     def _cell(self, line: int, column: str, cell: str, kind: Kind) -> None:
-        if kind == "text" or (kind == "float" and cell in self._missing):
+        if kind == "text" or (kind == "float" and cell in self.missing):
             return
         if kind == "stamp":
             is_good = STAMP.fullmatch(cell)
         elif kind == "int":
             is_good = _WHOLE.fullmatch(cell) and abs(int(cell)) < 2**63
         else:
-            is_good = NUMBER[self._layout.decimal].fullmatch(cell)
+            is_good = NUMBER[self.layout.decimal].fullmatch(cell)
         shown = _shown(cell)
         if _INFINITE.fullmatch(cell) or (
             kind == "float" and is_good and math.isinf(float(cell.replace(",", ".")))
@@ -197,11 +179,11 @@ class _RowCheck:
 
     def finish(self) -> list[Problem]:
         """Give the problems in file order, then how many more there are."""
-        found = sorted(self._problems, key=lambda p: p.line or 0)
-        for code, count in self._counts.items():
+        found = sorted(self.problems, key=lambda p: p.line or 0)
+        for code, count in self.counts.items():
             if count > _MAX_LISTED:
                 more = f"{count - _MAX_LISTED} more of {count} problems {code!r}"
-                found.append(problem(code, f"{more} are not listed", path=self._path))
+                found.append(problem(code, f"{more} are not listed", path=self.path))
         return found
 
 

@@ -20,13 +20,8 @@ def problem(
     Args:
         code: Stable snake_case word.
         text: Value, rule and next step.
-        path: File as the user named it.
         line: Line, counted from 1.
         column: Column name.
-        value: Text found.
-
-    Returns:
-        The problem with its whole sentence.
     """
     place = [path]
     if line is not None:
@@ -42,13 +37,32 @@ def problem(
 def data_error(problems: Sequence[Problem]) -> DataError:
     """Make the error that reports all of several problems."""
     first, n_more = problems[0], len(problems) - 1
-    more = f" (and {n_more} more problem{'s'[: n_more > 1]})" if n_more else ""
+    more = f" (and {n_more} more)" if n_more else ""
     return DataError(first.message + more, code=first.code, problems=tuple(problems))
 
 
 def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataError:
     """Make the error for the one thing that is wrong with a file."""
     return data_error([problem(code, text, path=path, line=line)])
+
+
+def refuse_too_large(
+    path: str, what: str, needed: int, max_bytes: int, remedy: str
+) -> None:
+    """Refuse samples that need more memory than they may."""
+    if needed > max_bytes:
+        raise refuse(
+            "too_large",
+            f"{what} need {needed / 1e9:.3g} GB, over the limit of "
+            f"{max_bytes / 1e9:.3g} GB; {remedy}, or raise max_bytes",
+            path=path,
+        )
+
+
+def listed(texts: Sequence[str], most: int = 12) -> str:
+    """Give the first of some words, and how many more there are."""
+    shown = ", ".join(filter(None, texts[:most]))
+    return shown + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
 def did_you_mean(text: str, known: Collection[str]) -> str:

@@ -69,12 +69,6 @@ def sha256_of(path: str | Path) -> str:
 def existing_file(path: str | Path) -> str:
     """Check that a path can be read.
 
-    Args:
-        path: File as the user named it.
-
-    Returns:
-        The path as text.
-
     Raises:
         ConfigError: If there is no such file (`file_not_found`) or it may not be read
             (`file_not_readable`).
@@ -103,9 +97,6 @@ def existing_file(path: str | Path) -> str:
 def existing_files(paths: Iterable[str | Path]) -> None:
     """Check that all paths can be read, before any of them is.
 
-    Args:
-        paths: Files as the user named them.
-
     Raises:
         ConfigError: If some cannot; `.problems` lists all of them.
         DataError: If a recorder still has one of them open.
@@ -124,9 +115,6 @@ def existing_files(paths: Iterable[str | Path]) -> None:
 
 def refuse_other_names(path: str) -> None:
     """Refuse a file whose name tells that it is a log of a program's own.
-
-    Args:
-        path: File as the user named it.
 
     Raises:
         DataError: If it is one (`not_csv`).
@@ -154,7 +142,6 @@ def refuse_other_types(start: bytes, path: str) -> None:
 
     Args:
         start: First bytes, decompressed.
-        path: File as the user named it.
 
     Raises:
         DataError: If it is something else (`not_csv`).

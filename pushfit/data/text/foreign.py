@@ -42,7 +42,6 @@ def foreign_table(
     """Read a log that is no table.
 
     Args:
-        path: File as the user named it.
         columns: Names of the columns of a bare array.
 
     Returns:

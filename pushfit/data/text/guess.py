@@ -76,14 +76,6 @@ def _is_value(cell: str, decimal: str) -> bool:
 def best_guess(lines: list[str], columns: Sequence[str], path: str) -> Guess:
     """Choose delimiter and decimal mark by what makes most fields numbers.
 
-    Args:
-        lines: First lines of the file.
-        columns: Column names, if the user named them.
-        path: File as the user named it.
-
-    Returns:
-        The guess.
-
     Raises:
         ConfigError: If `columns` do not fit.
         DataError: If the lines hold no table, or decimal points and commas.

@@ -22,10 +22,12 @@ _MAX_LINE = 1 << 26
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Extent:
+class Body:
     """The part of the clean text that holds the rows of a table.
 
     Args:
+        text: The file.
+        layout: How its rows are laid out.
         start: Byte where the first row begins.
         end: Byte where the last accepted row ends.
         has_quotes: Whether fields may be quoted.
@@ -34,6 +36,8 @@ class Extent:
         notes: What was left out, for the user.
     """
 
+    text: TextFile
+    layout: Layout
     start: int
     end: int
     has_quotes: bool
@@ -102,17 +106,12 @@ class _Pattern:
         return self.n_rows + 1 if self.rest == self.line[:-1] else 0
 
 
-def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
+def find_body(text: TextFile, layout: Layout, tail: Tail) -> Body:
     """Find where the rows end, and decide about a damaged end.
 
     Args:
-        text: The file.
-        layout: Its layout.
         tail: What to do about a last line without a line end: `drop` it, `keep` it, or
             call it an `error`. `salvage` drops it and also zero bytes at the end.
-
-    Returns:
-        The extent.
 
     Raises:
         DataError: If there are zero bytes (`nul_bytes`), the end is damaged
@@ -151,7 +150,9 @@ def find_extent(text: TextFile, layout: Layout, tail: Tail) -> Extent:
         n_lines = sum(block.count(b"\n") for block in text.blocks(0, last_end))
         notes.append(_judge_last_line(text, n_lines + 1, tail))
         end = position if tail == "keep" else last_end
-    return Extent(
+    return Body(
+        text=text,
+        layout=layout,
         start=start,
         end=end,
         has_quotes=has_quotes,
@@ -202,35 +203,30 @@ class _Tally:
     skips: list[int] = field(default_factory=list)
 
 
-def fast_scan(text: TextFile, layout: Layout, extent: Extent) -> Scan | None:
+def fast_scan(body: Body) -> Scan | None:
     """Count rows and check that each has the layout's number of fields.
-
-    Args:
-        text: The file.
-        layout: Its layout.
-        extent: Where its rows are.
 
     Returns:
         The scan; None if some line is irregular or quoted, so that only the slow pass
         can tell what it means.
     """
-    if extent.has_quotes:
+    if body.has_quotes:
         return None
-    tally = _Tally(n_rows=extent.n_uniform)
-    for lines in () if extent.n_uniform else whole_lines(text, extent):
-        if not _count(lines, layout, tally):
+    tally = _Tally(n_rows=body.n_uniform)
+    for lines in () if body.n_uniform else whole_lines(body):
+        if not _count(lines, body.layout, tally):
             return None
     return Scan(
         n_rows=tally.n_rows,
-        data_line=layout.data_line,
+        data_line=body.layout.data_line,
         skips=np.array(tally.skips, dtype=np.int64),
     )
 
 
-def whole_lines(text: TextFile, extent: Extent) -> Iterator[bytes]:
+def whole_lines(body: Body) -> Iterator[bytes]:
     """Give the rows in blocks that end with a line end."""
     rest = b""
-    for block in text.blocks(extent.start, extent.end):
+    for block in body.text.blocks(body.start, body.end):
         # The line across two blocks by itself, so that blocks are not copied twice.
         first, cut = block.find(b"\n") + 1, block.rfind(b"\n") + 1
         if not cut:

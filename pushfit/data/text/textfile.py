@@ -9,6 +9,7 @@ import codecs
 import gzip
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -65,9 +66,6 @@ class TextFile:
             start: First byte of clean text wanted.
             end: Byte of clean text to stop before; the end of the file if None.
 
-        Yields:
-            Non-empty blocks of clean text.
-
         Raises:
             DataError: If the text cannot be decoded (`bad_encoding`), or compressed
                 data are damaged (`bad_gzip`) or expand suspiciously (`zip_bomb`).
@@ -118,25 +116,17 @@ class TextFile:
             return
         n_out = 0
         limit = max(_ALWAYS_EXPANDED, _MAX_EXPANSION * self.stamp.size)
-        try:
-            with gzip.GzipFile(fileobj=file) as unzipped:
-                while raw := unzipped.read(BLOCK):
-                    n_out += len(raw)
-                    if n_out > limit:
-                        raise refuse(
-                            "zip_bomb",
-                            f"expands to more than {_MAX_EXPANSION} times its size; "
-                            "decompress it yourself if you trust it",
-                            path=self.path,
-                        )
-                    yield raw
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise refuse(
-                "bad_gzip",
-                f"the compressed data are damaged or cut short ({error}); "
-                "copy the file again",
-                path=self.path,
-            ) from error
+        with _gzip_errors(self.path), gzip.GzipFile(fileobj=file) as unzipped:
+            while raw := unzipped.read(BLOCK):
+                n_out += len(raw)
+                if n_out > limit:
+                    raise refuse(
+                        "zip_bomb",
+                        f"expands to more than {_MAX_EXPANSION} times its size; "
+                        "decompress it yourself if you trust it",
+                        path=self.path,
+                    )
+                yield raw
 
 
 class BlockReader:
@@ -182,7 +172,6 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
     """Recognise a text file and refuse everything else.
 
     Args:
-        path: File as the user named it.
         encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
 
     Returns:
@@ -204,7 +193,8 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
         file.seek(0)
         is_gzip = start.startswith(b"\x1f\x8b")
         if is_gzip:
-            start = _gzip_start(file, given)
+            with _gzip_errors(given):
+                start = gzip.GzipFile(fileobj=file).read(4096)
     if not start:
         raise refuse("empty_file", "the file is empty: 0 data rows", path=given)
     found = _checked_encoding(encoding) if encoding else _encoding_of(start, given)
@@ -214,13 +204,16 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
     )
 
 
-def _gzip_start(file: BinaryIO, path: str) -> bytes:
+@contextmanager
+def _gzip_errors(path: str) -> Iterator[None]:
+    """Turn what a damaged file raises when it is expanded into a `DataError`."""
     try:
-        return gzip.GzipFile(fileobj=file).read(4096)
+        yield
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise refuse(
             "bad_gzip",
-            f"the compressed data are damaged ({error}); copy the file again",
+            f"the compressed data are damaged or cut short ({error}); "
+            "copy the file again",
             path=path,
         ) from error
 

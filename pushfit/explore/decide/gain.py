@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from jaxtyping import Float, Int
+from jaxtyping import Float, Float32, Int
 
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
 from pushfit.explore.decide.threads import one_thread
@@ -27,8 +27,9 @@ REACH, MARGIN = 3.0, 3.0
 N_FINE = 128
 # Readings so much less likely than the likeliest are left out of what is expected.
 NEGLIGIBLE = 1e-3
-# Nothing was counted where there is less; rounding of a probability.
-TINY, NOTHING = 1e-300, 1e-16
+# Nothing was counted where there is less; tails of the noise that add nothing, and of
+# which single precision still holds products and squares.
+TINY, NOTHING = np.float32(1e-37), 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +188,7 @@ def outlook(
     table = _joint(
         heights[None], fine[None], weights, sigma, sizes=COARSE, n_labels=N_FINE + 1
     ).table[0]
-    columns = np.swapaxes(table, 0, 1).reshape(N_FINE + 1, -1)
+    columns = np.swapaxes(table, 0, 1).reshape(N_FINE + 1, -1).astype(float)
     mass = columns.sum(axis=0)
     likely = mass > NEGLIGIBLE * mass.max()
     columns, mass = columns[:, likely] / mass[likely], mass[likely] / mass[likely].sum()
@@ -204,12 +205,14 @@ def outlook(
 class _Joint:
     """Joint probability of reading and label, and the variance of its cells.
 
-    Labels of several angles follow each other.
+    Labels of several angles follow each other. Variances are times the number of draws.
+    Single precision will do: as draws are finite, gains are good to some hundredths.
     """
 
-    table: Float[np.ndarray, "k y q z"]
-    variance: Float[np.ndarray, "k y q z"]
+    table: Float32[np.ndarray, "k y q z"]
+    variance: Float32[np.ndarray, "k y q z"]
     label_variance: Float[np.ndarray, " q"]
+    n_draws: int
 
     def of_labels(self, first: int, end: int) -> "_Joint":
         """That of one angle."""
@@ -219,6 +222,7 @@ class _Joint:
             table=np.ascontiguousarray(self.table[:, :, first:end]),
             variance=np.ascontiguousarray(self.variance[:, :, first:end]),
             label_variance=self.label_variance[first:end],
+            n_draws=self.n_draws,
         )
 
 
@@ -244,30 +248,35 @@ def _joint(
         cell = cell * sizes[1] + kernels[0].index[:, None]
     shape = (k, sizes[0], n_labels, sizes[1])
     cell, n_cells = cell.ravel(), int(np.prod(shape))
+    squares = n * weights**2
     counted = [
         np.bincount(
             cell, np.broadcast_to(w, (k * len(found), n)).ravel(), minlength=n_cells
-        ).reshape(shape)
-        for w in (weights, weights**2)
+        )
+        .reshape(shape)
+        .astype(np.float32)
+        for w in (weights, squares)
     ]
     profiles = [first.kernel, *(other.kernel for other in kernels)]
     return _Joint(
         table=_blurred(counted[0], profiles),
         variance=_blurred(counted[1], [kernel**2 for kernel in profiles]),
         label_variance=np.bincount(
-            found.ravel(), np.tile(weights**2, len(found)), minlength=n_labels
+            found.ravel(), np.tile(squares, len(found)), minlength=n_labels
         ),
+        n_draws=n,
     )
 
 
 def _principal(
     scaled: Float[np.ndarray, "k c n"], weights: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, "k d n"]:
+) -> Float32[np.ndarray, "k d n"]:
     """The one or two orthogonal directions in which readings vary most.
 
     A rotation leaves noise of unit variance what it is.
     """
-    centred = scaled - (scaled @ weights)[..., None]
+    centred = (scaled - (scaled @ weights)[..., None]).astype(np.float32)
+    weights = weights.astype(np.float32)
     if scaled.shape[1] == 1:
         return centred
     scatter = np.einsum("kcn,kdn,n->kcd", centred, centred, weights, optimize=True)
@@ -280,13 +289,14 @@ class _Binned:
     """Bin of every draw, and the probability of each bin given each."""
 
     index: Int[np.ndarray, "k n"]
-    kernel: Float[np.ndarray, "k s s"]
+    kernel: Float32[np.ndarray, "k s s"]
 
 
 def _binned(
-    scaled: Float[np.ndarray, "k n"], weights: Float[np.ndarray, " n"], size: int
+    scaled: Float32[np.ndarray, "k n"], weights: Float[np.ndarray, " n"], size: int
 ) -> _Binned:
     """Bins of a reading in one direction, and its noise."""
+    weights = weights.astype(np.float32)
     mean = scaled @ weights
     spread = np.sqrt(np.maximum((scaled**2) @ weights - mean**2, 0.0))
     low = np.maximum(scaled.min(axis=1), mean - REACH * spread) - MARGIN
@@ -298,16 +308,15 @@ def _binned(
     profile = scipy.special.ndtr((offset + 0.5) * step[:, None]) - scipy.special.ndtr(
         (offset - 0.5) * step[:, None]
     )
-    # Tails of the noise that add nothing, but whose squares are slow to reckon with.
     profile[profile < NOTHING] = 0.0
     lag = np.arange(size)[None, :] - np.arange(size)[:, None] + size - 1
-    kernel = profile[:, lag]
+    kernel = profile.astype(np.float32)[:, lag]
     return _Binned(index=index, kernel=kernel / kernel.sum(axis=2, keepdims=True))
 
 
 def _blurred(
-    counted: Float[np.ndarray, "k y q z"], kernels: list[np.ndarray]
-) -> Float[np.ndarray, "k y q z"]:
+    counted: Float32[np.ndarray, "k y q z"], kernels: list[np.ndarray]
+) -> Float32[np.ndarray, "k y q z"]:
     """Spread every cell over the readings that noise makes of it."""
     k, y, q, z = counted.shape
     first = np.swapaxes(kernels[0], 1, 2) @ counted.reshape(k, y, q * z)
@@ -329,16 +338,16 @@ def _plain(joint: _Joint) -> Float[np.ndarray, " k"]:
 
 def _whole(table: Float[np.ndarray, "k ..."]) -> Float[np.ndarray, " k"]:
     """Sum of a table for every candidate."""
-    return table.reshape(table.shape[0], -1).sum(axis=1)
+    return table.reshape(table.shape[0], -1).sum(axis=1, dtype=float)
 
 
 # By products of matrices: sums over short axes in the middle take ten times as long.
 def _by_label(table: Float[np.ndarray, "k y q z"]) -> Float[np.ndarray, "k q"]:
-    return (table @ np.ones(table.shape[3])).sum(axis=1)
+    return (table @ np.ones(table.shape[3], table.dtype)).sum(axis=1)
 
 
 def _by_reading(table: Float[np.ndarray, "k y q z"]) -> Float[np.ndarray, "k y z"]:
-    return np.ones(table.shape[2]) @ table
+    return np.ones(table.shape[2], table.dtype) @ table
 
 
 def _entropy(p: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
@@ -349,9 +358,9 @@ def _entropy(p: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
 def _bias(joint: _Joint) -> Float[np.ndarray, " k"]:
     """Mean of `_plain` above the truth, to first order in the number of draws [nat].
 
-        ½ [Σ V/J - Σ_y V_y/J_y - Σ_q V_q/J_q + V_0]
+        [Σ V/J - Σ_y V_y/J_y - Σ_q V_q/J_q + V_0] / 2n
 
-    V is the variance of a cell: the sum of the squares of what was counted there.
+    V is n times the variance of a cell: n times the sum of squares counted there.
     """
     table, variance = joint.table, joint.variance
     by_label = _by_label(table)
@@ -361,7 +370,7 @@ def _bias(joint: _Joint) -> Float[np.ndarray, " k"]:
         - _whole(_ratio(_by_reading(variance), _by_reading(table)))
         - _whole(_ratio(one, by_label))
         + joint.label_variance.sum()
-    ) / 2
+    ) / (2 * joint.n_draws)
 
 
 def _ratio(

@@ -188,9 +188,9 @@ def _disagreement(
     if distance > (high - low + other_high - other_low) / 2:
         yield ResultWarning(
             code="alpha_star_disagreement",
-            text=f"α* is {alpha_star.estimate:.0f}° by the model but "
-            f"{model_free.estimate:.0f}° by a cosine through the heights; do not trust "
-            "either without looking at the figure",
+            text=f"α* is in {low:.0f}° to {high:.0f}° by the model but in "
+            f"{other_low:.0f}° to {other_high:.0f}° by a cosine through the heights; "
+            "do not trust either without looking at the figure",
         )
 
 

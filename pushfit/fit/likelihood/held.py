@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.sweep.target import IMPOSSIBLE, STEP, Expansion, finite
+from pushfit.fit.problem.slopes import with_slopes
+from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, finite
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
 
@@ -111,9 +112,9 @@ class Likelihood(eqx.Module):
 
     def expand(self, w: Float[Array, " w"]) -> Expansion:
         """Second-order expansion by Gauss-Newton."""
-        points = jnp.concatenate([w[None], w[None] + STEP * jnp.eye(w.size)])
-        values = jax.vmap(lambda w: self.problem.data_residuals(self.point(w)))(points)
-        residuals, jacobian = values[0], (values[1:] - values[:1]) / STEP
+        residuals, jacobian = with_slopes(
+            lambda w: self.problem.data_residuals(self.point(w)), w
+        )
         cost = finite(jnp.sum(residuals**2) / 2)
         cost = jnp.where(self.is_possible(w[0], self.point(w)), cost, IMPOSSIBLE)
         return Expansion(

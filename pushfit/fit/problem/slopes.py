@@ -1,8 +1,8 @@
-"""Residuals with their slopes against the data coordinates.
+"""Functions with their slopes against coordinates.
 
 `jax.jacfwd` works with the coordinates as the last axis of every number on the way:
 loops over four entries, which the processor cannot run many at a time. Excluded: what
-the residuals are.
+the functions are.
 """
 
 from collections.abc import Callable
@@ -22,26 +22,22 @@ N_POINTS = 24
 
 
 def with_slopes(
-    function: Residuals, y: Float[Array, " q"]
-) -> tuple[Float[Array, " m"], Float[Array, "m q"]]:
-    """A function and its Jacobian as by `jax.jacfwd`, one coordinate after the other.
+    function: Callable[[Float[Array, " q"]], Float[Array, "..."]], y: Float[Array, " q"]
+) -> tuple[Float[Array, "..."], Float[Array, "q ..."]]:
+    """A function and its slopes, one coordinate after the other.
+
+    What the function takes a search for is sought once, and not for each coordinate.
 
     Args:
         function: Function of the coordinates.
         y: Where.
 
     Returns:
-        Its values, and their derivatives.
+        Its values, and their derivatives by coordinate.
     """
-
-    def along(direction: Float[Array, " q"]) -> tuple[Array, Array]:
-        return jax.jvp(function, (y,), (direction,))
-
-    # Not `jax.vmap`: the compiler would move the axis to the end again. A direction of
-    # length zero has the values where nothing is free.
-    directions = np.concatenate([np.zeros((1, y.size)), np.eye(y.size)])
-    values, columns = jax.lax.map(along, jnp.asarray(directions))
-    return values[0], columns[1:].T
+    values, along = jax.linearize(function, y)
+    # Not `jax.vmap`: the compiler would make the coordinates the innermost loop.
+    return values, jax.lax.map(along, jnp.eye(y.size))
 
 
 def linearised(function: Residuals) -> Residuals:
@@ -60,7 +56,7 @@ def linearised(function: Residuals) -> Residuals:
     def tangent_plane(y: Float[Array, " q"]) -> Float[Array, " m"]:
         fixed = jax.lax.stop_gradient(y)
         values, slopes = with_slopes(function, fixed)
-        return values + slopes @ (y - fixed)
+        return values + (y - fixed) @ slopes
 
     return tangent_plane
 
@@ -88,4 +84,5 @@ def residuals_at(
 def _residuals_at(
     problem: Problem, points: Float[Array, "k q"]
 ) -> tuple[Float[Array, "k m"], Float[Array, "k m q"]]:
-    return jax.vmap(lambda y: with_slopes(problem.data_residuals, y))(points)
+    values, slopes = jax.vmap(lambda y: with_slopes(problem.data_residuals, y))(points)
+    return values, slopes.swapaxes(1, 2)

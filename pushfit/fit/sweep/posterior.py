@@ -40,7 +40,7 @@ TOO_FEW, MAX_PARETO_K = 400.0, 0.7
 HEAVY_PARETO_K = 0.5
 # Times that a mixture is fitted to the draws where they are not to be trusted yet, the
 # draws it is fitted to, and those from it.
-MAX_REFINEMENTS, N_FITTED, N_REFINED = 3, 8192, 16384
+MAX_REFINEMENTS, N_FITTED, N_REFINED = 3, 4096, 16384
 # Draws of equal weight that are returned.
 N_RETURNED = 8192
 

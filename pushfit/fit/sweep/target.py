@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import State
+from pushfit.fit.problem.slopes import with_slopes
 from pushfit.fit.sweep.noise import log_likelihood, noise_terms
 from pushfit.fit.sweep.repeats import Pooled
 from pushfit.fit.sweep.roles import Roles
@@ -19,10 +20,6 @@ from pushfit.mechanics.containers import contact, tangential_stiffness, unit_vec
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
 
-# Step of the differences that stand for slopes, in logs: only the search for the mass
-# of the posterior uses them, and mechanics with an inner solver are slow to
-# differentiate otherwise.
-STEP = 1e-5
 # Stands for a cost that is not finite.
 IMPOSSIBLE = 1e300
 
@@ -136,9 +133,7 @@ class Target(eqx.Module):
 
     def expand(self, y: Float[Array, " q"]) -> "Expansion":
         """Second-order expansion of the negative log likelihood, by Gauss-Newton."""
-        points = jnp.concatenate([y[None], y[None] + STEP * jnp.eye(y.size)])
-        values = jax.vmap(self.differences)(points)
-        difference, jacobian = values[0], (values[1:] - values[:1]) / STEP
+        difference, jacobian = with_slopes(self.differences, y)
         terms = noise_terms(self.pooled, difference)
         misfit = finite(-terms.log_likelihood)
         # Where no push can be predicted nothing is known of the slope either, and one

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from pushfit.atomic import atomic_path
+from pushfit.data.recordings.check import file_kind
 from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.peak_table import (
     PeakTable,
@@ -202,9 +203,10 @@ def test_angles_that_came_in_degrees_are_written_as_they_came(tmp_path):
     np.testing.assert_array_equal(again.frame["theta_deg"], theta_deg)
 
 
-@pytest.mark.parametrize("name", ["peaks.csv", "peaks.parquet"])
+@pytest.mark.parametrize("name", ["peaks.csv", "peaks.parquet", "peaks.pq"])
 def test_rows_survive_a_round_trip_bit_by_bit(tmp_path, full_table, name):
     write_table(full_table, tmp_path / name)
+    assert file_kind(tmp_path / name) == "table"
     again = read_table(tmp_path / name)
     pd.testing.assert_frame_equal(again.frame, full_table.frame, check_exact=True)
     assert again.unit == "kpa"

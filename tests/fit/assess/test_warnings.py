@@ -1,9 +1,15 @@
 """What a table says before anything is fitted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pushfit.fit.assess.warnings import bound_warnings, table_warnings
+from pushfit.fit.assess.warnings import (
+    bound_warnings,
+    result_warnings,
+    table_warnings,
+)
 from pushfit.fit.identify import identify_table
 from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
 from pushfit.fit.setup import build_problem
@@ -74,3 +80,19 @@ def test_an_integral_that_is_not_settled_is_no_solver_that_stopped(monkeypatch):
     assert len(texts) == 1
     assert "of the weighted draws" in texts[0]
     assert "report the table" not in " ".join(n.text for n in result.warnings)
+
+
+@pytest.mark.parametrize("estimate", [20.0, None])
+def test_directions_that_disagree_are_said_also_without_an_estimate(estimate):
+    """A best direction that is too wide to be quoted by one number has an interval."""
+    table = case_table(CASES["firm"], noise=0.02)
+    found = identify_table(table, config(), seed=0, engine="sweep")
+    direction = replace(found.theta_c, name="alpha_star")
+    found = replace(
+        found,
+        alpha_star=replace(direction, estimate=estimate, interval=(10.0, 30.0)),
+        alpha_star_model_free=replace(direction, estimate=80.0, interval=(75.0, 85.0)),
+    )
+    warnings = result_warnings(build_problem(table, config()), found)
+    (text,) = [w.text for w in warnings if w.code == "alpha_star_disagreement"]
+    assert "10° to 30° by the model but in 75° to 85° by a cosine" in text

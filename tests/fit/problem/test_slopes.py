@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from pushfit.fit.problem.slopes import linearised, with_slopes
+from pushfit.mechanics.roots import falling_root
 
 EXACT = 1e-13  # equal on paper
 POINT = jnp.array([0.3, -1.2, 2.0])
@@ -18,7 +19,24 @@ def test_the_jacobian_is_that_of_jax():
     expected = jax.jacrev(curved)(POINT)
     values, slopes = with_slopes(curved, POINT)
     np.testing.assert_allclose(values, curved(POINT), rtol=EXACT)
-    np.testing.assert_allclose(slopes, expected, rtol=EXACT)
+    np.testing.assert_allclose(slopes.T, expected, rtol=EXACT)
+
+
+def test_what_is_searched_is_searched_once():
+    """The search of a root is no part of the loop over the coordinates."""
+
+    def cube_root(y):
+        bracket = jnp.zeros_like(y), jnp.full_like(y, 10.0)
+        return falling_root(lambda c, x: c - x**3, y, bracket, jnp.ones_like(y))
+
+    y = jnp.array([2.0, 27.0, 64.0])
+    values, slopes = with_slopes(cube_root, y)
+    np.testing.assert_allclose(values, np.cbrt(y), rtol=EXACT)
+    np.testing.assert_allclose(slopes, np.diag(np.cbrt(y) / (3 * y)), rtol=1e-7)
+    program = jax.make_jaxpr(lambda y: with_slopes(cube_root, y))(y)
+    loops = [e for e in program.eqns if e.primitive.name in ("scan", "while")]
+    assert [e.primitive.name for e in loops] == ["while", "scan"]
+    assert "while" not in str(loops[1].params["jaxpr"])
 
 
 def test_a_linearised_function_keeps_its_values_and_slopes():
