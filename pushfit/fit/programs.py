@@ -40,7 +40,7 @@ TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
 # fingerprint: LAPACK's solver by QR.
 UNGUARANTEED = (export.DisabledSafetyCheck.custom_call("lapack_dormqr_ffi"),)
 # XLA's newer code for fused loops takes twice as long to make and is no faster here,
-# and nor is what LLVM makes of it beyond its first level, a third longer.
+# and nor is what LLVM takes longer to make of it beyond its first level.
 jit = functools.partial(
     jax.jit,
     compiler_options={
