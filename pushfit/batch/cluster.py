@@ -57,7 +57,6 @@ def on_cluster(
     Args:
         work: What to do with a chunk; importable by name in a fresh process.
         workers: Number of processes to start, where no scheduler is named.
-        scheduler: Address of a running dask scheduler.
         time_limit: Longest time for one item [s].
 
     Yields:

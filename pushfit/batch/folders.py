@@ -38,7 +38,6 @@ def is_current(folder: Path, key: str, written: Mapping[str, tuple[str, str]]) -
     """Whether a folder still holds what was written for an item.
 
     Args:
-        key: Key of the item.
         written: Key and digest of `summary.json` by name of folder.
     """
     found = written.get(folder.name)
@@ -50,9 +49,6 @@ def is_current(folder: Path, key: str, written: Mapping[str, tuple[str, str]]) -
 
 def begin_folder(folder: Path) -> None:
     """Make the folder of a batch, or check that it is one.
-
-    Args:
-        folder: Folder to create or to go on in.
 
     Raises:
         ConfigError: It cannot be made, or holds something else.
@@ -75,11 +71,7 @@ def begin_folder(folder: Path) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what killed runs left half written; to be called under the store's lock.
-
-    Args:
-        folder: Folder of the batch.
-    """
+    """Remove what killed runs left half written; call it under the store's lock."""
     for name in OUTPUTS:
         for path in folder.glob(f".{name}.*.tmp"):
             path.unlink(missing_ok=True)

@@ -40,9 +40,6 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
             `**` stands for any folders.
         out: Folder of the results, which is never searched.
 
-    Returns:
-        The files.
-
     Raises:
         ConfigError: Something named does not exist; all such are listed.
     """
@@ -63,9 +60,6 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
 def settings_for(path: str, common: Path | None) -> Path | None:
     """Settings of one file: its own, else those of its folder, else the common ones.
 
-    Args:
-        common: Settings named by the user.
-
     Returns:
         `NAME.toml` beside the file, the `grasp.toml` there, or the common file.
     """
@@ -74,9 +68,6 @@ def settings_for(path: str, common: Path | None) -> Path | None:
 
 def schedule_for(path: str, common: Path | None) -> Path | None:
     """Schedule of one recording, by the same rule as its settings.
-
-    Args:
-        common: Schedule named by the user.
 
     Returns:
         `NAME.schedule.csv` beside the file, the `schedule.csv` there, or the common

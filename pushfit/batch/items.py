@@ -27,10 +27,8 @@ class Failure:
     """Why an item has no result.
 
     Args:
-        item: Name of the item.
         stage: "input", "read", "peaks", "fit", "folder" or "worker".
         code: Stable snake_case word.
-        message: Sentence for the user.
     """
 
     item: str
@@ -43,7 +41,6 @@ class Failure:
         """What an error means for an item.
 
         Args:
-            stage: Where it was raised.
             error: The error; one that is not ours is a bug.
         """
         if isinstance(error, PushfitError):
@@ -62,13 +59,10 @@ class Item:
 
     Args:
         name: Path as named, and behind "#" the grasp in a long table.
-        path: File.
         sha256: Digest of its content, or of the rows of the grasp.
         size: Size of the content in bytes; alike in size is alike in shape.
         rows: Rows of the grasp; None where the file is the item.
         schedule: Schedule, used if the file is a recording.
-        schedule_sha256: Digest of it.
-        config: Settings in force.
         config_from: File that they are from, or "defaults".
         seed: Seed of its randomness, from the user's seed and the content.
         key: Digest of all that decides the result.
@@ -194,7 +188,6 @@ class _Planner:
         config: GraspConfig,
         config_from: str,
     ) -> Item:
-        """One item with its seed and key."""
         sha256, size = content
         plan_sha256 = None if schedule is None else self._digest(schedule)
         seed = derived_seed(self._request.seed, sha256)
@@ -222,14 +215,12 @@ class _Planner:
         )
 
     def _settings(self, source: Path | None) -> GraspConfig:
-        """Settings of a file, read once."""
         if source not in self._configs:
             profile = self._request.profile
             self._configs[source] = read_config(source, profile=profile)
         return self._configs[source]
 
     def _digest(self, path: str) -> str:
-        """Digest of a file that several items share."""
         if path not in self._digests:
             self._digests[path] = sha256_of(path)
         return self._digests[path]
@@ -238,10 +229,6 @@ class _Planner:
 def derived_seed(seed: int, sha256: str) -> int:
     """Seed of one item, whatever its name, its place and its neighbours.
 
-    Args:
-        seed: The user's seed.
-        sha256: Digest of the item's content.
-
     Returns:
         Number from 0 to 2³¹ - 1.
     """
@@ -249,21 +236,13 @@ def derived_seed(seed: int, sha256: str) -> int:
 
 
 def digest_of(content: Mapping[str, object]) -> str:
-    """Sha256 of a document in canonical JSON, hexadecimal.
-
-    Args:
-        content: What JSON knows.
-    """
+    """Sha256 of a document in canonical JSON, hexadecimal."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def content_digest(path: str) -> str:
-    """Sha256 of a file, or of the names and digests of the files in a bag folder.
-
-    Returns:
-        Hexadecimal digest.
-    """
+    """Sha256 of a file, or of the names and digests of the files in a bag folder."""
     if not os.path.isdir(path):
         return sha256_of(path)
     return digest_of({p.name: sha256_of(p) for p in _files_in(path)})
@@ -276,5 +255,4 @@ def content_size(path: str) -> int:
 
 
 def _files_in(folder: str) -> list[Path]:
-    """Files directly in a folder."""
     return sorted(path for path in Path(folder).iterdir() if path.is_file())

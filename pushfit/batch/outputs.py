@@ -40,9 +40,6 @@ def write_outputs(
 
     Args:
         population: What the items have in common; see `pushfit.batch.population`.
-
-    Returns:
-        The files.
     """
     rows = answers.rows
     columns = list(dict.fromkeys(name for row in rows for name in row))
@@ -62,9 +59,6 @@ def write_outputs(
 
 def guarded(cell: Cell) -> Cell:
     """Cell that no terminal obeys and no spreadsheet runs.
-
-    Args:
-        cell: Number, text or None.
 
     Returns:
         The same; text with control characters escaped, and with an apostrophe in front

@@ -66,7 +66,6 @@ def pool_items(
 
     Args:
         items: Items, each content once.
-        find: What finds a result by key.
 
     Returns:
         Rows with the cells of `COLUMNS`; none for a quantity with fewer than three
@@ -104,7 +103,6 @@ def _rows(
 
 
 def _row(quantity: str, unit: str, found: Population, n_all: int) -> Row:
-    """Cells of one population."""
     cells: tuple[Cell, ...] = (
         quantity,
         unit,

@@ -44,7 +44,6 @@ def collect(
 
     Args:
         failed: What failed, by key of the item.
-        find: What finds a result by key.
 
     Returns:
         Rows and failures; neither depends on the order in which they were computed.
@@ -76,7 +75,6 @@ def _row(name: str, finished: Finished | None) -> dict[str, Cell]:
 
 
 def _about(item: Item, finished: Finished | None) -> dict[str, Cell]:
-    """What an item was made from."""
     about: dict[str, Cell] = {
         "sha256": item.sha256,
         "config": item.config_from,

@@ -34,7 +34,6 @@ class Batch:
         rows: One row for each item, sorted by name; see `results.csv`.
         population: One row for each quantity that was pooled; see `population.csv`.
         failures: Items without a result, sorted by name; see `failures.csv`.
-        files: What was written.
         n_computed: Results that this run computed.
         n_kept: Results that an earlier run had left.
         n_left_out: Schedules, settings and other files among the inputs.
@@ -71,7 +70,6 @@ def identify_batch(
     the same content, schedule, settings, seed, engine and versions.
 
     Args:
-        inputs: Files, folders and patterns.
         out: Folder of the results, old or new; its parent exists.
         config: Settings of the items that have none of their own: a `NAME.toml` beside
             the file, or the `grasp.toml` of its folder.
@@ -83,10 +81,6 @@ def identify_batch(
         folders: Also write the complete result of every item.
         workers: Who works; this process if not stated.
         progress: Called with a stage and the share of it that is done.
-        identify: What identifies the tables of a chunk.
-
-    Returns:
-        Rows and failures, as in the files.
 
     Raises:
         ConfigError: The batch as a whole cannot be done: a missing file, a wrong

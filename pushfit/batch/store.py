@@ -46,7 +46,6 @@ class Finished:
     Args:
         kind: "recording" or "table".
         values: Cells of its row.
-        draws: Posterior draws by name.
     """
 
     kind: str
@@ -110,7 +109,6 @@ class Store:
         self._write(statement, [(name, key, sha256)])
 
     def _write(self, statement: str, rows: list[tuple[str | bytes, ...]]) -> None:
-        """Write rows in one transaction."""
         try:
             with uninterrupted(), self._connection:
                 self._connection.executemany(statement, rows)

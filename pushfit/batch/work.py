@@ -39,8 +39,6 @@ def identify_chunk(
 
     Args:
         chunk: Items of one configuration.
-        engine: "auto", "sweep" or "emcee".
-        identify: What identifies the tables.
     """
     loaded = [load(item) for item in chunk]
     good = [
@@ -85,7 +83,6 @@ def write_folder(chunk: Chunk, *, engine: str, folder: Path) -> list[str | Failu
     """Identify each item by itself and write everything about it.
 
     Args:
-        engine: "auto", "sweep" or "emcee".
         folder: Folder in which the items have theirs.
 
     Returns:
@@ -119,7 +116,6 @@ def _write_folder(item: Item, engine: str, folder: Path) -> str | Failure:
 def _identify(
     good: Sequence[tuple[Item, str, PeakTable]], engine: str, identify: IdentifyMany
 ) -> list[Finished | Failure]:
-    """Outcomes of items that could be read."""
     try:
         found = identify(
             [table for _, _, table in good],

@@ -45,16 +45,12 @@ class Workers:
         ]
 
     def _share(self, n_items: int) -> int:
-        """Items of a portion."""
         return max(math.ceil(n_items / (SHARES * self.n)), 1)
 
     def work_on(
         self, work: Work[Outcome], chunks: Sequence[Chunk]
     ) -> Generator[tuple[Chunk, Sequence[Outcome | Failure]]]:
         """Do the work, here or elsewhere.
-
-        Args:
-            work: What to do with a chunk.
 
         Yields:
             Each chunk, or a part of it, with its outcomes, as they come.

@@ -33,7 +33,6 @@ app = typer.Typer(
 
 
 def _print_version(wanted: bool) -> bool:
-    """Answer --version."""
     if wanted:
         print(f"pushfit {pushfit.__version__}")
         raise typer.Exit
@@ -88,9 +87,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Args:
         arguments: Words after `pushfit`; None takes them from the process.
-
-    Returns:
-        Exit code.
     """
     try:
         with stoppable():

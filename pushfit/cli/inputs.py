@@ -29,8 +29,6 @@ def read_settings(
     """Settings of the files, and of the options that override them.
 
     Args:
-        profile: File with what a laboratory always states.
-        format: Dialect.
         map: `channel=column` each.
         unit: `channel=unit` each.
         columns: Names of all columns, between commas.
@@ -68,7 +66,6 @@ def _texts(given: object) -> list[str]:
 
 
 def _window(text: str, option: str) -> tuple[float, float]:
-    """First and last second of a window."""
     first, _, last = text.partition(":")
     try:
         return float(first), float(last)

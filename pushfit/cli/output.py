@@ -13,10 +13,6 @@ def refuse_existing(path: Path, *, force: bool) -> None:
 
     A device or a FIFO is written into and loses nothing.
 
-    Args:
-        path: File or folder to be written.
-        force: Whether the user allows replacing it.
-
     Raises:
         ConfigError: It exists and may not be replaced, or its folder does not exist.
     """
@@ -37,10 +33,6 @@ def refuse_existing(path: Path, *, force: bool) -> None:
 def refuse_picture(path: Path | None, *, force: bool) -> None:
     """The same for a picture, whose suffix has to name a format.
 
-    Args:
-        path: Picture to be written; None for no picture.
-        force: Whether the user allows replacing it.
-
     Raises:
         ConfigError: It cannot be written under this name.
     """
@@ -55,10 +47,7 @@ def write_text(
     """Put a text into a file, complete or not at all, or on standard output.
 
     Args:
-        session: Where the name of the file is said.
-        text: Whole content, as it is to be.
         path: File; None for standard output.
-        remark: What is to be said of the file.
     """
     if path is None:
         print(text, end="")

@@ -23,7 +23,6 @@ class Course:
     """Takes in how far the work is, and says it line by line.
 
     Args:
-        say: Writes one line.
         clock: Seconds that only grow.
     """
 
@@ -56,12 +55,7 @@ class Course:
 
 
 class Bar(Course):
-    """The same as a bar at the foot of a terminal.
-
-    Args:
-        bar: Where it is drawn.
-        say: Writes one line above it.
-    """
+    """The same as a bar at the foot of a terminal."""
 
     def __init__(self, bar: "Progress", say: Callable[[str], None]) -> None:
         """Draw it empty."""

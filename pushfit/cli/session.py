@@ -67,11 +67,7 @@ class Session:
             _print_message(text, style)
 
     def wrote(self, path: Path, remark: str = "") -> None:
-        """Show that a file or folder is complete.
-
-        Args:
-            remark: What is to be said of it.
-        """
+        """Show that a file or folder is complete."""
         keep(f"{path} is complete")
         self.say(f"wrote {path}{remark}")
 
@@ -110,14 +106,7 @@ class Session:
             yield bar
 
     def run(self, work: Callable[[], int | None]) -> int:
-        """Do the work of a command and turn what goes wrong into an exit code.
-
-        Args:
-            work: The command with its arguments.
-
-        Returns:
-            Exit code.
-        """
+        """Do the work of a command and turn what goes wrong into an exit code."""
         # Libraries log what concerns nobody here; --debug shows that, too.
         logging.basicConfig(level=logging.DEBUG if self.is_debug else logging.ERROR)
         if self.is_verbose:
@@ -166,7 +155,6 @@ def command(
     """Register a function as a command that also takes --quiet, --verbose and --debug.
 
     Args:
-        app: Application to extend.
         name: Name of the command, if not that of the function.
         help: What it does, if not in the words of the function.
 

@@ -90,13 +90,6 @@ def _text_of(path: str) -> str:
 def parse_config(text: str, *, path: str) -> GraspConfig:
     """Check the text of a `grasp.toml`.
 
-    Args:
-        text: TOML.
-        path: Name of the file for messages.
-
-    Returns:
-        Settings with every default filled in.
-
     Raises:
         ConfigError: The text is no TOML or breaks a rule.
     """
@@ -116,9 +109,6 @@ def config_of(content: Mapping[str, object]) -> GraspConfig:
 
     Args:
         content: Sections as in `grasp.toml`, for example `{"push": {"length_mm": 5}}`.
-
-    Returns:
-        Settings with every default filled in.
 
     Raises:
         ConfigError: They break a rule.
@@ -221,7 +211,6 @@ def _value_at(key: tuple[str, ...], content: Mapping[str, object]) -> object:
 
 
 def _rule(detail: ErrorDetails, key: tuple[str, ...], found: object) -> str:
-    """What the value should have been, in the words of a sentence."""
     match detail["type"]:
         case "extra_forbidden":
             return f"unknown key; {_suggestion(key)}"
@@ -257,7 +246,6 @@ def _section_of(annotation: object) -> type[BaseModel]:
 
 
 def _as_toml(value: object) -> str:
-    """One value as TOML writes it."""
     match value:
         case str() | bool():
             return json.dumps(value, ensure_ascii=False)

@@ -133,7 +133,6 @@ class GraspSection(Section):
         return 0.0, None
 
     def _preload_as(self, unit: str) -> float | Estimate | None:
-        """Value of the key of one unit."""
         return getattr(self, f"preload_{unit}")
 
 
@@ -283,9 +282,6 @@ class GraspConfig(Section):
 
         Args:
             unit: Unit of the heights: n, kpa, counts or au.
-
-        Returns:
-            The preload in that unit, or "estimate".
 
         Raises:
             ConfigError: The file does not say how the two units convert.

@@ -55,7 +55,6 @@ class SensorSection(Section):
 
         Args:
             source: Unit of the value: n, kpa, counts or au.
-            target: Unit wanted.
 
         Returns:
             The factor; None where the file does not say.

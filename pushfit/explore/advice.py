@@ -26,9 +26,6 @@ WORTHWHILE = 0.05
 def with_next_push(found: Identification) -> Identification:
     """An identification that says which push would tell most of what is open.
 
-    Args:
-        found: What a table told.
-
     Returns:
         The same with a sentence for each angle that was asked for and is not
         determined, unless no single push would tell much.

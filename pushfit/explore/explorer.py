@@ -46,19 +46,12 @@ class Explorer:
     """Suggests pushes, takes in what came of them, and says when to stop.
 
     Args:
-        config: Settings of the grasp.
         ask: "theta_c", "alpha_star" or "both".
         width_deg: Width of the interval that decides an angle; ± 3° is 6 [deg].
-        prob: Probability of the interval.
         budget: Pushes that may be made, besides those attached.
-        limits: What pushes must never do.
         journal: File that everything is kept in; one that exists is gone on with.
-        seed: Seed of all randomness.
         sigma: Standard deviation of the heights of repeated pushes; None where it is
             to be learned, which takes eight pushes before anything is decided [unit].
-        channels: Height channels of every push.
-        unit: Unit of the heights.
-        source: Where beliefs come from.
 
     Raises:
         ConfigError: The question makes no sense, or the journal asks another one.
@@ -137,9 +130,6 @@ class Explorer:
 
         The first one counts as asked for, and is in the journal when this returns.
 
-        Args:
-            n: How many to rank.
-
         Returns:
             Suggestions; none once the exploration has its answer.
         """
@@ -179,9 +169,6 @@ class Explorer:
             sd: Standard deviations in the same form; None where none is known [unit].
             flags: Words of the peak extraction, joined by ";".
 
-        Returns:
-            Where the exploration stands now.
-
         Raises:
             DataError: A number is missing or not finite.
         """
@@ -203,19 +190,13 @@ class Explorer:
         """Say that a push gave no height; it may be asked again.
 
         Args:
-            suggestion: What was asked.
             reason: Stable word, such as "stalled".
         """
         self._record(failed_event(suggestion, reason, is_final=False))
         self._stop_after_failures()
 
     def abandon(self, suggestion: Suggestion, reason: str = "abandoned") -> None:
-        """Say that a push is not to be made; it is never asked again.
-
-        Args:
-            suggestion: What was asked.
-            reason: Stable word.
-        """
+        """Say that a push is not to be made; it is never asked again."""
         self._record(failed_event(suggestion, reason, is_final=True))
         self._stop_after_failures()
 
@@ -306,7 +287,6 @@ class Explorer:
         return [suggestion(belief, survey, row, target) for row in rows]
 
     def _record(self, event: Event) -> None:
-        """Write an event down, then take it in."""
         self.journal.write(event)
         self._take(event)
 

@@ -60,7 +60,6 @@ class Limits:
     max_pushes: int = 300
 
     def __post_init__(self) -> None:
-        """Refuse limits that leave nothing or mean nothing."""
         low, high = self.theta_deg
         if not -90.0 <= low <= high <= 90.0:
             raise ConfigError(
@@ -104,20 +103,12 @@ class Limits:
         return pairs.reshape(-1, 2)
 
     def azimuths(self, config: GraspConfig) -> tuple[float, float]:
-        """Reach in azimuth [rad].
-
-        Args:
-            config: Settings of the grasp.
-        """
+        """Reach in azimuth [rad]."""
         low, high = np.radians(self.alpha_deg or config.reach.alpha_deg)
         return float(low), float(high)
 
     def first_azimuth(self, config: GraspConfig) -> float:
-        """Azimuth of θ_c before any push: as stated, or across the supports [rad].
-
-        Args:
-            config: Settings of the grasp.
-        """
+        """Azimuth of θ_c before any push: as stated, or across the supports [rad]."""
         stated = config.grasp.reference_alpha_deg
         low, high = self.azimuths(config)
         across = np.pi / 2 if low <= np.pi / 2 <= high else (low + high) / 2

@@ -25,9 +25,7 @@ class Step:
     """One push of an exploration, for whoever watches.
 
     Args:
-        suggestion: What was asked.
         fault: Stable word; None where a height was told.
-        state: Where the exploration stands after it.
     """
 
     suggestion: Suggestion
@@ -36,11 +34,7 @@ class Step:
 
 
 def nothing(step: Step) -> None:
-    """Watch without a word.
-
-    Args:
-        step: One push.
-    """
+    """Watch without a word."""
 
 
 def explore(
@@ -53,14 +47,8 @@ def explore(
     """Push until there is an answer.
 
     Args:
-        explorer: What chooses the pushes, with its journal.
-        hand: What makes them.
         settings: How heights are taken from the samples; what they leave open of the
             normal force and of signs follows from the exploration.
-        watch: Called after each push.
-
-    Returns:
-        The answer.
     """
     if len(explorer.question.channels) > 1 and settings.normal is None:
         settings = settings.model_copy(update={"normal": "fz"})

@@ -39,7 +39,6 @@ class Suggestion:
         alpha: Azimuth [rad].
         length_share: Length, as a share of the push length; below 1 while longer
             pushes might exceed the force limit.
-        purpose: What it is for.
         gain: Expected information about the asked angles [nat].
         expected_width: Mean width of the interval after it, of the first angle that
             is undecided; infinite where none may be left [deg].
@@ -78,8 +77,6 @@ class State:
     """Where an exploration stands.
 
     Args:
-        answer: In a word.
-        sentence: For a person.
         intervals: Shortest posterior interval of every asked angle [deg]; None where
             none has the probability asked for.
         p_unlimited: Probability to decide with unlimited pushes; None where those that

@@ -80,8 +80,6 @@ class Page:
     """Widgets that show a `Look` and change it.
 
     Args:
-        look: What is shown.
-        title: Name of the recording.
         save: Writes the files and returns what to tell; None makes a page to read only.
 
     Attributes:
@@ -112,7 +110,6 @@ class Page:
         )
 
     def _picture(self) -> LayoutDOM:
-        """Signal, humps and heights."""
         look, marks = self._look, self._marks
         after = f" after {self._origin:.0f} s" if self._origin else ""
         picture = figure(

@@ -23,11 +23,7 @@ def start_server(
     Args:
         look: What is shown; the same in every window, so that nothing is lost when a
             page is loaded again.
-        save: Writes the files and returns what to tell.
         port: Port; 0 takes a free one.
-
-    Returns:
-        The server, and the address.
 
     Raises:
         ConfigError: The port cannot be had (`port`).

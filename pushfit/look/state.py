@@ -34,7 +34,6 @@ class Look:
     """The humps of one recording, which of them are pushes, and their directions.
 
     Args:
-        recording: Samples.
         config: Settings in force. Their windows say what counts to begin with.
         schedule: Directions to begin with; None takes those of the recording, if any.
 
@@ -128,9 +127,6 @@ class Look:
     def at(self, when: float) -> int | None:
         """Position of the hump at a time, a little beside it included.
 
-        Args:
-            when: Time [s].
-
         Returns:
             The one whose top is nearest; None where only rest is.
         """
@@ -170,12 +166,7 @@ class Look:
 
         Args:
             theta: Elevations, as `angles_of` reads them [deg].
-            alpha: Azimuths [deg].
-            repeats: Pushes per direction.
             by_theta: Whether every elevation in turn is pushed at all azimuths instead.
-
-        Returns:
-            What was done.
 
         Raises:
             ConfigError: The texts are no angles (`angles`), or the plan has another
@@ -292,7 +283,6 @@ def angles_of(text: str, name: str) -> Sequence[float]:
 
     Args:
         text: Numbers, or first, last (which is one of them) and step.
-        name: What they are, for messages.
 
     Returns:
         The angles, in the unit of the text.

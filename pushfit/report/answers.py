@@ -119,7 +119,6 @@ def alpha_star_answer(identification: Identification) -> Answer:
 
 
 def _draws(identification: Identification, name: str) -> Float[np.ndarray, " n"]:
-    """Posterior draws of a quantity, none if there are none."""
     return np.asarray(identification.posterior.samples.get(name, np.empty(0)))
 
 
@@ -188,7 +187,6 @@ def _angle_answer(
 def _reason(
     quantity: Quantity, angles: Float[np.ndarray, " n"], *, few: str, many: str
 ) -> str:
-    """Why an angle is not determined."""
     if quantity.verdict is Verdict.PROVISIONAL:
         return "the model does not describe them"
     if quantity.note:
@@ -254,7 +252,6 @@ def _model_free_remark(quantity: Quantity, free: Quantity | None) -> str:
 
 
 def _with_remarks(answer: Answer, remarks: list[str]) -> Answer:
-    """Answer with further sentences."""
     return replace(answer, sentence=" ".join([answer.sentence, *filter(None, remarks)]))
 
 
@@ -270,7 +267,6 @@ def _with_caution(answer: Answer, identification: Identification) -> Answer:
 
 
 def _unquoted(name: str, subject: str, identification: Identification) -> Answer:
-    """Answer where the numerics are not to be trusted."""
     status = identification.status
     if status is FitStatus.OK:
         status = identification.posterior.status

@@ -150,13 +150,11 @@ def _p_value(p_value: float | None) -> str:
 
 
 def _predictive(checks: Sequence[PredictiveCheck]) -> str:
-    """Features of the residuals with their posterior predictive p-values."""
     parts = [f"{PREDICTIVE[c.feature]}{_p_value(c.p_value)}" for c in checks]
     return "; ".join(part.replace(", ", " ") for part in parts)
 
 
 def _noise(identification: Identification) -> str:
-    """Standard deviations of the heights that the fit worked with."""
     sigma = identification.fit.sigma
     sigma = sigma[np.isfinite(sigma)]
     if not sigma.size:
@@ -170,7 +168,6 @@ def _noise(identification: Identification) -> str:
 
 
 def _optima(identification: Identification) -> str:
-    """All optima of the likelihood, where there are several."""
     modes = identification.fit.modes
     if len(modes) < 2:
         return ""

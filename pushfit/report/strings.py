@@ -27,9 +27,6 @@ UNSAFE_CATEGORIES = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})
 def printable(text: str) -> str:
     r"""Text in which nothing can move the cursor, change colour or hide itself.
 
-    Args:
-        text: Anything, for example a file name.
-
     Returns:
         The text with every control or format character as its escape, on one line.
 
@@ -45,9 +42,6 @@ def printable(text: str) -> str:
 
 def unit_label(unit: str) -> str:
     """Unit as printed; empty for a pure number.
-
-    Args:
-        unit: As in a table or a `Quantity`.
 
     Returns:
         For example "kPa·m/rad" for "kpa·m/rad"; an unknown word as it is.
@@ -113,11 +107,7 @@ def format_number(value: float | None, *, spread: float | None = None) -> str:
 
 
 def with_unit(number: str, unit: str) -> str:
-    """Number and unit, "40°" without and "3 N" with a space.
-
-    Args:
-        unit: As in a table or a `Quantity`.
-    """
+    """Number and unit, "40°" without and "3 N" with a space."""
     label = unit_label(unit)
     if not label:
         return number
@@ -138,10 +128,6 @@ def spread_of(estimate: float, interval: tuple[float, float]) -> float:
     """Width that decides the digits of an estimate and its interval.
 
     Twice the shorter arm, so that the near end of a skewed interval keeps its digits.
-
-    Args:
-        estimate: Value inside the interval.
-        interval: Lower and upper end.
     """
     low, high = interval
     arm = min(estimate - low, high - estimate)
@@ -158,9 +144,6 @@ def format_range(
     """Interval or half-open set in words: "38° to 42°", "above 61°", "below 20°".
 
     Args:
-        lower: Lower end; None if open.
-        upper: Upper end; None if open.
-        unit: Unit of both.
         spread: Uncertainty that decides the digits; None is the width.
     """
     if lower is None or upper is None:

@@ -74,11 +74,7 @@ def batch(
 
 
 def report(session: Session, found: "Batch", *, is_json: bool) -> None:
-    """Say what came out.
-
-    Args:
-        is_json: Whether standard output is a document.
-    """
+    """Say what came out."""
     if found.notice:
         session.warn(found.notice)
     for failure in found.failures[:N_SHOWN]:
@@ -101,11 +97,7 @@ def report(session: Session, found: "Batch", *, is_json: bool) -> None:
 
 
 def counts(found: "Batch") -> dict[str, int]:
-    """How many items went which way.
-
-    Returns:
-        Numbers by name.
-    """
+    """How many items went which way."""
     statuses = [row["status"] for row in found.rows]
     duplicates = [row for row in found.rows if row["duplicate_of"] is not None]
     return {

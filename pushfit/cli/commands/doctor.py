@@ -62,7 +62,6 @@ def installed_versions() -> dict[str, str | None]:
 
 
 def _version(name: str) -> str | None:
-    """Version of one package."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:

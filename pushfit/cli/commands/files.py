@@ -165,7 +165,6 @@ def print_heights(
 
     Args:
         path: Recording without angles.
-        output: File to write; None for standard output.
     """
     from pushfit.data.peaks.extract import measure_pushes
     from pushfit.data.recordings.load import configured_recording
@@ -186,11 +185,7 @@ def print_heights(
 def draw_found(
     session: Session, path: Path, settings: "GraspConfig", *, plot: Path
 ) -> None:
-    """Draw a recording whose directions are not known, its pushes numbered.
-
-    Args:
-        plot: Picture to write, in the format of its suffix.
-    """
+    """Draw a recording whose directions are not known, its pushes numbered."""
     from pushfit.data.recordings.load import configured_recording
     from pushfit.report.figures import found_figure, save_figure
 
@@ -200,11 +195,7 @@ def draw_found(
 
 
 def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:
-    """Draw the signal of a recording with what was taken from it.
-
-    Args:
-        plot: Picture to write, in the format of its suffix.
-    """
+    """Draw the signal of a recording with what was taken from it."""
     from pushfit.report.figures import save_figure, signal_figure
 
     save_figure(signal_figure(table.traces[0], table), plot)
@@ -245,11 +236,7 @@ def simulate(
 
 
 def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
-    """What was recognised in one file.
-
-    Returns:
-        Facts by name, as JSON knows them.
-    """
+    """What was recognised in one file."""
     from pushfit.data.plans.schedule import read_schedule
     from pushfit.data.recordings.check import file_kind
     from pushfit.data.recordings.load import reader_options

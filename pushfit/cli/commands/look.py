@@ -104,11 +104,7 @@ def look(
 def read_look(
     session: Session, recording: Path, schedule: Path | None, settings: "GraspConfig"
 ) -> "Look":
-    """What the page is going to show.
-
-    Args:
-        schedule: File with the directions to begin with.
-    """
+    """What the page is going to show."""
     from pushfit.data.plans.schedule import read_schedule
     from pushfit.data.recordings.check import expect_kind
     from pushfit.data.recordings.load import configured_recording, reader_options
@@ -126,9 +122,6 @@ class Saver:
     """Writes what was decided, under names made from that of the recording.
 
     Args:
-        session: Where the names of the files are said.
-        recording: Recording.
-        out: Folder.
         force: Whether files that are there may be replaced. Those that were written
             before by this one always are.
     """

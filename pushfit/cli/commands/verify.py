@@ -53,7 +53,6 @@ def find_inputs(
     """Where the inputs of a result are now, each with the content it had then.
 
     Args:
-        summary: `summary.json`.
         folder: Folder to look in first.
 
     Returns:
@@ -100,9 +99,6 @@ def locate(path: str, result: Path, folder: Path | None) -> Path:
         path: As recorded.
         folder: Folder to look in instead; there the name alone is enough.
 
-    Returns:
-        Path that exists.
-
     Raises:
         DataError: It is in none of these places.
     """
@@ -126,11 +122,7 @@ def run_again(
     """The same analysis of the same files.
 
     Args:
-        summary: `summary.json`.
         found: Path of every input by its recorded name.
-
-    Returns:
-        What it finds now.
     """
     from pushfit.data.tables.peak_table import read_table
     from pushfit.explore.advice import with_next_push
@@ -177,14 +169,7 @@ def recorded_config(summary: dict[str, Any]) -> "GraspConfig":
 def as_document(
     comparison: "Reproduction", found: dict[str, Path]
 ) -> dict[str, object]:
-    """What `--json` prints.
-
-    Args:
-        found: Path of every input by its recorded name.
-
-    Returns:
-        Document without infinities.
-    """
+    """What `--json` prints."""
     from pushfit.report.plain import json_safe
 
     return {

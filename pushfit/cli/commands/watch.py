@@ -73,7 +73,6 @@ def stamps(folder: Path, out: Path) -> dict[Path, Stamp]:
     """Size and time of change of every file, those of the results left out.
 
     Args:
-        folder: Where to look.
         out: Folder of the results, perhaps inside.
     """
     found = {}

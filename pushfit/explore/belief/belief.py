@@ -33,10 +33,7 @@ class Question:
     """What is asked, and through which sensor.
 
     Args:
-        config: Settings in force.
         ask: The angles asked for, of "theta_c" and "alpha_star".
-        channels: Height channels of every push.
-        unit: Unit of the heights.
         sigma: Stated standard deviation of a height; None where it is to be learned
             [unit].
         reference_alpha: Azimuth at which θ_c is asked for [rad].
@@ -69,7 +66,6 @@ class Belief:
         sd: Noise to expect that is stated with a height, by channel [unit].
         is_sd_used: Whether the sd stated with a height counts.
         channels: Names of the rows of `scatter`.
-        grasp: Grasp and sensor.
         likelihood: "normal" or "student_t".
         is_guess: Whether only the priors speak.
     """
@@ -119,9 +115,6 @@ class Belief:
             heights: Measured heights, by channel [unit].
             predicted: Noise-free height of the push, by channel and draw [unit].
             sd: Standard deviations stated with the heights [unit].
-
-        Returns:
-            A belief with new weights on the same draws.
         """
         stated = self.sd if sd is None or not self.is_sd_used else sd
         noise = np.hypot(self.scatter, stated[:, None])

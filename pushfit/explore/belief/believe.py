@@ -41,11 +41,6 @@ def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
     Where the settings leave the mechanics open and the tilt is large, both are drawn
     by, and those lead that would lead its identification.
 
-    Args:
-        table: Pushes made so far; None where there are none.
-        question: What is asked, and through which sensor.
-        seed: Seed of the draws.
-
     Returns:
         `N_DRAWS` draws of the posterior, or of the prior without a usable push.
     """
@@ -64,8 +59,6 @@ def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Drawn:
-    """Draws of a posterior by one of the mechanics."""
-
     setup: Setup
     posterior: PosteriorResult
 
@@ -165,10 +158,7 @@ def belief_from(
     """Draws as a belief, padded without weight to what programs are compiled for.
 
     Args:
-        setup: Problem that they are draws of.
         samples: Draws of equal weight by name.
-        seed: Seed of the choice of those that are kept.
-        is_guess: Whether only the priors speak.
     """
     problem, noise = setup.problem, setup.noise
     n = next(iter(samples.values())).size

@@ -28,11 +28,7 @@ def learnt(
     Short pushes are in no table: they always come by weights.
 
     Args:
-        told: Pushes in order.
-        question: What is asked.
         n_drawn: Pushes that the draws rest on.
-        source: Where beliefs come from.
-        seed: Seed of the exploration.
     """
     first, rest = told[:n_drawn], told[n_drawn:]
     belief = source(table_of(first, question), question, SEEDS * seed + n_drawn)
@@ -42,13 +38,7 @@ def learnt(
 
 
 def weighed(belief: Belief, row: Told, question: Question) -> Belief:
-    """The belief after one more push; flagged heights are no evidence.
-
-    Args:
-        belief: What was believed before.
-        row: The push.
-        question: What is asked.
-    """
+    """The belief after one more push; flagged heights are no evidence."""
     if EXCLUDING_FLAGS & set(row.flags.split(";")):
         return belief
     found = predict(
@@ -62,12 +52,7 @@ def weighed(belief: Belief, row: Told, question: Question) -> Belief:
 
 
 def reference_due(told: Sequence[Told], limits: Limits) -> Told | None:
-    """The push to repeat, if it is time to see whether the object has moved.
-
-    Args:
-        told: Pushes in order.
-        limits: How often.
-    """
+    """The push to repeat, if it is time to see whether the object has moved."""
     own = [row for row in told if not row.is_short and not row.is_attached]
     since = 0
     for row in reversed(own):

@@ -28,7 +28,6 @@ class Predicted:
     Args:
         heights: Noise-free heights, by push, channel and draw [unit].
         force: Magnitude of the contact force, the preload included [N, or unit].
-        in_contact: Whether the finger stays on the object.
     """
 
     heights: Float[np.ndarray, "k c n"]
@@ -46,13 +45,9 @@ def predict(
     """Heights and forces of pushes, by every draw.
 
     Args:
-        belief: Draws.
         theta: Elevations [rad].
         alpha: Azimuths [rad].
         length_share: Length of the pushes, as a share of that of the grasp.
-
-    Returns:
-        Predictions in the order of the pushes.
     """
     k = theta.size
     size = 1 if k == 1 else -(-k // PADDING) * PADDING
@@ -73,8 +68,6 @@ def force_of(params: Parameters, grasp: Grasp, theta: float, alpha: float) -> fl
     """Magnitude of the contact force of one push, the preload included.
 
     Args:
-        params: Parameters.
-        grasp: Grasp and sensor.
         theta: Elevation [rad].
         alpha: Azimuth [rad].
 
@@ -99,8 +92,6 @@ def _at_draws(
     length_share: Float[Array, ""],
     channels: tuple[str, ...],
 ) -> tuple[Float[Array, "k c n"], Float[Array, "k n"], Bool[Array, "k n"]]:
-    """Heights, force and contact of every push and draw."""
-
     def one(draw: Mapping[str, Float[Array, ""]]) -> tuple[Array, Array, Array]:
         own = {name: value for name, value in draw.items() if name not in OF_GRASP}
         held = replace(

@@ -14,10 +14,6 @@ from pushfit.explore.records import Told
 def table_of(told: Sequence[Told], question: Question) -> PeakTable | None:
     """Pushes of full length as a table.
 
-    Args:
-        told: Pushes in order.
-        question: Channels, unit and stated noise.
-
     Returns:
         The table, with standard deviations where every push has them; None without a
         push.
@@ -44,10 +40,6 @@ def table_of(told: Sequence[Told], question: Question) -> PeakTable | None:
 def noise_is_known(told: Sequence[Told], question: Question) -> bool:
     """Whether the scatter of the heights rests on more than a default prior.
 
-    Args:
-        told: Pushes in order.
-        question: What is asked.
-
     Returns:
         True where it is stated in advance, or with every push of full length.
     """
@@ -56,11 +48,7 @@ def noise_is_known(told: Sequence[Told], question: Question) -> bool:
 
 
 def told_rows(table: PeakTable) -> tuple[Told, ...]:
-    """Pushes of a table that was made before.
-
-    Args:
-        table: Peak heights.
-    """
+    """Pushes of a table that was made before."""
     theta, alpha = table.theta, table.alpha
     heights = {c: table.heights(c) for c in table.channels}
     sds = {c: table.sd(c) for c in table.channels}
@@ -82,10 +70,6 @@ def told_rows(table: PeakTable) -> tuple[Told, ...]:
 def check_sensor(table: PeakTable, question: Question) -> None:
     """Refuse a table of another sensor.
 
-    Args:
-        table: Peak heights.
-        question: Channels and unit of the exploration.
-
     Raises:
         DataError: They are not those of the table.
     """
@@ -105,7 +89,6 @@ def by_channel(
 
     Args:
         values: By channel, or that of the only one.
-        channels: Names wanted.
 
     Raises:
         DataError: A channel is missing or too many, or a number is not finite.
@@ -129,10 +112,6 @@ def by_channel(
 
 def sd_of(row: Told, question: Question) -> Float[np.ndarray, " c"] | None:
     """Noise of the heights of a push: what repeats scatter by is the least it can be.
-
-    Args:
-        row: The push.
-        question: Channels and stated noise.
 
     Returns:
         Standard deviations by channel; None where none is stated [unit].

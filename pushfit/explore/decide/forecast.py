@@ -79,7 +79,6 @@ def imagine(
         sigma: Noise of a height by channel [as heights].
         rows: Candidates that may be pushed.
         gains: What each candidate tells now; picks those of the second reckoning.
-        rng: Source of randomness.
 
     Returns:
         Pushes spread over the reach, and pushes that tell most now.
@@ -110,10 +109,8 @@ def p_decided(
     """Share of plausible truths that some pushes would decide.
 
     Args:
-        imagined: Truths, and ways to push them.
         weights: Weights of the draws, which sum to 1.
         targets: The angles, all of which are to be decided.
-        n_pushes: Pushes to be made.
 
     Returns:
         Probability in [0, 1], by the better way.
@@ -163,7 +160,6 @@ class _Bins:
     Args:
         members: Which draws lie in each bin.
         step: Width of a bin [deg].
-        target: The angle.
     """
 
     members: csr_array

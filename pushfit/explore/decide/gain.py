@@ -56,7 +56,6 @@ def labels(
     Args:
         values: Draws; NaN where undefined.
         weights: Their weights, which sum to 1.
-        n_labels: Number of bins.
 
     Returns:
         Bin of every draw, from 0 to `n_labels`; the last is that of NaN.
@@ -120,11 +119,7 @@ def summed_gain(
     """Sum of the expected information gains about several angles, of one count.
 
     Args:
-        heights: Noise-free readings of every candidate, channel and draw.
         angles: Each angle of every draw; NaN where undefined.
-        weights: Weight of every draw; they sum to 1.
-        sigma: Noise of a reading by channel [as heights].
-        is_coarse: Whether a gain for screening will do.
 
     Returns:
         Gains, not below 0 [nat].
@@ -164,12 +159,6 @@ def outlook(
 
     Args:
         heights: Noise-free readings by channel and draw.
-        target: The angle, and what would decide it.
-        weights: Weight of every draw; they sum to 1.
-        sigma: Noise of a reading by channel [as heights].
-
-    Returns:
-        Expected width, and the probability to decide.
     """
     own = weights > 0
     heights, values, weights = heights[:, own], target.values[own], weights[own]
@@ -295,7 +284,6 @@ class _Binned:
 def _binned(
     scaled: Float32[np.ndarray, "k n"], weights: Float[np.ndarray, " n"], size: int
 ) -> _Binned:
-    """Bins of a reading in one direction, and its noise."""
     weights = weights.astype(np.float32)
     mean = scaled @ weights
     spread = np.sqrt(np.maximum((scaled**2) @ weights - mean**2, 0.0))
@@ -337,7 +325,6 @@ def _plain(joint: _Joint) -> Float[np.ndarray, " k"]:
 
 
 def _whole(table: Float[np.ndarray, "k ..."]) -> Float[np.ndarray, " k"]:
-    """Sum of a table for every candidate."""
     return table.reshape(table.shape[0], -1).sum(axis=1, dtype=float)
 
 

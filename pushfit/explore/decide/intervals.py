@@ -21,7 +21,6 @@ class Target:
         values: Its draws; NaN where undefined [deg].
         is_axis: Whether it is an azimuth of period 180°.
         width: Width asked for [deg].
-        prob: Probability of the interval.
     """
 
     values: Float[np.ndarray, " n"]
@@ -36,7 +35,6 @@ def shortest_interval(
     """Shortest interval of an angle with the probability asked for.
 
     Args:
-        target: The angle.
         weights: Weights of its draws, which sum to 1.
 
     Returns:
@@ -72,7 +70,6 @@ def column_widths(
     Args:
         table: Probability by bin of the angle and column; what is missing of a
             column to 1 has no angle.
-        prob: Probability inside.
         step: Width of a bin [deg].
         is_axis: Whether the bins go once round an axis.
 

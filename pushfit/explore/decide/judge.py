@@ -44,9 +44,6 @@ class Judge:
 
     Args:
         width: Width of an interval that decides [deg].
-        prob: Its probability.
-        budget: Pushes that may be made.
-        seed: Seed of the forecasts.
     """
 
     width: float
@@ -55,7 +52,6 @@ class Judge:
     seed: int
 
     def __post_init__(self) -> None:
-        """Refuse a question that makes no sense."""
         if not (0 < self.width < 180 and 0 < self.prob < 1 and self.budget >= 0):
             raise ConfigError(
                 f"width {self.width:g}°, probability {self.prob:g} and budget "
@@ -68,7 +64,6 @@ class Judge:
         """An asked angle as it is believed, and what would decide it.
 
         Args:
-            belief: What is believed now.
             angle: "theta_c" or "alpha_star".
         """
         return Target(
@@ -81,12 +76,7 @@ class Judge:
     def intervals(
         self, belief: Belief, question: Question
     ) -> dict[str, Interval | None]:
-        """Shortest posterior interval of every asked angle [deg].
-
-        Args:
-            belief: What is believed now.
-            question: What is asked.
-        """
+        """Shortest posterior interval of every asked angle [deg]."""
         return {
             angle: shortest_interval(self.target(belief, angle), belief.weights)
             for angle in question.ask
@@ -95,12 +85,7 @@ class Judge:
     def undecided(
         self, belief: Belief, intervals: Mapping[str, Interval | None]
     ) -> tuple[str, ...]:
-        """Asked angles whose interval is still too wide.
-
-        Args:
-            belief: What is believed now.
-            intervals: Interval of every asked angle.
-        """
+        """Asked angles whose interval is still too wide."""
         return tuple(
             angle
             for angle, interval in intervals.items()
@@ -118,9 +103,7 @@ class Judge:
         """Whether the last push, if it repeated the first, says the object has moved.
 
         Args:
-            told: Pushes in order.
             belief: What is believed; corrects for joints that miss by a little.
-            limits: How much is too much.
 
         Returns:
             The sentence; None where nothing has moved.
@@ -160,15 +143,9 @@ class Judge:
         """Where an exploration stands.
 
         Args:
-            belief: What is believed now.
-            question: What is asked.
-            told: Pushes in order.
-            intervals: Interval of every asked angle.
             before: Where it stood after earlier pushes.
             n_failed: Pushes that gave nothing.
-            limits: Cap on motions.
             stopped: Why it was ended from outside, if it was.
-            survey: What every candidate would tell.
         """
         n_own = sum(not row.is_attached for row in told)
         n_left = min(self.budget - n_own, limits.max_pushes - n_own - n_failed)
@@ -237,7 +214,6 @@ class Judge:
         return chance(n_pushes=UNLIMITED), within
 
     def _worded(self, state: State, belief: Belief) -> State:
-        """The state with its sentence."""
         known = "; ".join(
             self._known(belief, angle, interval)
             for angle, interval in state.intervals.items()
@@ -276,7 +252,6 @@ class Judge:
         return replace(state, sentence=text)
 
     def _known(self, belief: Belief, angle: str, interval: Interval | None) -> str:
-        """What is known of one angle, in words."""
         symbol = ANGLES[angle].prose
         if interval is not None:
             low, high = interval

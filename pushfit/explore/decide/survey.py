@@ -33,7 +33,6 @@ class Survey:
         alpha: Azimuths [rad].
         length_share: Length of the pushes, as a share of the push length.
         predicted: Heights and forces by every draw.
-        is_allowed: Whether limits permit a push.
         gains: Expected information about the asked angles; 0 where not allowed [nat].
         refusals: How many candidates each reason rules out.
     """
@@ -54,12 +53,7 @@ class Survey:
 
 
 class Surveyor:
-    """Surveys beliefs of one exploration; predictions are kept while draws stay.
-
-    Args:
-        question: What is asked, and through which sensor.
-        limits: Where pushes may go.
-    """
+    """Surveys beliefs of one exploration; predictions are kept while draws stay."""
 
     def __init__(self, question: Question, limits: Limits) -> None:
         """Lay out the candidates."""
@@ -80,8 +74,6 @@ class Surveyor:
         """What every candidate would tell, at the greatest length that is safe.
 
         Args:
-            belief: What is believed now.
-            undecided: The angles that gains are about.
             abandoned: Directions never to be asked again [rad].
             is_full: Whether gains of all candidates are wanted to the last digit, as
                 for a picture.
@@ -174,14 +166,7 @@ class Surveyor:
 
 
 def suggestion(belief: Belief, survey: Survey, row: int, target: Target) -> Suggestion:
-    """One candidate with its outlook.
-
-    Args:
-        belief: What is believed now.
-        survey: Survey of it.
-        row: Which candidate.
-        target: What the outlook is about.
-    """
+    """One candidate with its outlook."""
     is_whole = survey.length_share == 1.0
     heights = survey.predicted.heights[row]
     expected = outlook(heights, target, belief.weights, belief.sigma)
@@ -201,14 +186,7 @@ def suggestion(belief: Belief, survey: Survey, row: int, target: Target) -> Sugg
 def repetition(
     belief: Belief, survey: Survey, push: Told, target: Target
 ) -> Suggestion:
-    """A push made once more, to see whether it gives the same.
-
-    Args:
-        belief: What is believed now.
-        survey: Survey of it.
-        push: The push.
-        target: What the outlook is about.
-    """
+    """A push made once more, to see whether it gives the same."""
     theta, alpha = np.array([push.theta]), np.array([push.alpha])
     found = predict(belief, theta, alpha)
     gains = information_gain(found.heights, target.values, belief.weights, belief.sigma)

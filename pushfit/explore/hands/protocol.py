@@ -32,7 +32,6 @@ class PushOutcome:
     """What became of a push.
 
     Args:
-        status: How it ended.
         reached: Displacement at its end, from the contact [m].
         t_start: When the finger began to move, on the clock of the samples [s].
         t_end: When it was back, or had stopped [s].

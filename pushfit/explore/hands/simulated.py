@@ -32,10 +32,6 @@ class World:
     """What is true and nobody knows.
 
     Args:
-        params: Parameters of the grasp.
-        grasp: Grasp and sensor.
-        session: Course of the pushes and the sensor.
-        reach: Where the finger can push.
         scatter: Standard deviation of the height of a push, relative to it: how it is
             executed, which no sensor noise shows.
         faults: What goes wrong, by the number of the push, from 1.
@@ -55,7 +51,6 @@ class SimulatedHand:
     """A hand for tests, demonstrations and rehearsals.
 
     Args:
-        world: What it touches.
         seed: Seed of all randomness; push n of a seed is always the same.
     """
 
@@ -197,7 +192,6 @@ def _angles(
 
 
 def _taken(part: Recording, rows: Int[np.ndarray, " m"]) -> Recording:
-    """Some samples, in a given order."""
     return replace(
         part,
         time=part.time[rows],
@@ -290,12 +284,8 @@ def simulated_hand(
 
     Args:
         config: The truth, a value for every parameter.
-        theta_deg: Elevations that it can push in.
-        unit: Unit of its sensor.
         noise: Standard deviation of a sample [unit].
         scatter: Standard deviation of the height of a push, relative to it.
-        forces: Whether the sensor gives force components.
-        seed: Seed of all randomness.
 
     Raises:
         ConfigError: A parameter is missing, or the preload is no number.

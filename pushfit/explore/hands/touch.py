@@ -53,14 +53,9 @@ def feel(
 
     Args:
         recording: Samples as they came, from a rest before the push to one after it.
-        outcome: What the position node says of it.
         asked: Displacement that was asked for [m].
         limits: What counts as a stall, a silence, a return to rest.
-        settings: How heights are taken.
         sigma: Standard deviation of a height; None while it is not known [unit].
-
-    Returns:
-        The height, or the fault.
     """
     fault = _motion_fault(outcome, asked, limits)
     if fault is None:

@@ -28,10 +28,7 @@ class History:
     """What was asked and told so far: nothing but the sum of the events.
 
     Args:
-        told: Pushes in order.
         course: Where it stood after each push, for pictures.
-        failures: Pushes that gave no height.
-        pending: The push that is asked for now.
         n_drawn: Pushes that the draws rest on; the others came by new weights.
         stopped: Why it was ended from outside, if it was.
         in_a_row: Why pushes failed since the last that gave a height.
@@ -46,11 +43,7 @@ class History:
     in_a_row: list[str] = field(default_factory=list)
 
     def take(self, event: Event) -> None:
-        """Go on by one event.
-
-        Args:
-            event: Line of a journal.
-        """
+        """Go on by one event."""
         match event["event"]:
             case "attached":
                 self.told += _adapter(list[Told]).validate_python(event["rows"])
@@ -75,13 +68,7 @@ class History:
 
 
 def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
-    """First line of a journal: the question.
-
-    Args:
-        question: Sensor and settings.
-        judge: What counts as an answer.
-        limits: What pushes must never do.
-    """
+    """First line of a journal: the question."""
     return {
         "event": "start",
         "schema": SCHEMA,
@@ -99,23 +86,12 @@ def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
 
 
 def told_event(row: Told, number: int | None) -> Event:
-    """Line of a push that was made.
-
-    Args:
-        row: The push.
-        number: Of the suggestion that it answers.
-    """
+    """Line of a push that was made."""
     return {"event": "told", "number": number, **asdict(row)}
 
 
 def failed_event(suggestion: Suggestion, reason: str, *, is_final: bool) -> Event:
-    """Line of a push that gave no height.
-
-    Args:
-        suggestion: What was asked.
-        reason: Stable word, such as "stalled".
-        is_final: Whether it is never to be asked again.
-    """
+    """Line of a push that gave no height."""
     failure = Failure(
         theta=suggestion.theta,
         alpha=suggestion.alpha,
@@ -126,20 +102,12 @@ def failed_event(suggestion: Suggestion, reason: str, *, is_final: bool) -> Even
 
 
 def state_event(state: State) -> Event:
-    """Line that says where an exploration stands.
-
-    Args:
-        state: The state.
-    """
+    """Line that says where an exploration stands."""
     return {"event": "state", **_adapter(State).dump_python(state, mode="json")}
 
 
 def asked_event(suggestion: Suggestion) -> Event:
-    """Line of a suggestion; JSON has no infinity, so a width without bound is null.
-
-    Args:
-        suggestion: What is asked.
-    """
+    """Line of a suggestion; JSON has no infinity, so a width without bound is null."""
     event = _adapter(Suggestion).dump_python(suggestion, mode="json")
     if not np.isfinite(suggestion.expected_width):
         event["expected_width"] = None

@@ -78,11 +78,9 @@ def residual_figure(
 
     Args:
         residuals: (observation - prediction)/sigma.
-        predicted: Predicted heights.
         theta_deg: Elevation of each residual [deg].
         alpha_deg: Azimuth of each residual [deg].
         row: Row of the table of each residual, the order in time.
-        unit: Unit of the heights.
     """
     from scipy.special import ndtri
 
@@ -204,10 +202,6 @@ def coverage_figure(
     Args:
         points: For each quantity the claimed probability, the measured share, and the
             lower and upper binomial limit.
-        ax: Where to draw; None makes a figure.
-
-    Returns:
-        Figure of one column's width.
     """
     rows = -(-len(points) // 4)
     figure, axes = canvas(ax, width=COLUMN, height=COLUMN + 0.25 * rows)

@@ -39,7 +39,6 @@ class Known:
         values: Draws; NaN where undefined [deg].
         weights: Their weights, which sum to 1.
         interval: Shortest interval; None where there is none [deg].
-        prob: Its probability.
         width: Width that would decide [deg].
     """
 
@@ -96,12 +95,7 @@ def exploration_figure(
     """What is known, what pushes would tell, and how it went.
 
     Args:
-        known: The angle that is asked.
         course: How it went; None where pushes were not followed.
-        title: One sentence.
-
-    Returns:
-        Three panels, or two without a course.
     """
     n = 2 if course is None else 3
     figure = new_figure(width=PAGE * n / 2.6, height=3.2)

@@ -27,7 +27,6 @@ def forest_figure(
 
     Args:
         differences: At least one.
-        labels: What the two results are called.
     """
     n = len(differences)
     figure = new_figure(width=2 * COLUMN, height=0.75 * n + 0.6)

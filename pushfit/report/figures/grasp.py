@@ -46,13 +46,11 @@ N_SHOWN = 60
 
 
 def _ray(angle_deg: float, length: float, *, down: bool) -> tuple[float, float]:
-    """End of a ray from the contact."""
     angle = np.radians(angle_deg)
     return length * np.cos(angle), (-1 if down else 1) * length * np.sin(angle)
 
 
 def _arrow(axes: "Axes", end: tuple[float, float], colour: str) -> None:
-    """Push arrow from the contact."""
     axes.annotate(
         "",
         end,
@@ -86,11 +84,7 @@ def _label(axes: "Axes", text: str, angle_deg: float, *, down: bool) -> None:
 
 
 def draw_side(axes: "Axes", marker: Marker, theta_deg: Sequence[float]) -> None:
-    """Draw object, supports and finger from the side, with pushes and θ_c.
-
-    Args:
-        theta_deg: Elevations that were pushed [deg].
-    """
+    """Draw object, supports and finger from the side, with pushes and θ_c."""
     from matplotlib.patches import Arc, Circle, FancyBboxPatch, Wedge
 
     style = "round,pad=0,rounding_size=0.1"
@@ -127,12 +121,7 @@ def draw_top(
     alpha_deg: Sequence[float],
     reach_deg: tuple[float, float],
 ) -> None:
-    """Draw the surface from above, with azimuths, reach and α*.
-
-    Args:
-        alpha_deg: Azimuths that were pushed [deg].
-        reach_deg: Azimuths that the finger can push in [deg].
-    """
+    """Draw the surface from above, with azimuths, reach and α*."""
     from matplotlib.patches import Arc, FancyBboxPatch, Wedge
 
     style = "round,pad=0,rounding_size=0.1"
@@ -197,7 +186,6 @@ class Ellipses:
     """Draws of one stiffness ellipse.
 
     Args:
-        title: What the ellipse is.
         mean: Geometric mean stiffness K of each draw.
         e1: First shape number of each draw [-].
         e2: Second shape number of each draw [-].
@@ -235,11 +223,7 @@ def ellipse_points(
 def draw_ellipses(
     axes: "Axes", ellipses: Ellipses, *, unit: str, alpha_star: Marker | None
 ) -> None:
-    """Draw some draws, the median ellipse and the soft axis.
-
-    Args:
-        unit: Unit of the stiffness.
-    """
+    """Draw some draws, the median ellipse and the soft axis."""
     colour = DATA if ellipses.is_informed else PRIOR
     step = max(1, ellipses.mean.size // N_SHOWN)
     for mean, e1, e2 in zip(
@@ -272,12 +256,7 @@ def draw_ellipses(
 def ellipse_figure(
     ellipses: list[Ellipses], *, unit: str, alpha_star: Marker | None = None
 ) -> "Figure":
-    """Stiffness ellipses side by side, with the best push direction.
-
-    Args:
-        ellipses: One panel each.
-        unit: Unit of the stiffness.
-    """
+    """Stiffness ellipses side by side, with the best push direction."""
     from matplotlib.lines import Line2D
 
     figure = new_figure(width=COLUMN * len(ellipses), height=COLUMN + 0.5)

@@ -149,7 +149,6 @@ def figure_files(
 def _posterior_makers(
     identification: Identification,
 ) -> dict[str, Callable[..., "Figure"]]:
-    """Makers of the figures of a posterior that is to be trusted."""
     makers: dict[str, Callable[..., Figure]] = {}
     samples = identification.posterior.samples
     for name in ("theta_c", "alpha_star"):
@@ -172,7 +171,6 @@ def _posterior_makers(
 
 
 def _grasp(identification: Identification) -> "Figure":
-    """Sketch of the grasp with the answers."""
     table, used = identification.table, identification.used
     markers = {
         name: marker_of(answer(identification), identification)
@@ -187,7 +185,6 @@ def _grasp(identification: Identification) -> "Figure":
 
 
 def _learned(identification: Identification, *, ax: "Axes | None") -> "Figure":
-    """How much of each parameter came from the data."""
     shown = identification.parameters
     return learned_figure(
         [q.name for q in shown],
@@ -198,7 +195,6 @@ def _learned(identification: Identification, *, ax: "Axes | None") -> "Figure":
 
 
 def _traces(posterior: PosteriorResult, chain: np.ndarray) -> "Figure":
-    """Walkers of the chain."""
     diagnostics = posterior.diagnostics
     return trace_figure(
         chain,
@@ -209,7 +205,6 @@ def _traces(posterior: PosteriorResult, chain: np.ndarray) -> "Figure":
 
 
 def _or_nan(value: float | None) -> float:
-    """None as NaN."""
     return np.nan if value is None else value
 
 
@@ -290,7 +285,6 @@ def _shown_in_pairs(
 
 
 def _corner(identification: Identification, shown: Sequence[Quantity]) -> "Figure":
-    """Corner plot."""
     posterior = identification.posterior
     return corner_figure(
         {q.name: posterior.samples[q.name] for q in shown},
@@ -305,7 +299,6 @@ def _varies(draws: np.ndarray | None) -> bool:
 
 
 def _residuals(identification: Identification) -> "Figure":
-    """Residuals of the best fit."""
     fit, table = identification.fit, identification.table
     rows = np.array(fit.row, dtype=int)
     observed = np.array(

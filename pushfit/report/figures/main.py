@@ -210,6 +210,5 @@ def sweep_makers(
 
 
 def _band_prob(identification: Identification) -> float:
-    """Probability of the bands."""
     bands = identification.bands
     return bands[0].prob if bands else identification.theta_c.prob

@@ -50,7 +50,6 @@ def corner_figure(
 
     Args:
         samples: Posterior draws by name, none of them constant.
-        prior: Prior draws, same names.
     """
     import corner
     from matplotlib.lines import Line2D
@@ -147,7 +146,6 @@ def _fill(panels: Iterable["Axes"]) -> None:
 
 
 def _clear(panels: Iterable["Axes"]) -> None:
-    """Take back what was drawn into some panels."""
     for axes in panels:
         for artist in (*axes.patches, *axes.lines, *axes.collections):
             artist.remove()

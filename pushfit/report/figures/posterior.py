@@ -40,13 +40,7 @@ MOST = 0.6
 
 
 def shade(axes: "Axes", pieces: Pieces, colour: str) -> None:
-    """Shade a set along x, open ends up to the border.
-
-    Args:
-        axes: Axes whose limits are set.
-        pieces: The set; None for an open end.
-        colour: Of the shade.
-    """
+    """Shade a set along x, open ends up to the border."""
     low, high = axes.get_xlim()
     for start, end in pieces:
         left = low if start is None else start
@@ -68,12 +62,7 @@ def draw_profile(
     """Draw a likelihood profile with its level and set.
 
     Args:
-        values: Grid of the quantity.
-        delta_chi_square: Profile on it.
-        pieces: Likelihood set.
         level: Δχ² of the set.
-        prob: Its probability.
-        limits: Range of the quantity.
     """
     # A profile is nearly a parabola at every optimum, so its root is what is straight
     # between the points of the grid.
@@ -108,8 +97,6 @@ def draw_posterior(
 
     Args:
         samples: Posterior draws; NaN where the quantity does not exist.
-        marker: Estimates and credible set.
-        limits: Range of the quantity.
     """
     bins = list(np.linspace(*limits, N_BINS + 1))
     for draws, colour, label, filled in (
@@ -156,10 +143,7 @@ def quantity_figure(
 
     Args:
         profile: Grid and Δχ² on it; None leaves the upper panel out.
-        marker: Name, estimates and credible set.
-        likelihood_pieces: Set of the profile.
         level: Δχ² of the likelihood set.
-        prob: Probability of both sets.
         modes: Values at the local optima of the likelihood.
         ax: Where to draw the posterior alone; None makes a figure of both.
     """
@@ -241,7 +225,6 @@ def learned_figure(
     Args:
         contraction: 1 - var_posterior / var_prior; NaN where there is no such number.
         verdicts: Word of each, for example "learned".
-        ax: Where to draw; None makes a figure.
     """
     height = 0.9 + 0.28 * len(names)
     figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)

@@ -48,9 +48,6 @@ class PushMarks:
     """Where and how each push was measured; NaN is unknown.
 
     Args:
-        push: Number of the push.
-        theta_deg: Elevation [deg].
-        alpha_deg: Azimuth [deg].
         t_start: First sample of the push [s].
         t_end: Last sample of the push [s].
         t_peak: Where the height was taken [s].
@@ -73,12 +70,7 @@ class PushMarks:
 def direction_labels(
     theta_deg: Float[np.ndarray, " p"], alpha_deg: Float[np.ndarray, " p"]
 ) -> list[str]:
-    """Shortest label of each direction: an angle that never changes is left out.
-
-    Args:
-        theta_deg: Elevations [deg].
-        alpha_deg: Azimuths [deg].
-    """
+    """Shortest label of each direction: an angle that never changes is left out."""
     vary_theta = np.unique(theta_deg).size > 1
     vary_alpha = np.unique(alpha_deg).size > 1
     labels = []
@@ -92,12 +84,7 @@ def direction_labels(
 def label_words(
     theta_deg: Float[np.ndarray, " p"], alpha_deg: Float[np.ndarray, " p"]
 ) -> str:
-    """What the labels of `direction_labels` mean, for the title.
-
-    Args:
-        theta_deg: Elevations [deg].
-        alpha_deg: Azimuths [deg].
-    """
+    """What the labels of `direction_labels` mean, for the title."""
     if theta_deg.size == 0:
         return ""
     if not np.isfinite(theta_deg).all():
@@ -146,7 +133,6 @@ def label_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
     """Write directions above the pushes, once for consecutive repeats, and the doubts.
 
     Args:
-        axes: Axes with time in seconds along x.
         rows: Which to label, in the order of time.
     """
     labels = [str(number) for number in marks.push]
@@ -200,7 +186,6 @@ def recording_figure(
     """Signal with every push, its baseline, its height and the doubtful places.
 
     Args:
-        time: Sample times [s].
         signal: Samples; gaps are NaN.
         marks: The pushes, in the order of time.
     """
@@ -242,7 +227,6 @@ def recording_figure(
 
 
 def _shifted(marks: PushMarks, origin: float) -> PushMarks:
-    """Marks on a clock that starts later."""
     return replace(
         marks,
         t_start=marks.t_start - origin,
@@ -302,8 +286,6 @@ def marks_of(table: PeakTable, rows: Sequence[int], *, sign: int = 1) -> PushMar
     """Where some pushes of a table were measured.
 
     Args:
-        table: Peaks, with their times where these are known.
-        rows: Which of them.
         sign: Of the signal to draw them in, that of its `Trace`.
     """
     frame = table.frame.iloc[list(rows)]

@@ -68,11 +68,7 @@ PAGE, COLUMN = 7.2, 3.5
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
-    """Decorator: run a drawing function under the style of this module.
-
-    Args:
-        draw: Function that makes or saves a figure.
-    """
+    """Decorator: run a drawing function under the style of this module."""
 
     @functools.wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -105,7 +101,6 @@ def canvas(
     """Axes to draw into: those of the user, or a figure of their own.
 
     Args:
-        axes: Of the user.
         width: Of a new figure [inch].
         height: Of a new figure [inch].
     """
@@ -141,11 +136,7 @@ def _font_characters() -> frozenset[int]:
 
 
 def drawable(text: str) -> str:
-    """Text of a user, safe to draw: characters the font lacks become "?".
-
-    Args:
-        text: For example the name of a column.
-    """
+    """Text of a user, safe to draw: characters the font lacks become "?"."""
     known = _font_characters()
     return "".join(char if ord(char) in known else "?" for char in printable(text))
 
@@ -179,7 +170,6 @@ def angle_words(letter: str, value_deg: float) -> str:
 
     Args:
         letter: θ or α.
-        value_deg: The angle [deg].
     """
     return f"{letter} = {value_deg:g}°".replace("-", "\N{MINUS SIGN}")
 
@@ -188,7 +178,6 @@ def axis_label(name: str, unit: str) -> str:
     """Label with its unit in brackets, "height [kPa]".
 
     Args:
-        name: Words for the quantity.
         unit: As in a table; a pure number gets no bracket.
     """
     label = drawable(unit_label(unit))
@@ -223,9 +212,6 @@ METADATA: Mapping[str, Mapping[str, str | None]] = {
 
 def save_figure(figure: "Figure", path: Path) -> None:
     """Write a figure; the suffix decides the format.
-
-    Args:
-        path: For example `theta.png` or `theta.svg`.
 
     Raises:
         ConfigError: The suffix is none of those that can be written.

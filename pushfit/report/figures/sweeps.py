@@ -52,13 +52,11 @@ class Sweep:
     Args:
         fixed_deg: The other angle [deg].
         angle_deg: Swept angle of each measured push [deg].
-        height: Measured heights.
         sd: Their standard deviations; NaN where unknown.
         is_used: False for pushes that were left out of the fit.
         grid_deg: Swept angle of the predictions [deg]; empty if there are none.
         lower: Lower end of the credible band; empty if there is none.
         upper: Upper end of the credible band; empty if there is none.
-        best_fit: Least-squares prediction.
     """
 
     fixed_deg: float
@@ -141,9 +139,7 @@ def draw_marker(
 
     Args:
         axes: Cartesian axes with the angle in degrees along x, limits already set.
-        marker: What to mark.
         sweep: The curve; None where the quantity belongs to all of them.
-        colour: Of the curve.
     """
     low, high = axes.get_xlim()
     for start, end in marker.pieces:
@@ -210,7 +206,6 @@ def draw_panel(
     Args:
         sweeps: One per value of the other angle.
         swept: "theta" or "alpha".
-        marker: θ_c or α*, if it is to be marked.
         prob: Probability of the bands.
     """
     letter = {"theta": "α", "alpha": "θ"}[swept]
@@ -278,9 +273,6 @@ def theta_figure(
 
     Args:
         sweeps: One per azimuth.
-        prob: Probability of the bands.
-        marker: Critical angle to mark.
-        ax: Where to draw; None makes a figure.
     """
     height = 3.4 + legend_height(sweeps)
     figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)
@@ -300,7 +292,6 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
     """Draw heights as distance from the centre, so that the soft axis is seen as one.
 
     Args:
-        axes: Polar axes.
         sweeps: One per elevation, swept in azimuth.
         marker: α*; its set is shaded on both ends of the axis.
     """
@@ -349,8 +340,6 @@ def alpha_figure(
 
     Args:
         sweeps: One per elevation.
-        prob: Probability of the bands.
-        marker: Best push direction to mark.
         ax: Where to draw the curves alone; None makes a figure of both.
     """
     marker = marker or Marker(name="alpha_star")

@@ -44,7 +44,6 @@ class Entry:
     Args:
         estimate: None if not quoted.
         pieces: Interval or set to draw; None for an open end.
-        unit: Of both.
         verdict: Word for it; empty where unknown.
     """
 
@@ -59,8 +58,6 @@ class Axis:
     """Common scale of the pictures of one quantity.
 
     Args:
-        low: Left end.
-        high: Right end.
         is_log: Whether equal steps are equal ratios.
     """
 
@@ -105,7 +102,6 @@ def render_batch(
             `mean_high`, `spread`, `spread_low`, `spread_high`, `n_items`, and
             `outliers` and `not_usable`, names of items. With an upper end alone a
             number is below it.
-        title: Heading.
 
     Returns:
         HTML. First the counts, then the population, then every item.
@@ -234,14 +230,12 @@ def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
 
 
 def _p_value(value: float | None) -> str:
-    """Probability as printed."""
     if value is None:
         return ""
     return "< 0.001" if value < 1e-3 else f"{value:.2g}"
 
 
 def _population_row(row: Record) -> dict[str, object]:
-    """One quantity of the population as printed."""
     name, unit = _word(row, "quantity"), _word(row, "unit")
     n_items = _number(row, "n_items")
     if name.startswith(LOG):

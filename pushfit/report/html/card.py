@@ -114,7 +114,6 @@ def _details(title: str, body: str) -> str:
 
 
 def _picture(identification: Identification) -> str:
-    """The main figure inside the card."""
     from pushfit.report.figures.main import main_figure
     from pushfit.report.figures.style import figure_bytes
 

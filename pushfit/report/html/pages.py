@@ -35,7 +35,6 @@ def render_page(
     Args:
         template: File in `templates`.
         content: Values of the template, as plain text.
-        script: File in `templates`.
 
     Raises:
         ConfigError: Jinja2 is not installed.
@@ -105,7 +104,6 @@ def indexed_html(text: str) -> str:
 
 
 def _text(name: str) -> str:
-    """A file beside the templates."""
     file = resources.files("pushfit.report.html").joinpath("templates", name)
     return file.read_text(encoding="utf-8")
 

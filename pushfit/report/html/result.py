@@ -56,11 +56,7 @@ def render_html(
 
 
 def is_shown(name: str, suffix: str) -> bool:
-    """Whether a page shows a figure in this format.
-
-    Args:
-        suffix: "png" or "svg".
-    """
+    """Whether a page shows a figure in this format."""
     return suffix == ("png" if name in AS_PIXELS else "svg")
 
 
@@ -76,7 +72,6 @@ def _images(files: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def _content(identification: Identification) -> dict[str, object]:
-    """Everything that the template prints, as plain text."""
     quality, status = identification.goodness_of_fit, identification.status
     table = identification.table
     # A path says more than a reader asks; the whole of it is under Provenance.
@@ -141,12 +136,10 @@ def stated_config(identification: Identification) -> dict[str, object]:
 
 
 def _rows(quantities: tuple[Quantity, ...]) -> list[tuple[str, ...]]:
-    """Cells of the table of quantities."""
     return [(q.name, *quantity_cells(q)) for q in quantities]
 
 
 def _main_caption(identification: Identification) -> str:
-    """What the main figure shows."""
     parts = ["Peak heights of the pushes, the best fit and the credible band"]
     parts.append("dashed and shaded: the answer and its set")
     if identification.posterior.status is not FitStatus.OK:
@@ -174,7 +167,6 @@ def _n_azimuths(identification: Identification) -> int:
 
 
 def _recording_captions(identification: Identification) -> list[tuple[str, str]]:
-    """Names and captions of the figures of the recordings."""
     return [
         (
             f"recording_{index}",

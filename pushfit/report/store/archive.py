@@ -125,7 +125,6 @@ def root_attributes(identification: Identification) -> dict[str, str | int | flo
 
 
 def _as_text(value: object) -> str:
-    """Lists and tables as an attribute of netCDF."""
     return json.dumps(json_safe(value))
 
 
@@ -161,7 +160,6 @@ def one_row(chains: Float[np.ndarray, "c d"]) -> Float[np.ndarray, " n"]:
 
 
 def _add_units(tree: "DataTree", identification: Identification) -> None:
-    """Write the unit of every variable into its attributes."""
     quantities = (*identification.parameters, *identification.combinations)
     units = {quantity.name: quantity.unit for quantity in quantities}
     units |= {"theta_c": "deg", "alpha_star": "deg"}

@@ -80,9 +80,6 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
 def read_result(folder: str | Path) -> Identification:
     """The result that a folder holds.
 
-    Returns:
-        What was written, for every report and figure.
-
     Raises:
         DataError: The folder is no result (`not_a_result`), lacks a part
             (`result_not_whole`) or is of another schema (`other_schema`).

@@ -93,8 +93,6 @@ def compare_result(
     """Compare every number of a result folder with the same computed again.
 
     Args:
-        folder: Result folder.
-        summary: Its `summary.json`.
         again: Identification of the same inputs with the same config, seed and engine.
 
     Returns:
@@ -131,7 +129,6 @@ def compare_result(
 def _environment(
     recorded: Json, found: Json
 ) -> dict[str, tuple[str | None, str | None]]:
-    """Versions that differ."""
     before = recorded if isinstance(recorded, dict) else {}
     now = found if isinstance(found, dict) else {}
     pairs = {n: (before.get(n), now.get(n)) for n in dict.fromkeys([*before, *now])}

@@ -43,7 +43,6 @@ def summary_dict(identification: Identification) -> dict[str, Json]:
 
 
 def _summary(identification: Identification) -> Summary:
-    """The document with records where the file has objects."""
     status = identification.status
     found, table = identification.identifiability, identification.table
 

@@ -84,11 +84,7 @@ def comparison_sentences(comparison: Comparison) -> list[str]:
 
 
 def comparison_dict(comparison: Comparison) -> dict[str, Json]:
-    """The same as one JSON-safe document.
-
-    Returns:
-        Dictionary with the schema `pushfit.compare/1`.
-    """
+    """The same as one JSON-safe document."""
     content = {
         "schema": SCHEMA,
         "status": comparison.status.name.lower(),
@@ -161,7 +157,6 @@ def _odds(log_bayes_factor: float | None) -> str:
 
 
 def _line(model: ModelScore) -> str:
-    """One model of the table."""
     describes = "yes" if model.is_adequate else "no"
     return (
         f"{model_name(model):<14}{describes:>9}{_number(model.log_evidence, '.2f'):>13}"
@@ -172,7 +167,6 @@ def _line(model: ModelScore) -> str:
 
 
 def _number(value: float | None, form: str) -> str:
-    """A number, or a dash where there is none."""
     return "-" if value is None else f"{value:{form}}"
 
 
@@ -184,7 +178,6 @@ def _with_se(value: float | None, se: float | None) -> str:
 
 
 def _entry(model: ModelScore) -> dict[str, object]:
-    """One model in the document."""
     densities = model.densities
     return {
         "sharpness": _transition(model.sharpness),
@@ -213,5 +206,4 @@ def _transition(sharpness: float | None) -> float | str:
 
 
 def _wrapped(sentence: str) -> str:
-    """A sentence in lines of the width of the table."""
     return textwrap.fill(sentence, WIDTH, break_on_hyphens=False)

@@ -50,11 +50,7 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def calibration_dict(calibration: Calibration) -> dict[str, Json]:
-    """The same as one JSON-safe document.
-
-    Returns:
-        Dictionary with the schema `pushfit.calibrate/1`.
-    """
+    """The same as one JSON-safe document."""
     content = {
         "schema": SCHEMA,
         "n_tables": calibration.n_tables,
@@ -90,7 +86,6 @@ def calibration_figure(calibration: Calibration) -> "Figure":
 
 
 def _line(coverage: Coverage) -> str:
-    """One claim and its measurement."""
     low, high = coverage.limits
     mark = " " if coverage.is_compatible else "!"
     claim = f"{symbol(coverage.name):<5} {100 * coverage.prob:3g} % {coverage.kind:<8}"

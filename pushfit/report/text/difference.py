@@ -33,13 +33,9 @@ class Difference:
     """How much larger a quantity is in the second result.
 
     Args:
-        name: Stable name.
         unit: Of every number below.
-        first: The quantity in the first result.
-        second: The same in the second.
         estimate: Median of second - first; of an axis the shorter way round.
         interval: Equal-tailed interval of it.
-        prob: Probability of the interval.
         prob_larger: Probability that the second is larger.
     """
 
@@ -141,7 +137,6 @@ def _why_not(name: str, first: Identification, second: Identification) -> str:
 
 
 def _difference(name: str, first: Identification, second: Identification) -> Difference:
-    """One quantity of both, the second minus the first."""
     ours, theirs = _named(first, name), _named(second, name)
     assert ours is not None
     assert theirs is not None
@@ -171,7 +166,6 @@ def subtracted(
 
     Args:
         first: Draws of one; NaN where it does not exist.
-        second: Draws of the other.
         is_axis: Whether 180° is 0°; then the shorter way round [deg].
     """
     ours, theirs = (draws[np.isfinite(draws)] for draws in (first, second))

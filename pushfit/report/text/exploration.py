@@ -139,7 +139,6 @@ def exploration_picture(
 
 
 def _course(explorer: Explorer, name: str) -> "Course | None":
-    """How it went, if pushes were followed."""
     from pushfit.report.figures.exploration import Course
 
     states = explorer.history.course

@@ -16,11 +16,7 @@ ALIKE, APART = 2.7, 2.0
 
 
 def look_line(search: Search) -> str | None:
-    """θ_c near the best fit, before anything is polished; None where it has none.
-
-    Args:
-        search: Best fits along one quantity.
-    """
+    """θ_c near the best fit, before anything is polished; None where it has none."""
     best = int(np.argmin(search.curve.chi_square))
     if search.quantity != "theta_c" or not np.isfinite(search.curve.chi_square[best]):
         return None
@@ -60,11 +56,7 @@ def set_line(profile: LikelihoodProfile, mechanics: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class First(Listener):
-    """Says of θ_c what is known already, for `identify_table`.
-
-    Args:
-        tell: Shows one line.
-    """
+    """Says of θ_c what is known already, for `identify_table`."""
 
     tell: Callable[[str], None]
 

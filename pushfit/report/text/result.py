@@ -151,12 +151,10 @@ def _pairs(rows: Sequence[tuple[str, str]], width: int) -> str:
 
 
 def _bullets(sentences: Iterable[str], width: int) -> str:
-    """Sentences as a list."""
     return "\n".join(_wrap(f"- {printable(text)}", width, "  ") for text in sentences)
 
 
 def _section(title: str, body: str, width: int) -> str:
-    """Title over its body."""
     return f"{_wrap(title, width)}\n{'-' * min(len(title), width)}\n{body}"
 
 

@@ -26,8 +26,6 @@ class RosHand:
 
     Args:
         has_forces: Whether components are recorded rather than the magnitude.
-        theta_deg: Elevations that it can push in.
-        alpha_deg: Azimuths that it can push in.
     """
 
     def __init__(
