@@ -1,14 +1,12 @@
 """From the files that a command names to settings and tables, with a word on each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from pushfit.cli.options import Layout
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError
-
-_NOTHING: Mapping[str, object] = MappingProxyType({})
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -16,49 +14,37 @@ if TYPE_CHECKING:
 
 
 def read_settings(
-    config: Path | None,
-    *,
-    profile: Path | None,
-    format: str | None,
-    map: Sequence[str] | None,
-    unit: Sequence[str] | None,
-    columns: str | None,
-    rate: float | None = None,
-    peaks: Mapping[str, object] = _NOTHING,
+    layout: Layout, *, rate: float | None = None, **peaks: object
 ) -> "GraspConfig":
     """Settings of the files, and of the options that override them.
 
     Args:
-        map: `channel=column` each.
-        unit: `channel=unit` each.
-        columns: Names of all columns, between commas.
         rate: Samples per second of recordings without a time.
-        peaks: What options say of `[peaks]`; None where they do not.
+        peaks: What options say of `[peaks]`; None, False and [] say nothing.
 
     Raises:
         ConfigError: A file is wrong, or an option is no pair.
     """
     from pushfit.config import read_config
 
-    stated: dict[str, object] = {}
-    if format is not None:
-        stated["format"] = format
-    if map:
-        stated["map"] = dict(_pair(text, "--map") for text in map)
-    if unit:
-        stated["unit"] = dict(_pair(text, "--unit") for text in unit)
-    if columns is not None:
-        stated["columns"] = [name.strip() for name in columns.split(",")]
-    if rate is not None:
-        stated["rate"] = rate
-    changes: dict[str, Mapping[str, object]] = {"recording": stated} if stated else {}
+    names = layout.columns
+    stated = {
+        "format": layout.format,
+        "map": dict(_pair(text, "--map") for text in layout.map or ()) or None,
+        "unit": dict(_pair(text, "--unit") for text in layout.unit or ()) or None,
+        "columns": None if names is None else [n.strip() for n in names.split(",")],
+        "rate": rate,
+    }
     own = {key: value for key, value in peaks.items() if value not in (None, False, [])}
     for key in ("exclude", "include"):
         if key in own:
             own[key] = [_window(text, f"--{key}") for text in _texts(own[key])]
-    if own:
-        changes["peaks"] = own
-    return read_config(config, profile=profile, changes=changes)
+    changes = {
+        "recording": {k: value for k, value in stated.items() if value is not None},
+        "peaks": own,
+    }
+    changes = {section: keys for section, keys in changes.items() if keys}
+    return read_config(layout.config, profile=layout.profile, changes=changes)
 
 
 def _texts(given: object) -> list[str]:

@@ -1,5 +1,6 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share, and groups of them."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -58,13 +59,6 @@ PlotFile = Annotated[
     Path | None,
     typer.Option("--plot", metavar="FILE", help="Picture (png, svg, pdf)."),
 ]
-Checkpoint = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Keep the chain of emcee; the same command goes on where it stopped.",
-    ),
-]
 Engine = Annotated[
     Literal["auto", "sweep", "emcee"],
     typer.Option(
@@ -77,43 +71,10 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.")
 Profile = Annotated[
     Path | None,
     typer.Option(
-        metavar="lab.toml",
-        help="Settings that grasp.toml and the options override.",
+        metavar="lab.toml", help="Settings that grasp.toml and the options override."
     ),
-]
-Format = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Dialect of the recordings.")
-]
-Map = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="pressure=pdc", help="Column of a channel, of time, theta or alpha."
-    ),
-]
-UnitOf = Annotated[
-    list[str] | None,
-    typer.Option(metavar="pressure=counts", help="Unit of a channel or column."),
-]
-Columns = Annotated[
-    str | None,
-    typer.Option(metavar="A,B,...", help="Names of the columns of a bare table."),
 ]
 Invert = Annotated[bool, typer.Option("--invert", help="Pushes lower the signal.")]
-Channel = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Channel that shows the pushes.")
-]
-Height = Annotated[
-    Literal["auto", "apex", "plateau"] | None,
-    typer.Option(help="What the height of a push is; auto: by its own shape."),
-]
-MinHeight = Annotated[
-    float | None,
-    typer.Option(metavar="H", help="Smallest height of a push, in the channel's unit."),
-]
-Split = Annotated[
-    float | None,
-    typer.Option(metavar="0..1", help="Valley below which two humps are two pushes."),
-]
 Exclude = Annotated[
     list[str] | None,
     typer.Option(metavar="T1:T2", help="Seconds between which humps are no pushes."),
@@ -132,3 +93,86 @@ Rate = Annotated[
     float | None,
     typer.Option(metavar="HZ", help="Samples per second, where no column is a time."),
 ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Files of settings, and what is said over them of how recordings are laid out."""
+
+    config: ConfigFile = None
+    profile: Profile = None
+    format: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Dialect of the recordings.")
+    ] = None
+    map: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="pressure=pdc", help="Column of a channel, of time, theta or alpha."
+        ),
+    ] = None
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="pressure=counts", help="Unit of a channel or column."),
+    ] = None
+    columns: Annotated[
+        str | None,
+        typer.Option(metavar="A,B,...", help="Names of the columns of a bare table."),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """What is said over the settings of where a push is, and how high."""
+
+    rate: Rate = None
+    channel: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Channel that shows the pushes.")
+    ] = None
+    invert: Invert = False
+    height: Annotated[
+        Literal["auto", "apex", "plateau"] | None,
+        typer.Option(help="What the height of a push is; auto: by its own shape."),
+    ] = None
+    min_height: Annotated[
+        float | None,
+        typer.Option(
+            metavar="H", help="Smallest height of a push, in the channel's unit."
+        ),
+    ] = None
+    split: Annotated[
+        float | None,
+        typer.Option(
+            metavar="0..1", help="Valley below which two humps are two pushes."
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Analysis:
+    """How an analysis is made, and what is made of it."""
+
+    out: OutFolder = None
+    pictures: Pictures = None
+    engine: Engine = "auto"
+    checkpoint: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Keep the chain of emcee; the same command goes on where it stopped.",
+        ),
+    ] = None
+    seed: Seed = 0
+    json: Json = False
+    force: Force = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Items:
+    """What is common to the items of a batch, and the folder of their results."""
+
+    out: ResultFolder
+    config: ConfigFile = None
+    profile: Profile = None
+    schedule: ScheduleFile = None
+    engine: Engine = "auto"
+    seed: Seed = 0

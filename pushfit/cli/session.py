@@ -11,9 +11,10 @@ import logging
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from inspect import Parameter
 from pathlib import Path
 from typing import Annotated
 
@@ -154,6 +155,8 @@ def command(
 ) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
     """Register a function as a command that also takes --quiet, --verbose and --debug.
 
+    A parameter that is a dataclass is a group of options, one for each field.
+
     Args:
         name: Name of the command, if not that of the function.
         help: What it does, if not in the words of the function.
@@ -182,19 +185,13 @@ def command(
                 if not debug:
                     os.environ.setdefault(XLA_LOG, NOTHING_BUT_FATAL)
                 session.say_more(f"compiled programs: {enable_compile_cache()}")
-                return function(session, **arguments)
+                return function(session, **_grouped(own, arguments))
 
             raise typer.Exit(session.run(work))
 
         shared = {"quiet": Quiet, "verbose": Verbose, "debug": Debug}
-        added = [
-            inspect.Parameter(
-                option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind
-            )
-            for option, kind in shared.items()
-        ]
-        keyword = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own]
-        parameters = [*keyword, *added]
+        parameters = [option for parameter in own for option in _options(parameter)]
+        parameters += [_option(name, kind, False) for name, kind in shared.items()]
         start.__signature__ = inspect.Signature(parameters)  # pyright: ignore
         start.__annotations__ = {p.name: p.annotation for p in parameters}
         word = name or function.__name__
@@ -202,6 +199,34 @@ def command(
         return function
 
     return register
+
+
+def _option(name: str, kind: object, default: object) -> Parameter:
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+
+
+def _options(parameter: Parameter) -> list[Parameter]:
+    """The options of a group, or the parameter itself."""
+    group = parameter.annotation
+    if not is_dataclass(group):
+        return [parameter.replace(kind=Parameter.KEYWORD_ONLY)]
+    return [
+        _option(f.name, f.type, Parameter.empty if f.default is MISSING else f.default)
+        for f in fields(group)
+    ]
+
+
+def _grouped(
+    parameters: Sequence[Parameter], given: Mapping[str, object]
+) -> dict[str, object]:
+    """What was given by option, as the parameters of a command take it."""
+    arguments = {}
+    for parameter in parameters:
+        own = {option.name: given[option.name] for option in _options(parameter)}
+        is_group = is_dataclass(parameter.annotation)
+        value = parameter.annotation(**own) if is_group else own[parameter.name]
+        arguments[parameter.name] = value
+    return arguments
 
 
 def _inputs(arguments: Mapping[str, object]) -> list[Path]:

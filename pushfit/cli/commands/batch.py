@@ -1,5 +1,6 @@
 """`pushfit batch`: many recordings or tables, each for itself."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,12 +24,8 @@ def batch(
         list[Path],
         typer.Argument(metavar="INPUT...", help="Files, folders and patterns."),
     ],
-    out: options.ResultFolder,
-    config: options.ConfigFile = None,
-    profile: options.Profile = None,
-    schedule: options.ScheduleFile = None,
-    engine: options.Engine = "auto",
-    seed: options.Seed = 0,
+    *,
+    items: options.Items,
     workers: Annotated[
         int, typer.Option("--workers", min=1, help="Worker processes; 1 is this one.")
     ] = 1,
@@ -55,16 +52,11 @@ def batch(
     from pushfit.batch.workers import Workers
 
     those = Workers(n=workers, scheduler=scheduler, chunk=chunk, time_limit=time_limit)
-    keep(f"what is finished is kept in {out}; the same command goes on")
+    keep(f"what is finished is kept in {items.out}; the same command goes on")
     with session.progress() as progress:
         found = identify_batch(
             inputs,
-            out,
-            config=config,
-            profile=profile,
-            schedule=schedule,
-            seed=seed,
-            engine=engine,
+            **asdict(items),
             folders=folders,
             workers=those,
             progress=progress,

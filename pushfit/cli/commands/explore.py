@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,57 +19,84 @@ if TYPE_CHECKING:
     from pushfit.explore.hands.protocol import Hand
     from pushfit.explore.loop import Step
 
-Ask = Annotated[
-    Literal["theta_c", "alpha_star", "both"],
-    typer.Option(help="The angle that pushes are to tell of."),
-]
-Width = Annotated[
-    float, typer.Option(metavar="DEG", help="Width that decides: 6 is ± 3 degrees.")
-]
-Sigma = Annotated[
-    float | None,
-    typer.Option(help="Scatter of the heights of equal pushes [unit of the heights]."),
-]
-Budget = Annotated[int, typer.Option(min=0, help="Pushes that may be made.")]
-Theta = Annotated[
-    tuple[float, float],
-    typer.Option(metavar="LOW HIGH", help="Elevations that the finger can push in."),
-]
-ForceLimit = Annotated[
-    float | None,
-    typer.Option(
-        "--max-force", help="No push that might exceed it, preload included [N]."
-    ),
-]
-Earlier = Annotated[
-    Path | None,
-    typer.Argument(metavar="[TABLE]", help="Pushes made so far; none to begin."),
-]
-Unit = Annotated[
-    Literal["n", "kpa", "counts", "au"],
-    typer.Option(help="Unit of the sensor, where no table says it."),
-]
-Truth = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="truth.toml", help="Grasp that the simulated hand holds, each fixed."
-    ),
-]
 # The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
 REACH = (5.0, 85.0)
 COMPONENTS = ("height_normal", "height_tangential")
 
+Unit = Annotated[
+    Literal["n", "kpa", "counts", "au"],
+    typer.Option(help="Unit of the sensor, where no table says it."),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """What is asked of an exploration, and the limits that it keeps to."""
+
+    config: options.ConfigFile = None
+    ask: Annotated[
+        Literal["theta_c", "alpha_star", "both"],
+        typer.Option(help="The angle that pushes are to tell of."),
+    ] = "theta_c"
+    width: Annotated[
+        float,
+        typer.Option(metavar="DEG", help="Width that decides: 6 is ± 3 degrees."),
+    ] = 6.0
+    budget: Annotated[int, typer.Option(min=0, help="Pushes that may be made.")] = 60
+    sigma: Annotated[
+        float | None,
+        typer.Option(
+            help="Scatter of the heights of equal pushes [unit of the heights]."
+        ),
+    ] = None
+    theta: Annotated[
+        tuple[float, float],
+        typer.Option(
+            metavar="LOW HIGH", help="Elevations that the finger can push in."
+        ),
+    ] = REACH
+    max_force: Annotated[
+        float | None,
+        typer.Option(
+            "--max-force", help="No push that might exceed it, preload included [N]."
+        ),
+    ] = None
+
+    def explorer(
+        self,
+        settings: "GraspConfig",
+        *,
+        channels: tuple[str, ...],
+        unit: str,
+        seed: int,
+        journal: Path | None = None,
+    ) -> "Explorer":
+        """What chooses the pushes."""
+        from pushfit.explore.explorer import Explorer
+        from pushfit.explore.limits import Limits
+
+        return Explorer(
+            settings,
+            ask=self.ask,
+            width_deg=self.width,
+            budget=self.budget,
+            sigma=self.sigma,
+            limits=Limits(theta_deg=self.theta, force=self.max_force),
+            channels=channels,
+            unit=unit,
+            journal=journal,
+            seed=seed,
+        )
+
 
 def next(
     session: Session,
-    table: Earlier = None,
-    config: options.ConfigFile = None,
-    ask: Ask = "theta_c",
-    width: Width = 6.0,
-    budget: Budget = 60,
-    sigma: Sigma = None,
-    theta: Theta = REACH,
-    max_force: ForceLimit = None,
+    table: Annotated[
+        Path | None,
+        typer.Argument(metavar="[TABLE]", help="Pushes made so far; none to begin."),
+    ] = None,
+    *,
+    asked: Asked,
     unit: Unit = "n",
     n: Annotated[int, typer.Option("-n", min=1, help="Pushes to rank.")] = 5,
     plot: options.PlotFile = None,
@@ -81,23 +108,16 @@ def next(
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
     from pushfit.data.tables.peak_table import read_table
-    from pushfit.explore.explorer import Explorer
-    from pushfit.explore.limits import Limits
     from pushfit.report.text.exploration import (
         exploration_picture,
         next_dict,
         next_text,
     )
 
-    settings = read_config(config)
+    settings = read_config(asked.config)
     made = None if table is None else read_table(table)
-    explorer = Explorer(
+    explorer = asked.explorer(
         settings,
-        ask=ask,
-        width_deg=width,
-        budget=budget,
-        sigma=sigma,
-        limits=Limits(theta_deg=theta, force=max_force),
         channels=("height",) if made is None else made.channels,
         unit=unit if made is None else made.unit,
         seed=seed,
@@ -123,14 +143,15 @@ def explore(
         Literal["simulated", "ros"], typer.Option(help="What makes the pushes.")
     ],
     out: options.ResultFolder,
-    config: options.ConfigFile = None,
-    ask: Ask = "theta_c",
-    width: Width = 6.0,
-    budget: Budget = 60,
-    sigma: Sigma = None,
-    theta: Theta = REACH,
-    max_force: ForceLimit = None,
-    truth: Truth = None,
+    *,
+    asked: Asked,
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="truth.toml",
+            help="Grasp that the simulated hand holds, each fixed.",
+        ),
+    ] = None,
     noise: Annotated[
         float, typer.Option(min=0, help="Noise of a sample of the simulated sensor.")
     ] = 0.05,
@@ -150,20 +171,13 @@ def explore(
     Interrupted or killed, the same command goes on where it stopped.
     """
     from pushfit.config import read_config
-    from pushfit.explore.explorer import Explorer
-    from pushfit.explore.limits import Limits
     from pushfit.report.store.folder import check_target
 
     check_target(out, force=force)
-    settings = read_config(config)
+    settings = read_config(asked.config)
     journal = out.with_name(f"{out.name}.journal.jsonl")
-    explorer = Explorer(
+    explorer = asked.explorer(
         settings,
-        ask=ask,
-        width_deg=width,
-        budget=budget,
-        sigma=sigma,
-        limits=Limits(theta_deg=theta, force=max_force),
         channels=COMPONENTS if forces else ("height",),
         unit=unit,
         journal=journal,
@@ -178,7 +192,7 @@ def explore(
 
         finger: Hand = simulated_hand(
             read_config(truth or example_folder() / "truth.toml"),
-            theta_deg=theta,
+            theta_deg=asked.theta,
             unit=unit,
             noise=noise,
             scatter=scatter,
@@ -188,7 +202,7 @@ def explore(
     else:
         from pushfit.explore.hands.ros.hand import RosHand
 
-        finger = RosHand(has_forces=forces, theta_deg=theta)
+        finger = RosHand(has_forces=forces, theta_deg=asked.theta)
     return _run(session, explorer, finger, settings, out=out, json=json, force=force)
 
 

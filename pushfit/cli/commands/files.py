@@ -16,6 +16,7 @@ from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
+    from pushfit.data.recordings.records import Recording
     from pushfit.data.tables.peak_table import PeakTable
 
 SCHEMA = "pushfit.validate/1"
@@ -28,12 +29,8 @@ def validate(
         list[Path],
         typer.Argument(metavar="FILE...", help="Recordings, schedules, peak tables."),
     ],
-    config: options.ConfigFile = None,
-    profile: options.Profile = None,
-    format: options.Format = None,
-    map: options.Map = None,
-    unit: options.UnitOf = None,
-    columns: options.Columns = None,
+    *,
+    layout: options.Layout,
     rate: options.Rate = None,
     json: options.Json = False,
 ) -> int:
@@ -42,15 +39,7 @@ def validate(
     from pushfit.data.recordings.load import reader_options
     from pushfit.data.text.files import existing_files
 
-    settings = read_settings(
-        config,
-        profile=profile,
-        format=format,
-        map=map,
-        unit=unit,
-        columns=columns,
-        rate=rate,
-    )
+    settings = read_settings(layout, rate=rate)
     existing_files(files)
     problems = check_files(files, **reader_options(settings))
     found = [] if problems else [describe(path, settings) for path in files]
@@ -74,18 +63,9 @@ def peaks(
     session: Session,
     recording: options.RecordingFile,
     schedule: options.ScheduleFile = None,
-    config: options.ConfigFile = None,
-    profile: options.Profile = None,
-    format: options.Format = None,
-    map: options.Map = None,
-    unit: options.UnitOf = None,
-    columns: options.Columns = None,
-    rate: options.Rate = None,
-    channel: options.Channel = None,
-    invert: options.Invert = False,
-    height: options.Height = None,
-    min_height: options.MinHeight = None,
-    split: options.Split = None,
+    *,
+    layout: options.Layout,
+    search: options.Search,
     exclude: options.Exclude = None,
     include: options.Include = None,
     begin: options.From = None,
@@ -98,39 +78,31 @@ def peaks(
     refuse_picture(plot, force=force)
     if output is not None:
         refuse_existing(output, force=force)
+    from pushfit.data.recordings.check import expect_kind
+    from pushfit.data.recordings.load import configured_recording, reader_options
     from pushfit.data.tables.peak_table import write_table
 
-    schedules = [] if schedule is None else [schedule]
     settings = read_settings(
-        config,
-        profile=profile,
-        format=format,
-        map=map,
-        unit=unit,
-        columns=columns,
-        rate=rate,
-        peaks={
-            "channel": channel,
-            "invert": invert,
-            "height": height,
-            "min_height": min_height,
-            "split": split,
-            "exclude": exclude,
-            "include": include,
-            "begin": begin,
-            "end": end,
-        },
+        layout,
+        **asdict(search),
+        exclude=exclude,
+        include=include,
+        begin=begin,
+        end=end,
     )
-    from pushfit.data.recordings.check import expect_kind
-    from pushfit.data.recordings.load import reader_options
 
     if schedule is None:
         expect_kind(recording, "recording", **reader_options(settings))
-    if schedule is None and not has_angles(recording, settings):
-        print_heights(session, recording, settings, output=output)
-        if plot is not None:
-            draw_found(session, recording, settings, plot=plot)
-        return
+        samples = configured_recording(recording, settings)
+        if samples.theta is None or samples.alpha is None:
+            print_heights(session, recording, samples, settings, output=output)
+            if plot is not None:
+                from pushfit.report.figures import found_figure, save_figure
+
+                save_figure(found_figure(samples, settings.peaks), plot)
+                session.wrote(plot)
+            return
+    schedules = [] if schedule is None else [schedule]
     try:
         table = load_peaks(session, [recording], schedules, settings)
     except DataError as error:
@@ -150,26 +122,17 @@ def peaks(
     session.wrote(output, f": {table.n_pushes} pushes")
 
 
-def has_angles(path: Path, settings: "GraspConfig") -> bool:
-    """Whether a recording has the angles of its pushes."""
-    from pushfit.data.recordings.load import configured_recording
-
-    recording = configured_recording(path, settings)
-    return recording.theta is not None and recording.alpha is not None
-
-
 def print_heights(
-    session: Session, path: Path, settings: "GraspConfig", *, output: Path | None
+    session: Session,
+    path: Path,
+    recording: "Recording",
+    settings: "GraspConfig",
+    *,
+    output: Path | None,
 ) -> None:
-    """Give the heights of pushes whose directions are not known.
-
-    Args:
-        path: Recording without angles.
-    """
+    """Give the heights of pushes whose directions are not known."""
     from pushfit.data.peaks.extract import measure_pushes
-    from pushfit.data.recordings.load import configured_recording
 
-    recording = configured_recording(path, settings)
     measured = measure_pushes(recording, settings=settings.peaks)
     for note in (*recording.notes, *measured.notes):
         tell = session.warn if note in measured.cautions else session.say_more
@@ -180,18 +143,6 @@ def print_heights(
     )
     text = measured.frame.to_csv(index=False, lineterminator="\n")
     write_text(session, text, output, remark=f": {len(measured.frame)} pushes")
-
-
-def draw_found(
-    session: Session, path: Path, settings: "GraspConfig", *, plot: Path
-) -> None:
-    """Draw a recording whose directions are not known, its pushes numbered."""
-    from pushfit.data.recordings.load import configured_recording
-    from pushfit.report.figures import found_figure, save_figure
-
-    recording = configured_recording(path, settings)
-    save_figure(found_figure(recording, settings.peaks), plot)
-    session.wrote(plot)
 
 
 def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:

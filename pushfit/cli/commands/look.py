@@ -3,6 +3,7 @@
 import shlex
 import threading
 import webbrowser
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,18 +25,9 @@ def look(
     session: Session,
     recording: options.RecordingFile,
     schedule: options.ScheduleFile = None,
-    config: options.ConfigFile = None,
-    profile: options.Profile = None,
-    format: options.Format = None,
-    map: options.Map = None,
-    unit: options.UnitOf = None,
-    columns: options.Columns = None,
-    rate: options.Rate = None,
-    channel: options.Channel = None,
-    invert: options.Invert = False,
-    height: options.Height = None,
-    min_height: options.MinHeight = None,
-    split: options.Split = None,
+    *,
+    layout: options.Layout,
+    search: options.Search,
     begin: options.From = None,
     end: options.To = None,
     out: Annotated[
@@ -66,24 +58,7 @@ def look(
             "or take `pushfit peaks --plot`",
             code="look_unavailable",
         )
-    settings = read_settings(
-        config,
-        profile=profile,
-        format=format,
-        map=map,
-        unit=unit,
-        columns=columns,
-        rate=rate,
-        peaks={
-            "channel": channel,
-            "invert": invert,
-            "height": height,
-            "min_height": min_height,
-            "split": split,
-            "begin": begin,
-            "end": end,
-        },
-    )
+    settings = read_settings(layout, **asdict(search), begin=begin, end=end)
     shown = read_look(session, recording, schedule, settings)
     if export is not None:
         from pushfit.look.page import static_page

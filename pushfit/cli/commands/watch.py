@@ -1,6 +1,7 @@
 """`pushfit watch`: a folder in which recordings arrive, and one page that keeps up."""
 
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -20,12 +21,8 @@ def watch(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder in which recordings arrive.")
     ],
-    out: options.ResultFolder,
-    config: options.ConfigFile = None,
-    profile: options.Profile = None,
-    schedule: options.ScheduleFile = None,
-    engine: options.Engine = "auto",
-    seed: options.Seed = 0,
+    *,
+    items: options.Items,
     every: Annotated[
         float,
         typer.Option("--every", metavar="SECONDS", min=0.05, help="Between two looks."),
@@ -43,23 +40,15 @@ def watch(
     """Identify what arrives in a folder, on one page."""
     from pushfit.batch.run import identify_batch
 
-    keep(f"what is finished is kept in {out}; the same command goes on")
+    keep(f"what is finished is kept in {items.out}; the same command goes on")
     before, done, last = None, None, time.monotonic()
     session.say(f"watching {folder}; Ctrl-C ends it")
     while idle is None or time.monotonic() - last < idle:
-        now = stamps(folder, out)
+        now = stamps(folder, items.out)
         # A file that still grows is read when it has stopped.
         if now and now == before and now != done:
             try:
-                found = identify_batch(
-                    [folder],
-                    out,
-                    config=config,
-                    profile=profile,
-                    schedule=schedule,
-                    seed=seed,
-                    engine=engine,
-                )
+                found = identify_batch([folder], **asdict(items))
                 report(session, found, is_json=False)
             except DataError as error:
                 session.warn(str(error))
