@@ -1,12 +1,14 @@
-"""Values as JSON knows them: no NaN, no arrays, no records."""
+"""Values as JSON knows them, no NaN, no arrays, no records; and back."""
 
 import enum
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any
+from types import NoneType
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
+from pydantic import TypeAdapter
 
 Json = dict[str, Any] | list[Any] | str | int | float | bool | None
 
@@ -36,3 +38,32 @@ def json_safe(value: object) -> Json:
         # A lone surrogate, as in a file name that is not UTF-8, cannot be encoded.
         return value.encode("utf-8", "backslashreplace").decode("utf-8")
     return value if value is None or isinstance(value, int) else str(value)
+
+
+def from_json(kind: Any, value: Json) -> Any:
+    """What `json_safe` made a value of, null for a number being NaN.
+
+    Args:
+        kind: Type of the result, a record for example.
+
+    Raises:
+        ValueError: The value is not of that type.
+    """
+    return TypeAdapter(kind).validate_python(_with_nan(kind, value))
+
+
+def _with_nan(kind: Any, value: Json) -> object:
+    """JSON for a type, with NaN for null where the type is that of a number."""
+    if kind is float and value is None:
+        return math.nan
+    if is_dataclass(kind) and isinstance(value, dict):
+        hints = get_type_hints(kind)
+        return {name: _with_nan(hints.get(name), part) for name, part in value.items()}
+    parts = [part for part in get_args(kind) if part not in (NoneType, ...)]
+    if NoneType in get_args(kind):
+        return value if value is None else _with_nan(parts[0], value)
+    if parts and isinstance(value, dict):
+        return {name: _with_nan(parts[-1], part) for name, part in value.items()}
+    if parts and isinstance(value, list):
+        return [_with_nan(parts[0], part) for part in value]
+    return value

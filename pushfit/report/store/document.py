@@ -5,8 +5,8 @@ The identifier of the schema changes when a reader of the old one would break.
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, TypeAdapter
 from pydantic.fields import FieldInfo
@@ -26,6 +26,8 @@ from pushfit.report.frames import Correlation
 
 SCHEMA = "pushfit.summary/2"
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+T = TypeVar("T")
 
 
 def _one_of(*words: str) -> FieldInfo:
@@ -146,6 +148,17 @@ class Summary:
     config: Mapping[str, Any]
     seed: int
     versions: Mapping[str, str]
+
+
+def made_of(kind: type[T], source: object, **own: object) -> T:
+    """A record with what another has under the same names, and with parts of its own.
+
+    Args:
+        kind: A dataclass.
+    """
+    names = [field.name for field in fields(kind)]  # pyright: ignore
+    shared = {n: getattr(source, n) for n in names if hasattr(source, n)}
+    return kind(**shared | own)
 
 
 def summary_schema() -> dict[str, Any]:

@@ -4,45 +4,36 @@ Numbers that were not to be quoted are not in the folder, and so not in the reco
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from pushfit.config import GraspConfig
-from pushfit.data.recordings.records import Source
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.data.tables.traces import Trace
 from pushfit.errors import DataError
 from pushfit.fit.results import (
     Band,
-    Combination,
     Diagnostics,
     FitResult,
     FitStatus,
-    GoodnessOfFit,
     IdentifiabilityResult,
     Identification,
     LikelihoodProfile,
-    MechanicsAnswer,
-    Mode,
-    Piece,
     PosteriorResult,
-    Quantity,
-    Recipe,
-    ResultWarning,
     Verdict,
 )
+from pushfit.report.plain import from_json
 from pushfit.report.store.archive import CURVES, one_row
-from pushfit.report.store.document import SCHEMA
+from pushfit.report.store.document import SCHEMA, Fit, Summary, made_of
+from pushfit.report.store.summary import quantities_in
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-T = TypeVar("T")
 Groups = Mapping[str, "Dataset"]
 
 # What a file that was cut, changed or written by another version makes readers raise.
@@ -89,10 +80,13 @@ def read_result(folder: str | Path) -> Identification:
     folder = Path(folder)
     summary = read_summary(folder)
     try:
+        for name, entry in quantities_in(summary):
+            entry["name"] = name
+        document: Summary = from_json(Summary, summary)
         table = read_table(folder / "peaks.csv")
         with open_datatree(folder / "result.nc", engine="h5netcdf") as tree:
             groups = {name: node.to_dataset() for name, node in tree.children.items()}
-            return _identification(summary, table, groups)
+            return _identification(document, table, groups)
     except (*BROKEN, DataError) as error:
         raise not_whole(folder, error) from error
 
@@ -107,49 +101,36 @@ def not_whole(folder: Path, error: Exception) -> DataError:
 
 
 def _identification(
-    summary: dict[str, Any], table: PeakTable, groups: Groups
+    document: Summary, table: PeakTable, groups: Groups
 ) -> Identification:
-    if table.n_pushes != summary["n_pushes"]:
+    if table.n_pushes != document.n_pushes:
         raise ValueError(
-            f"peaks.csv has {table.n_pushes} pushes of {summary['n_pushes']}"
+            f"peaks.csv has {table.n_pushes} pushes of {document.n_pushes}"
         )
     table = replace(
-        table,
-        sources=_records(Source, summary["inputs"]),
-        notes=tuple(summary["notes"]),
-        traces=_traces(groups),
+        table, sources=document.inputs, notes=document.notes, traces=_traces(groups)
     )
-    recipe, free = summary["recipe"], summary["alpha_star_model_free_deg"]
-    return Identification(
+    found = document.identifiability
+    return made_of(
+        Identification,
+        document,
         table=table,
         used=table.is_used,
-        config=GraspConfig.model_validate(summary["config"]),
-        fit=_fit(summary["fit"], groups),
-        posterior=_posterior(summary, groups),
-        by_mechanics=_records(
-            MechanicsAnswer,
-            [
-                answer | {"theta_c": answer["theta_c"] | {"name": "theta_c"}}
-                for answer in summary["by_mechanics"]
-            ],
-        ),
-        theta_c=_quantity("theta_c", summary["theta_c_deg"]),
-        reference_alpha_deg=float(summary["reference_alpha_deg"]),
-        alpha_star=_quantity("alpha_star", summary["alpha_star_deg"]),
-        alpha_star_model_free=None
-        if free is None
-        else _quantity("alpha_star_model_free", free),
-        parameters=_quantities(summary["parameters"]),
-        combinations=_quantities(summary["combinations"]),
+        config=GraspConfig.model_validate(document.config),
+        fit=_fit(document.fit, groups),
+        posterior=_posterior(document, groups),
+        theta_c=document.theta_c_deg,
+        alpha_star=document.alpha_star_deg,
+        alpha_star_model_free=document.alpha_star_model_free_deg,
+        parameters=tuple(document.parameters.values()),
+        combinations=tuple(document.combinations.values()),
         profiles=_profiles(groups),
-        identifiability=_identifiability(summary["identifiability"]),
-        goodness_of_fit=_record(GoodnessOfFit, summary["goodness_of_fit"]),
+        identifiability=made_of(
+            IdentifiabilityResult, found, combinations=found.directions
+        ),
         bands=_bands(groups),
-        warnings=_records(ResultWarning, summary["warnings"]),
-        status=_status(summary["status"]),
-        seed=summary["seed"],
-        versions=dict(summary["versions"]),
-        recipe=None if recipe is None else _record(Recipe, recipe),
+        status=_status(document.status),
+        versions=dict(document.versions),
     )
 
 
@@ -157,94 +138,43 @@ def _status(word: str) -> FitStatus:
     return FitStatus[word.upper()]
 
 
-def _number(value: float | None) -> float:
-    """JSON has no NaN."""
-    return np.nan if value is None else float(value)
-
-
-def _record(kind: type[T], fields: Mapping[str, Any]) -> T:
-    """A record of plain values, lists of JSON being its tuples."""
-    hints = get_type_hints(kind)
-    filled = {
-        name: _number(value) if hints.get(name) is float else value
-        for name, value in fields.items()
-    }
-    return TypeAdapter(kind).validate_python(filled)
-
-
-def _records(kind: type[T], entries: Sequence[Mapping[str, Any]]) -> tuple[T, ...]:
-    return tuple(_record(kind, entry) for entry in entries)
-
-
-def _pieces(pieces: list[list[float | None]]) -> tuple[Piece, ...]:
-    return tuple((low, high) for low, high in pieces)
-
-
-def _quantities(group: Mapping[str, Any]) -> tuple[Quantity, ...]:
-    return tuple(_quantity(name, fields) for name, fields in group.items())
-
-
-def _quantity(name: str, fields: Mapping[str, Any]) -> Quantity:
-    return _record(Quantity, {**fields, "name": name})
-
-
-def _identifiability(fields: Mapping[str, Any]) -> IdentifiabilityResult:
-    return IdentifiabilityResult(
-        combinations=_records(Combination, fields["directions"]),
-        rank=fields["rank"],
-        n_parameters=fields["n_parameters"],
-        advice=tuple(fields["advice"]),
-    )
-
-
-def _fit(fields: Mapping[str, Any], groups: Groups) -> FitResult:
+def _fit(fit: Fit, groups: Groups) -> FitResult:
     stored = groups["fit"]
-    return FitResult(
+    arrays = ("estimate", "covariance", "jacobian", "sigma", "predicted")
+    return made_of(
+        FitResult,
+        fit,
         names=_words(stored, "coordinate"),
-        estimate=_array(stored, "estimate"),
-        covariance=_array(stored, "covariance"),
-        jacobian=_array(stored, "jacobian"),
-        singular_values=np.array([_number(v) for v in fields["singular_values"]]),
-        modes=_records(Mode, fields["modes"]),
-        chi_square=_number(fields["chi_square"]),
-        n_data=fields["n_data"],
-        n_free=fields["n_free"],
-        sigma=_array(stored, "sigma"),
-        predicted=_array(stored, "predicted"),
+        singular_values=np.array(fit.singular_values),
         channel=_words(stored, "datum"),
         row=tuple(int(row) for row in stored["row"].to_numpy()),
-        status=_status(fields["status"]),
+        status=_status(fit.status),
+        **{name: _array(stored, name) for name in arrays},
     )
 
 
-def _posterior(summary: Mapping[str, Any], groups: Groups) -> PosteriorResult:
-    fields = summary["posterior"]
-    has_chain = "ensembles" in groups
-    diagnostics = fields["diagnostics"]
+def _posterior(document: Summary, groups: Groups) -> PosteriorResult:
+    posterior, ensembles = document.posterior, groups.get("ensembles")
+    chain, names, thin = None, (), 1
+    diagnostics = posterior.diagnostics
+    if ensembles is not None:
+        chain, thin = _array(ensembles, "chain"), int(ensembles.attrs["thin"])
+        names = _words(ensembles, "coordinate")
     if diagnostics is not None:
         accepted = _array(groups["ensembles"], "acceptance_fraction")
-        numbers: dict[str, Any] = {
-            name: {key: _number(value) for key, value in diagnostics[name].items()}
-            for name in ("autocorr_time", "ess", "rhat")
-        }
-        numbers["acceptance_fraction"] = accepted
-        numbers["problems"] = tuple(diagnostics["problems"])
-        diagnostics = Diagnostics(**diagnostics | numbers)
-    return PosteriorResult(
+        diagnostics = made_of(Diagnostics, diagnostics, acceptance_fraction=accepted)
+    return made_of(
+        PosteriorResult,
+        posterior,
         samples=_draws(groups["posterior"]),
         prior_samples=_draws(groups["prior"]),
         log_prob=one_row(_array(groups["sample_stats"], "lp")),
-        chain=_array(groups["ensembles"], "chain") if has_chain else None,
-        chain_names=_words(groups["ensembles"], "coordinate") if has_chain else (),
-        thin=int(groups["ensembles"].attrs["thin"]) if has_chain else 1,
-        engine=fields["engine"],
+        chain=chain,
+        chain_names=names,
+        thin=thin,
         diagnostics=diagnostics,
-        log_evidence=fields["log_evidence"],
-        log_evidence_error=fields["log_evidence_error"],
-        seed=summary["seed"],
-        status=_status(fields["status"]),
-        ess=fields["ess"],
-        pareto_k=fields["pareto_k"],
+        seed=document.seed,
+        status=_status(posterior.status),
     )
 
 
@@ -269,7 +199,7 @@ def _profiles(groups: Groups) -> dict[str, LikelihoodProfile]:
             unit=attributes["units"],
             values=_array(groups["profiles"], f"{name}_value"),
             delta_chi_square=_array(groups["profiles"], name),
-            pieces=_pieces(json.loads(attributes["pieces"])),
+            pieces=tuple(map(tuple, json.loads(attributes["pieces"]))),
             prob=float(attributes["prob"]),
             verdict=Verdict(attributes["verdict"]),
             degrees_of_freedom=float(attributes["degrees_of_freedom"]),

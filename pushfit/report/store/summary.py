@@ -1,16 +1,11 @@
 """`summary.json`: everything that the reports say, as one JSON-safe dictionary."""
 
-from dataclasses import fields
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from pushfit.fit.results import (
-    Diagnostics,
-    FitResult,
-    Identification,
-    PosteriorResult,
-)
+from pushfit.fit.results import FitResult, Identification, PosteriorResult
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
 from pushfit.report.plain import Json, json_safe
@@ -21,9 +16,10 @@ from pushfit.report.store.document import (
     Posterior,
     Sentences,
     Summary,
+    made_of,
 )
 
-ANGLES = ("theta_c_deg", "alpha_star_deg", "alpha_star_model_free_deg")
+ANGLES = ("theta_c", "alpha_star", "alpha_star_model_free")
 
 
 def summary_dict(identification: Identification) -> dict[str, Json]:
@@ -33,20 +29,26 @@ def summary_dict(identification: Identification) -> dict[str, Json]:
         Dictionary of the form of `summary_schema`.
     """
     content: Any = json_safe(_summary(identification))
-    entries = [content[angle] for angle in ANGLES if content[angle] is not None]
-    for group in (content["parameters"], content["combinations"]):
-        entries += group.values()
-    entries += [answer["theta_c"] for answer in content["by_mechanics"]]
-    for entry in entries:
+    for _, entry in quantities_in(content):
         del entry["name"]  # the key says it
     return content
+
+
+def quantities_in(content: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Name and entry of every quantity of a summary."""
+    angles = ((name, content[f"{name}_deg"]) for name in ANGLES)
+    yield from ((name, entry) for name, entry in angles if entry is not None)
+    yield from content["parameters"].items()
+    yield from content["combinations"].items()
+    yield from (("theta_c", answer["theta_c"]) for answer in content["by_mechanics"])
 
 
 def _summary(identification: Identification) -> Summary:
     status = identification.status
     found, table = identification.identifiability, identification.table
-
-    return Summary(
+    return made_of(
+        Summary,
+        identification,
         status=status.name.lower(),
         status_text=status.value,
         n_pushes=table.n_pushes,
@@ -56,63 +58,43 @@ def _summary(identification: Identification) -> Summary:
             theta_c=theta_c_answer(identification).sentence,
             alpha_star=alpha_star_answer(identification).sentence,
         ),
-        by_mechanics=identification.by_mechanics,
         theta_c_deg=identification.theta_c,
-        reference_alpha_deg=identification.reference_alpha_deg,
         alpha_star_deg=identification.alpha_star,
         alpha_star_model_free_deg=identification.alpha_star_model_free,
         parameters={q.name: q for q in identification.parameters},
         combinations={q.name: q for q in identification.combinations},
         correlations=correlations(identification),
-        goodness_of_fit=identification.goodness_of_fit,
         fit=_fit(identification.fit),
         posterior=_posterior(identification.posterior),
-        identifiability=Identifiability(
-            rank=found.rank,
-            n_parameters=found.n_parameters,
-            directions=found.combinations,
-            advice=found.advice,
-        ),
-        warnings=identification.warnings,
+        identifiability=made_of(Identifiability, found, directions=found.combinations),
         notes=table.notes,
         inputs=table.sources,
-        recipe=identification.recipe,
         config=identification.config.model_dump(mode="json"),
-        seed=identification.seed,
-        versions=identification.versions,
     )
 
 
 def _fit(fit: FitResult) -> Fit:
-    return Fit(
+    return made_of(
+        Fit,
+        fit,
         status=fit.status.name.lower(),
-        chi_square=fit.chi_square,
-        n_data=fit.n_data,
-        n_free=fit.n_free,
         singular_values=tuple(fit.singular_values.tolist()),
         sigma=(
             float(np.min(fit.sigma, initial=np.inf)),
             float(np.max(fit.sigma, initial=-np.inf)),
         ),
-        modes=fit.modes,
     )
 
 
 def _posterior(posterior: PosteriorResult) -> Posterior:
-    diagnostics = posterior.diagnostics
-    return Posterior(
-        engine=posterior.engine,
+    chain = posterior.diagnostics
+    if chain is not None:
+        accepted = float(np.mean(chain.acceptance_fraction))
+        chain = made_of(Chain, chain, acceptance_fraction=accepted)
+    return made_of(
+        Posterior,
+        posterior,
         status=posterior.status.name.lower(),
         n_draws=int(posterior.log_prob.size),
-        log_evidence=posterior.log_evidence,
-        log_evidence_error=posterior.log_evidence_error,
-        ess=posterior.ess,
-        pareto_k=posterior.pareto_k,
-        diagnostics=None if diagnostics is None else _chain(diagnostics),
+        diagnostics=chain,
     )
-
-
-def _chain(diagnostics: Diagnostics) -> Chain:
-    parts = {part.name: getattr(diagnostics, part.name) for part in fields(Chain)}
-    parts["acceptance_fraction"] = float(np.mean(diagnostics.acceptance_fraction))
-    return Chain(**parts)
