@@ -11,7 +11,7 @@ from pushfit.explore.hands.simulated import simulated_hand
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import Step, explore
 from pushfit.report.figures import save_figure
-from pushfit.report.text.exploration import exploration_picture
+from pushfit.report.figures.exploration import exploration_picture
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parents[1] / "examples" / "foam_box"

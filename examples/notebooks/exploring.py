@@ -26,7 +26,8 @@ from pushfit.config.inputs import PeakSettings
 from pushfit.explore.hands.simulated import simulated_hand
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
-from pushfit.report.text.exploration import exploration_picture, next_text
+from pushfit.report.figures.exploration import exploration_picture
+from pushfit.report.text.exploration import next_text
 
 ROOT = next(p for p in (Path.cwd(), *Path.cwd().parents) if (p / "examples").is_dir())
 folder = ROOT / "examples" / "foam_box"

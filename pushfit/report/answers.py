@@ -21,10 +21,10 @@ from pushfit.fit.results import (
 from pushfit.registry import mechanics_named
 from pushfit.report.strings import (
     format_angle,
+    format_estimate,
     format_range,
     join_or,
     printable,
-    spread_of,
 )
 
 HALF_TURN = 180.0
@@ -174,9 +174,7 @@ def _angle_answer(
             short = f"{short}, provisional"
     else:
         values, pieces = (estimate,), (quantity.interval,)  # drawn as it is said
-        spread = spread_of(estimate, quantity.interval)
-        number = format_angle(estimate, spread=spread)
-        interval = format_range(*quantity.interval, "deg", spread=spread)
+        number, interval = format_estimate(estimate, quantity.interval, "deg")
         short = f"{number} ({interval})"
         sentence = f"{subject} is {number} ({prob} interval: {interval})."
     return Answer(

@@ -20,12 +20,13 @@ from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
 from pushfit.report.strings import (
     format_angle,
+    format_estimate,
     format_number,
+    format_p_value,
     format_range,
     join_and,
     join_or,
     printable,
-    spread_of,
     symbol,
     unit_label,
     with_unit,
@@ -117,20 +118,19 @@ def cannot_say(identification: Identification) -> list[str]:
 
 def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
     """Value, interval, unit, verdict and note of a quantity, as printed."""
-    interval, spread = "", None
+    value, interval = UNQUOTED, ""
     if quantity.interval is not None:
-        if quantity.estimate is not None:
-            spread = spread_of(quantity.estimate, quantity.interval)
-        interval = format_range(*quantity.interval, "", spread=spread)
-    value = UNQUOTED
+        interval = format_range(*quantity.interval, "")
     is_set = quantity.verdict in SET_VERDICTS and bool(pieces_for(quantity))
     if is_set:
         value = SEE_SET
         interval = join_or([format_range(*piece, "") for piece in pieces_for(quantity)])
-    elif quantity.estimate is not None and quantity.verdict is Verdict.FIXED:
-        value = f"{quantity.estimate:.6g}"
+    elif quantity.estimate is not None and quantity.interval is not None:
+        value, interval = format_estimate(quantity.estimate, quantity.interval, "")
     elif quantity.estimate is not None:
-        value = format_number(quantity.estimate, spread=spread)
+        value = format_number(quantity.estimate)
+    if quantity.estimate is not None and quantity.verdict is Verdict.FIXED:
+        value = f"{quantity.estimate:.6g}"
     return (
         value,
         interval,
@@ -146,7 +146,7 @@ def _p_value(p_value: float | None) -> str:
     """Clause such as "p = 0.46" after a comma, or nothing."""
     if p_value is None or not np.isfinite(p_value):
         return ""
-    return ", p < 0.001" if p_value < 1e-3 else f", p = {p_value:.2g}"
+    return f", p {format_p_value(p_value)}"
 
 
 def _predictive(checks: Sequence[PredictiveCheck]) -> str:
@@ -226,9 +226,8 @@ def _mechanics_row(answer: MechanicsAnswer) -> tuple[str, str]:
     ranges = [format_range(*piece, "deg") for piece in pieces_for(theta_c)]
     text = join_or(ranges) or UNQUOTED
     if theta_c.estimate is not None and theta_c.interval is not None:
-        spread = spread_of(theta_c.estimate, theta_c.interval)
-        interval = format_range(*theta_c.interval, "deg", spread=spread)
-        text = f"{format_angle(theta_c.estimate, spread=spread)} ({interval})"
+        number, interval = format_estimate(theta_c.estimate, theta_c.interval, "deg")
+        text = f"{number} ({interval})"
     parts = [text, f"chi-square {format_number(answer.chi_square)}"]
     if answer.log_evidence is not None:
         parts.append(f"ln evidence {answer.log_evidence:.1f}")

@@ -134,6 +134,21 @@ def spread_of(estimate: float, interval: tuple[float, float]) -> float:
     return 2 * arm if arm > 0 else high - low
 
 
+def format_estimate(
+    estimate: float, interval: tuple[float, float], unit: str
+) -> tuple[str, str]:
+    """Number and interval with the digits that the interval justifies.
+
+    Returns:
+        The number, with its unit only where that is degrees, and the interval in words.
+    """
+    spread = spread_of(estimate, interval)
+    number = format_number(estimate, spread=spread)
+    if unit_label(unit) == "°":
+        number = format_angle(estimate, spread=spread)
+    return number, format_range(*interval, unit, spread=spread)
+
+
 def format_range(
     lower: float | None,
     upper: float | None,
@@ -180,6 +195,11 @@ def join_or(items: Sequence[str]) -> str:
 def join_and(items: Sequence[str]) -> str:
     """List in a sentence: "a", "a and b", "a, b and c"."""
     return _join(items, "and")
+
+
+def format_p_value(p_value: float) -> str:
+    """Probability as a relation: "< 0.001" or "= 0.46"."""
+    return "< 0.001" if p_value < 1e-3 else f"= {p_value:.2g}"
 
 
 def _join(items: Sequence[str], word: str) -> str:

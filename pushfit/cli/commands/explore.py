@@ -108,11 +108,7 @@ def next(
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
     from pushfit.data.tables.peak_table import read_table
-    from pushfit.report.text.exploration import (
-        exploration_picture,
-        next_dict,
-        next_text,
-    )
+    from pushfit.report.text.exploration import next_dict, next_text
 
     settings = read_config(asked.config)
     made = None if table is None else read_table(table)
@@ -127,6 +123,7 @@ def next(
     suggestions = explorer.ask(n)
     if plot is not None:
         from pushfit.report.figures import save_figure
+        from pushfit.report.figures.exploration import exploration_picture
 
         save_figure(exploration_picture(explorer, suggestions), plot)
         session.wrote(plot)
@@ -222,13 +219,10 @@ def _run(
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus
     from pushfit.report.figures import figure_bytes
+    from pushfit.report.figures.exploration import exploration_picture
     from pushfit.report.store.folder import write_result_folder
     from pushfit.report.store.summary import summary_dict
-    from pushfit.report.text.exploration import (
-        ADAPTIVE,
-        exploration_picture,
-        state_dict,
-    )
+    from pushfit.report.text.exploration import ADAPTIVE, state_dict
 
     peaks = settings.peaks
     with _watched(session) as watch:

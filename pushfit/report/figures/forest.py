@@ -8,11 +8,10 @@ from pushfit.report.figures.style import (
     COLUMN,
     ORANGE,
     drawable,
-    math_symbol,
     new_figure,
     styled,
+    symbol_label,
 )
-from pushfit.report.strings import unit_label
 from pushfit.report.text.difference import Difference, sentence
 
 if TYPE_CHECKING:
@@ -36,8 +35,7 @@ def forest_figure(
             assert quantity.interval is not None
             axes.plot(quantity.interval, (row, row), color=colour, lw=3, alpha=0.5)
             axes.plot(quantity.estimate, row, "o", color=colour, ms=5)
-        unit = drawable(unit_label(one.unit))
-        name = math_symbol(one.name) + (f" [{unit}]" if unit else "")
+        name = symbol_label(one.name, one.unit)
         axes.set_ylabel(name, rotation=0, ha="right", va="center", parse_math=True)
         axes.set_yticks([])
         axes.set_ylim(-0.6, 1.6)

@@ -11,7 +11,7 @@ K expm(½ [[e1, e2], [e2, -e1]]): semi-axes K exp(±|e|/2), the stiff one at the
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +21,7 @@ from pushfit.report.figures.style import (
     BLACK,
     BLUE,
     COLUMN,
+    DASHED,
     DATA,
     GREY,
     PALE,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
 
 # Length of the arrows, and where the finger touches, in widths of the object.
 REACH = 0.85
-DASHED = (0, (4, 2))
 # Ellipses: enough to show the spread, few enough to see single ones.
 N_SHOWN = 60
 
@@ -169,9 +169,8 @@ def grasp_figure(
     draw_top(top, alpha_star, list(alpha_deg), reach_deg)
     for axes, marker in ((side, theta_c), (top, alpha_star)):
         axes.set_axis_off()
-        symbol = math_symbol(marker.name)
         axes.set_title(
-            f"{symbol}:  {drawable(marker.text)}",
+            replace(marker, fixed_deg=None).title,
             loc="center",
             fontsize=9,
             fontweight="normal",
@@ -242,7 +241,7 @@ def draw_ellipses(
             ends * np.sin(value),
             color=BLACK,
             lw=1.1,
-            ls=(0, (4, 2)),
+            ls=DASHED,
         )
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     label = drawable(unit_label(unit))

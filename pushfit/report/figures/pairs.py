@@ -13,12 +13,10 @@ from pushfit.report.figures.style import (
     DATA,
     PALE,
     PRIOR,
-    drawable,
-    math_symbol,
     new_figure,
     styled,
+    symbol_label,
 )
-from pushfit.report.strings import unit_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -203,8 +201,7 @@ def _label_corner(
                 axis.set_minor_formatter(NullFormatter())
                 axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
     for index, name in enumerate(names):
-        unit = drawable(unit_label(units.get(name, "")))
-        label = math_symbol(name) + (f" [{unit}]" if unit else "")
+        label = symbol_label(name, units.get(name, ""))
         outer = [(grid[-1, index].xaxis, (0.5, -0.36))]
         outer += [(grid[index, 0].yaxis, (-0.36, 0.5))] if index else []
         for axis, place in outer:

@@ -13,19 +13,18 @@ from pushfit.report.figures.style import (
     ALARM,
     BLACK,
     COLUMN,
+    DASHED,
     DATA,
     PALE,
     PRIOR,
-    angle_words,
     canvas,
-    drawable,
     math_symbol,
     new_figure,
     place_legend,
     styled,
+    symbol_label,
 )
 from pushfit.report.figures.sweeps import Marker, Pieces
-from pushfit.report.strings import unit_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -121,7 +120,7 @@ def draw_posterior(
     axes.set_ylabel("density")
     shade(axes, marker.pieces, DATA)
     for value in marker.estimates:
-        axes.axvline(value, color=BLACK, lw=1.1, ls=(0, (4, 2)))
+        axes.axvline(value, color=BLACK, lw=1.1, ls=DASHED)
     place_legend(axes, loc="best")
 
 
@@ -169,19 +168,8 @@ def quantity_figure(
             heights = np.full(len(inside), 0.35)
             panels[0].plot(inside, heights, "v", color=ALARM, ms=6, label="optimum")
             place_legend(panels[0], loc="best")
-    label = unit_label(unit)
-    panels[-1].set_xlabel(
-        f"{math_symbol(marker.name)} [{drawable(label)}]" if label else marker.name,
-        parse_math=True,
-    )
-    where = "" if marker.fixed_deg is None else angle_words("α", marker.fixed_deg)
-    symbol = f"{math_symbol(marker.name)}{' at ' if where else ''}{where}"
-    panels[0].set_title(
-        f"{symbol}:  {drawable(marker.text)}",
-        fontweight="normal",
-        fontsize=9,
-        parse_math=True,
-    )
+    panels[-1].set_xlabel(symbol_label(marker.name, unit), parse_math=True)
+    panels[0].set_title(marker.title, fontweight="normal", fontsize=9, parse_math=True)
     return figure
 
 

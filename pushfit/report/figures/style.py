@@ -30,6 +30,8 @@ GREY, PALE = "#6E6E6E", "#D9D9D9"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = ("-", "--", "-.", ":")
+# Of lines that mark an answer.
+DASHED = (0, (4, 2))
 
 # More series than this are told apart by an ordered ramp, safe for every colour vision.
 RAMP, RAMP_END = "cividis", 0.6
@@ -182,6 +184,12 @@ def axis_label(name: str, unit: str) -> str:
     """
     label = drawable(unit_label(unit))
     return f"{drawable(name)} [{label}]" if label else drawable(name)
+
+
+def symbol_label(name: str, unit: str) -> str:
+    """The same with the letter of a quantity, as mathtext."""
+    label = drawable(unit_label(unit))
+    return f"{math_symbol(name)} [{label}]" if label else math_symbol(name)
 
 
 def channel_label(channel: str, unit: str) -> str:

@@ -15,6 +15,7 @@ from pushfit.report.figures.style import (
     ALARM,
     BLACK,
     COLUMN,
+    DASHED,
     DASHES,
     MARKERS,
     PAGE,
@@ -88,6 +89,12 @@ class Marker:
     text: str = ""
     fixed_deg: float | None = None
 
+    @property
+    def title(self) -> str:
+        """Symbol, azimuth and text, as mathtext."""
+        where = "" if self.fixed_deg is None else angle_words(" at α", self.fixed_deg)
+        return f"{math_symbol(self.name)}{where}:  {drawable(self.text)}"
+
 
 def draw_sweep(
     axes: "Axes", sweep: Sweep, *, index: int, colour: str, label: str
@@ -153,16 +160,14 @@ def draw_marker(
                 axes.plot(inside, curve, color=colour, lw=6, alpha=0.4, zorder=2.5)
     for value in marker.estimates:
         if low <= value <= high:
-            axes.axvline(value, color=colour, lw=1.1, ls=(0, (4, 2)), zorder=2)
+            axes.axvline(value, color=colour, lw=1.1, ls=DASHED, zorder=2)
             if sweep is not None:
                 height = np.interp(value, sweep.grid_deg, sweep.best_fit)
                 axes.plot(value, height, "o", color=colour, mec="white", ms=7, zorder=5)
     axes.set_xlim(low, high)
     if marker.text:
-        where = "" if marker.fixed_deg is None else angle_words("α", marker.fixed_deg)
-        symbol = f"{math_symbol(marker.name)}{' at ' if where else ''}{where}"
         axes.set_title(
-            f"{symbol}:  {drawable(marker.text)}",
+            marker.title,
             loc="center",
             fontsize=9,
             fontweight="normal",
@@ -309,7 +314,7 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
             axes.fill_between(ends + turn, 0, top, color=BLACK, alpha=0.09, lw=0)
     for value in np.radians(marker.estimates):
         for turn in (0.0, np.pi):
-            axes.plot([value + turn] * 2, [0, top], color=BLACK, lw=1.1, ls=(0, (4, 2)))
+            axes.plot([value + turn] * 2, [0, top], color=BLACK, lw=1.1, ls=DASHED)
     axes.set_ylim(0, top)
     low, high = _wedge(sweeps, marker)
     axes.set_xlim(np.radians(low), np.radians(high))

@@ -16,7 +16,9 @@ from pushfit.parameters import ANGLES
 from pushfit.report.facts import verdict_word
 from pushfit.report.html.pages import render_page
 from pushfit.report.strings import (
+    format_estimate,
     format_number,
+    format_p_value,
     format_range,
     join_or,
     printable,
@@ -230,9 +232,7 @@ def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
 
 
 def _p_value(value: float | None) -> str:
-    if value is None:
-        return ""
-    return "< 0.001" if value < 1e-3 else f"{value:.2g}"
+    return "" if value is None else format_p_value(value).removeprefix("= ")
 
 
 def _population_row(row: Record) -> dict[str, object]:
@@ -289,6 +289,5 @@ def _with_range(row: Record, name: str) -> str:
         return "" if high is None else f"below {format_number(high)}"
     if low is None or high is None or not low < high:
         return format_number(value)
-    spread = spread_of(value, (low, high))
-    number = format_number(value, spread=spread)
-    return f"{number} ({format_range(low, high, '', spread=spread)})"
+    number, interval = format_estimate(value, (low, high), "")
+    return f"{number} ({interval})"

@@ -1,7 +1,6 @@
-"""An exploration for people and scripts: sentences, a document, and the picture."""
+"""An exploration for people and scripts: sentences, and a document."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,11 +8,6 @@ from pushfit.explore.explorer import Explorer
 from pushfit.explore.records import Answer, State, Suggestion
 from pushfit.fit.results import ResultWarning
 from pushfit.parameters import ANGLES
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from pushfit.report.figures.exploration import Course
 
 SCHEMA = "pushfit.next/1"
 # Likelihood sets that pushes were chosen by cover 60 to 72 % where they state 90 %.
@@ -99,59 +93,6 @@ def progress_line(state: State) -> str:
     chance = "" if state.p_budget is None else f", chance {state.p_budget:.0%}"
     word = "" if state.answer is Answer.DECIDING else f" - {state.answer.value}"
     return f"{known}{chance}{word}"
-
-
-def exploration_picture(
-    explorer: Explorer, suggestions: Sequence[Suggestion] = ()
-) -> "Figure":
-    """What is known, what pushes would tell, and how it went.
-
-    Args:
-        suggestions: Pushes to mark, the best first.
-    """
-    from pushfit.report.figures.exploration import GainMap, Known, exploration_figure
-
-    belief, state, judge = explorer.belief, explorer.state, explorer.judge
-    name = explorer.angle
-    survey = explorer.survey(is_full=True)
-    made = [(row.theta, row.alpha) for row in explorer.history.told]
-    following = [(push.theta, push.alpha) for push in suggestions]
-    return exploration_figure(
-        Known(
-            name=name,
-            values=belief.samples[name],
-            weights=belief.weights,
-            interval=state.intervals[name],
-            prob=judge.prob,
-            width=judge.width,
-        ),
-        GainMap(
-            theta_deg=np.degrees(survey.theta),
-            alpha_deg=np.degrees(survey.alpha),
-            gain=survey.gains,
-            is_allowed=survey.is_allowed,
-            made_deg=np.degrees(np.array(made, dtype=float).reshape(-1, 2)),
-            next_deg=np.degrees(np.array(following, dtype=float).reshape(-1, 2)),
-        ),
-        _course(explorer, name),
-        title=state.sentence,
-    )
-
-
-def _course(explorer: Explorer, name: str) -> "Course | None":
-    from pushfit.report.figures.exploration import Course
-
-    states = explorer.history.course
-    if len(states) < 2:
-        return None
-    ends = [state.intervals[name] or (np.nan, np.nan) for state in states]
-    chances = [np.nan if s.p_budget is None else s.p_budget for s in states]
-    return Course(
-        n_pushes=np.array([float(state.n_pushes) for state in states]),
-        lower=np.array([end[0] for end in ends]),
-        upper=np.array([end[1] for end in ends]),
-        p_budget=np.array(chances, dtype=float),
-    )
 
 
 def _finite(value: float) -> float | None:
