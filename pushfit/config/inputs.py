@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from pushfit.config.section import Number, Positive, Probability, Section
+from pushfit.config.section import Number, Positive, Probability, Section, setting
 
 SensorUnit = Literal["n", "kpa", "counts", "au"]
 
@@ -12,16 +12,10 @@ SensorUnit = Literal["n", "kpa", "counts", "au"]
 class CalibrationSection(Section):
     """How the samples of one channel convert, and who says so."""
 
-    name: Literal["biotac_pdc"] | None = Field(
-        default=None, description="a calibration that pushfit knows"
-    )
-    source_unit: SensorUnit | None = Field(
-        default=None, description="unit of the samples"
-    )
-    target_unit: SensorUnit | None = Field(default=None, description="unit wanted")
-    factor: Positive | None = Field(
-        default=None, description="target units for one source unit"
-    )
+    name: Literal["biotac_pdc"] | None = setting("a calibration that pushfit knows")
+    source_unit: SensorUnit | None = setting("unit of the samples")
+    target_unit: SensorUnit | None = setting("unit wanted")
+    factor: Positive | None = setting("target units for one source unit")
     provenance: str | None = Field(
         default=None, min_length=1, description="where the factor comes from"
     )
@@ -43,141 +37,119 @@ class RecordingSection(Section):
 
     format: Literal[
         "auto", "native", "rostopic", "plotjuggler", "mcapcsv", "ros2csv", "bag"
-    ] = Field(
-        default="auto", description="dialect; `pushfit validate` names the one found"
-    )
-    columns: tuple[str, ...] = Field(
+    ] = setting("dialect; `pushfit validate` names the one found", default="auto")
+    columns: tuple[str, ...] = setting(
+        "column names in order, for files without a header",
         default=(),
-        description="column names in order, for files without a header",
-        examples=[["time_s", "pressure_counts"]],
+        example=["time_s", "pressure_counts"],
     )
-    rate: Positive | None = Field(
-        default=None,
-        description="samples per second, for recordings without a time [Hz]",
-        examples=[125.0],
+    rate: Positive | None = setting(
+        "samples per second, for recordings without a time [Hz]", example=125.0
     )
-    map: dict[str, str] = Field(
+    map: dict[str, str] = setting(
+        "column of each channel, and of time, theta and alpha",
         default={},
-        description="column of each channel, and of time, theta and alpha",
-        examples=[{"pressure": "pdc"}],
+        example={"pressure": "pdc"},
     )
-    unit: dict[str, str] = Field(
+    unit: dict[str, str] = setting(
+        "unit of each channel or column whose name states none",
         default={},
-        description="unit of each channel or column whose name states none",
-        examples=[{"pressure": "counts"}],
+        example={"pressure": "counts"},
     )
-    calibration: dict[str, CalibrationSection] = Field(
-        default={},
-        description='conversion of a channel: "biotac_pdc" is 0.0365 kPa per count, by '
+    calibration: dict[str, CalibrationSection] = setting(
+        'conversion of a channel: "biotac_pdc" is 0.0365 kPa per count, by '
         "SynTouch's manual; factor, source_unit and target_unit override it if "
         "provenance is stated",
-        examples=[{"pressure": {"name": "biotac_pdc"}}],
+        default={},
+        example={"pressure": {"name": "biotac_pdc"}},
     )
-    definitions: str | None = Field(
-        default=None,
-        description="folder of .msg files, for ROS 2 bags that carry no definitions",
-        examples=["src/biotac_sensors"],
+    definitions: str | None = setting(
+        "folder of .msg files, for ROS 2 bags that carry no definitions",
+        example="src/biotac_sensors",
     )
-    theta_from: Literal["tangential", "normal"] = Field(
+    theta_from: Literal["tangential", "normal"] = setting(
+        'what a recorded theta is measured from; "normal": 90 deg - it',
         default="tangential",
-        description='what a recorded theta is measured from; "normal": 90 deg - it',
     )
-    gaps: Literal["error", "split", "interpolate"] = Field(
-        default="error", description="what to do where samples are missing"
+    gaps: Literal["error", "split", "interpolate"] = setting(
+        "what to do where samples are missing", default="error"
     )
-    tail: Literal["drop", "keep", "error", "salvage"] = Field(
-        default="drop",
-        description="what to do with a last line that may have been cut off; salvage "
+    tail: Literal["drop", "keep", "error", "salvage"] = setting(
+        "what to do with a last line that may have been cut off; salvage "
         "also drops zero bytes, and reads what there is of a cut .mcap file",
+        default="drop",
     )
-    missing: tuple[str, ...] = Field(
-        default=(),
-        description="texts that stand for a missing sample",
-        examples=[["-3.697314E28"]],
+    missing: tuple[str, ...] = setting(
+        "texts that stand for a missing sample", default=(), example=["-3.697314E28"]
     )
-    encoding: str | None = Field(
-        default=None, description="text encoding; absent: UTF-8", examples=["latin-1"]
+    encoding: str | None = setting("text encoding; absent: UTF-8", example="latin-1")
+    trust_units: bool = setting(
+        "true: accept units that look implausible", default=False
     )
-    trust_units: bool = Field(
-        default=False, description="true: accept units that look implausible"
-    )
-    max_bytes: Annotated[int, Field(strict=True, gt=0)] = Field(
-        default=1 << 30, description="most memory that the samples may take [bytes]"
+    max_bytes: Annotated[int, Field(strict=True, gt=0)] = setting(
+        "most memory that the samples may take [bytes]", default=1 << 30
     )
 
 
 class PeakSettings(Section):
     """How the height of each push is taken from a recording."""
 
-    channel: str | None = Field(
-        default=None,
-        description="channel that shows the pushes; absent: the only one",
-        examples=["pressure"],
+    channel: str | None = setting(
+        "channel that shows the pushes; absent: the only one", example="pressure"
     )
-    normal: str | None = Field(
-        default=None,
-        description='force channel along the contact normal, "-fz" where pushing '
+    normal: str | None = setting(
+        'force channel along the contact normal, "-fz" where pushing '
         "lowers it; heights are then normal and tangential ones of all channels",
-        examples=["-fz"],
+        example="-fz",
     )
-    invert: bool = Field(default=False, description="true: pushes go downwards")
-    signed: Annotated[bool, Field(strict=True)] | None = Field(
-        default=None,
-        description="whether pushes may go either way from rest; absent: only where "
+    invert: bool = setting("true: pushes go downwards", default=False)
+    signed: Annotated[bool, Field(strict=True)] | None = setting(
+        "whether pushes may go either way from rest; absent: only where "
         "the schedule has theta < 0 and no hump answers to it",
-        examples=[True],
+        example=True,
     )
-    height: Literal["auto", "apex", "plateau"] = Field(
-        default="auto",
-        description='"apex" (pointed), "plateau" (held) or "auto" (by the shape)',
+    height: Literal["auto", "apex", "plateau"] = setting(
+        '"apex" (pointed), "plateau" (held) or "auto" (by the shape)', default="auto"
     )
-    min_height: Positive | None = Field(
-        default=None,
-        description="smallest height of a push [unit of the channel]; absent: judged "
+    min_height: Positive | None = setting(
+        "smallest height of a push [unit of the channel]; absent: judged "
         "by the noise and the other pushes",
-        examples=[5.0],
+        example=5.0,
     )
-    split: Probability = Field(
-        default=0.4,
-        description="two humps are two pushes if the signal falls between them below "
+    split: Probability = setting(
+        "two humps are two pushes if the signal falls between them below "
         "this share of the lower one",
+        default=0.4,
     )
-    smoothing: Positive | None = Field(
-        default=None,
-        description="averaging time for finding humps [s]; absent: a tenth of a push",
-        examples=[0.1],
+    smoothing: Positive | None = setting(
+        "averaging time for finding humps [s]; absent: a tenth of a push", example=0.1
     )
-    limit: Number | None = Field(
-        default=None,
-        description="reading at which the sensor ends [unit of the channel]; absent: "
+    limit: Number | None = setting(
+        "reading at which the sensor ends [unit of the channel]; absent: "
         "recognised by samples that pile up there",
-        examples=[4095],
+        example=4095,
     )
-    exclude: tuple[tuple[Number, Number], ...] = Field(
+    exclude: tuple[tuple[Number, Number], ...] = setting(
+        "windows of time whose humps are no pushes [s]",
         default=(),
-        description="windows of time whose humps are no pushes [s]",
-        examples=[[[12.0, 13.5]]],
+        example=[[12.0, 13.5]],
     )
-    include: tuple[tuple[Number, Number], ...] = Field(
+    include: tuple[tuple[Number, Number], ...] = setting(
+        "windows of time whose humps are pushes, however small [s]",
         default=(),
-        description="windows of time whose humps are pushes, however small [s]",
-        examples=[[[40.0, 42.0]]],
+        example=[[40.0, 42.0]],
     )
-    begin: Number | None = Field(
-        default=None, description="time to begin at [s]", examples=[2.0]
-    )
-    end: Number | None = Field(
-        default=None, description="time to end at [s]", examples=[118.0]
-    )
-    use_missing: bool = Field(
-        default=False,
-        description="true: a planned push without a hump goes into the fit with the "
+    begin: Number | None = setting("time to begin at [s]", example=2.0)
+    end: Number | None = setting("time to end at [s]", example=118.0)
+    use_missing: bool = setting(
+        "true: a planned push without a hump goes into the fit with the "
         "height at its moment",
-    )
-    allow_missing: bool = Field(
         default=False,
-        description="true: go on with the likeliest assignment to the schedule where "
+    )
+    allow_missing: bool = setting(
+        "true: go on with the likeliest assignment to the schedule where "
         "another is nearly as likely",
+        default=False,
     )
 
     @field_validator("exclude", "include")

@@ -10,7 +10,7 @@ import json
 import operator
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, model_validator
 
 from pushfit.config.inputs import PeakSettings, RecordingSection
 from pushfit.config.parameters import ParametersSection
@@ -21,6 +21,7 @@ from pushfit.config.section import (
     Probability,
     Section,
     Sharpness,
+    setting,
 )
 from pushfit.config.sensor import SensorSection
 from pushfit.errors import ConfigError
@@ -33,17 +34,15 @@ Preload = NotNegative | Estimate | None
 class PushSection(Section):
     """How far the finger pushes."""
 
-    length_mm: Positive = Field(
+    length_mm: Positive = setting(
+        "length of the push vector; absent: unknown, and stiffness is not quoted",
         default=5.0,
-        description="length of the push vector; absent: unknown, and stiffness is "
-        "not quoted",
-        examples=[5.0],
+        example=5.0,
     )
-    length_known: bool = Field(
+    length_known: bool = setting(
+        "false beside a length: it is nominal, and heights compare directions only",
         default=False,
-        description="false beside a length: it is nominal, and heights compare "
-        "directions only",
-        examples=[False],
+        example=False,
     )
 
     @model_validator(mode="before")
@@ -78,40 +77,27 @@ def _known_mechanics(name: str) -> str:
 class GraspSection(Section):
     """How the object is held."""
 
-    mechanics: Annotated[str, AfterValidator(_known_mechanics)] = Field(
-        default="auto",
-        description=_MECHANICS + '"auto": both where these are given, and the tilting '
+    mechanics: Annotated[str, AfterValidator(_known_mechanics)] = setting(
+        _MECHANICS + '"auto": both where these are given, and the tilting '
         "ones lead where the tilt matters to θ_c; or the name of mechanics of your own",
+        default="auto",
     )
-    preload_n: Preload = Field(
-        default=None,
-        description='normal force before the push [N], or "estimate"; absent: 0',
-        examples=[2.0],
+    preload_n: Preload = setting(
+        'normal force before the push [N], or "estimate"; absent: 0', example=2.0
     )
-    preload_kpa: Preload = Field(
-        default=None, description="the same as a pressure", examples=[12.0]
+    preload_kpa: Preload = setting("the same as a pressure", example=12.0)
+    preload_counts: Preload = setting("the same in sensor counts", example=330.0)
+    preload_au: Preload = setting("the same in arbitrary units", example="estimate")
+    support_span_mm: Positive | None = setting(
+        "distance between two supports; absent: one rolling limit", example=40.0
     )
-    preload_counts: Preload = Field(
-        default=None, description="the same in sensor counts", examples=[330.0]
-    )
-    preload_au: Preload = Field(
-        default=None, description="the same in arbitrary units", examples=["estimate"]
-    )
-    support_span_mm: Positive | None = Field(
-        default=None,
-        description="distance between two supports; absent: one rolling limit",
-        examples=[40.0],
-    )
-    tip_radius_mm: NotNegative | None = Field(
-        default=None,
-        description="radius of the fingertips, pushing and supporting, which roll as "
+    tip_radius_mm: NotNegative | None = setting(
+        "radius of the fingertips, pushing and supporting, which roll as "
         "the object tilts; absent: points",
-        examples=[8.0],
+        example=8.0,
     )
-    reference_alpha_deg: Number | None = Field(
-        default=None,
-        description="azimuth at which theta_c is quoted; absent: the most pushed one",
-        examples=[90.0],
+    reference_alpha_deg: Number | None = setting(
+        "azimuth at which theta_c is quoted; absent: the most pushed one", example=90.0
     )
 
     @model_validator(mode="after")
@@ -142,9 +128,8 @@ PRELOAD_UNITS = ("n", "kpa", "counts", "au")
 class ReachSection(Section):
     """Which directions the finger can push in."""
 
-    alpha_deg: tuple[Number, Number] = Field(
-        default=(0.0, 180.0),
-        description="range of azimuths in which alpha* is sought",
+    alpha_deg: tuple[Number, Number] = setting(
+        "range of azimuths in which alpha* is sought", default=(0.0, 180.0)
     )
 
     @model_validator(mode="after")
@@ -159,55 +144,49 @@ class ReachSection(Section):
 class TransitionSection(Section):
     """How the contact passes from rolling to elastic."""
 
-    sharpness: Literal["hard", "auto"] | Sharpness = Field(
-        default="auto",
-        description='"auto": sharpness p of the soft minimum is one of the unknowns; '
+    sharpness: Literal["hard", "auto"] | Sharpness = setting(
+        '"auto": sharpness p of the soft minimum is one of the unknowns; '
         '"hard" (the paper) or p >= 1 where it is known',
+        default="auto",
     )
 
 
 class NoiseSection(Section):
     """How heights scatter."""
 
-    sigma: Literal["auto", "given", "pooled", "sampled"] = Field(
-        default="auto",
-        description='"given" (sd columns), "pooled" (from repeats), "sampled" '
+    sigma: Literal["auto", "given", "pooled", "sampled"] = setting(
+        '"given" (sd columns), "pooled" (from repeats), "sampled" '
         '(a parameter) or "auto" (the first of them that the table allows)',
+        default="auto",
     )
-    likelihood: Literal["normal", "student_t", "auto"] = Field(
-        default="normal",
-        description='"normal", "student_t" (outlying pushes weigh less), or "auto": '
+    likelihood: Literal["normal", "student_t", "auto"] = setting(
+        '"normal", "student_t" (outlying pushes weigh less), or "auto": '
         "whichever has the higher evidence",
+        default="normal",
     )
-    height_share: NotNegative | Estimate = Field(
-        default=0.0,
-        description="noise in proportion to the height beside the constant one, 1 sd "
+    height_share: NotNegative | Estimate = setting(
+        "noise in proportion to the height beside the constant one, 1 sd "
         'as a share of it, or "estimate": as the residuals have it',
-    )
-    repeats: Literal["alike", "offset", "gain"] = Field(
-        default="alike",
-        description='"alike", or each repeat of all directions has an "offset" or a '
-        '"gain" of its own, which is taken out of its heights',
-    )
-    theta_sd_deg: NotNegative = Field(
         default=0.0,
-        description="error of every elevation, drawn anew for each push, 1 sd [deg]",
     )
-    alpha_sd_deg: NotNegative = Field(
-        default=0.0, description="the same of every azimuth"
+    repeats: Literal["alike", "offset", "gain"] = setting(
+        '"alike", or each repeat of all directions has an "offset" or a '
+        '"gain" of its own, which is taken out of its heights',
+        default="alike",
     )
+    theta_sd_deg: NotNegative = setting(
+        "error of every elevation, drawn anew for each push, 1 sd [deg]", default=0.0
+    )
+    alpha_sd_deg: NotNegative = setting("the same of every azimuth", default=0.0)
 
 
 class ReportSection(Section):
     """What is quoted."""
 
-    prob: Probability = Field(
-        default=0.9, description="probability of the intervals and sets"
-    )
-    wanted_width_deg: Positive = Field(
+    prob: Probability = setting("probability of the intervals and sets", default=0.9)
+    wanted_width_deg: Positive = setting(
+        "widest interval of theta_c and alpha* that counts as determined [deg]",
         default=30.0,
-        description="widest interval of theta_c and alpha* that counts as determined "
-        "[deg]",
     )
 
 
@@ -271,11 +250,6 @@ class GraspConfig(Section):
             if not operator.attrgetter(key)(self):
                 return reason
         return None
-
-    @property
-    def preload_is_estimated(self) -> bool:
-        """Whether the preload is a parameter of the fit."""
-        return self.grasp.preload[0] == "estimate"
 
     def preload_in(self, unit: str) -> float | Estimate:
         """Preload in the unit of the heights.

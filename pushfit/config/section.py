@@ -1,6 +1,6 @@
 """What all sections of `grasp.toml` have in common."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -16,3 +16,13 @@ class Section(BaseModel):
     """A table of the file: unknown keys are errors, values never change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def setting(description: str, *, default: Any = None, example: Any = None) -> Any:
+    """A key of a section.
+
+    Args:
+        example: What a template shows behind a '#', where the default has no effect.
+    """
+    examples = None if example is None else [example]
+    return Field(default=default, description=description, examples=examples)

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from pushfit.config.section import Positive, Section
+from pushfit.config.section import Positive, Section, setting
 
 SINGULAR = {"count": "counts"}
 
@@ -15,30 +15,16 @@ class SensorSection(Section):
     Factors chain: `kpa_per_count` and `n_per_kpa` together turn counts into newtons.
     """
 
-    counts_per_n: Positive | None = Field(
-        default=None, description="counts for one newton", examples=[200.0]
+    counts_per_n: Positive | None = setting("counts for one newton", example=200.0)
+    n_per_count: Positive | None = setting("newtons for one count", example=0.005)
+    kpa_per_n: Positive | None = setting("kilopascals for one newton", example=7.3)
+    n_per_kpa: Positive | None = setting("newtons for one kilopascal", example=0.137)
+    counts_per_kpa: Positive | None = setting("counts for one kilopascal", example=27.4)
+    kpa_per_count: Positive | None = setting(
+        "kilopascals for one count", example=0.0365
     )
-    n_per_count: Positive | None = Field(
-        default=None, description="newtons for one count", examples=[0.005]
-    )
-    kpa_per_n: Positive | None = Field(
-        default=None, description="kilopascals for one newton", examples=[7.3]
-    )
-    n_per_kpa: Positive | None = Field(
-        default=None, description="newtons for one kilopascal", examples=[0.137]
-    )
-    counts_per_kpa: Positive | None = Field(
-        default=None, description="counts for one kilopascal", examples=[27.4]
-    )
-    kpa_per_count: Positive | None = Field(
-        default=None, description="kilopascals for one count", examples=[0.0365]
-    )
-    au_per_n: Positive | None = Field(
-        default=None, description="arbitrary units for one newton", examples=[1.5]
-    )
-    n_per_au: Positive | None = Field(
-        default=None, description="newtons for one arbitrary unit", examples=[0.67]
-    )
+    au_per_n: Positive | None = setting("arbitrary units for one newton", example=1.5)
+    n_per_au: Positive | None = setting("newtons for one arbitrary unit", example=0.67)
 
     @model_validator(mode="after")
     def check_no_contradiction(self) -> "SensorSection":
