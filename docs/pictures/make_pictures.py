@@ -13,7 +13,7 @@ from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
-from pushfit.report.figures.recording import PushMarks, draw_pushes
+from pushfit.report.figures.recording import draw_pushes
 
 FOLDER = Path(__file__).parent
 TIME = np.arange(0.0, 16.0, 0.01)
@@ -112,22 +112,14 @@ def draw(axes: object, made: Recording, settings: PeakSettings, title: str) -> N
     for name, signal in made.channels.items():
         colour, width = ("C0", 1.0) if name == shown else ("0.7", 0.7)
         axes.plot(made.time, signal, color=colour, lw=width)
-    column = table.channels[0]
-    baseline = "baseline_n"
-    marks = PushMarks(
-        push=frame["push"].to_numpy(),
-        theta_deg=frame["theta_deg"].to_numpy(),
-        alpha_deg=frame["alpha_deg"].to_numpy(),
-        t_start=frame["t_start_s"].to_numpy(),
-        t_end=frame["t_end_s"].to_numpy(),
-        t_peak=frame["t_peak_s"].to_numpy(),
-        baseline=frame[baseline].to_numpy()
-        if baseline in frame
-        else np.zeros(len(frame)),
-        height=(-1.0 if settings.invert else 1.0) * table.heights(column),
-        flags=tuple(frame["flags"]),
+    draw_pushes(
+        axes,
+        frame.assign(
+            baseline=frame.get("baseline_n", 0.0),
+            height=(-1.0 if settings.invert else 1.0)
+            * table.heights(table.channels[0]),
+        ),
     )
-    draw_pushes(axes, marks, range(len(frame)))
     axes.set_title(title, loc="left", fontsize=8)
     axes.tick_params(labelsize=7)
 

@@ -14,7 +14,6 @@ from pushfit.report.figures.posterior import (
     quantity_figure,
 )
 from pushfit.report.figures.recording import (
-    PushMarks,
     found_figure,
     recording_figure,
     signal_figure,
@@ -25,7 +24,6 @@ from pushfit.report.figures.sweeps import Marker, Sweep, alpha_figure, theta_fig
 __all__ = [
     "Ellipses",
     "Marker",
-    "PushMarks",
     "Sweep",
     "all_figures",
     "alpha_figure",

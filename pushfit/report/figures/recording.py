@@ -6,11 +6,11 @@ that a reader can disagree with it.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Int
+import pandas as pd
+from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import push_signal, signal_name
@@ -43,113 +43,71 @@ MAX_POINTS = 4000
 MAX_TIME = 1e6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PushMarks:
-    """Where and how each push was measured; NaN is unknown.
+TIMES = ["t_start_s", "t_end_s", "t_peak_s"]
+
+
+def direction_labels(marks: pd.DataFrame) -> tuple[list[str], str]:
+    """Shortest label of each push, and what the labels mean.
+
+    An angle that never changes is left out.
 
     Args:
-        t_start: First sample of the push [s].
-        t_end: Last sample of the push [s].
-        t_peak: Where the height was taken [s].
-        baseline: Level before the push [unit of the signal].
-        height: Height above it [unit of the signal].
-        flags: Words of doubt for each push; empty for none.
+        marks: Pushes as `marks_of` gives them.
     """
-
-    push: Int[np.ndarray, " p"]
-    theta_deg: Float[np.ndarray, " p"]
-    alpha_deg: Float[np.ndarray, " p"]
-    t_start: Float[np.ndarray, " p"]
-    t_end: Float[np.ndarray, " p"]
-    t_peak: Float[np.ndarray, " p"]
-    baseline: Float[np.ndarray, " p"]
-    height: Float[np.ndarray, " p"]
-    flags: tuple[str, ...]
-
-
-def direction_labels(
-    theta_deg: Float[np.ndarray, " p"], alpha_deg: Float[np.ndarray, " p"]
-) -> list[str]:
-    """Shortest label of each direction: an angle that never changes is left out."""
-    vary_theta = np.unique(theta_deg).size > 1
-    vary_alpha = np.unique(alpha_deg).size > 1
-    labels = []
-    for theta, alpha in zip(theta_deg, alpha_deg, strict=True):
-        parts = [f"{round(theta, 1):g}°"] if vary_theta or not vary_alpha else []
-        parts += [f"{round(alpha, 1):g}°"] if vary_alpha else []
-        labels.append("\n".join(parts))
-    return labels
+    angles = {"θ": marks["theta_deg"], "α": marks["alpha_deg"]}
+    if bool(angles["θ"].isna().any()):
+        words = "labels: number of the push, whose direction is unknown"
+        return [str(number) for number in marks["push"]], words
+    varied = [name for name, angle in angles.items() if angle.nunique() > 1] or ["θ"]
+    rows = zip(*(angles[name] for name in varied), strict=True)
+    labels = ["\n".join(f"{round(angle, 1):g}°" for angle in row) for row in rows]
+    if not labels:
+        return [], ""
+    if len(varied) == 2:
+        return labels, "labels: θ above α"
+    (other,) = angles.keys() - varied
+    return labels, f"labels: {varied[0]} at {other} = {angles[other].iloc[0]:g}°"
 
 
-def label_words(
-    theta_deg: Float[np.ndarray, " p"], alpha_deg: Float[np.ndarray, " p"]
-) -> str:
-    """What the labels of `direction_labels` mean, for the title."""
-    if theta_deg.size == 0:
-        return ""
-    if not np.isfinite(theta_deg).all():
-        return "labels: number of the push, whose direction is unknown"
-    vary_theta = np.unique(theta_deg).size > 1
-    vary_alpha = np.unique(alpha_deg).size > 1
-    if vary_theta and vary_alpha:
-        return "labels: θ above α"
-    if vary_alpha:
-        return f"labels: α at θ = {theta_deg[0]:g}°"
-    return f"labels: θ at α = {alpha_deg[0]:g}°"
-
-
-def draw_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
+def draw_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
     """Draw baseline, height and doubt of some pushes.
 
     Args:
         axes: Axes with time in seconds along x.
+        marks: Pushes as `marks_of` gives them.
     """
-    for row in rows:
-        is_doubtful = bool(marks.flags[row])
-        colour = ALARM if is_doubtful else GREY
-        start, end, peak = marks.t_start[row], marks.t_end[row], marks.t_peak[row]
-        if np.isfinite(start) and np.isfinite(end):
+    for mark in marks.to_dict("records"):
+        colour = ALARM if mark["flags"] else GREY
+        start, end, peak = mark["t_start_s"], mark["t_end_s"], mark["t_peak_s"]
+        has_extent = np.isfinite(start) and np.isfinite(end)
+        if has_extent:
             axes.axvspan(start, end, color=colour, alpha=0.12, lw=0, zorder=0)
-        base, height = marks.baseline[row], marks.height[row]
+        base, height = mark["baseline"], mark["height"]
         if not np.isfinite(base):
             continue
-        ends = (start, end) if np.isfinite(start) and np.isfinite(end) else (peak, peak)
+        ends = (start, end) if has_extent else (peak, peak)
         axes.plot(ends, (base, base), color=BLACK, lw=0.9, zorder=3)
         if np.isfinite(peak) and np.isfinite(height):
-            axes.plot(
-                (peak, peak), (base, base + height), color=colour, lw=0.9, zorder=3
-            )
-            axes.plot(
-                peak,
-                base + height,
-                "x" if is_doubtful else "_",
-                color=colour,
-                ms=6,
-                zorder=4,
-            )
+            top = base + height
+            axes.plot((peak, peak), (base, top), color=colour, lw=0.9, zorder=3)
+            shape = "x" if mark["flags"] else "_"
+            axes.plot(peak, top, shape, color=colour, ms=6, zorder=4)
 
 
-def label_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
+def label_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
     """Write directions above the pushes, once for consecutive repeats, and the doubts.
 
     Args:
-        rows: Which to label, in the order of time.
+        axes: Axes with time in seconds along x.
+        marks: Pushes in the order of time, with their `label`.
     """
-    labels = [str(number) for number in marks.push]
-    if np.isfinite(marks.theta_deg).all():
-        labels = direction_labels(marks.theta_deg, marks.alpha_deg)
-    groups: list[list[int]] = []
-    for row in rows:
-        if groups and labels[groups[-1][-1]] == labels[row]:
-            groups[-1].append(row)
-        else:
-            groups.append([row])
-    rotation = 90 if len(groups) > 14 else 0
+    repeats = (marks["label"] != marks["label"].shift()).cumsum()
+    groups = [group for _, group in marks.groupby(repeats)]
     for group in groups:
-        centre = float(np.nanmean(marks.t_peak[group])) if len(group) else np.nan
+        centre = float(np.nanmean(group["t_peak_s"]))
         if np.isfinite(centre):
             axes.annotate(
-                labels[group[0]],
+                group["label"].iloc[0],
                 (centre, 1.0),
                 xycoords=("data", "axes fraction"),
                 xytext=(0, 2),
@@ -157,13 +115,13 @@ def label_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
                 ha="center",
                 va="bottom",
                 fontsize=7,
-                rotation=rotation,
+                rotation=90 if len(groups) > 14 else 0,
             )
-    for row in rows:
-        if marks.flags[row] and np.isfinite(marks.t_peak[row]):
+    for mark in marks.to_dict("records"):
+        if mark["flags"] and np.isfinite(mark["t_peak_s"]):
             axes.annotate(
-                drawable(marks.flags[row].replace(";", ", ")),
-                (marks.t_peak[row], 0.98),
+                drawable(mark["flags"].replace(";", ", ")),
+                (mark["t_peak_s"], 0.98),
                 xycoords=("data", "axes fraction"),
                 ha="right",
                 va="top",
@@ -178,7 +136,7 @@ def label_pushes(axes: "Axes", marks: PushMarks, rows: Sequence[int]) -> None:
 def recording_figure(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
-    marks: PushMarks,
+    marks: pd.DataFrame,
     *,
     unit: str,
     channel: str,
@@ -187,18 +145,21 @@ def recording_figure(
 
     Args:
         signal: Samples; gaps are NaN.
-        marks: The pushes, in the order of time.
+        marks: The pushes, as `marks_of` gives them.
     """
     # Seconds since 1970 would leave no room for themselves.
     origin = float(np.floor(time[0])) if abs(time[0]) > MAX_TIME else 0.0
-    time, marks = time - origin, _shifted(marks, origin)
-    n_pushes = marks.push.size
+    time = time - origin
+    labels, words = direction_labels(marks)
+    marks = marks.assign(label=labels, **(marks[TIMES] - origin))
+    marks = marks.sort_values("t_peak_s", kind="stable")
+    n_pushes = len(marks)
     n_rows = int(np.clip(-(-n_pushes // PUSHES_PER_ROW), 1, MAX_ROWS))
     figure = new_figure(width=PAGE, height=0.6 + 1.9 * n_rows)
     panels = np.atleast_1d(figure.subplots(n_rows, 1, sharey=True))
-    order = np.argsort(np.nan_to_num(marks.t_peak, nan=np.inf), kind="stable")
-    chunks = np.array_split(order, n_rows)
-    edges = _row_edges(time, [marks.t_peak[chunk] for chunk in chunks])
+    rows = np.array_split(np.arange(n_pushes), n_rows)
+    chunks = [marks.iloc[row] for row in rows]
+    edges = _row_edges(time, [chunk["t_peak_s"].to_numpy() for chunk in chunks])
     for axes, chunk, (start, end) in zip(panels, chunks, edges, strict=True):
         inside = (time >= start) & (time <= end)
         axes.plot(
@@ -207,15 +168,13 @@ def recording_figure(
             lw=0.8,
             zorder=2,
         )
-        rows = [int(row) for row in chunk]
-        draw_pushes(axes, marks, rows)
-        label_pushes(axes, marks, rows)
+        draw_pushes(axes, chunk)
+        label_pushes(axes, chunk)
         axes.set_ylabel(axis_label(channel, unit))
         axes.margins(x=0.01, y=0.08)
         axes.grid(visible=False, axis="x")
     panels[-1].set_xlabel("time [s]" + (f" after {origin:.0f} s" if origin else ""))
-    words = label_words(marks.theta_deg, marks.alpha_deg)
-    doubtful = sum(bool(flag) for flag in marks.flags)
+    doubtful = sum(bool(flag) for flag in marks["flags"])
     doubt = f", {doubtful} doubtful" if doubtful else ""
     figure.suptitle(
         f"{n_pushes} pushes{doubt}; {words}".rstrip("; "),
@@ -224,15 +183,6 @@ def recording_figure(
         fontsize=9,
     )
     return figure
-
-
-def _shifted(marks: PushMarks, origin: float) -> PushMarks:
-    return replace(
-        marks,
-        t_start=marks.t_start - origin,
-        t_end=marks.t_end - origin,
-        t_peak=marks.t_peak - origin,
-    )
 
 
 def _row_edges(
@@ -262,18 +212,15 @@ def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
     """A recording with its pushes numbered: what a schedule has to name."""
     recording = recording.between(settings.begin, settings.end)
     extents = find_pushes(recording, settings=settings)
-    numbers = np.arange(1, len(extents) + 1)
-    unknown = np.full(numbers.size, np.nan)
-    marks = PushMarks(
-        push=numbers,
-        theta_deg=unknown,
-        alpha_deg=unknown,
-        t_start=np.array([extent.t_start for extent in extents]),
-        t_end=np.array([extent.t_end for extent in extents]),
-        t_peak=np.array([extent.t_peak for extent in extents]),
-        baseline=unknown,
-        height=unknown,
-        flags=("",) * numbers.size,
+    marks = pd.DataFrame(
+        [(e.t_start, e.t_end, e.t_peak) for e in extents], columns=TIMES
+    ).assign(
+        push=np.arange(1, len(extents) + 1),
+        theta_deg=np.nan,
+        alpha_deg=np.nan,
+        baseline=np.nan,
+        height=np.nan,
+        flags="",
     )
     name = signal_name(recording, settings)
     unit = recording.units.get(name, next(iter(recording.units.values())))
@@ -282,31 +229,30 @@ def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
     )
 
 
-def marks_of(table: PeakTable, rows: Sequence[int], *, sign: int = 1) -> PushMarks:
+def marks_of(table: PeakTable, rows: Sequence[int], *, sign: int = 1) -> pd.DataFrame:
     """Where some pushes of a table were measured.
 
     Args:
         sign: Of the signal to draw them in, that of its `Trace`.
+
+    Returns:
+        One row per push: `push`, `theta_deg`, `alpha_deg`, the times `t_start_s`,
+        `t_end_s` and `t_peak_s`, `baseline` and `height` in the unit of the signal, and
+        `flags`, words of doubt joined by ";". NaN is unknown.
     """
     frame = table.frame.iloc[list(rows)]
-    unknown = np.full(len(frame), np.nan)
-
-    def column(name: str) -> Float[np.ndarray, " p"]:
-        return frame[name].to_numpy(dtype=float) if name in frame else unknown
-
-    heights = [column(f"{channel}_{table.unit}") for channel in table.channels]
-    baseline = sign * column(f"baseline_{table.unit}")
-    if len(heights) > 1:
+    names = ["theta_deg", "alpha_deg", *TIMES, f"baseline_{table.unit}"]
+    numbers = frame.reindex(columns=names).astype(float)
+    heights = [
+        frame[f"{channel}_{table.unit}"].to_numpy(dtype=float)
+        for channel in table.channels
+    ]
+    baseline = sign * numbers.pop(names[-1])
+    is_one = len(heights) == 1
+    return numbers.assign(
+        push=frame["push"].astype(int),
         # Of components the signal is the length of their change, which rests at zero.
-        baseline = np.zeros(len(frame))
-    return PushMarks(
-        push=frame["push"].to_numpy(dtype=int),
-        theta_deg=column("theta_deg"),
-        alpha_deg=column("alpha_deg"),
-        t_start=column("t_start_s"),
-        t_end=column("t_end_s"),
-        t_peak=column("t_peak_s"),
-        baseline=baseline,
-        height=heights[0] if len(heights) == 1 else np.linalg.norm(heights, axis=0),
-        flags=tuple(";".join(sorted(table.flags[row])) for row in rows),
+        baseline=baseline if is_one else 0.0,
+        height=heights[0] if is_one else np.linalg.norm(heights, axis=0),
+        flags=[";".join(sorted(table.flags[row])) for row in rows],
     )
