@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pushfit.batch.inputs import schedule_for, settings_for
 from pushfit.config import GraspConfig, read_config
@@ -156,40 +157,40 @@ class _Planner:
     def items_of(self, path: str) -> Iterator[Item]:
         """Items of one file."""
         source = settings_for(path, self._request.config)
-        config = self._settings(source)
-        schedule = schedule_for(path, self._request.schedule)
-        plan = None if schedule is None else str(schedule)
         shared = {
             "path": path,
-            "config": config,
+            "config": self._settings(source),
             "config_from": "defaults" if source is None else str(source),
         }
         if is_long_table(path):
             for rows in read_grasps(path):
                 yield self._item(
+                    rows.sha256,
                     name=f"{path}#{rows.grasp}",
-                    content=(rows.sha256, rows.frame.size),
+                    size=rows.frame.size,
                     rows=rows,
-                    schedule=None,
                     **shared,
                 )
             return
-        content = content_digest(path), content_size(path)
-        yield self._item(name=path, content=content, rows=None, schedule=plan, **shared)
+        yield self._item(
+            content_digest(path),
+            schedule=schedule_for(path, self._request.schedule),
+            name=path,
+            size=content_size(path),
+            rows=None,
+            **shared,
+        )
 
     def _item(
         self,
+        sha256: str,
         *,
-        name: str,
-        path: str,
-        content: tuple[str, int],
-        rows: GraspRows | None,
-        schedule: str | None,
         config: GraspConfig,
-        config_from: str,
+        schedule: Path | None = None,
+        **about: Any,
     ) -> Item:
-        sha256, size = content
-        plan_sha256 = None if schedule is None else self._digest(schedule)
+        plan = None if schedule is None else str(schedule)
+        plan_sha256 = None if plan is None else self._digest(plan)
         seed = derived_seed(self._request.seed, sha256)
         key = digest_of(
             self._common
@@ -201,17 +202,13 @@ class _Planner:
             }
         )
         return Item(
-            name=name,
-            path=path,
             sha256=sha256,
-            size=size,
-            rows=rows,
-            schedule=schedule,
+            schedule=plan,
             schedule_sha256=plan_sha256,
             config=config,
-            config_from=config_from,
             seed=seed,
             key=key,
+            **about,
         )
 
     def _settings(self, source: Path | None) -> GraspConfig:

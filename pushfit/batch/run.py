@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from pushfit.batch.cluster import Work
 from pushfit.batch.folders import FOLDER, begin_folder, folder_name, is_current, sweep
 from pushfit.batch.inputs import find_inputs
 from pushfit.batch.items import Failure, Item, Request, make_plan
@@ -19,7 +18,7 @@ from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.work import IdentifyMany, identify_chunk, write_folder
-from pushfit.batch.workers import Workers
+from pushfit.batch.workers import Work, Workers
 from pushfit.errors import DataError
 from pushfit.fit.population.many import identify_many
 

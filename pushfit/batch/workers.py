@@ -1,13 +1,49 @@
-"""Who works on a batch, and in which portions."""
+"""Who works on a batch: this process, others beside it, or a running dask cluster.
 
+A worker that dies, or passes the time limit, costs no item but its own: dask tries the
+chunk again elsewhere, then it is split, and what still fails is tried once more alone,
+so that nobody pays for a neighbour's crash.
+"""
+
+import contextlib
+import faulthandler
+import logging
 import math
-from collections.abc import Generator, Sequence
+import os
+import tempfile
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
-from pushfit.batch.cluster import Outcome, Work, on_cluster
+from pushfit.atomic import unfinished
 from pushfit.batch.items import Failure, Item
 from pushfit.batch.work import Chunk
+from pushfit.errors import ConfigError
 
+if TYPE_CHECKING:
+    from distributed import Client
+
+Outcome = TypeVar("Outcome")
+Work = Callable[[Chunk], Sequence[Outcome | Failure]]
+
+# One thread each: the workers share the cores among them, and linear algebra or XLA in
+# many threads would only stand in line. NPROC is how XLA is told.
+ENVIRONMENT = {
+    "NPROC": 1,
+    "OMP_NUM_THREADS": 1,
+    "MKL_NUM_THREADS": 1,
+    "OPENBLAS_NUM_THREADS": 1,
+    # What dask says of a lost worker is said in the failures, without tracebacks.
+    "DASK_LOGGING__DISTRIBUTED": "critical",
+}
+# Ctrl-C reaches all processes of a terminal; this one ends the workers.
+DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+TALKATIVE = ("distributed", "distributed.client")
+# Seconds to wait for a scheduler.
+PATIENCE = 20
 # Portions per worker of a large batch, so that no worker goes on alone for long.
 SHARES = 4
 
@@ -34,7 +70,8 @@ class Workers:
         Returns:
             Chunks; neighbours are alike in size, and so in shape.
         """
-        size = min(self.chunk, self._share(len(items)))
+        share = max(math.ceil(len(items) / (SHARES * self.n)), 1)
+        size = min(self.chunk, share)
         groups: dict[str, list[Item]] = {}
         for item in sorted(items, key=lambda item: (item.size, item.key)):
             groups.setdefault(item.config.digest(), []).append(item)
@@ -44,31 +81,169 @@ class Workers:
             for start in range(0, len(group), size)
         ]
 
-    def _share(self, n_items: int) -> int:
-        return max(math.ceil(n_items / (SHARES * self.n)), 1)
-
     def work_on(
         self, work: Work[Outcome], chunks: Sequence[Chunk]
     ) -> Generator[tuple[Chunk, Sequence[Outcome | Failure]]]:
         """Do the work, here or elsewhere.
 
+        Args:
+            work: What to do with a chunk; importable by name in a fresh process.
+
         Yields:
             Each chunk, or a part of it, with its outcomes, as they come.
 
         Raises:
-            ConfigError: The workers cannot be had or cannot work.
+            ConfigError: dask is not installed, the scheduler cannot be reached or is
+                lost, or its workers cannot run pushfit.
         """
-        if not chunks:
-            return
         is_here = self.n == 1 and self.scheduler is None
         if is_here and self.time_limit is None:
-            for chunk in chunks:
-                yield chunk, work(chunk)
-            return
-        yield from on_cluster(
-            work,
-            chunks,
-            workers=self.n,
-            scheduler=self.scheduler,
-            time_limit=self.time_limit,
+            yield from ((chunk, work(chunk)) for chunk in chunks)
+        elif chunks:
+            yield from _on_cluster(work, chunks, self)
+
+
+def _on_cluster(
+    work: Work[Outcome], chunks: Sequence[Chunk], workers: Workers
+) -> Generator[tuple[Chunk, Sequence[Outcome | Failure]]]:
+    """Work on chunks in other processes."""
+    guarded = partial(_guarded, work, workers.time_limit)
+    waiting = list(chunks)
+    with _client(workers) as client:
+        for rounds in (_together, _one_by_one, _alone):
+            lost = []
+            for batch in rounds(waiting):
+                for chunk, found in _finished(client, guarded, batch):
+                    if found is None:
+                        lost.append(chunk)
+                    else:
+                        yield chunk, found
+            waiting = lost
+    for chunk in waiting:
+        yield chunk, [_died(item.name, workers.time_limit) for item in chunk]
+
+
+def _together(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
+    """All chunks at once."""
+    return [list(chunks)]
+
+
+def _one_by_one(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
+    """All items at once, each a chunk of its own."""
+    return [[(item,) for chunk in chunks for item in chunk]]
+
+
+def _alone(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
+    """One after the other."""
+    return [[chunk] for chunk in chunks]
+
+
+def _finished(
+    client: "Client", work: Work[Outcome], chunks: Iterable[Chunk]
+) -> Iterator[tuple[Chunk, Sequence[Outcome | Failure] | None]]:
+    """Chunks as they end; None for those whose worker died."""
+    from distributed import KilledWorker, as_completed
+
+    futures = {client.submit(work, chunk, pure=False): chunk for chunk in chunks}
+    for future in as_completed(list(futures), loop=client.loop):
+        chunk = futures.pop(future)
+        if future.status == "finished":
+            yield chunk, future.result()
+            continue
+        error = None if future.status == "cancelled" else future.exception()
+        if error is None:
+            raise ConfigError(
+                "the scheduler was lost; what is finished is kept, and the same "
+                "command goes on from there",
+                code="scheduler_lost",
+            )
+        if not isinstance(error, KilledWorker):
+            raise ConfigError(
+                f"the workers cannot run pushfit ({type(error).__name__}: {error}); "
+                "install the same version and its files where they run",
+                code="worker_unusable",
+            )
+        yield chunk, None
+
+
+def _guarded(
+    work: Work[Outcome], time_limit: float | None, chunk: Chunk
+) -> Sequence[Outcome | Failure]:
+    """Work under a time limit, at which the process ends."""
+    if time_limit is None:
+        return work(chunk)
+    with open(os.devnull, "w") as nowhere:
+        # A thread in C, which also ends a process that is stuck in C itself.
+        faulthandler.dump_traceback_later(
+            time_limit * len(chunk), exit=True, file=nowhere
         )
+        try:
+            return work(chunk)
+        finally:
+            faulthandler.cancel_dump_traceback_later()
+
+
+def _died(item: str, time_limit: float | None) -> Failure:
+    """What is known of an item whose worker died every time."""
+    limit = "" if time_limit is None else f", or it took longer than {time_limit:g} s"
+    return Failure(
+        item=item,
+        stage="worker",
+        code="worker_died",
+        message=f"the worker process died whenever it worked on this item{limit}; "
+        "identify it by itself to see more",
+    )
+
+
+@contextlib.contextmanager
+def _client(workers: Workers) -> Iterator["Client"]:
+    """Connection to a cluster, that of the user or one for this run."""
+    if find_spec("distributed") is None:
+        raise ConfigError(
+            "worker processes need dask.distributed, which is not installed; "
+            "pip install distributed, or use --workers 1",
+            code="no_distributed",
+        )
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    if not logging.getLogger("pushfit").isEnabledFor(logging.DEBUG):
+        for name in TALKATIVE:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+    settings = {
+        "distributed.nanny.pre-spawn-environ": ENVIRONMENT,
+        # A chunk that took too long would take as long again.
+        "distributed.scheduler.allowed-failures": 0
+        if workers.time_limit is not None
+        else 1,
+        # No chunk waits at a worker that may die.
+        "distributed.scheduler.worker-saturation": 1.0,
+        "distributed.worker.multiprocessing-method": "spawn",
+        "distributed.worker.preload": [DEAF],
+    }
+    with contextlib.ExitStack() as stack:
+        if workers.scheduler is None:
+            stack.enter_context(config.set(settings))
+            scratch = stack.enter_context(tempfile.TemporaryDirectory())
+            stack.enter_context(unfinished(Path(scratch)))
+            cluster = LocalCluster(
+                n_workers=workers.n,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                # Any free port: a fixed one may be taken.
+                dashboard_address="127.0.0.1:0",
+                local_directory=scratch,
+            )
+            address = stack.enter_context(cluster)
+        else:
+            address = workers.scheduler
+        try:
+            client = Client(address, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise ConfigError(
+                f"{workers.scheduler}: no scheduler answers ({error}); start one by "
+                "`dask scheduler` and name its address, such as tcp://host:8786",
+                code="no_scheduler",
+            ) from error
+        yield stack.enter_context(client)

@@ -97,7 +97,7 @@ def test_a_running_scheduler_is_used_and_left_running(runs, log, tmp_path):
 
 @pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_said(runs, monkeypatch):
-    monkeypatch.setattr("pushfit.batch.cluster.PATIENCE", 1)
+    monkeypatch.setattr("pushfit.batch.workers.PATIENCE", 1)
     with pytest.raises(ConfigError, match="no scheduler answers"):
         run("out", scheduler="tcp://127.0.0.1:9")
 

@@ -58,7 +58,7 @@ def direction_labels(marks: pd.DataFrame) -> tuple[list[str], str]:
     if bool(angles["θ"].isna().any()):
         words = "labels: number of the push, whose direction is unknown"
         return [str(number) for number in marks["push"]], words
-    varied = [name for name, angle in angles.items() if angle.nunique() > 1] or ["θ"]
+    varied = [name for name, angle in angles.items() if len(set(angle)) > 1] or ["θ"]
     rows = zip(*(angles[name] for name in varied), strict=True)
     labels = ["\n".join(f"{round(angle, 1):g}°" for angle in row) for row in rows]
     if not labels:
