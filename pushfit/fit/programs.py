@@ -48,6 +48,8 @@ jit = functools.partial(
         "xla_backend_optimization_level": 1,
     },
 )
+# Those of NumPy are handed over as they are, which takes less than an array of JAX.
+ARRAYS = (jax.Array, np.ndarray)
 # What names a function only within one process.
 ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
@@ -92,11 +94,11 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         leaves, structure = jax.tree.flatten((args, kwargs))
-        arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
+        arrays = [leaf for leaf in leaves if isinstance(leaf, ARRAYS)]
         if any(isinstance(array, Tracer) for array in arrays):
             return function(*args, **kwargs)
         # No leaf is None, so that None can stand for an array; 1 is not True.
-        constants = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
+        constants = tuple(None if isinstance(x, ARRAYS) else x for x in leaves)
         shapes = tuple((array.shape, array.dtype) for array in arrays)
         folder = programs_folder()
         key = (folder, structure, constants, tuple(map(type, constants)), shapes)

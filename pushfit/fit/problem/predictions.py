@@ -19,14 +19,13 @@ from pushfit.model import (
     Grasp,
     Parameters,
     Pushes,
-    as_float,
     contact,
     forward,
 )
 from pushfit.parameters import OF_GRASP
 
-# Points and pushes of one call.
-N_POINTS, N_PUSHES = 128, 128
+# Points and directions of one call.
+N_POINTS, N_PUSHES = 256, 32
 
 
 def predict_points(
@@ -44,7 +43,7 @@ def predict_points(
     """
 
     def states(rows: Int[np.ndarray, " m"]) -> State[Contact]:
-        return _of_points(problem, as_float(points[rows]))
+        return _of_points(problem, points[rows])
 
     return _predict(problem.grasp, states, len(points), pushes)
 
@@ -66,7 +65,7 @@ def predict_draws(
     known = {name: samples[name] for name in names if name in samples}
 
     def states(rows: Int[np.ndarray, " m"]) -> State[Contact]:
-        return _of_draws(problem, {n: as_float(v[rows]) for n, v in known.items()})
+        return _of_draws(problem, {n: v[rows] for n, v in known.items()})
 
     return _predict(problem.grasp, states, next(iter(known.values())).size, pushes)
 
@@ -88,16 +87,20 @@ def _predict(
     pushes: Pushes,
 ) -> Channels:
     """Channels of all points and pushes, given the states of some points."""
-    n = pushes.theta.size
-    theta, alpha = np.asarray(pushes.theta), np.asarray(pushes.alpha)
-    parts = [Pushes(theta[rows], alpha[rows]) for rows in _padded_rows(n, N_PUSHES)]
+    angles = np.stack([pushes.theta, pushes.alpha])
+    # Repeats are the same direction over and over.
+    unique, inverse = np.unique(angles, axis=1, return_inverse=True)
+    blocks = _padded_rows(unique.shape[1], N_PUSHES)
+    parts = [Pushes(*unique[:, rows]) for rows in blocks]
     # All calls are sent off before the first is waited for.
     calls = []
     for rows in _padded_rows(n_points, N_POINTS):
         at = states(rows)
         calls.append([_channels(at, part, grasp) for part in parts])
-    blocks = [jax.tree.map(lambda *a: np.concatenate(a, axis=1), *row) for row in calls]
-    return jax.tree.map(lambda *a: np.concatenate(a)[:n_points, :n], *blocks)
+    found = [jax.tree.map(lambda *a: np.concatenate(a, axis=1), *row) for row in calls]
+    return jax.tree.map(
+        lambda *a: np.concatenate(a)[:n_points, inverse.ravel()], *found
+    )
 
 
 def _padded_rows(n: int, size: int) -> list[Int[np.ndarray, " m"]]:
