@@ -174,10 +174,12 @@ class NoiseSection(Section):
         '"gain" of its own, which is taken out of its heights',
         default="alike",
     )
-    theta_sd_deg: NotNegative = setting(
-        "error of every elevation, drawn anew for each push, 1 sd [deg]", default=0.0
+    theta_sd_deg: NotNegative | None = setting(
+        "error of every elevation, drawn anew for each push, 1 sd [deg]; absent: 0, "
+        "and a warning where errors of 1 deg would matter",
+        example=1.0,
     )
-    alpha_sd_deg: NotNegative = setting("the same of every azimuth", default=0.0)
+    alpha_sd_deg: NotNegative | None = setting("the same of every azimuth", example=1.0)
 
 
 class ReportSection(Section):

@@ -29,6 +29,7 @@ from pushfit.fit.assess.reporting_rules import (
     unknown,
     within_verdict,
 )
+from pushfit.fit.assess.sensitivity import angle_error_warnings
 from pushfit.fit.assess.tilt_check import (
     does_tilt_matter,
     implied_tilt_deg,
@@ -216,6 +217,7 @@ def _with_words(
                 violations(fitted.table, setup, fitted.fit),
                 is_adequate=found.goodness_of_fit.is_adequate,
             ),
+            *angle_error_warnings(setup, found),
             *([] if tilt is None else [tilt]),
         ),
     )

@@ -136,7 +136,7 @@ def median(samples: Float[np.ndarray, " n"], *, is_axis: bool = False) -> float:
         return float("nan")
     if not is_axis:
         return float(np.median(finite))
-    centre, offsets = _unwrapped(finite)
+    centre, offsets = unwrapped(finite)
     return float(np.mod(centre + np.median(offsets), HALF_TURN))
 
 
@@ -161,7 +161,7 @@ def equal_tailed_interval(
     if not is_axis:
         low, high = np.quantile(finite, tails)
         return float(low), float(high)
-    centre, offsets = _unwrapped(finite)
+    centre, offsets = unwrapped(finite)
     low, high = np.quantile(offsets, tails)
     start = float(np.mod(centre + low, HALF_TURN))
     return start, start + float(high - low)
@@ -186,7 +186,7 @@ def highest_density_set(
     if finite.size == 0 or np.ptp(finite) == 0:
         return ()
     if is_axis:
-        centre, finite = _unwrapped(finite)
+        centre, finite = unwrapped(finite)
     # Draws of equal weight repeat, which any other bandwidth takes for narrow modes.
     bandwidth = array_stats.get_bw(np.unique(finite), bw="isj")
     pieces = array_stats.hdi(
@@ -205,7 +205,7 @@ def highest_density_set(
     )
 
 
-def _unwrapped(
+def unwrapped(
     degrees: Float[np.ndarray, " n"],
 ) -> tuple[float, Float[np.ndarray, " n"]]:
     """Circular mean of axes and the signed distance of each from it [deg]."""

@@ -4,6 +4,7 @@ Given standard deviations are used where repeats do not contradict them; without
 repeats are pooled when there are enough; else sigma is a parameter like the others.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -76,7 +77,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     """
     choice, sds = config.noise.sigma, _given(table)
     stated = (config.noise.theta_sd_deg, config.noise.alpha_sd_deg)
-    angle_sd = (float(np.radians(stated[0])), float(np.radians(stated[1])))
+    angle_sd = (math.radians(stated[0] or 0.0), math.radians(stated[1] or 0.0))
     share = config.noise.height_share
     height_share = None if share == "estimate" else float(share)
     # Both make repeats scatter beyond the sd of their heights, and unequally.
