@@ -5,6 +5,7 @@ log: a normal prior on K_sn carries the factor K_sn of that change of variable. 
 ellipse numbers e1 and e2 have any sign and are sampled as they are.
 """
 
+import functools
 from collections.abc import Mapping
 
 import equinox as eqx
@@ -130,6 +131,7 @@ def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:
     return priors
 
 
+@functools.cache
 def default_prior(name: str) -> Prior:
     """What is known of a parameter of fingers and hand-held boxes.
 

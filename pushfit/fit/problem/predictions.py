@@ -91,7 +91,7 @@ def _predict(
     # Repeats are the same direction over and over.
     unique, inverse = np.unique(angles, axis=1, return_inverse=True)
     blocks = _padded_rows(unique.shape[1], N_PUSHES)
-    parts = [Pushes(*unique[:, rows]) for rows in blocks]
+    parts = [unique[:, rows] for rows in blocks]
     # All calls are sent off before the first is waited for.
     calls = []
     for rows in _padded_rows(n_points, N_POINTS):
@@ -130,7 +130,11 @@ def _of_draws(
 
 
 @compiled
-def _channels(states: State[Contact], pushes: Pushes, grasp: Grasp) -> Channels:
+def _channels(
+    states: State[Contact], angles: Float[Array, "2 n"], grasp: Grasp
+) -> Channels:
+    pushes = Pushes(*angles)
+
     def one(state: State[Contact]) -> Channels:
         return forward(state.params, pushes, state.grasp(grasp))
 
