@@ -178,10 +178,8 @@ def compare_models(
     sampled where it would be pooled: repeats tell that of normal constant noise alone.
 
     Args:
-        table: Peak heights.
         config: Configuration in force. A sharpness in it is that of the soft model; a
             statement on C_rr is overruled where nothing rolls.
-        seed: Seed of the draws.
         progress: Called with a stage and the share of it that is done.
 
     Returns:
@@ -216,12 +214,6 @@ def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
     """The configuration with each way of rolling, other mechanics, and other noise.
 
     Tilting mechanics are among them where the push length and L are stated.
-
-    Args:
-        config: Configuration in force.
-
-    Returns:
-        Configurations by the name of the model.
     """
 
     def with_transition(sharpness: float | str, base: GraspConfig) -> GraspConfig:
@@ -259,13 +251,8 @@ def push_densities(
     """Leave-one-out density of each push by Pareto-smoothed importance sampling.
 
     Args:
-        problem: Problem.
-        samples: Draws from its posterior by name.
         n_pushes: Columns of the problem that are not padding.
         efficiency: Independent draws per draw.
-
-    Returns:
-        Densities and how far they may be relied on.
 
     References:
         Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.

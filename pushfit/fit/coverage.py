@@ -123,12 +123,7 @@ def calibrate(
     Args:
         table: Peak heights whose directions, repeats, channels and noise are taken.
         config: Configuration in force; truths are drawn from its priors.
-        n_tables: Tables to simulate.
-        seed: Seed of truths, noise and draws.
         progress: Called with a stage and the share of it that is done.
-
-    Returns:
-        Coverage of each quantity that the configuration leaves free.
 
     Raises:
         ConfigError: If nothing is left to infer.
@@ -182,8 +177,6 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
 
     Args:
         fitted: A table with its noise settled.
-        n: Number of tables.
-        rng: Source of truths and noise.
 
     Returns:
         Tables, each with the unit, channels and stated standard deviations of the

@@ -79,12 +79,7 @@ def fit_table(
     """Least squares of a table, with the noise model settled.
 
     Args:
-        table: Peak heights.
-        config: Configuration in force.
         searching: Called with the problem once its likelihood was looked at.
-
-    Returns:
-        The fit and everything a posterior needs.
 
     Raises:
         DataError: If no usable push is left.
@@ -153,15 +148,7 @@ def _more_evident(
 def prepared(
     table: PeakTable, config: GraspConfig
 ) -> tuple[GraspConfig, tuple[ResultWarning, ...]]:
-    """The configuration that a table is fitted with, and what it says before.
-
-    Args:
-        table: Peak heights.
-        config: Configuration in force.
-
-    Returns:
-        Configuration and warnings.
-    """
+    """The configuration that a table is fitted with, and what it says before."""
     warnings = tuple(table_warnings(table, config))
     if not config.push.length_known and config.noise.sigma == "auto":
         # Unequal pushes scatter by more than any sensor noise.
@@ -170,15 +157,7 @@ def prepared(
 
 
 def fit_warnings(setup: Setup, fit: FitResult) -> tuple[ResultWarning, ...]:
-    """What noise and fit say.
-
-    Args:
-        setup: Problem and its provenance.
-        fit: Best fit.
-
-    Returns:
-        Warnings.
-    """
+    """What noise and fit say."""
     contradiction = contradiction_warning(setup, fit)
     return (*setup.noise.warnings, *((contradiction,) if contradiction else ()))
 
@@ -216,15 +195,11 @@ def draw_posterior(
 
     Args:
         fitted: A table with its noise settled.
-        seed: Seed of the draws.
         engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
             are not to be trusted.
         swept: Draws of the sweep, where they are known already.
         progress: Called with a stage and the share of it that is done.
         checkpoint: File in which a run of emcee is kept, to be resumed.
-
-    Returns:
-        Draws and their status.
 
     Raises:
         ConfigError: If the engine is not known.

@@ -81,9 +81,6 @@ def identify_table(
     """Everything that a table of peak heights can tell.
 
     Args:
-        table: Peak heights.
-        config: Configuration in force.
-        seed: Seed of every random number.
         engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
             are not to be trusted.
         is_brief: Whether to leave out what one row of a table has no place for: sets

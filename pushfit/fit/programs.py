@@ -209,10 +209,6 @@ def kept_arrays(
 
     Args:
         text: What tells them from others, numbers to the last digit included.
-        make: What makes them.
-
-    Returns:
-        Arrays by name.
     """
     folder = programs_folder()
     if folder is None or has_foreign():
@@ -233,21 +229,13 @@ def kept_arrays(
 
 
 def has_run(name: str) -> bool:
-    """Whether an analysis ended before, so that its programs are kept.
-
-    Args:
-        name: Of the analysis.
-    """
+    """Whether an analysis ended before, so that its programs are kept."""
     folder = programs_folder()
     return folder is not None and _mark(folder, name).exists()
 
 
 def note_run(name: str) -> None:
-    """Keep that an analysis has ended.
-
-    Args:
-        name: Of the analysis.
-    """
+    """Keep that an analysis has ended."""
     folder = programs_folder()
     if folder is not None:
         _write(_mark(folder, name), b"")
@@ -266,9 +254,6 @@ def in_chunks(
         function: Function of `size` points at a time.
         x: Points, as many as there are.
         size: Rows per call.
-
-    Returns:
-        Values of all points.
     """
     n = len(x)
     padded = np.concatenate([x, np.repeat(x[-1:], -n % size, axis=0)])

@@ -65,10 +65,6 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
 
     Args:
         table: Peak heights; rows whose flags exclude them are left out.
-        config: Configuration in force.
-
-    Returns:
-        The problem and its provenance.
 
     Raises:
         DataError: If no usable row is left, or the rows can show nothing.

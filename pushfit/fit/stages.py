@@ -31,12 +31,7 @@ SECONDS = MappingProxyType(
 
 
 def stages_of(config: GraspConfig, engine: str) -> tuple[str, ...]:
-    """What an identification does, in turn.
-
-    Args:
-        config: Configuration in force.
-        engine: As in `identify_table`.
-    """
+    """What an identification does, in turn."""
     words = [f"by {one.grasp.mechanics} mechanics" for one in config.by_mechanics()]
     names = [f"least squares {by}" for by in words]
     if len(words) > 1:
@@ -55,7 +50,6 @@ def usual_seconds(stages: Sequence[str], *, is_compiled: bool = True) -> float:
     """Time that stages usually take together [s].
 
     Args:
-        stages: Names of stages.
         is_compiled: Whether programs are kept.
     """
     return sum((_seconds(name)[not is_compiled] for name in stages), 0.0)
@@ -107,7 +101,6 @@ class Stages:
         """Say that so much of the stage that began last is done.
 
         Args:
-            stage: What to call it.
             share: Share of it.
         """
         if self._told is not None:

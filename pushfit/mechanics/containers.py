@@ -189,9 +189,6 @@ def support_stiffness(params: Parameters) -> Float[Array, "2 2"]:
 
         K = K_st expm(½ [[e1, e2], [e2, -e1]])
 
-    Args:
-        params: Parameters.
-
     Returns:
         Symmetric positive-definite matrix; K_st times the identity at e = 0 [N/m].
 
@@ -210,9 +207,6 @@ def contact(params: Parameters | Contact) -> Contact:
 
     Args:
         params: Parameters, or the combinations themselves, which pass unchanged.
-
-    Returns:
-        Contact combinations.
 
     References:
         Eqs. (6), (10).
@@ -258,12 +252,6 @@ def support(contact: Contact) -> Support:
         K_st = B sqrt(1 + 2 s cosh(|e|/2) + s²),   C_d = K_st L² / s
 
     Without an ellipse K_st = B (1 + s).
-
-    Args:
-        contact: Contact combinations.
-
-    Returns:
-        The springs.
     """
     s = contact.s
     half = norm2(contact.f1, contact.f2) / 2
@@ -307,7 +295,6 @@ def tangential_stiffness(
         B u(α),   u = (cos α, sin α)
 
     Args:
-        contact: Contact combinations.
         azimuth: u, as of `unit_vector` [-].
 
     Returns:
@@ -327,7 +314,6 @@ def rolling_limits(contact: Contact, support_span: float) -> tuple[Scalar, Scala
         C_rr + |AB|/(2L) along the supports,   C_rr across them
 
     Args:
-        contact: Contact combinations.
         support_span: |AB|, distance between the supports [m].
 
     Returns:

@@ -50,9 +50,6 @@ def coordinates(params: Parameters) -> Coordinates:
 
     Args:
         params: Parameters, the first six positive.
-
-    Returns:
-        Coordinates.
     """
     group = contact(params)
     return Coordinates(
@@ -73,12 +70,6 @@ def parameters(coords: Coordinates) -> Parameters:
         K_sn = A (1 + r),   K_dn = A (1 + 1/r)
 
     The others follow as in `pushfit.mechanics.containers.support`.
-
-    Args:
-        coords: Coordinates.
-
-    Returns:
-        Parameters.
     """
     A, r = jnp.exp(coords.ln_A), jnp.exp(coords.ln_r)
     group = Contact(
@@ -110,9 +101,6 @@ def log_volume(coords: Coordinates) -> Scalar:
 
     The six logs alone are mapped without change of volume, so this is 0 at f = 0
     only in the limit s -> 0 and is needed whenever the ellipse is free.
-
-    Args:
-        coords: Coordinates.
 
     Returns:
         Log volume ratio, never negative.

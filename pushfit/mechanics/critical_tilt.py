@@ -55,8 +55,6 @@ def tilting_critical_angle(
     it is the larger of the angles at which C_d γ |n_i| = c_i L N about either axis.
 
     Args:
-        params: Parameters.
-        grasp: Grasp.
         alpha: Azimuth of the push [rad].
 
     Returns:
@@ -80,8 +78,6 @@ def critical_tilt(
         γ_c = F L sin φ / C_d
 
     Args:
-        params: Parameters.
-        grasp: Grasp.
         alpha: Azimuth of the push [rad].
 
     Returns:
@@ -110,7 +106,6 @@ def critical_friction(
 
     Args:
         params: Parameters; their C_rr plays no part.
-        grasp: Grasp.
         direction: θ and α of the push [rad].
 
     Returns:

@@ -35,8 +35,6 @@ def critical_angle(
     By tilting mechanics it belongs to the push length of the grasp.
 
     Args:
-        params: Parameters.
-        grasp: Grasp.
         alpha: Azimuth of the push [rad].
 
     Returns:
@@ -74,8 +72,6 @@ def best_direction(
     the resistance does not depend on α.
 
     Args:
-        params: Parameters.
-        grasp: Grasp.
         theta: Elevation of the push [rad].
         reach: Lowest and highest azimuth of the finger [rad].
 

@@ -49,14 +49,6 @@ def displacements(params: Parameters, pushes: Pushes, grasp: Grasp) -> Displacem
     Unrolled T = C_d γ; rolled γ is larger, by what the object has rolled. A tilt above
     about 2° says that the push is too large for linear mechanics.
 
-    Args:
-        params: Parameters.
-        pushes: Push directions.
-        grasp: Grasp and sensor.
-
-    Returns:
-        Displacements from before the push.
-
     References:
         Eqs. (2)-(5), (7), (9), with S_dt = 0.
     """

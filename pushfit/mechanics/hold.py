@@ -109,8 +109,6 @@ def make_hold(
     """What the equilibrium of every push needs.
 
     Args:
-        group: Contact combinations.
-        grasp: Grasp.
         elevation: (cos θ, sin θ) [-].
         azimuth: (cos α, sin α) [-].
     """

@@ -36,14 +36,6 @@ def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) ->
     With `Grasp.support_span` the limit is a box: C_rr F_n across the supports and
     (C_rr + |AB|/(2L)) F_n along them, taken per component.
 
-    Args:
-        params: Parameters.
-        pushes: Push directions.
-        grasp: Grasp and sensor.
-
-    Returns:
-        Forces of every push.
-
     References:
         Eqs. (6), (8), (10).
     """
@@ -78,8 +70,6 @@ def limited_tangential(
     """Tangential force of springs B that rolling limits.
 
     Args:
-        group: Contact combinations.
-        grasp: Grasp.
         reach: Tangential displacement of each push [m].
         azimuth: Its direction, as of `unit_vector` [-].
         normal: F_n, which sets the limit [N].
@@ -115,8 +105,6 @@ def linear_critical_angle(
     it is the larger of the angles about the two axes: below it one of them rolls.
 
     Args:
-        params: Parameters.
-        grasp: Grasp.
         alpha: Azimuth of the push [rad].
 
     Returns:
@@ -143,7 +131,6 @@ def critical_B(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
 
     Args:
         group: Contact combinations; their B plays no part.
-        grasp: Grasp.
         direction: θ and α of the push [rad].
 
     Returns:

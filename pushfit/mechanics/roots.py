@@ -78,7 +78,6 @@ def falling_root(
         function: f of the context and of x; the entries must not mix.
         context: c, all numbers that f depends on beside x, to be differentiated.
         bracket: Least and largest x.
-        start: First guess.
 
     Returns:
         Roots to about 1e-15 of their size where f is no more curved than x², and their

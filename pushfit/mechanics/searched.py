@@ -37,8 +37,6 @@ def critical_angle(
     """Highest elevation at which the object rolls.
 
     Args:
-        params: Parameters.
-        grasp: Grasp.
         alpha: Azimuth of the push [rad].
 
     Returns:
@@ -73,7 +71,6 @@ def critical_friction(
 
     Args:
         params: Parameters; their C_rr plays no part.
-        grasp: Grasp.
         direction: θ and α of the push [rad].
 
     Returns:

@@ -52,11 +52,6 @@ def one_support_forces(
 ) -> Forces:
     """Contact forces of pushes that tilt an object with one rolling limit.
 
-    Args:
-        params: Parameters.
-        pushes: Push directions.
-        grasp: Grasp and sensor.
-
     Returns:
         Forces of every push, in the frame that does not tilt. Negative F_t, where the
         support pulls an object back that would lean further, keeps its direction.
@@ -244,7 +239,6 @@ def displacement(hold: Hold, force: Vector, tilt: Tilt) -> Vector:
     Args:
         hold: Springs and pushes.
         force: F_t [N].
-        tilt: Tilt.
 
     Returns:
         S_p cos θ; F_t / K_st + X without an ellipse [m].

@@ -90,11 +90,6 @@ def tilting_forces(
 ) -> Forces:
     """Contact forces of pushes that tilt an object, on one support or on two.
 
-    Args:
-        params: Parameters.
-        pushes: Push directions.
-        grasp: Grasp and sensor.
-
     Returns:
         Forces of every push, in the frame that does not tilt.
     """
@@ -109,8 +104,6 @@ def two_support_forces(
     """Contact forces of pushes that tilt an object on two supports.
 
     Args:
-        params: Parameters.
-        pushes: Push directions.
         grasp: Grasp and sensor; states the span.
 
     Returns:
@@ -140,7 +133,6 @@ def make_frame(
     """What the equilibrium of every push needs.
 
     Args:
-        group: Contact combinations.
         grasp: Grasp; states the span.
         elevation: (cos θ, sin θ) [-].
         azimuth: (cos α, sin α) [-].

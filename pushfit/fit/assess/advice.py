@@ -19,8 +19,6 @@ def measurements(
     """What other measurements would determine.
 
     Args:
-        problem: Problem.
-        verdicts: Verdict of each reported quantity.
         is_calibrated: Whether heights convert to newtons.
         has_direction: Whether several azimuths were pushed.
 

@@ -37,13 +37,6 @@ def prediction_bands(
 ) -> tuple[Band, ...]:
     """Predictions along every sweep with at least three angles, richest first.
 
-    Args:
-        table: Peak heights.
-        problem: Their problem.
-        fit: Best fit.
-        samples: Posterior draws by name.
-        prob: Probability of the bands.
-
     Returns:
         At most sixteen bands per channel.
     """
@@ -102,11 +95,6 @@ def predicted_heights(
     problem: Problem, samples: Mapping[str, Float[np.ndarray, " n"]], pushes: Pushes
 ) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, "m c g"]]:
     """Noise-free heights of given pushes for evenly spaced posterior draws.
-
-    Args:
-        problem: Problem.
-        samples: Posterior draws by name.
-        pushes: Directions to predict.
 
     Returns:
         Index of each draw used, and its heights by channel and push [table unit].

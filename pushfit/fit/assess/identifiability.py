@@ -81,7 +81,6 @@ def power_product(names: tuple[str, ...], direction: Float[np.ndarray, " p"]) ->
     """A direction in the logs as a product of powers.
 
     Args:
-        names: Parameter names.
         direction: Components along their logs (along e1 and e2 themselves).
 
     Returns:

@@ -43,18 +43,7 @@ def goodness_of_fit(
     seed: int,
     predictive: tuple[PredictiveCheck, ...] = (),
 ) -> GoodnessOfFit:
-    """Compare the residuals of a fit with the noise, with repeats and with each other.
-
-    Args:
-        table: Peak heights.
-        fit: Best fit.
-        noise: Noise model of the fit.
-        seed: Seed of the permutation test.
-        predictive: Posterior predictive checks of the same fit.
-
-    Returns:
-        Tests and a sentence.
-    """
+    """Compare the residuals of a fit with noise, with repeats and with each other."""
     rows = np.asarray(fit.row)
     heights = {name: table.heights(name) for name in table.channels}
     observed = np.array(
@@ -190,9 +179,6 @@ class Directions:
     def pooled(self, residuals: Float[np.ndarray, "*m n"]) -> Float[np.ndarray, "*m g"]:
         """Residuals of each direction, summed and over the root of their number.
 
-        Args:
-            residuals: Residual of every push.
-
         Returns:
             Of unit variance where the residuals are.
         """
@@ -204,10 +190,6 @@ def pushed_directions(
     table: PeakTable, rows: Int[np.ndarray, " n"]
 ) -> Directions | None:
     """Directions of some pushes of a table.
-
-    Args:
-        table: Peak heights.
-        rows: Rows of the table.
 
     Returns:
         Directions; None where they are too few to show a pattern.

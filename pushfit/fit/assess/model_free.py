@@ -30,8 +30,6 @@ def model_free_direction(
 
     Args:
         table: Peak heights; the first channel present is used.
-        prob: Probability of the interval.
-        seed: Seed of the draws.
 
     Returns:
         The direction [deg]; None without an elevation pushed in three azimuths and

@@ -40,12 +40,6 @@ def predictive_checks(
     and the correlation between neighbours in direction (`pattern`, of the first
     channel, where there are enough directions).
 
-    Args:
-        table: Peak heights.
-        setup: Their problem.
-        posterior: Draws from its posterior.
-        seed: Seed of the simulated noise.
-
     Returns:
         Checks; none where the draws are not to be trusted.
     """

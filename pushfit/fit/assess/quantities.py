@@ -49,9 +49,7 @@ def angle_quantity(
 
     Args:
         name: "theta_c" or "alpha_star".
-        posterior: Draws.
         profile: Likelihood profile; None where the question was not asked.
-        prob: Probability of interval and sets.
 
     Returns:
         The quantity, without numbers where a good part of the draws has no such angle.
@@ -102,10 +100,6 @@ def parameter_quantities(
     """The parameters with what the data added to their priors.
 
     Args:
-        setup: Problem.
-        posterior: Draws.
-        profiles: Likelihood profiles by name.
-        prob: Probability of intervals and sets.
         unit: Unit of the heights.
         with_sets: Whether to look for highest-density sets, the slowest part.
 
@@ -146,15 +140,8 @@ def combination_quantities(
     """A, B and the shape of B: what linear forces depend on beside C_rr.
 
     Args:
-        setup: Problem.
-        posterior: Draws.
-        profiles: Likelihood profiles by name.
-        prob: Probability of intervals and sets.
         unit: Unit of the heights.
         with_sets: Whether to look for highest-density sets, the slowest part.
-
-    Returns:
-        The combinations that were sampled.
     """
     newton = "N" if setup.is_calibrated else unit
     quantities = []

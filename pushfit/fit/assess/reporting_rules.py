@@ -26,11 +26,7 @@ MIDDLED = frozenset(
 
 
 def is_trusted(identification: Identification) -> bool:
-    """Whether numbers of the posterior may be quoted at all.
-
-    Args:
-        identification: The result.
-    """
+    """Whether numbers of the posterior may be quoted at all."""
     return (
         identification.status is FitStatus.OK
         and identification.posterior.status is FitStatus.OK
@@ -39,9 +35,6 @@ def is_trusted(identification: Identification) -> bool:
 
 def reported(found: Identification) -> Identification:
     """The same without the numbers that must not leave the house.
-
-    Args:
-        found: Everything that was computed.
 
     Returns:
         The identification with None for what is not to be quoted: everything from a

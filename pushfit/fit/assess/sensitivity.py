@@ -39,13 +39,6 @@ def angle_error_warnings(
     """Say which quoted angles hang on joints that are as exact as no key says.
 
     Only where standard deviations are given: an estimated sigma holds what joints add.
-
-    Args:
-        setup: Problem of the result.
-        found: The result, as reported.
-
-    Yields:
-        A warning for elevations, and one for azimuths.
     """
     noise = found.config.noise
     stated = (noise.theta_sd_deg, noise.alpha_sd_deg)
@@ -79,8 +72,6 @@ def angle_error_shifts(
     """Standard deviations by which errors of θ, and of α, move posterior means [deg].
 
     Args:
-        setup: Problem of the result.
-        found: The result.
         names: Angles that may move.
     """
     problem, n = setup.problem, found.posterior.log_prob.size

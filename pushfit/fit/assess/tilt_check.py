@@ -31,9 +31,6 @@ def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
     Args:
         setup: Problem by linear mechanics.
         posterior: Draws; the tilt is that of their medians.
-
-    Returns:
-        Tilt of the push that tilts the object most [deg].
     """
     problem = setup.problem
     names = [n for n in (*SIX, *SIGNED) if n in posterior.samples]
@@ -49,8 +46,6 @@ def does_tilt_matter(
     """Whether the paper's equations move θ_c by a good part of its interval.
 
     Args:
-        linear: By the paper's equations.
-        tilting: By tilting mechanics.
         tilt_deg: Tilt that the first implies [deg].
     """
     best, other = linear.best_fit_deg, tilting.best_fit_deg
@@ -80,11 +75,6 @@ def do_draws_tilt(
     """Whether tilting mechanics lead where the tilt is large, by draws alone.
 
     Medians stand for best fits.
-
-    Args:
-        linear: Draws by the paper's equations.
-        tilting: Draws by tilting mechanics.
-        prob: Probability of the interval of θ_c.
     """
     first, second = linear.log_evidence, tilting.log_evidence
     if first is not None and second is not None and second < first - WORSE:
@@ -95,12 +85,7 @@ def do_draws_tilt(
 
 
 def is_worse(tilting: MechanicsAnswer, linear: MechanicsAnswer) -> bool:
-    """Whether the heights themselves speak against tilting mechanics.
-
-    Args:
-        tilting: By tilting mechanics.
-        linear: By the paper's equations.
-    """
+    """Whether the heights themselves speak against tilting mechanics."""
     if tilting.log_evidence is None or linear.log_evidence is None:
         return tilting.chi_square > linear.chi_square + 2 * WORSE
     return tilting.log_evidence < linear.log_evidence - WORSE
@@ -112,7 +97,6 @@ def tilt_warning(
     """Warn of a large tilt where the paper's equations lead all the same.
 
     Args:
-        config: Configuration as given.
         answers: By all mechanics, the leading ones first.
         tilt_deg: Tilt that the leading ones imply [deg].
     """

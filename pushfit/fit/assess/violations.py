@@ -57,9 +57,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     """Alternatives to the assumptions of a fit, the most telling first.
 
     Args:
-        table: Peak heights.
         setup: Problem, its noise settled.
-        fit: Best fit.
 
     Returns:
         All that were tested; none where hardly a residual is free, where the
@@ -103,9 +101,6 @@ def violation_warnings(
         found: Alternatives, the most telling first.
         is_adequate: Whether the model describes the heights; if not, something does not
             hold, and less is asked of an alternative.
-
-    Returns:
-        One warning or none.
     """
     level = LEVEL if is_adequate else LEVEL_IF_REJECTED
     return tuple(

@@ -27,15 +27,7 @@ SAID = frozenset({Verdict.DETERMINED, Verdict.UNKNOWN, Verdict.PROVISIONAL})
 
 
 def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
-    """What the table and the configuration already say.
-
-    Args:
-        table: Peak heights.
-        config: Configuration in force.
-
-    Yields:
-        Warnings.
-    """
+    """What the table and the configuration already say."""
     if not config.push.length_known:
         yield ResultWarning(
             code="push_length_unknown",
@@ -74,10 +66,6 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
 def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
     """Rows of the table whose push lifted the finger off, by the best fit.
 
-    Args:
-        setup: Problem.
-        fit: Best fit.
-
     Returns:
         Rows; by linear mechanics none without a preload, which are even in θ then.
     """
@@ -99,10 +87,6 @@ def contact_warning(table: PeakTable, rows: tuple[int, ...]) -> ResultWarning:
 def scatter_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
     """Say that given standard deviations do not explain the scatter about the fit.
 
-    Args:
-        setup: Problem.
-        fit: Best fit.
-
     Returns:
         A warning; None where they do, or where sigma was not given.
     """
@@ -120,15 +104,7 @@ def scatter_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
 
 
 def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarning]:
-    """What the finished result says.
-
-    Args:
-        setup: Problem.
-        found: The result, as reported.
-
-    Yields:
-        Warnings.
-    """
+    """What the finished result says."""
     posterior, goodness = found.posterior, found.goodness_of_fit
     if not goodness.is_adequate:
         yield ResultWarning(code="model_inadequate", text=goodness.sentence)
@@ -195,15 +171,7 @@ def _disagreement(
 
 
 def bound_warnings(setup: Setup, posterior: PosteriorResult) -> Iterator[ResultWarning]:
-    """Say where a posterior is pressed against the bound of a uniform prior.
-
-    Args:
-        setup: Problem.
-        posterior: Draws.
-
-    Yields:
-        Warnings.
-    """
+    """Say where a posterior is pressed against the bound of a uniform prior."""
     for name, prior in setup.problem.priors.items():
         if prior.kind != "uniform" or name not in posterior.samples:
             continue
@@ -227,10 +195,6 @@ def bound_warnings(setup: Setup, posterior: PosteriorResult) -> Iterator[ResultW
 def contradiction_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
     """Say that fixed parameters cannot give the stiffness that the heights show.
 
-    Args:
-        setup: Problem.
-        fit: Best fit.
-
     Returns:
         A warning; None where they can.
     """
@@ -252,11 +216,7 @@ def contradiction_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
 
 
 def handover_warnings(posterior: PosteriorResult) -> tuple[ResultWarning, ...]:
-    """What to know where the sweep left a posterior to emcee.
-
-    Args:
-        posterior: Draws.
-    """
+    """What to know where the sweep left a posterior to emcee."""
     if posterior.engine != "emcee" or posterior.pareto_k is None:
         return ()
     text = (

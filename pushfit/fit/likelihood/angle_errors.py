@@ -24,12 +24,7 @@ STEP = 1e-6
 def angle_slopes(
     problem: Problem, y: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "2 c n"]:
-    """Slopes of noise-free heights in θ and α [table unit/rad].
-
-    Args:
-        problem: Problem.
-        y: Data coordinates.
-    """
+    """Slopes of noise-free heights in θ and α [table unit/rad]."""
     theta, alpha = np.asarray(problem.pushes.theta), np.asarray(problem.pushes.alpha)
     # Central differences: before and behind along each angle.
     turned = Pushes(

@@ -102,7 +102,6 @@ def search(
     """Look at the whole likelihood before any solver starts, so that no mode is missed.
 
     Args:
-        problem: Problem.
         reference_alpha: Azimuth of θ_c [rad]; None for that of the first push, since
             any will do to tell valleys apart.
         pool: Data coordinates to begin with; None for guesses.
@@ -134,8 +133,6 @@ def first_values(
     """Values that a profile begins with, from end to end.
 
     Args:
-        problem: Problem.
-        name: Name of the quantity.
         near: Where a log is expected.
     """
     if name == "theta_c":
@@ -164,7 +161,6 @@ def profile_curve(
     """Best fits along a quantity, dense where they matter.
 
     Args:
-        problem: Problem.
         index: Which of the imposable quantities.
         values: Range to begin with, `N_FIRST` of them, ascending.
         pool: Data coordinates from which solutions are sought, of every basin.

@@ -33,7 +33,6 @@ def implied_profiles(
     Args:
         problem: Problem; says which parameters are fixed.
         profiles: Profiles of A and B, as far as the data meet them.
-        newton: Unit of force.
 
     Returns:
         Profiles by name, on an empty grid for parameters that the data do not bound.

@@ -20,11 +20,7 @@ LN_S = (-3.0, 0.0, 3.0)
 
 
 def guesses(problem: Problem) -> Float[np.ndarray, "k q"]:
-    """Data coordinates to begin with; scale and θ_c are left to who tries them.
-
-    Args:
-        problem: Problem.
-    """
+    """Data coordinates to begin with; scale and θ_c are left to who tries them."""
     names = problem.data_names
     force = float(np.max(np.abs(np.asarray(problem.observed))))
     force /= float(problem.grasp.gain)

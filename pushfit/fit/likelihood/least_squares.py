@@ -72,9 +72,6 @@ def fit_least_squares(
         reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
         throw: Raise instead of returning a result whose status is not OK.
 
-    Returns:
-        Fit with all modes.
-
     Raises:
         FitError: If no start has finite residuals and `throw` is set.
     """
@@ -93,9 +90,6 @@ def fit_result(
         found: Points, sums of squares, and whether the solver arrived; best first.
         reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
         throw: Raise instead of returning a result whose status is not OK.
-
-    Returns:
-        Fit with all modes.
 
     Raises:
         FitError: If the best has no finite residuals and `throw` is set.
@@ -141,7 +135,6 @@ def searched(setup: Setup, reference_alpha: float | None = None) -> Setup:
     """The setup with best fits along its leading quantity, unless it has them.
 
     Args:
-        setup: Problem and its provenance.
         reference_alpha: Azimuth of θ_c [rad]; see `search`.
     """
     problem, found = setup.problem, setup.search
@@ -169,10 +162,6 @@ def polish(
 ) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
     """Local optima reached from each start, best first.
 
-    Args:
-        problem: Problem.
-        starts: Data coordinates.
-
     Returns:
         Points, sums of squared residuals, and whether the solver met its tolerance.
     """
@@ -190,7 +179,6 @@ def restarted(
 
     Args:
         minimiser: Points, sums of squares and success from starts.
-        starts: Coordinates.
 
     Returns:
         Points, sums of squares, and whether each has arrived, best first.
@@ -220,7 +208,6 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     """The setup searched, its weights those of the best fit that they lead to.
 
     Args:
-        setup: Problem and its provenance.
         reference_alpha: Azimuth of θ_c [rad]; see `search`.
 
     Returns:
@@ -269,10 +256,6 @@ def minimise(
     start: Float[Array, " q"],
 ) -> tuple[Float[Array, " q"], Float[Array, ""], Bool[Array, ""]]:
     """Local minimum of a sum of squares, by Levenberg-Marquardt.
-
-    Args:
-        residuals: Function of the coordinates.
-        start: Where to begin.
 
     Returns:
         Coordinates, sum of squares there, and whether the solver met its tolerance.

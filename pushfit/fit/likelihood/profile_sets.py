@@ -21,7 +21,6 @@ def threshold(prob: float, degrees_of_freedom: float) -> float:
     """Largest Δχ² inside the set of one quantity.
 
     Args:
-        prob: Level of the set.
         degrees_of_freedom: Of the estimate of sigma that weighted the residuals;
             infinite where sigma is known.
 
@@ -79,9 +78,6 @@ def _without_ripples(
 def verdict_of(pieces: tuple[Piece, ...]) -> Verdict:
     """The word for the shape of a set.
 
-    Args:
-        pieces: Pieces of the set.
-
     Returns:
         DETERMINED for one closed interval, ONE_SIDED for one half-open interval,
         SEVERAL_MODES for more than one piece, else NOT_DETERMINED.
@@ -99,7 +95,6 @@ def profile_set(profile: LikelihoodProfile, prob: float) -> tuple[Piece, ...]:
 
     Args:
         profile: Profile; its grid is densest around the set at its own level.
-        prob: Level of the set.
 
     Returns:
         Pieces, ascending and disjoint; None for an open end.

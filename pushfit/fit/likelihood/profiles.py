@@ -46,9 +46,7 @@ def likelihood_profiles(
 
     Args:
         setup: Problem with its noise weights settled.
-        fit: Least squares of it.
         reference_alpha: Azimuth of θ_c [rad].
-        prob: Level of the sets.
         reach: Lowest and highest azimuth for α* [rad].
         wanted: Names of the quantities, as `imposable` names them; None for all.
 

@@ -24,7 +24,6 @@ def with_known_noise(problem: Problem, added: Float[np.ndarray, "c n"]) -> Probl
     """The problem with more known noise, and weights to go with it.
 
     Args:
-        problem: Problem.
         added: Standard deviations to add in quadrature [table unit].
     """
     added = np.where(problem.mask, added, 0.0)
@@ -46,7 +45,6 @@ def height_share(
     took of them.
 
     Args:
-        problem: Problem.
         predicted: Heights of the fit [table unit].
         is_sampled: Whether each channel has a sigma beside its sd.
     """
@@ -86,9 +84,6 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
     Args:
         problem: Problem whose noise is sampled.
         predicted: Heights of the fit [table unit].
-
-    Returns:
-        The problem with other weights.
     """
     mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)
     observed = np.asarray(problem.observed)

@@ -59,11 +59,7 @@ class Likelihoods:
     sd: Float[np.ndarray, " n"]
 
     def take(self, which: Bool[np.ndarray, " n"]) -> "Likelihoods":
-        """Some of the items.
-
-        Args:
-            which: Whether to take each.
-        """
+        """Some of the items."""
         return Likelihoods(
             nodes=self.nodes[which],
             log_weights=self.log_weights[which],
@@ -99,11 +95,7 @@ class Likelihoods:
 
 
 def is_present(item: ItemDraws) -> bool:
-    """Whether φ has a value, and not one alone, in nearly all of the posterior.
-
-    Args:
-        item: Item.
-    """
+    """Whether φ has a value, and not one alone, in nearly all of the posterior."""
     is_known = np.isfinite(item.draws) & np.isfinite(item.log_prior)
     enough = item.draws.size > 0 and np.mean(is_known) >= 1 - MAX_MISSING
     return bool(enough and np.ptp(item.draws[is_known]) > 0)
@@ -162,9 +154,6 @@ def effective_draws(
         (sum of w)² / (sum of w²)
 
     Args:
-        items: Items.
-        known: Their likelihoods.
-        mean: Mean of the population.
         spread: Its standard deviation; infinite to weigh by the prior alone.
 
     References:

@@ -44,8 +44,6 @@ def identify_many(
 
     Args:
         tables: Peak heights, one table for each grasp.
-        config: Configuration in force for all of them.
-        seeds: Seed of each table.
         engine: "auto", "sweep" or "emcee"; see `identify_table`.
 
     Returns:

@@ -35,9 +35,6 @@ MIN_DENSITY = 1e-6
 def flat_values(identification: Identification) -> dict[str, Cell]:
     """Everything that one row of a table of results says.
 
-    Args:
-        identification: The result.
-
     Returns:
         Cells by column, None where a number is unknown or not to be quoted. Sets are
         JSON lists of [low, high], null for an open end; warnings are codes joined by
@@ -73,7 +70,6 @@ def pooled_draws(
     """Draws of what can be compared between grasps, and their prior densities.
 
     Args:
-        identification: The result.
         priors: Prior densities of ln A, ln B and ln C_rr; see
             `pushfit.fit.population.prior_tables.prior_tables`.
 

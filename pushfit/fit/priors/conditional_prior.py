@@ -251,15 +251,7 @@ class ConditionalPrior:
 def make_conditional_prior(
     priors: Mapping[str, Prior], fixed: Mapping[str, float | Float[Array, ""]]
 ) -> ConditionalPrior:
-    """The conditional prior of a problem.
-
-    Args:
-        priors: Priors of the free parameters.
-        fixed: Values of the fixed ones.
-
-    Returns:
-        Densities of all pairs.
-    """
+    """The conditional prior of a problem."""
 
     def one(name: str) -> LogDensity | float:
         if name in priors:

@@ -66,10 +66,6 @@ class Prior(eqx.Module):
     def sample(self, rng: np.random.Generator, n: int) -> Float[np.ndarray, " n"]:
         """Independent draws of u.
 
-        Args:
-            rng: Source of randomness.
-            n: Number of draws.
-
         Returns:
             Draws of the log of a positive parameter, or of the value of e1 or e2.
         """
@@ -99,11 +95,7 @@ def log_prior_at(prior: Prior, u: Float[Array, " n"]) -> Float[Array, " n"]:
     """`Prior.log_prob` as one program, for callers that are not compiled.
 
     Args:
-        prior: Prior.
         u: Where to evaluate [ln unit, or unit for e1 and e2].
-
-    Returns:
-        Log density.
     """
     return prior.log_prob(u)
 
@@ -115,9 +107,6 @@ def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:
         stiffness_scale: Normal series stiffness that the tallest height suggests, for
             heights in sensor units, where no stiffness in N/m can be guessed
             [sensor units per m]; None for heights in newtons.
-
-    Returns:
-        One prior per parameter.
     """
     names = [n for n, p in PARAMETERS.items() if p.prior and n not in OF_GRASP]
     priors = {name: default_prior(name) for name in names}
@@ -155,9 +144,6 @@ def priors_from_config(
     Args:
         config: Configuration with a `parameters` table.
         defaults: Priors of the parameters that it does not name.
-
-    Returns:
-        Priors of the free parameters and values of the fixed ones.
     """
     priors = dict(defaults)
     fixed = {}

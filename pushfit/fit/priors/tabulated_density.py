@@ -95,9 +95,6 @@ class Table(eqx.Module):
 def prior_density(prior: Prior) -> LogDensity:
     """Density of the log of a positive parameter.
 
-    Args:
-        prior: Its prior.
-
     Returns:
         Density with the ends beyond which nothing is left.
     """
@@ -120,9 +117,6 @@ def prior_density(prior: Prior) -> LogDensity:
 
 def make_table(density: LogDensity) -> Table:
     """Table of a density over the part of its range that holds all but e^-80 of it.
-
-    Args:
-        density: Density of a log.
 
     Returns:
         Table; grid points beyond twice that depth are held there, to stay finite.

@@ -28,9 +28,6 @@ def with_constraints(problem: Problem) -> Problem:
 
     The conditional mean is the linear regression over draws from the prior; for
     lognormal priors the first and the last are exact.
-
-    Args:
-        problem: Problem.
     """
     held = held_names(problem)
     if not held:
@@ -48,11 +45,7 @@ def with_constraints(problem: Problem) -> Problem:
 
 
 def held_names(problem: Problem) -> tuple[str, ...]:
-    """Data coordinates that have a residual of their own, in the order of the rows.
-
-    Args:
-        problem: Problem.
-    """
+    """Data coordinates that have a residual of their own, in the order of the rows."""
     names = problem.data_names
     # With two supports and small tilts L is what heights see it by.
     held = ["ln_L"] if "ln_L" in names and problem.grasp.law.sees_tilt else []
@@ -68,7 +61,6 @@ def held_values(
 
     Args:
         problem: Problem with its constraints.
-        points: Data coordinates.
     """
     if problem.constraint is None:
         return points

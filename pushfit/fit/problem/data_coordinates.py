@@ -24,11 +24,6 @@ def data_names(
 
     By mechanics that see the tilt they depend on s and L as well; where K_st or C_d is
     fixed, B follows from these.
-
-    Args:
-        priors: Priors of the free parameters.
-        fixed: Values of the fixed ones.
-        grasp: Grasp, which names the mechanics.
     """
     sees_tilt, names = grasp.law.sees_tilt, []
     if not {"K_sn", "K_dn"} <= set(fixed):
@@ -60,8 +55,6 @@ def data_point(y: Values, fixed: Values, grasp: Grasp) -> Contact:
 
     Args:
         y: Data coordinates by name.
-        fixed: Values of the fixed parameters.
-        grasp: Grasp, which names the mechanics.
     """
     point = tilting_point if grasp.law.sees_tilt else linear_point
     return point(y, fixed)
@@ -72,7 +65,6 @@ def linear_point(y: Values, fixed: Values) -> Contact:
 
     Args:
         y: Data coordinates by name.
-        fixed: Values of the fixed parameters.
     """
     zero = jnp.zeros(())
     return Contact(
@@ -90,7 +82,6 @@ def tilting_point(y: Values, fixed: Values) -> Contact:
 
     Args:
         y: Data coordinates by name.
-        fixed: Values of the fixed parameters.
     """
     L = jnp.exp(y["ln_L"]) if "ln_L" in y else fixed["L"]
     if "ln_s" in y:

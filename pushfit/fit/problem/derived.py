@@ -64,8 +64,6 @@ def critical_angle_at(
     """θ_c at data coordinates.
 
     Args:
-        problem: Problem.
-        y: Data coordinates.
         reference_alpha: Azimuth of θ_c [rad].
 
     Returns:
@@ -147,7 +145,6 @@ def equal_tailed_interval(
 
     Args:
         samples: Draws; NaN is left out.
-        prob: Probability inside.
         is_axis: Whether the draws are azimuths of period 180° [deg].
 
     Returns:
@@ -174,7 +171,6 @@ def highest_density_set(
 
     Args:
         samples: Draws; NaN is left out.
-        prob: Probability of the set.
         is_axis: Whether the draws are azimuths of period 180° [deg].
 
     Returns:

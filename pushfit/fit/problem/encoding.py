@@ -24,7 +24,6 @@ def encode(
     """Sampling coordinates of physical values; inverse of `Problem.state`.
 
     Args:
-        problem: Problem whose coordinates are wanted.
         values: Value of every free parameter, of F_0 and of sigma_<channel> where they
             are sampled [as in `priors.UNITS`, sigma in table units].
 
@@ -54,8 +53,6 @@ def prior_x_samples(
 
     Args:
         problem: Problem with its priors.
-        rng: Source of randomness.
-        n: Number of draws.
 
     Returns:
         Points, in the order of `problem.names`.

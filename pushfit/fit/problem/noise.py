@@ -64,13 +64,6 @@ class Noise:
 def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     """Noise model that `config.noise.sigma` asks for, or that the table supports.
 
-    Args:
-        table: Peak heights.
-        config: Configuration in force.
-
-    Returns:
-        Noise model for every channel of the table.
-
     Raises:
         ConfigError: If "given" is asked for without sd columns, or "pooled" without
             repeats or with noise that differs from direction to direction.

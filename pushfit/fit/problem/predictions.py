@@ -34,8 +34,6 @@ def predict_points(
     """What sensors report at data coordinates.
 
     Args:
-        problem: Problem.
-        points: Data coordinates.
         pushes: Directions, of the problem or not.
 
     Returns:
@@ -54,7 +52,6 @@ def predict_draws(
     """What sensors report at draws, or at any values of the parameters.
 
     Args:
-        problem: Problem.
         samples: Values of all that is unknown by name.
         pushes: Directions, of the problem or not.
 
@@ -74,7 +71,6 @@ def heights_of(problem: Problem, channels: Channels) -> Float[np.ndarray, "k c n
     """Heights of the channels of a problem [table unit].
 
     Args:
-        problem: Problem.
         channels: What `predict_points` and `predict_draws` return.
     """
     return np.stack([getattr(channels, name) for name in problem.channels], axis=1)

@@ -232,7 +232,6 @@ def grasp_with(grasp: Grasp, values: Mapping[str, Scalar]) -> Grasp:
     """A grasp with those of its numbers that a point or a draw names.
 
     Args:
-        grasp: Grasp and sensor.
         values: Values by name; names that are none of `OF_GRASP` do not matter.
     """
     known = {field: values[name] for name, field in OF_GRASP.items() if name in values}

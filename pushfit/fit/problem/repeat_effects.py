@@ -26,11 +26,7 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
         h = m + o,   or   h = g m,   m by direction, o and g by repeat
 
     Args:
-        table: Peak heights.
         kind: "offset" or "gain".
-
-    Returns:
-        The table with other heights.
 
     Raises:
         ConfigError: If no two repeats share a direction.
@@ -59,7 +55,6 @@ def repeat_warning(before: PeakTable, after: PeakTable, kind: str) -> ResultWarn
     """Say what was taken out of the heights of each repeat.
 
     Args:
-        before: Peak heights.
         after: The same without the effects of repeats.
         kind: "offset" or "gain".
     """
@@ -112,8 +107,6 @@ def offsets(
 
     Args:
         values: Heights or residuals.
-        direction: Of each.
-        repeat: Of each.
 
     Returns:
         Effects; those of the repeats have no mean over all values.
@@ -135,11 +128,6 @@ def gains(
     repeat: Int[np.ndarray, " n"],
 ) -> Float[np.ndarray, " r"]:
     """Least squares of a height of each direction times a gain of each repeat.
-
-    Args:
-        heights: Heights.
-        direction: Of each.
-        repeat: Of each.
 
     Returns:
         Gains, 1 on average over all heights.
@@ -166,8 +154,6 @@ def repeat_p_value(
         free: Residuals over their noise.
         size: What an effect of a repeat is in proportion to: 1 over the noise for an
             offset, the height over it for a gain.
-        direction: Of each.
-        repeat: Of each.
 
     Returns:
         Chance of as much where repeats are alike; NaN where there are too few.

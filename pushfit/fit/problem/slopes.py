@@ -27,13 +27,6 @@ def with_slopes(
     """A function and its slopes, one coordinate after the other.
 
     What the function takes a search for is sought once, and not for each coordinate.
-
-    Args:
-        function: Function of the coordinates.
-        y: Where.
-
-    Returns:
-        Its values, and their derivatives by coordinate.
     """
     values, along = jax.linearize(function, y)
     # Not `jax.vmap`: the compiler would make the coordinates the innermost loop.
@@ -44,9 +37,6 @@ def linearised(function: Residuals) -> Residuals:
     """The same function to solvers that differentiate it forward themselves.
 
         f(y_0) + J(y_0) (y - y_0),   y_0 = y held fixed
-
-    Args:
-        function: Function of the coordinates.
 
     Returns:
         Function of the same values, wherever derivatives are finite, and of the first
@@ -67,7 +57,6 @@ def residuals_at(
     """Residuals and their Jacobians at a few data coordinates.
 
     Args:
-        problem: Problem.
         points: Data coordinates, `N_POINTS` of them at most.
 
     Returns:

@@ -15,7 +15,6 @@ def check_informative(table: PeakTable, config: GraspConfig) -> None:
 
     Args:
         table: Peak heights, of which at least one is used.
-        config: Configuration in force.
 
     Raises:
         DataError: If all heights of a channel are 0 (`no_height`), or all pushes go

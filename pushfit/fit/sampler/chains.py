@@ -56,7 +56,6 @@ class Run:
         Args:
             log_prob: Log density of many points.
             moves: Moves and their shares.
-            n_steps: Number of steps.
         """
         chain, values = advance(
             log_prob,
@@ -84,13 +83,9 @@ def advance(
     Args:
         log_prob: Log density of many points.
         start: Walkers; left as they are.
-        n_steps: Number of steps.
         moves: Moves and their shares.
         random: Source of randomness; its state moves on.
         log_prob_start: Log density of `start`, where it is known.
-
-    Returns:
-        Points and log densities after each step.
     """
     sampler = emcee.EnsembleSampler(
         len(start), start.shape[1], log_prob, moves=list(moves), vectorize=True
@@ -152,8 +147,6 @@ def keep(run: Run, path: Path, *, question: str) -> None:
     """Write a run.
 
     Args:
-        run: Run.
-        path: File of the checkpoint.
         question: Fingerprint of what is sampled.
     """
     state = run.random.get_state(legacy=False)
@@ -175,7 +168,6 @@ def resume(path: Path, *, question: str) -> Run | None:
     """A run as `keep` wrote it.
 
     Args:
-        path: File of the checkpoint.
         question: Fingerprint of what is sampled.
 
     Returns:

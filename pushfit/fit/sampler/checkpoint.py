@@ -52,8 +52,6 @@ def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None
     """Replace a checkpoint in one step.
 
     Args:
-        path: File to write.
-        arrays: What to keep.
         question: Fingerprint of the question that the arrays belong to.
     """
     with atomic_path(path) as temporary, temporary.open("wb") as file:
@@ -68,7 +66,6 @@ def load(path: Path, *, question: str) -> dict[str, np.ndarray] | None:
     """Arrays of a checkpoint of the same question.
 
     Args:
-        path: File that `save` wrote.
         question: Fingerprint of the question asked now.
 
     Returns:

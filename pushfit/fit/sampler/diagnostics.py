@@ -148,16 +148,9 @@ def judge(
 
     Args:
         autocorr_time: By name [steps].
-        ess: By name.
-        rhat: By name.
         acceptance_fraction: Per ensemble and walker.
-        n_steps: Steps kept.
-        n_ensembles: Independent ensembles.
         n_walkers: Walkers in each.
         chances: p-values of `disagreement` by name.
-
-    Returns:
-        Sentences for the user.
     """
     problems = []
     unknown = [name for name, tau in autocorr_time.items() if not np.isfinite(tau)]

@@ -91,7 +91,6 @@ def sample_posterior(
     """Draws from the posterior, with the evidence for or against them.
 
     Args:
-        setup: Problem and its provenance.
         fit: Least squares of the same problem, with all its modes.
         seed: Seed of every random number: same seed, same bits.
         reference_alpha: Azimuth at which θ_c is taken [rad].

@@ -46,7 +46,6 @@ class DifferenceMove(Move):
 
         Args:
             model: Density and source of randomness.
-            state: Walkers.
 
         Returns:
             The state, changed in place, and which walkers moved.
@@ -93,7 +92,6 @@ class IndependenceMove(Move):
 
         Args:
             model: Density and source of randomness.
-            state: Walkers.
 
         Returns:
             The state, changed in place, and which walkers moved.

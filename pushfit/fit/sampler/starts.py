@@ -48,12 +48,9 @@ def starting_points(
     """Independent ensembles of points that resemble draws from the posterior.
 
     Args:
-        problem: Problem to sample.
         fit: Least squares with all its modes.
         log_densities: Log prior and log likelihood of points.
-        n_ensembles: Number of ensembles, drawn and cooled apart.
         n_points: Points in each.
-        rng: Source of randomness.
 
     Returns:
         Points, one ensemble after the other; the first of each are at the modes.

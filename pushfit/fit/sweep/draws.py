@@ -88,7 +88,6 @@ def draw(target: Target, sheet: Sheet, uniform: Float[Array, " d"]) -> Draw:
     """One draw.
 
     Args:
-        target: Posterior.
         sheet: Where its mass is.
         uniform: As many numbers in (0, 1) as `n_uniforms` says.
     """

@@ -76,7 +76,6 @@ def fit_mixture(points: Float[np.ndarray, "n p"], rng: np.random.Generator) -> M
 
     Args:
         points: Points, more than twice as many as components.
-        rng: Source of randomness.
 
     Returns:
         Gaussian components found by expectation maximisation, with the tails of

@@ -53,8 +53,6 @@ def row_log_likelihood(
     """Log density of the heights behind each row.
 
     Args:
-        pooled: Problem with repeats pooled.
-        channel: Channel.
         difference: Prediction less mean height [table unit].
         variance: Squared scale of the noise of each row [table unit²].
     """
@@ -99,7 +97,6 @@ def log_likelihood(
     """Log likelihood with every sampled noise given.
 
     Args:
-        pooled: Problem with repeats pooled.
         difference: Predictions less mean heights [table unit].
         ln_sigma: Sampled noise by "ln_sigma_<channel>" [ln table unit].
     """
@@ -140,7 +137,6 @@ def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
     """Log likelihood of predictions, and the weights of their squares.
 
     Args:
-        pooled: Problem with repeats pooled.
         difference: Predictions less mean heights [table unit].
     """
     total, weights = jnp.zeros(()), []

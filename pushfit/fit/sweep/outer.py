@@ -49,11 +49,7 @@ Placing = Callable[[Expansion], Float[Array, " n"]]
 
 
 def outer_nodes(target: Target) -> Expansion:
-    """Conditional modes at nodes of u, ascending.
-
-    Args:
-        target: Posterior.
-    """
+    """Conditional modes at nodes of u, ascending."""
     q = target.mean.size
     is_free = jnp.asarray([i > 0 and not _is_s(target, i) for i in range(q)])
 
@@ -132,7 +128,6 @@ def tempered(
 
     Args:
         u: Nodes, ascending.
-        log_density: There.
         tempers: Powers of the density, and the share of the nodes that each places.
     """
     total = jnp.zeros(u.size)

@@ -90,7 +90,6 @@ def sweep_posterior(
 
     Args:
         setup: Problem with its noise weights settled.
-        seed: Seed of the draws.
         reference_alpha: Azimuth of θ_c [rad].
         reach: Lowest and highest azimuth for α* [rad].
 
@@ -132,12 +131,7 @@ def sweep_posterior(
 
 
 def weighted_draws(target: Target, *, seed: int) -> WeightedDraws:
-    """Draws with weights, as many as it takes.
-
-    Args:
-        target: Posterior.
-        seed: Seed of the draws.
-    """
+    """Draws with weights, as many as it takes."""
     rng = np.random.default_rng([seed, 1])
     found = _swept(target, rng)
     was_enough = found.ess >= ENOUGH and len(found.x) == N_DRAWS

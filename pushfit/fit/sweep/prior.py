@@ -151,9 +151,7 @@ def prior_points(
     """Draws from the prior, in sampling coordinates.
 
     Args:
-        problem: Problem.
         reference_alpha: Azimuth of θ_c [rad].
-        rng: Source of the draws of sampled noise.
     """
     unit, scale, force = _in_own_units(problem)
     draws = dict(_shape(_Question(unit, reference_alpha)).draws)

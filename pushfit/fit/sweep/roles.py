@@ -46,11 +46,7 @@ class Roles:
 
 
 def roles_of(problem: Problem) -> Roles:
-    """Roles of the coordinates of a problem.
-
-    Args:
-        problem: Problem.
-    """
+    """Roles of the coordinates of a problem."""
     names = problem.names
     sigmas = tuple(name for name in names if name.startswith("ln_sigma_"))
     conditional = _conditional(problem)

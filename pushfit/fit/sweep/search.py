@@ -43,7 +43,6 @@ def descend(
     """The best point met on the way down.
 
     Args:
-        target: What is to be least.
         starts: Where to begin: from the lowest of them.
         is_free: Which coordinates may move.
         n_steps: Evaluations after those of the starts.

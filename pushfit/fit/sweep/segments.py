@@ -57,7 +57,6 @@ def make_segments(
 
     Args:
         nodes: Ascending.
-        log_density: At the nodes.
     """
     scale = jnp.max(log_density)
     level = jnp.maximum(log_density - scale, -DEPTH)
@@ -69,7 +68,6 @@ def draw_segment(segments: Segments, uniform: Scalar) -> Drawn:
     """The point below which a share of the integral lies.
 
     Args:
-        segments: Density.
         uniform: The share, in (0, 1).
     """
     total = segments.total

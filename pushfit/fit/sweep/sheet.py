@@ -100,7 +100,6 @@ def make_sheet(target: Target, outer: Expansion) -> Sheet:
     """Sweep the inner coordinate at every outer node.
 
     Args:
-        target: Posterior.
         outer: Conditional modes at nodes of u.
     """
     information = jax.vmap(lambda h: without_s(target, h + target.precision))
