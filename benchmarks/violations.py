@@ -53,7 +53,13 @@ HEADER = (
     "median width | over default, table by table |\n" + 7 * "| --- " + "|"
 )
 # Words that tell a reader not to rely on an interval.
-TOLD = ("looks_", "model_inadequate", "sd_contradicted", "scatter_exceeds_sd")
+TOLD = (
+    "looks_",
+    "model_inadequate",
+    "model_untested",
+    "sd_contradicted",
+    "scatter_exceeds_sd",
+)
 # The same in worlds of one kind alone.
 TOLD_OF = {"joints": ("elevations_taken_as_exact",)}
 

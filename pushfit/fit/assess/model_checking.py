@@ -24,6 +24,9 @@ OUTLIER_SIGMA = 5.0
 N_PERMUTATIONS = 4999
 # With fewer directions a pattern cannot be told from chance.
 MIN_DIRECTIONS = 8
+# With fewer residuals beyond the unknowns a scatter of twice the noise passes the test
+# of chi-square more often than not.
+MIN_TESTED = 7
 # Residuals of less than a tenth of the noise may follow whom they like: those of
 # rounding do, and no interval minds.
 QUIET_CHI_SQUARE = 0.01
@@ -74,7 +77,7 @@ def goodness_of_fit(
         pattern_p_value=pattern,
         outliers=tuple(label(table, int(row)) for row in outliers),
         is_adequate=not failed,
-        sentence=_sentence(failed, r_squared),
+        sentence=_sentence(failed, r_squared, fit.degrees_of_freedom),
         predictive=predictive,
     )
 
@@ -106,7 +109,12 @@ def label(table: PeakTable, row: int) -> str:
     return f"push {push} (θ = {theta:g}°, α = {alpha:g}°)"
 
 
-def _sentence(failed: list[str], r_squared: float) -> str:
+def _sentence(failed: list[str], r_squared: float, degrees_of_freedom: int) -> str:
+    if not failed and degrees_of_freedom < MIN_TESTED:
+        return (
+            "The heights do not speak against the model, but are hardly more than its "
+            "unknowns, and would not show that it is wrong."
+        )
     if not failed:
         return "The model describes the heights within their noise."
     reasons = "; ".join(failed)

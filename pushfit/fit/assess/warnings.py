@@ -8,7 +8,7 @@ import scipy
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.model_checking import LEVEL, label
+from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.results import (
     FitResult,
@@ -108,6 +108,13 @@ def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarni
     posterior, goodness = found.posterior, found.goodness_of_fit
     if not goodness.is_adequate:
         yield ResultWarning(code="model_inadequate", text=goodness.sentence)
+    elif goodness.degrees_of_freedom < MIN_TESTED:
+        yield ResultWarning(
+            code="model_untested",
+            text=f"heights exceed unknowns by {goodness.degrees_of_freedom} only, "
+            "which would not show an outlier or a wrong model, and intervals take "
+            "both for absent; push more directions, or each of them twice",
+        )
     if goodness.outliers:
         names = ", ".join(goodness.outliers)
         yield ResultWarning(

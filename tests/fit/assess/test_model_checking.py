@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.model_checking import LEVEL, goodness_of_fit
+from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, goodness_of_fit
 from pushfit.fit.problem.noise import Noise
 from pushfit.fit.results import FitResult, FitStatus, PredictiveCheck
 
@@ -60,6 +60,20 @@ def test_residuals_far_below_the_noise_may_follow_their_neighbours():
     assert found.is_adequate
     assert found.pattern_p_value is None
     assert found.predictive == ()
+
+
+def test_few_heights_are_not_said_to_fit():
+    """Twice the noise is mostly seen from that many residuals beyond the unknowns."""
+
+    def power(dof: int) -> float:
+        return stats.chi2.sf(stats.chi2.isf(LEVEL, dof) / 4, dof)
+
+    assert power(MIN_TESTED - 1) < 0.5 < power(MIN_TESTED)
+    enough = 3 + MIN_TESTED
+    for n, can_tell in ((enough, True), (enough - 1, False)):
+        found = criticise(curve()[:n], curve()[:n], theta_deg=THETA_DEG[:n])
+        assert found.is_adequate
+        assert ("describes the heights" in found.sentence) is can_tell
 
 
 def test_noise_alone_is_not_faulted():

@@ -69,3 +69,9 @@ def test_what_was_stated_is_not_asked_for():
 
 def test_an_estimated_sigma_holds_what_joints_add():
     assert WORD not in codes(table(state_sd=False))
+
+
+def test_hardly_more_heights_than_unknowns_are_said_to_test_nothing():
+    few = case_table(CASES["firm"], theta_deg=THETA_DEG, repeats=1, noise=0.01)
+    assert "model_untested" in codes(few)
+    assert "model_untested" not in codes(table())
