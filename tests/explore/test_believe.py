@@ -117,6 +117,22 @@ def test_without_a_stated_lever_there_is_nothing_to_tilt_by():
     assert belief.grasp.mechanics == "linear"
 
 
+def test_errors_of_the_joints_are_believed_as_they_are_identified():
+    """Elevations of ± 2°: the same posterior, and the next push scatters so, too."""
+    made = table(Grasp(push_length=0.005), share=1e-3)
+    own = question(5.0, parameters="[noise]\ntheta_sd_deg = 2.0\n")
+    belief, exact = (
+        believe(made, own, 0),
+        believe(made, question(5.0, parameters=""), 0),
+    )
+    found = identify_table(made, own.settings, seed=0, engine="sweep", is_brief=True)
+    expected = np.quantile(found.posterior.samples["theta_c"], [0.05, 0.95])
+    np.testing.assert_allclose(interval(belief), expected, atol=0.1 * np.ptp(expected))
+    assert np.ptp(interval(belief)) > 2 * np.ptp(interval(exact))
+    added = np.sqrt(np.median(found.fit.sigma**2 - made.sd(COMPONENTS[0])[0] ** 2))
+    assert 0.3 * added < np.mean(belief.sigma) < 3 * added
+
+
 @pytest.mark.slow
 def test_the_mechanics_believed_are_those_that_lead_the_identification():
     made = table(Grasp(push_length=0.005, mechanics="tilting"))

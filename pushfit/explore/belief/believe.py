@@ -21,6 +21,7 @@ from pushfit.fit.fitted import (
     reach_of,
     reference_azimuth,
 )
+from pushfit.fit.likelihood.least_squares import settle_noise
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.results import FitStatus, PosteriorResult
@@ -66,11 +67,11 @@ class _Drawn:
 def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn:
     """Draws by the sweep, or where they are not to be trusted by emcee."""
     setup = build_problem(table, settings)
+    reference_alpha = reference_azimuth(table, settings)
+    if setup.noise.follows_fit:
+        setup = settle_noise(setup, reference_alpha)
     posterior = sweep_posterior(
-        setup,
-        seed=seed,
-        reference_alpha=reference_azimuth(table, settings),
-        reach=reach_of(settings),
+        setup, seed=seed, reference_alpha=reference_alpha, reach=reach_of(settings)
     )
     if posterior.status is FitStatus.OK:
         return _Drawn(setup=setup, posterior=posterior)
@@ -172,7 +173,7 @@ def belief_from(
         kept.setdefault(name, np.full(N_DRAWS, fixed))
     used = list(setup.rows)
     scatter, sd = [], []
-    for channel in problem.channels:
+    for channel, settled in zip(problem.channels, np.asarray(problem.sd), strict=True):
         known = noise.sd[channel][used]
         # Rows that say nothing are not what the next push is like.
         sd.append(float(np.median(known)))
@@ -180,7 +181,9 @@ def belief_from(
         if own is None:
             pooled = float(np.median(noise.sigma[channel][used]))
             own = np.full(N_DRAWS, pooled if noise.kind == "pooled" else 0.0)
-        scatter.append(own)
+        # Errors of the angles, and noise in proportion to the height.
+        added = np.maximum(settled[: len(used)] ** 2 - known**2, 0.0)
+        scatter.append(np.hypot(own, np.sqrt(np.median(added))))
     return Belief(
         samples=kept,
         log_weights=np.where(is_own, 0.0, -np.inf),
