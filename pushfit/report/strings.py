@@ -34,6 +34,8 @@ def printable(text: str) -> str:
         >>> printable("a\x1b[31mb")
         'a\\x1b[31mb'
     """
+    if text.isprintable():  # at once, whatever its length
+        return text
     return "".join(
         ascii(char)[1:-1] if unicodedata.category(char) in UNSAFE_CATEGORIES else char
         for char in text

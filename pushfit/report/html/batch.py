@@ -21,7 +21,6 @@ from pushfit.report.strings import (
     format_p_value,
     format_range,
     join_or,
-    printable,
     spread_of,
     symbol,
     unit_label,
@@ -117,7 +116,7 @@ def render_batch(
     axes = {name: _axis(column) for name, column in entries.items()}
     n_ok = sum(_word(record, "status") == OK for record in records)
     content = {
-        "title": printable(title),
+        "title": title,
         "n_items": len(records),
         "n_ok": n_ok,
         "population": [_population_row(row) for row in population],
@@ -174,7 +173,7 @@ def _number(record: Record, column: str) -> float | None:
 def _word(record: Record, column: str) -> str:
     """Text of a cell, empty where there is none."""
     value = record.get(column)
-    return printable(value) if isinstance(value, str) else ""
+    return value if isinstance(value, str) else ""
 
 
 def _axis(entries: Sequence[Entry]) -> Axis:
@@ -278,7 +277,7 @@ def _names(row: Record, column: str) -> str:
     if isinstance(names, str):
         names = [part for part in names.split(";") if part]
     listed = names if isinstance(names, list | tuple) else ()
-    return ", ".join(printable(str(item)) for item in listed)
+    return ", ".join(map(str, listed))
 
 
 def _with_range(row: Record, name: str) -> str:
