@@ -84,15 +84,7 @@ class Item:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What is asked of every item.
-
-    Args:
-        config: Settings of the items that have none of their own.
-        profile: Settings under all others.
-        schedule: Schedule of the recordings that have none of their own.
-        seed: Seed from which the items' seeds derive.
-        engine: "auto", "sweep" or "emcee".
-    """
+    """What is asked of every item, as of `identify_batch`."""
 
     config: Path | None
     profile: Path | None
