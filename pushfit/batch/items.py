@@ -95,12 +95,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Everything that a batch is to identify.
-
-    Args:
-        items: What can be tried, sorted by name.
-        failures: What cannot, with the reason.
-    """
+    """Everything that a batch is to identify."""
 
     items: tuple[Item, ...]
     failures: tuple[Failure, ...]
@@ -108,9 +103,6 @@ class Plan:
 
 def make_plan(paths: tuple[str, ...], request: Request) -> Plan:
     """Look at every file as far as needed to know its items.
-
-    Args:
-        paths: Files and bag folders.
 
     Raises:
         ConfigError: The common settings or schedule cannot be read.

@@ -271,7 +271,6 @@ class Explorer:
         return undecided or self.question.ask
 
     def _known(self) -> Mapping[str, Interval | None]:
-        """Interval of every asked angle."""
         if self._intervals is None:
             self._intervals = self.judge.intervals(self.belief, self.question)
         return self._intervals

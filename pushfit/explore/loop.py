@@ -105,7 +105,6 @@ def _moved(
 
 
 def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
-    """Tell the explorer what came of a push."""
     if felt.table is not None:
         (row,) = told_rows(felt.table)
         explorer.tell(row.theta, row.alpha, row.heights, row.sd, flags=row.flags)

@@ -205,7 +205,6 @@ def format_p_value(p_value: float) -> str:
 
 
 def _join(items: Sequence[str], word: str) -> str:
-    """Commas between all but the last two."""
     if len(items) < 2:
         return "".join(items)
     return f"{', '.join(items[:-1])} {word} {items[-1]}"

@@ -77,7 +77,6 @@ def imagine(
         heights: Noise-free heights of the candidates, by channel and draw.
         weights: Weights of the draws, which sum to 1.
         sigma: Noise of a height by channel [as heights].
-        rows: Candidates that may be pushed.
         gains: What each candidate tells now; picks those of the second reckoning.
 
     Returns:

@@ -166,7 +166,6 @@ class SimulatedHand:
         return part, t_start, t_start + self.world.session.duration
 
     def _resting(self, seconds: float, rng: np.random.Generator) -> Recording:
-        """Samples of a sensor that nobody touches."""
         session = self._session()
         n = max(int(np.ceil(seconds * session.rate)), 1)
         time = np.arange(1, n + 1) / session.rate

@@ -239,7 +239,6 @@ def _angle(identification: Identification, name: str, *, ax: "Axes | None") -> "
 
 
 def _ellipse(identification: Identification) -> "Figure":
-    """The stiffness ellipses that the heights meet and of the support finger."""
     samples = identification.posterior.samples
     quantities = {
         q.name: q for q in (*identification.combinations, *identification.parameters)
@@ -290,7 +289,6 @@ def _corner(identification: Identification, shown: Sequence[Quantity]) -> "Figur
 
 
 def _varies(draws: np.ndarray | None) -> bool:
-    """Whether there are draws and they differ."""
     return draws is not None and bool(np.nanstd(draws) > 0)
 
 

@@ -45,7 +45,6 @@ class Entry:
     Args:
         estimate: None if not quoted.
         pieces: Interval or set to draw; None for an open end.
-        verdict: Word for it; empty where unknown.
     """
 
     estimate: float | None
@@ -104,9 +103,6 @@ def render_batch(
             `outliers` and `not_usable`, names of items. With an upper end alone a
             number is below it.
 
-    Returns:
-        HTML. First the counts, then the population, then every item.
-
     Raises:
         ConfigError: Jinja2 is not installed.
     """
@@ -139,12 +135,10 @@ def render_batch(
 
 
 def _has(record: Record, name: str) -> bool:
-    """Whether a row knows of a quantity."""
     return name in record or f"{name}_deg" in record
 
 
 def _entry(record: Record, name: str) -> Entry:
-    """Columns of one quantity."""
     suffix = "_deg" if name in ANGLES else ""
     low = _number(record, f"{name}_low{suffix}")
     high = _number(record, f"{name}_high{suffix}")
@@ -177,7 +171,6 @@ def _word(record: Record, column: str) -> str:
 
 
 def _axis(entries: Sequence[Entry]) -> Axis:
-    """Scale that holds all that is drawn of one quantity."""
     ends = [e for entry in entries for piece in entry.pieces for e in piece]
     values = [v for v in (*ends, *(e.estimate for e in entries)) if v is not None]
     if not values:
@@ -200,7 +193,6 @@ def _scale(axis: Axis, name: str) -> str:
 
 
 def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
-    """Texts and picture of one quantity of one item."""
     spread = None
     if len(entry.pieces) == 1 and None not in entry.pieces[0]:
         low, high = entry.pieces[0]

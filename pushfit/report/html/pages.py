@@ -35,7 +35,6 @@ def render_page(
 
     Args:
         template: File in `templates`.
-        content: Values of the template.
 
     Raises:
         ConfigError: Jinja2 is not installed.
@@ -100,11 +99,7 @@ def symbol_html(name: str) -> str:
 
 
 def indexed_html(text: str) -> str:
-    """Escaped text in which indices are set as such, θ_c as θ with a low c.
-
-    Args:
-        text: Anything; only what is escaped is searched for letters.
-    """
+    """Escaped text in which indices are set as such, θ_c as θ with a low c."""
 
     def lowered(match: re.Match[str]) -> str:
         letter, _, index = match.group().partition("_")

@@ -41,9 +41,6 @@ def render_html(
     Args:
         files: Figures as `figure_files` makes them; None makes them here.
 
-    Returns:
-        HTML. First the two answers, the main figure and the warnings.
-
     Raises:
         ConfigError: Jinja2 is not installed.
     """
@@ -60,7 +57,6 @@ def is_shown(name: str, suffix: str) -> bool:
 
 
 def _images(files: Mapping[str, bytes]) -> dict[str, str]:
-    """Figures as data addresses, by name."""
     images = {}
     for file, content in files.items():
         name, _, suffix = file.rpartition(".")
@@ -121,7 +117,6 @@ def _main_caption(identification: Identification) -> str:
 
 
 def _sweep_captions(identification: Identification) -> list[tuple[str, str]]:
-    """Names and captions of the figures of heights against each angle."""
     channels = identification.table.channels
     captions = {"theta": THETA, "alpha": ALPHA}
     if len(sweeps_of(identification, "theta", channels[0])) <= MAX_SWEEPS:

@@ -148,7 +148,6 @@ def number_of_chains(posterior: PosteriorResult) -> int:
 def _chains(
     samples: Mapping[str, Float[np.ndarray, " n"]], n_chains: int
 ) -> dict[str, Float[np.ndarray, "c d"]]:
-    """Draws by chain and step."""
     return {name: draws.reshape(-1, n_chains).T for name, draws in samples.items()}
 
 
@@ -172,7 +171,6 @@ def _add_units(tree: "DataTree", identification: Identification) -> None:
 
 
 def _ensembles(identification: Identification) -> Parts:
-    """Chains of the independent ensembles, in fitting coordinates."""
     posterior = identification.posterior
     variables: dict[str, object] = {
         "chain": (("ensemble", "step", "walker", "coordinate"), posterior.chain)
@@ -188,7 +186,6 @@ def _ensembles(identification: Identification) -> Parts:
 
 
 def _fit(identification: Identification) -> Parts:
-    """The least-squares fit: estimate, covariance, and prediction of every datum."""
     fit = identification.fit
     return dict(
         data_vars={
@@ -207,7 +204,6 @@ def _fit(identification: Identification) -> Parts:
 
 
 def _profiles(identification: Identification) -> Parts:
-    """Likelihood profiles, each on its own grid."""
     return dict(
         data_vars={
             name: (
@@ -259,7 +255,6 @@ def _bands(identification: Identification) -> Parts:
 
 
 def _traces(identification: Identification) -> Parts:
-    """Signals that the heights were measured in, numbered."""
     traces = dict(enumerate(identification.table.traces))
     return dict(
         data_vars={

@@ -82,7 +82,6 @@ class PositionNode:
     def _answer_push(
         self, stamp: object, goal: Float[np.ndarray, "3"], length: float
     ) -> None:
-        """Forth and back, and what came of it."""
         reason = self._forth(goal, length)
         reached = self._at.copy()
         self._back()
@@ -146,7 +145,6 @@ class PositionNode:
         self._status.publish(message)
 
     def _on_retract(self, request: object) -> object:
-        """Cancel what is under way, and go back."""
         self._is_cancelled.set()
         with self._is_busy:
             self._back()

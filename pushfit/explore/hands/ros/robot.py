@@ -59,7 +59,6 @@ class RobotNode:
             time.sleep(1 / self.rate)
 
     def _publish(self) -> None:
-        """Position, joints and force as they are now."""
         r = ros()
         now, (x, y, z) = r.rospy.Time.now(), self._at.tolist()
         length = float(np.linalg.norm(self._at))
