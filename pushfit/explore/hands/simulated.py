@@ -15,7 +15,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.grasp import make_grasp
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
-from pushfit.data.simulate import Session, simulate_recording
+from pushfit.data.simulate import Session, sensed, simulate_recording
 from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
 from pushfit.explore.belief.predict import force_of
@@ -169,10 +169,9 @@ class SimulatedHand:
         session = self._session()
         n = max(int(np.ceil(seconds * session.rate)), 1)
         time = np.arange(1, n + 1) / session.rate
-        level = session.level if self.has_object else 0.0
-        reading = level + session.drift * time + session.noise * rng.standard_normal(n)
-        if session.quantum is not None:
-            reading = np.rint(reading / session.quantum) * session.quantum
+        if not self.has_object:
+            session = replace(session, level=0.0)
+        reading = sensed(time, np.zeros(n), session, rng)
         names = ("fx", "fy", "fz") if session.forces else (session.channel,)
         part = Recording(
             time=time + self.clock,
