@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 from scipy.sparse import csr_array
 
-from pushfit.explore.decide.gain import N_FINE
+from pushfit.explore.decide.gain import N_FINE, one_thread
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
-from pushfit.explore.decide.threads import one_thread
 
 # Truths: two decided ones of them are fewer than 5 %.
 N_TRUTHS = 48
