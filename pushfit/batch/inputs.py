@@ -92,7 +92,6 @@ def stem_of(path: str) -> str:
 
 
 def _companion(path: str, *names: str) -> Path | None:
-    """First file of these names beside another."""
     beside = (Path(path).parent / name for name in names)
     return next((candidate for candidate in beside if candidate.is_file()), None)
 
@@ -105,7 +104,6 @@ def _expanded(given: str) -> list[str]:
 
 
 def _is_searched(path: str) -> bool:
-    """Whether a path is a folder that is not itself a bag."""
     return os.path.isdir(path) and not is_bag(path)
 
 
@@ -125,7 +123,6 @@ def _below(folder: str, out: Path) -> Iterator[str]:
 
 
 def _is_data(path: str) -> bool:
-    """Whether a file found in a folder may be a recording or a table."""
     return os.path.isdir(path) or Path(path).suffix.lower() in SUFFIXES
 
 

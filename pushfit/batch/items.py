@@ -84,15 +84,7 @@ class Item:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What is asked of every item.
-
-    Args:
-        config: Settings of the items that have none of their own.
-        profile: Settings under all others.
-        schedule: Schedule of the recordings that have none of their own.
-        seed: Seed from which the items' seeds derive.
-        engine: "auto", "sweep" or "emcee".
-    """
+    """What is asked of every item, as of `identify_batch`."""
 
     config: Path | None
     profile: Path | None
@@ -103,12 +95,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Everything that a batch is to identify.
-
-    Args:
-        items: What can be tried, sorted by name.
-        failures: What cannot, with the reason.
-    """
+    """Everything that a batch is to identify."""
 
     items: tuple[Item, ...]
     failures: tuple[Failure, ...]
@@ -116,9 +103,6 @@ class Plan:
 
 def make_plan(paths: tuple[str, ...], request: Request) -> Plan:
     """Look at every file as far as needed to know its items.
-
-    Args:
-        paths: Files and bag folders.
 
     Raises:
         ConfigError: The common settings or schedule cannot be read.

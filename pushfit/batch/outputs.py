@@ -36,11 +36,7 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 def write_outputs(
     folder: Path, answers: Answers, population: Sequence[Row]
 ) -> tuple[Path, ...]:
-    """Write what a batch found, each file complete or as it was.
-
-    Args:
-        population: What the items have in common; see `pushfit.batch.population`.
-    """
+    """Write what a batch found, each file complete or as it was."""
     rows = answers.rows
     columns = list(dict.fromkeys(name for row in rows for name in row))
     _write_csv(folder / FAILURES, REASON, [asdict(f) for f in answers.failures])
@@ -108,7 +104,6 @@ def _link(folder: Path, item: str) -> str | None:
 
 
 def _typed(cells: list[Cell]) -> pd.Series:
-    """Column of one type: text, whole numbers or numbers."""
     kinds = {type(cell) for cell in cells if cell is not None}
     if str in kinds:
         return pd.Series([None if c is None else printable(str(c)) for c in cells])

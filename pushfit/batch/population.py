@@ -38,8 +38,6 @@ class Pooled:
     """A quantity that is pooled.
 
     Args:
-        quantity: Name of it in the row.
-        column: Column of its draws.
         scale: How much items may well differ [unit of the draws].
         unit: Unit, or the column of the row of an item that has it.
     """

@@ -26,12 +26,7 @@ Row = Mapping[str, Cell]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """What a batch says.
-
-    Args:
-        rows: One row for each item, sorted by name.
-        failures: Items without a result or a folder, sorted by name.
-    """
+    """What a batch says."""
 
     rows: tuple[Row, ...]
     failures: tuple[Failure, ...]

@@ -45,7 +45,6 @@ class Finished:
 
     Args:
         kind: "recording" or "table".
-        values: Cells of its row.
     """
 
     kind: str
@@ -100,11 +99,7 @@ class Store:
         return {name: (key, sha256) for name, key, sha256 in rows}
 
     def save_folder(self, name: str, key: str, sha256: str) -> None:
-        """Keep that the folder of an item was written.
-
-        Args:
-            sha256: Digest of its `summary.json`.
-        """
+        """Keep that the folder of an item was written."""
         statement = "INSERT OR REPLACE INTO folder VALUES (?, ?, ?)"
         self._write(statement, [(name, key, sha256)])
 
@@ -202,7 +197,6 @@ def _opened(path: Path) -> sqlite3.Connection | None:
 
 
 def _is_ours(connection: sqlite3.Connection) -> bool:
-    """Whether a database is whole and of our form."""
     facts = {
         "application_id": APPLICATION_ID,
         "user_version": VERSION,

@@ -82,9 +82,6 @@ def load(item: Item) -> tuple[str, PeakTable] | Failure:
 def write_folder(chunk: Chunk, *, engine: str, folder: Path) -> list[str | Failure]:
     """Identify each item by itself and write everything about it.
 
-    Args:
-        folder: Folder in which the items have theirs.
-
     Returns:
         Digest of the `summary.json` of each item, or why it has none.
     """

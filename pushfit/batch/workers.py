@@ -106,7 +106,6 @@ class Workers:
 def _on_cluster(
     work: Work[Outcome], chunks: Sequence[Chunk], workers: Workers
 ) -> Generator[tuple[Chunk, Sequence[Outcome | Failure]]]:
-    """Work on chunks in other processes."""
     guarded = partial(_guarded, work, workers.time_limit)
     waiting = list(chunks)
     with _client(workers) as client:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pushfit.cli.options import Layout
 from pushfit.cli.session import Session
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def read_settings(
-    layout: Layout, *, rate: float | None = None, **peaks: object
+    layout: Layout, *, rate: float | None = None, **peaks: Any
 ) -> "GraspConfig":
     """Settings of the files, and of the options that override them.
 
@@ -38,17 +38,13 @@ def read_settings(
     own = {key: value for key, value in peaks.items() if value not in (None, False, [])}
     for key in ("exclude", "include"):
         if key in own:
-            own[key] = [_window(text, f"--{key}") for text in _texts(own[key])]
+            own[key] = [_window(text, f"--{key}") for text in own[key]]
     changes = {
         "recording": {k: value for k, value in stated.items() if value is not None},
         "peaks": own,
     }
     changes = {section: keys for section, keys in changes.items() if keys}
     return read_config(layout.config, profile=layout.profile, changes=changes)
-
-
-def _texts(given: object) -> list[str]:
-    return [str(text) for text in given] if isinstance(given, list) else []
 
 
 def _window(text: str, option: str) -> tuple[float, float]:

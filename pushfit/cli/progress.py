@@ -47,7 +47,6 @@ class Course:
         self._say(text)
 
     def _left(self, share: float) -> str:
-        """How much longer it takes at this speed, in words."""
         if not FORESEEABLE <= share < 1:
             return ""
         seconds = (self._clock() - self._start) * (1 - share) / share
@@ -69,11 +68,7 @@ class Bar(Course):
 
 @contextmanager
 def shown_bar() -> Iterator[Bar]:
-    """A bar while the block runs, and nothing of it afterwards.
-
-    Yields:
-        What takes in how far the work is.
-    """
+    """A bar while the block runs, and nothing of it afterwards."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,

@@ -31,11 +31,7 @@ _kept = [NOTHING]
 
 
 def keep(sentence: str) -> None:
-    """Say, from now on, what a user has who stops the command.
-
-    Args:
-        sentence: What is kept and where.
-    """
+    """Say, from now on, what a user has who stops the command."""
     _kept[0] = sentence
 
 

@@ -158,7 +158,6 @@ def _stated(config: GraspConfig) -> dict[str, dict[str, object]]:
 
 
 def _comment(text: str) -> list[str]:
-    """Lines of a comment no wider than a terminal."""
     return [
         f"# {line}"
         for paragraph in inspect.cleandoc(text).split("\n\n")
@@ -203,7 +202,6 @@ def _key_in_file(
 
 
 def _value_at(key: tuple[str, ...], content: Mapping[str, object]) -> object:
-    """What the file has at a key; None where it has nothing."""
     node: object = content
     for part in key:
         node = node.get(part) if isinstance(node, Mapping) else None

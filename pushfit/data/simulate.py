@@ -196,7 +196,7 @@ def simulate_recording(
     recording = Recording(
         time=time,
         channels={
-            name: _sensed(time, course * amplitude[index], session, rng)
+            name: sensed(time, course * amplitude[index], session, rng)
             for name, amplitude in _amplitudes(truth, alpha, session).items()
         },
         units=dict.fromkeys(_amplitudes(truth, alpha, session), session.unit),
@@ -268,7 +268,7 @@ def _amplitudes(
     }
 
 
-def _sensed(
+def sensed(
     time: Float[np.ndarray, " n"],
     change: Float[np.ndarray, " n"],
     session: Session,

@@ -26,15 +26,19 @@ from pushfit.explore.decide.survey import Survey, Surveyor, repetition, suggesti
 from pushfit.explore.journal.events import (
     INTERRUPTED,
     History,
-    asked_event,
-    failed_event,
+    event_of,
     start_event,
-    state_event,
-    told_event,
 )
 from pushfit.explore.journal.file import Event, Journal
 from pushfit.explore.limits import Limits
-from pushfit.explore.records import Answer, Interval, State, Suggestion, Told
+from pushfit.explore.records import (
+    Answer,
+    Failure,
+    Interval,
+    State,
+    Suggestion,
+    Told,
+)
 from pushfit.fit.fitted import reference_azimuth
 
 # Below this share of effective draws the engine is asked for fresh ones.
@@ -147,7 +151,7 @@ class Explorer:
             return ()
         if history.pending is None:
             number = len(history.told) + len(history.failures) + 1
-            self._record(asked_event(replace(found[0], number=number)))
+            self._record(event_of("asked", replace(found[0], number=number)))
         assert history.pending is not None
         return (history.pending, *found[1:])
 
@@ -182,7 +186,8 @@ class Explorer:
             flags=flags,
             purpose=None if asked is None else asked.purpose.value,
         )
-        self._record(told_event(row, asked.number if asked else None))
+        number = None if asked is None else asked.number
+        self._record(event_of("told", row, number=number))
         self._settle()
         return self.state
 
@@ -192,12 +197,16 @@ class Explorer:
         Args:
             reason: Stable word, such as "stalled".
         """
-        self._record(failed_event(suggestion, reason, is_final=False))
-        self._stop_after_failures()
+        self._failed(suggestion, reason, is_final=False)
 
     def abandon(self, suggestion: Suggestion, reason: str = "abandoned") -> None:
         """Say that a push is not to be made; it is never asked again."""
-        self._record(failed_event(suggestion, reason, is_final=True))
+        self._failed(suggestion, reason, is_final=True)
+
+    def _failed(self, suggestion: Suggestion, reason: str, *, is_final: bool) -> None:
+        theta, alpha = suggestion.theta, suggestion.alpha
+        failure = Failure(theta=theta, alpha=alpha, reason=reason, is_final=is_final)
+        self._record(event_of("failed", failure, number=suggestion.number))
         self._stop_after_failures()
 
     def stop(self, reason: str) -> None:
@@ -271,7 +280,6 @@ class Explorer:
         return undecided or self.question.ask
 
     def _known(self) -> Mapping[str, Interval | None]:
-        """Interval of every asked angle."""
         if self._intervals is None:
             self._intervals = self.judge.intervals(self.belief, self.question)
         return self._intervals
@@ -327,7 +335,7 @@ class Explorer:
             moved = self.judge.moved(told, self.belief, self.limits)
             if moved is not None:
                 self.stop(moved)
-        self._record(state_event(self.state))
+        self._record(event_of("state", self.state))
 
     def _stop_after_failures(self) -> None:
         reasons = self.history.in_a_row

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
+from pushfit.explore.belief.tables import told_rows
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.hands.protocol import Hand, PushOutcome
 from pushfit.explore.hands.touch import FATAL, FINAL, Felt, feel
@@ -104,19 +105,9 @@ def _moved(
 
 
 def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
-    """Tell the explorer what came of a push."""
     if felt.table is not None:
-        row = felt.table
-        heights = {c: float(row.heights(c)[0]) for c in row.channels}
-        sds = {c: row.sd(c) for c in row.channels}
-        stated = {c: float(sd[0]) for c, sd in sds.items() if sd is not None}
-        explorer.tell(
-            float(row.theta[0]),
-            float(row.alpha[0]),
-            heights,
-            stated if len(stated) == len(heights) else None,
-            flags=";".join(sorted(row.flags[0])),
-        )
+        (row,) = told_rows(felt.table)
+        explorer.tell(row.theta, row.alpha, row.heights, row.sd, flags=row.flags)
         return
     fault = felt.fault or ""
     if fault in FINAL:

@@ -81,9 +81,6 @@ class Page:
 
     Args:
         save: Writes the files and returns what to tell; None makes a page to read only.
-
-    Attributes:
-        root: The whole page.
     """
 
     def __init__(self, look: Look, *, title: str, save: Save | None) -> None:
@@ -186,7 +183,6 @@ class Page:
         return [both, plan]
 
     def _table(self, *, is_live: bool) -> LayoutDOM:
-        """All humps, with what may be typed."""
         look = self._look
         titles = {"push": "push", "counts": "counts", "time": "time [s]"}
         titles |= {n: axis_label(n.replace("_", " "), look.unit) for n in look.heights}
@@ -216,11 +212,7 @@ class Page:
         )
 
     def refresh(self, said: str = "") -> None:
-        """Show everything as it is now.
-
-        Args:
-            said: What is to be told first.
-        """
+        """Show everything as it is now."""
         look = self._look
         measured, notes = pd.DataFrame(), look.notes
         try:
@@ -266,7 +258,6 @@ class Page:
     def _written(
         self, measured: pd.DataFrame, heights: Mapping[str, Float[np.ndarray, " n"]]
     ) -> Columns:
-        """What the table says of each hump."""
         look = self._look
         flags = measured["flags"].fillna("") if "flags" in measured else [""]
         return {

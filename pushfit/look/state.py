@@ -70,11 +70,7 @@ class Look:
             self._take_directions(schedule)
 
     def search(self, signed: bool) -> None:
-        """Find all humps anew; what was said of those before is gone.
-
-        Args:
-            signed: Whether dips are looked for as well.
-        """
+        """Find all humps anew; what was said of those before is gone."""
         told = self.config.peaks
         every = told.model_copy(update={"exclude": (), "include": ()})
         found = find(self.time, self.signal, every, signed=signed)
@@ -283,9 +279,6 @@ def angles_of(text: str, name: str) -> Sequence[float]:
 
     Args:
         text: Numbers, or first, last (which is one of them) and step.
-
-    Returns:
-        The angles, in the unit of the text.
 
     Raises:
         ConfigError: It is neither (`angles`).

@@ -70,18 +70,7 @@ def theta_c_answer(identification: Identification) -> Answer:
             sentence=f"{subject} does not exist: this contact never rolls.",
         )
     else:
-        answer = _angle_answer(
-            "theta_c",
-            quantity,
-            draws=draws,
-            subject=subject,
-            reason=_reason(
-                quantity,
-                identification.table.theta[identification.used],
-                few="elevation",
-                many="the heights fit every critical angle about equally well",
-            ),
-        )
+        answer = _angle_answer(identification, quantity, subject)
         if none_share >= MIN_SHARE and answer.values:
             more = (
                 f"With probability {100 * none_share:.0f} % it does not exist: "
@@ -97,23 +86,10 @@ def alpha_star_answer(identification: Identification) -> Answer:
     subject = "The best push direction α*"
     if not is_trusted(identification):
         return _unquoted("alpha_star", subject, identification)
-    free = identification.alpha_star_model_free
-    draws = _draws(identification, "alpha_star")
-    answer = _angle_answer(
-        "alpha_star",
-        quantity,
-        draws=draws,
-        subject=subject,
-        reason=_reason(
-            quantity,
-            identification.table.alpha[identification.used],
-            few="azimuth",
-            many="the heights show no preferred direction",
-        ),
-    )
+    answer = _angle_answer(identification, quantity, subject)
     remarks = [
         _reach_remark(answer, identification.config.reach.alpha_deg),
-        _model_free_remark(quantity, free),
+        _model_free_remark(quantity, identification.alpha_star_model_free),
     ]
     return _with_caution(_with_remarks(answer, remarks), identification)
 
@@ -134,12 +110,7 @@ def _theta_c_subject(identification: Identification) -> str:
 
 
 def _angle_answer(
-    name: str,
-    quantity: Quantity,
-    *,
-    draws: Float[np.ndarray, " n"],
-    subject: str,
-    reason: str,
+    identification: Identification, quantity: Quantity, subject: str
 ) -> Answer:
     """Answer by the verdict of a quantity whose numerics are trusted."""
     prob = f"{100 * quantity.prob:g} %"
@@ -147,6 +118,7 @@ def _angle_answer(
     pieces = pieces_for(quantity)
     ranges = join_or([format_range(*piece, "deg") for piece in pieces])
     if verdict is Verdict.SEVERAL_MODES and len(pieces) > 1:
+        draws = _draws(identification, quantity.name)
         values = tuple(_typical(piece, draws) for piece in pieces)
         spread = 10 * min(_width(piece) for piece in pieces)
         short = join_or([format_angle(value, spread=spread) for value in values])
@@ -163,7 +135,7 @@ def _angle_answer(
         )
     elif estimate is None or verdict is Verdict.ASSUMED:
         values, pieces, short = (), (), "not determined by these data"
-        sentence = f"{subject} is {short}: {reason}."
+        sentence = f"{subject} is {short}: {_reason(identification, quantity)}."
     elif quantity.interval is None:
         values, short = (estimate,), format_angle(estimate)
         is_fixed = verdict is Verdict.FIXED
@@ -178,18 +150,26 @@ def _angle_answer(
         short = f"{number} ({interval})"
         sentence = f"{subject} is {number} ({prob} interval: {interval})."
     return Answer(
-        name=name, values=values, pieces=pieces, short=short, sentence=sentence
+        name=quantity.name,
+        values=values,
+        pieces=pieces,
+        short=short,
+        sentence=sentence,
     )
 
 
-def _reason(
-    quantity: Quantity, angles: Float[np.ndarray, " n"], *, few: str, many: str
-) -> str:
+def _reason(identification: Identification, quantity: Quantity) -> str:
+    """Why an angle is not determined."""
     if quantity.verdict is Verdict.PROVISIONAL:
         return "the model does not describe them"
     if quantity.note:
         return printable(quantity.note).rstrip(".")
-    n_different = np.unique(angles.round(6)).size
+    angles, few = identification.table.theta, "elevation"
+    many = "the heights fit every critical angle about equally well"
+    if quantity.name == "alpha_star":
+        angles, few = identification.table.alpha, "azimuth"
+        many = "the heights show no preferred direction"
+    n_different = np.unique(angles[identification.used].round(6)).size
     if n_different < MIN_DIRECTIONS:
         plural = "" if n_different == 1 else "s"
         return (

@@ -180,7 +180,6 @@ def _optima(identification: Identification) -> str:
 
 
 def _posterior(identification: Identification) -> str:
-    """Engine and convergence in one line."""
     posterior = identification.posterior
     diagnostics = posterior.diagnostics
     if diagnostics is None:
@@ -221,7 +220,6 @@ def angle_rows(identification: Identification) -> list[tuple[str, str]]:
 
 
 def _mechanics_row(answer: MechanicsAnswer) -> tuple[str, str]:
-    """θ_c by one of the mechanics with its evidence."""
     theta_c = answer.theta_c
     ranges = [format_range(*piece, "deg") for piece in pieces_for(theta_c)]
     text = join_or(ranges) or UNQUOTED

@@ -43,9 +43,6 @@ def json_safe(value: object) -> Json:
 def from_json(kind: Any, value: Json) -> Any:
     """What `json_safe` made a value of, null for a number being NaN.
 
-    Args:
-        kind: Type of the result, a record for example.
-
     Raises:
         ValueError: The value is not of that type.
     """

@@ -34,6 +34,8 @@ def printable(text: str) -> str:
         >>> printable("a\x1b[31mb")
         'a\\x1b[31mb'
     """
+    if text.isprintable():  # at once, whatever its length
+        return text
     return "".join(
         ascii(char)[1:-1] if unicodedata.category(char) in UNSAFE_CATEGORIES else char
         for char in text
@@ -203,7 +205,6 @@ def format_p_value(p_value: float) -> str:
 
 
 def _join(items: Sequence[str], word: str) -> str:
-    """Commas between all but the last two."""
     if len(items) < 2:
         return "".join(items)
     return f"{', '.join(items[:-1])} {word} {items[-1]}"

@@ -89,7 +89,6 @@ def analyse(
     """Load, identify, write and print.
 
     Args:
-        load: What makes the table under a configuration.
         inputs: The files that it loads, as a `Recipe` names them.
 
     Returns:

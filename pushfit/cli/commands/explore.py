@@ -256,11 +256,7 @@ def _run(
 
 @contextmanager
 def _watched(session: Session) -> Iterator[Callable[["Step"], None]]:
-    """Follow the pushes: a live table on a terminal, else a line for each.
-
-    Yields:
-        Function to call with each push.
-    """
+    """Follow the pushes: a live table on a terminal, else a line for each."""
     import sys
 
     from pushfit.report.text.exploration import progress_line

@@ -1,4 +1,4 @@
-"""`validate`, `peaks` and `simulate`: what happens before anything is fitted."""
+"""`init`, `validate`, `peaks` and `simulate`: what comes before anything is fitted."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -21,6 +21,23 @@ if TYPE_CHECKING:
 
 SCHEMA = "pushfit.validate/1"
 Unit = Literal["n", "kpa", "counts", "au"]
+
+
+def init(
+    session: Session,
+    path: Annotated[
+        Path, typer.Argument(metavar="FILE", help="File to write, - for stdout.")
+    ] = Path("grasp.toml"),
+    force: options.Force = False,
+) -> None:
+    """Write a commented grasp.toml with all defaults."""
+    from pushfit.config import template
+
+    target = None if str(path) == "-" else path
+    if target is not None:
+        refuse_existing(target, force=force)
+    remark = "; set push.length_mm, then run `pushfit identify`"
+    write_text(session, template(), target, remark=remark)
 
 
 def validate(

@@ -52,9 +52,6 @@ def find_inputs(
 ) -> dict[str, Path]:
     """Where the inputs of a result are now, each with the content it had then.
 
-    Args:
-        folder: Folder to look in first.
-
     Returns:
         Path of every input by its recorded name.
 
@@ -119,11 +116,7 @@ def locate(path: str, result: Path, folder: Path | None) -> Path:
 def run_again(
     session: Session, summary: dict[str, Any], found: dict[str, Path]
 ) -> "Identification":
-    """The same analysis of the same files.
-
-    Args:
-        found: Path of every input by its recorded name.
-    """
+    """The same analysis of the same files."""
     from pushfit.data.tables.peak_table import read_table
     from pushfit.explore.advice import with_next_push
     from pushfit.fit.identify import identify_table

@@ -59,11 +59,7 @@ def watch(
 
 
 def stamps(folder: Path, out: Path) -> dict[Path, Stamp]:
-    """Size and time of change of every file, those of the results left out.
-
-    Args:
-        out: Folder of the results, perhaps inside.
-    """
+    """Size and time of change of every file, those of the results left out."""
     found = {}
     for path in folder.rglob("*"):
         if out in path.parents or not path.is_file():

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from pushfit.data.recordings.units import Calibration
 from pushfit.errors import ConfigError, DataError
@@ -74,14 +74,18 @@ class Recording:
                 f"{self.time[0]:g} to {self.time[-1]:g} s; state times within it",
                 code="no_rows",
             )
-        part = slice(first, last)
+        note = f"took {last - first} of {len(self.time)} samples"
+        part = self.taken(slice(first, last))
+        return replace(part, notes=(*self.notes, note))
+
+    def taken(self, rows: slice | Int[np.ndarray, " m"]) -> "Recording":
+        """Some samples, in a given order."""
         return replace(
             self,
-            time=self.time[part],
-            channels={name: y[part] for name, y in self.channels.items()},
-            theta=None if self.theta is None else self.theta[part],
-            alpha=None if self.alpha is None else self.alpha[part],
-            notes=(*self.notes, f"took {last - first} of {len(self.time)} samples"),
+            time=self.time[rows],
+            channels={name: y[rows] for name, y in self.channels.items()},
+            theta=None if self.theta is None else self.theta[rows],
+            alpha=None if self.alpha is None else self.alpha[rows],
         )
 
     def calibrated(self, channel: str, calibration: Calibration) -> "Recording":

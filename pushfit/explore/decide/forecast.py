@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 from scipy.sparse import csr_array
 
-from pushfit.explore.decide.gain import N_FINE
+from pushfit.explore.decide.gain import N_FINE, one_thread
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
-from pushfit.explore.decide.threads import one_thread
 
 # Truths: two decided ones of them are fewer than 5 %.
 N_TRUTHS = 48
@@ -77,7 +76,6 @@ def imagine(
         heights: Noise-free heights of the candidates, by channel and draw.
         weights: Weights of the draws, which sum to 1.
         sigma: Noise of a height by channel [as heights].
-        rows: Candidates that may be pushed.
         gains: What each candidate tells now; picks those of the second reckoning.
 
     Returns:

@@ -5,16 +5,18 @@ push would give, blurred by the noise of that reading. Excluded: where pushes ma
 (`pushfit.explore.limits`) and where draws come from (`pushfit.explore.belief.belief`).
 """
 
+import functools
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
 from jaxtyping import Float, Float32, Int
+from threadpoolctl import ThreadpoolController
 
 from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
-from pushfit.explore.decide.threads import one_thread
 
 # Bins of equal weight of the angle, and of the reading along its widest and its second
 # direction: noise blurs them. Twice as many move no ranking. The coarse ones are for
@@ -30,6 +32,23 @@ NEGLIGIBLE = 1e-3
 # Nothing was counted where there is less; tails of the noise that add nothing, and of
 # which single precision still holds products and squares.
 TINY, NOTHING = np.float32(1e-37), 1e-7
+
+
+@functools.cache
+def _libraries() -> ThreadpoolController:
+    # Looking for the libraries takes as long as a survey.
+    return ThreadpoolController()
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Products of matrices on one thread; `@one_thread()` does so for a function.
+
+    What a suggestion multiplies is small: waking other threads for it costs more than
+    they do, and where other programs run, ten times as much.
+    """
+    with _libraries().limit(limits=1, user_api="blas"):
+        yield
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

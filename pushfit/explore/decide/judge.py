@@ -61,11 +61,7 @@ class Judge:
             )
 
     def target(self, belief: Belief, angle: str) -> Target:
-        """An asked angle as it is believed, and what would decide it.
-
-        Args:
-            angle: "theta_c" or "alpha_star".
-        """
+        """An asked angle as it is believed, and what would decide it."""
         return Target(
             values=belief.samples[angle],
             is_axis=angle == "alpha_star",
@@ -144,7 +140,6 @@ class Judge:
 
         Args:
             before: Where it stood after earlier pushes.
-            n_failed: Pushes that gave nothing.
             stopped: Why it was ended from outside, if it was.
         """
         n_own = sum(not row.is_attached for row in told)

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import make_grasp
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
-from pushfit.data.simulate import Session, simulate_recording
+from pushfit.data.simulate import Session, sensed, simulate_recording
 from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
 from pushfit.explore.belief.predict import force_of
@@ -121,13 +121,15 @@ class SimulatedHand:
                 name: np.concatenate([p.channels[name] for p in parts])
                 for name in parts[-1].channels
             },
-            theta=np.concatenate([_angles(p.theta, p.time) for p in parts]),
-            alpha=np.concatenate([_angles(p.alpha, p.time) for p in parts]),
+            **{
+                angle: np.concatenate([getattr(p, angle) for p in parts])
+                for angle in ("theta", "alpha")
+            },
         )
         recent = joined.time >= since
         # A clock that went back leaves samples of the push before the moment.
         first = int(np.argmax(recent)) if np.any(recent) else recent.size
-        return _taken(joined, np.arange(first, recent.size))
+        return joined.taken(np.arange(first, recent.size))
 
     def reach(self) -> Reach:
         """Where the finger can push."""
@@ -164,14 +166,12 @@ class SimulatedHand:
         return part, t_start, t_start + self.world.session.duration
 
     def _resting(self, seconds: float, rng: np.random.Generator) -> Recording:
-        """Samples of a sensor that nobody touches."""
         session = self._session()
         n = max(int(np.ceil(seconds * session.rate)), 1)
         time = np.arange(1, n + 1) / session.rate
-        level = session.level if self.has_object else 0.0
-        reading = level + session.drift * time + session.noise * rng.standard_normal(n)
-        if session.quantum is not None:
-            reading = np.rint(reading / session.quantum) * session.quantum
+        if not self.has_object:
+            session = replace(session, level=0.0)
+        reading = sensed(time, np.zeros(n), session, rng)
         names = ("fx", "fy", "fz") if session.forces else (session.channel,)
         part = Recording(
             time=time + self.clock,
@@ -184,28 +184,11 @@ class SimulatedHand:
         return part
 
 
-def _angles(
-    values: Float[np.ndarray, " n"] | None, time: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Angles, NaN where none were recorded."""
-    return np.full(time.size, np.nan) if values is None else values
-
-
-def _taken(part: Recording, rows: Int[np.ndarray, " m"]) -> Recording:
-    return replace(
-        part,
-        time=part.time[rows],
-        channels={name: values[rows] for name, values in part.channels.items()},
-        theta=_angles(part.theta, part.time)[rows],
-        alpha=_angles(part.alpha, part.time)[rows],
-    )
-
-
 def _dropout(part: Recording, t_start: float, t_end: float) -> Recording:
     """No samples after the middle of the push until its end."""
     middle = (t_start + t_end) / 2
     lost = (part.time > middle - 0.1) & (part.time < t_end + 0.2)
-    return _taken(part, np.flatnonzero(~lost))
+    return part.taken(np.flatnonzero(~lost))
 
 
 def _frozen(part: Recording, t_start: float, t_end: float) -> Recording:
@@ -230,14 +213,14 @@ def _lost(part: Recording, t_start: float, t_end: float) -> Recording:
 
 def _duplicate(part: Recording, t_start: float, t_end: float) -> Recording:
     """Every tenth message twice."""
-    return _taken(part, np.sort(np.r_[0 : part.time.size, 0 : part.time.size : 10]))
+    return part.taken(np.sort(np.r_[0 : part.time.size, 0 : part.time.size : 10]))
 
 
 def _late(part: Recording, t_start: float, t_end: float) -> Recording:
     """Every twentieth message three places too late."""
     rows = np.arange(part.time.size, dtype=float)
     rows[::20] += 3.5
-    return _taken(part, np.argsort(rows, kind="stable"))
+    return part.taken(np.argsort(rows, kind="stable"))
 
 
 def _ahead(part: Recording, t_start: float, t_end: float) -> Recording:
@@ -254,7 +237,7 @@ def _back(part: Recording, t_start: float, t_end: float) -> Recording:
 
 def _silent(part: Recording, t_start: float, t_end: float) -> Recording:
     """The sensor says nothing from before the push on."""
-    return _taken(part, np.flatnonzero(part.time < t_start - 0.1))
+    return part.taken(np.flatnonzero(part.time < t_start - 0.1))
 
 
 SPOILS: Mapping[str, Callable[[Recording, float, float], Recording]] = {

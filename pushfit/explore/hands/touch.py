@@ -99,12 +99,7 @@ def _ordered(recording: Recording, limits: Limits) -> tuple[Recording, str | Non
         return recording, "clock_jump"
     order = np.argsort(time, kind="stable")
     order = order[np.concatenate([[True], np.diff(time[order]) > 0])]
-    angles = {
-        name: None if values is None else values[order]
-        for name, values in (("theta", recording.theta), ("alpha", recording.alpha))
-    }
-    channels = {name: values[order] for name, values in recording.channels.items()}
-    return replace(recording, time=time[order], channels=channels, **angles), None
+    return recording.taken(order), None
 
 
 def _stream_fault(

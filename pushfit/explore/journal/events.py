@@ -1,7 +1,7 @@
 """What an exploration writes into its journal, and the history that this tells."""
 
 import functools
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -85,33 +85,11 @@ def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
     }
 
 
-def told_event(row: Told, number: int | None) -> Event:
-    """Line of a push that was made."""
-    return {"event": "told", "number": number, **asdict(row)}
-
-
-def failed_event(suggestion: Suggestion, reason: str, *, is_final: bool) -> Event:
-    """Line of a push that gave no height."""
-    failure = Failure(
-        theta=suggestion.theta,
-        alpha=suggestion.alpha,
-        reason=reason,
-        is_final=is_final,
-    )
-    return {"event": "failed", "number": suggestion.number, **asdict(failure)}
-
-
-def state_event(state: State) -> Event:
-    """Line that says where an exploration stands."""
-    return {"event": "state", **_adapter(State).dump_python(state, mode="json")}
-
-
-def asked_event(suggestion: Suggestion) -> Event:
-    """Line of a suggestion; JSON has no infinity, so a width without bound is null."""
-    event = _adapter(Suggestion).dump_python(suggestion, mode="json")
-    if not np.isfinite(suggestion.expected_width):
-        event["expected_width"] = None
-    return {"event": "asked", **event}
+def event_of(word: str, record: object, **more: object) -> Event:
+    """Line on a record; JSON has no infinity, so a width without bound is null."""
+    parts = _adapter(type(record)).dump_python(record, mode="json")
+    finite = {name: None if part == np.inf else part for name, part in parts.items()}
+    return {"event": word, **more, **finite}
 
 
 def _suggestion_of(event: Event) -> Suggestion:

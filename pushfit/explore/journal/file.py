@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from pushfit.atomic import sync
 from pushfit.errors import DataError
 
 SCHEMA = "pushfit.exploration/1"
@@ -45,7 +46,7 @@ class Journal:
             file.flush()
             os.fsync(file.fileno())
         if is_new:
-            _sync_folder(self.path.parent)
+            sync(self.path.parent)
 
 
 def _read(path: Path) -> tuple[Event, ...]:
@@ -68,12 +69,3 @@ def _read(path: Path) -> tuple[Event, ...]:
             ) from error
         events.append(event)
     return tuple(events)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Wait until the name of a new file is on the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -138,7 +138,6 @@ def _mark(
 
 
 def _draw_course(axes: "Axes", course: Sequence[State], angle: str) -> None:
-    """Interval and forecast by push."""
     n = [state.n_pushes for state in course]
     ends = [state.intervals[angle] or (np.nan, np.nan) for state in course]
     lower, upper = np.transpose(ends)

@@ -22,11 +22,7 @@ if TYPE_CHECKING:
 def forest_figure(
     differences: Sequence[Difference], *, labels: tuple[str, str]
 ) -> "Figure":
-    """Draw both intervals of each quantity below each other.
-
-    Args:
-        differences: At least one.
-    """
+    """Draw both intervals of each quantity below each other."""
     n = len(differences)
     figure = new_figure(width=2 * COLUMN, height=0.75 * n + 0.6)
     panels = figure.subplots(n, 1, squeeze=False)[:, 0]

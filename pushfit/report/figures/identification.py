@@ -188,7 +188,7 @@ def _learned(identification: Identification, *, ax: "Axes | None") -> "Figure":
     shown = identification.parameters
     return learned_figure(
         [q.name for q in shown],
-        np.array([_or_nan(q.contraction) for q in shown]),
+        np.array([q.contraction for q in shown], dtype=float),
         verdicts=[verdict_word(q.verdict) for q in shown],
         ax=ax,
     )
@@ -202,10 +202,6 @@ def _traces(posterior: PosteriorResult, chain: np.ndarray) -> "Figure":
         thin=posterior.thin,
         autocorr_time=diagnostics.autocorr_time if diagnostics else {},
     )
-
-
-def _or_nan(value: float | None) -> float:
-    return np.nan if value is None else value
 
 
 def _angle(identification: Identification, name: str, *, ax: "Axes | None") -> "Figure":
@@ -243,7 +239,6 @@ def _angle(identification: Identification, name: str, *, ax: "Axes | None") -> "
 
 
 def _ellipse(identification: Identification) -> "Figure":
-    """The stiffness ellipses that the heights meet and of the support finger."""
     samples = identification.posterior.samples
     quantities = {
         q.name: q for q in (*identification.combinations, *identification.parameters)
@@ -294,7 +289,6 @@ def _corner(identification: Identification, shown: Sequence[Quantity]) -> "Figur
 
 
 def _varies(draws: np.ndarray | None) -> bool:
-    """Whether there are draws and they differ."""
     return draws is not None and bool(np.nanstd(draws) > 0)
 
 

@@ -44,9 +44,6 @@ def sweeps_of(identification: Identification, swept: str, channel: str) -> list[
 
     Args:
         swept: "theta" or "alpha".
-
-    Returns:
-        Sweeps of at least three directions, by the other angle.
     """
     frame = identification.table.frame
     angle = frame[f"{swept}_deg"].to_numpy(dtype=float)

@@ -181,7 +181,6 @@ def _is_beyond(window: tuple[float, float], prior: Float[np.ndarray, " m"]) -> b
 
 
 def _is_wide(low: float, high: float) -> bool:
-    """Whether a range calls for a logarithmic axis."""
     return low > 0 and high / low > 10
 
 

@@ -50,9 +50,6 @@ def direction_labels(marks: pd.DataFrame) -> tuple[list[str], str]:
     """Shortest label of each push, and what the labels mean.
 
     An angle that never changes is left out.
-
-    Args:
-        marks: Pushes as `marks_of` gives them.
     """
     angles = {"θ": marks["theta_deg"], "α": marks["alpha_deg"]}
     if bool(angles["θ"].isna().any()):
@@ -74,7 +71,6 @@ def draw_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
 
     Args:
         axes: Axes with time in seconds along x.
-        marks: Pushes as `marks_of` gives them.
     """
     for mark in marks.to_dict("records"):
         colour = ALARM if mark["flags"] else GREY
@@ -98,7 +94,6 @@ def label_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
     """Write directions above the pushes, once for consecutive repeats, and the doubts.
 
     Args:
-        axes: Axes with time in seconds along x.
         marks: Pushes in the order of time, with their `label`.
     """
     repeats = (marks["label"] != marks["label"].shift()).cumsum()

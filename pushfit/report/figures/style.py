@@ -100,12 +100,7 @@ def new_figure(
 def canvas(
     axes: "Axes | None", *, width: float, height: float
 ) -> "tuple[Figure, Axes]":
-    """Axes to draw into: those of the user, or a figure of their own.
-
-    Args:
-        width: Of a new figure [inch].
-        height: Of a new figure [inch].
-    """
+    """Axes to draw into: those of the user, or a figure of their own."""
     if axes is None:
         figure = new_figure(width=width, height=height)
         return figure, figure.subplots()
@@ -131,7 +126,6 @@ def _shown_figure() -> "type[Figure]":
 
 @functools.cache
 def _font_characters() -> frozenset[int]:
-    """Code points that the font of the figures can draw."""
     from matplotlib.font_manager import findfont, get_font
 
     return frozenset(get_font(findfont(STYLE["font.family"])).get_charmap())

@@ -210,7 +210,6 @@ def draw_panel(
 
     Args:
         sweeps: One per value of the other angle.
-        swept: "theta" or "alpha".
         prob: Probability of the bands.
     """
     letter = {"theta": "α", "alpha": "θ"}[swept]

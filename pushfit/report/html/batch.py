@@ -21,7 +21,6 @@ from pushfit.report.strings import (
     format_p_value,
     format_range,
     join_or,
-    printable,
     spread_of,
     symbol,
     unit_label,
@@ -46,7 +45,6 @@ class Entry:
     Args:
         estimate: None if not quoted.
         pieces: Interval or set to draw; None for an open end.
-        verdict: Word for it; empty where unknown.
     """
 
     estimate: float | None
@@ -105,9 +103,6 @@ def render_batch(
             `outliers` and `not_usable`, names of items. With an upper end alone a
             number is below it.
 
-    Returns:
-        HTML. First the counts, then the population, then every item.
-
     Raises:
         ConfigError: Jinja2 is not installed.
     """
@@ -117,7 +112,7 @@ def render_batch(
     axes = {name: _axis(column) for name, column in entries.items()}
     n_ok = sum(_word(record, "status") == OK for record in records)
     content = {
-        "title": printable(title),
+        "title": title,
         "n_items": len(records),
         "n_ok": n_ok,
         "population": [_population_row(row) for row in population],
@@ -140,12 +135,10 @@ def render_batch(
 
 
 def _has(record: Record, name: str) -> bool:
-    """Whether a row knows of a quantity."""
     return name in record or f"{name}_deg" in record
 
 
 def _entry(record: Record, name: str) -> Entry:
-    """Columns of one quantity."""
     suffix = "_deg" if name in ANGLES else ""
     low = _number(record, f"{name}_low{suffix}")
     high = _number(record, f"{name}_high{suffix}")
@@ -174,11 +167,10 @@ def _number(record: Record, column: str) -> float | None:
 def _word(record: Record, column: str) -> str:
     """Text of a cell, empty where there is none."""
     value = record.get(column)
-    return printable(value) if isinstance(value, str) else ""
+    return value if isinstance(value, str) else ""
 
 
 def _axis(entries: Sequence[Entry]) -> Axis:
-    """Scale that holds all that is drawn of one quantity."""
     ends = [e for entry in entries for piece in entry.pieces for e in piece]
     values = [v for v in (*ends, *(e.estimate for e in entries)) if v is not None]
     if not values:
@@ -201,7 +193,6 @@ def _scale(axis: Axis, name: str) -> str:
 
 
 def _cell(entry: Entry, axis: Axis) -> dict[str, object]:
-    """Texts and picture of one quantity of one item."""
     spread = None
     if len(entry.pieces) == 1 and None not in entry.pieces[0]:
         low, high = entry.pieces[0]
@@ -278,7 +269,7 @@ def _names(row: Record, column: str) -> str:
     if isinstance(names, str):
         names = [part for part in names.split(";") if part]
     listed = names if isinstance(names, list | tuple) else ()
-    return ", ".join(printable(str(item)) for item in listed)
+    return ", ".join(map(str, listed))
 
 
 def _with_range(row: Record, name: str) -> str:

@@ -20,7 +20,12 @@ LATEX = {"θ": r"$\theta$", "α": r"$\alpha$", "σ": r"$\sigma$", "°": r"$^\cir
 LATEX |= {"·": r"$\cdot$", "²": r"$^2$", "√": r"$\sqrt{}$", "∞": r"$\infty$"}
 LATEX |= {char: f"\\{char}" for char in "_%&#${}"}
 LATEX |= {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\^{}"}
-HEADER = ("", "value", "interval", "unit", "verdict")
+
+
+def header_of(identification: Identification) -> tuple[str, ...]:
+    """Titles of the columns of `quantity_rows`."""
+    interval = f"{100 * identification.theta_c.prob:g} % interval"
+    return ("", "value", interval, "unit", "verdict")
 
 
 def quantity_rows(identification: Identification) -> list[tuple[str, ...]]:
@@ -42,13 +47,13 @@ def markdown_table(identification: Identification) -> str:
         return f"| {' | '.join(safe)} |"
 
     rows = [(f"`{name}`", *rest) for name, *rest in quantity_rows(identification)]
-    header = (*HEADER[:2], _interval_word(identification), *HEADER[3:])
+    header = header_of(identification)
     return "\n".join([line(header), line(["---"] * len(header)), *map(line, rows)])
 
 
 def latex_table(identification: Identification) -> str:
     """All numbers as a LaTeX table in the style of booktabs."""
-    header = ("", "value", _interval_word(identification), "unit", "")
+    header = (*header_of(identification)[:-1], "")
     lines = [r"\begin{tabular}{lrlll}", r"\toprule"]
     lines += [_latex_line(map(_latex, header)), r"\midrule"]
     for name, *rest in quantity_rows(identification):
@@ -64,10 +69,6 @@ def _latex_line(cells: "Sequence[str] | map[str]") -> str:
 def _latex(text: str) -> str:
     """Text in which nothing is a command."""
     return "".join(LATEX.get(char, char) for char in printable(text))
-
-
-def _interval_word(identification: Identification) -> str:
-    return f"{100 * identification.theta_c.prob:g} % interval"
 
 
 def card_html(identification: Identification) -> str:
@@ -129,9 +130,8 @@ def _table(identification: Identification) -> str:
         inside = (f'<{tag} style="{CELL}">{cell}</{tag}>' for cell in cells)
         return f"<tr>{''.join(inside)}</tr>"
 
-    header = (*HEADER[:2], _interval_word(identification), *HEADER[3:])
     rows = [
         row("td", (symbol_html(name), *map(indexed_html, rest)))
         for name, *rest in quantity_rows(identification)
     ]
-    return f"<table>{row('th', header)}{''.join(rows)}</table>"
+    return f"<table>{row('th', header_of(identification))}{''.join(rows)}</table>"

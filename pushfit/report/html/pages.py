@@ -1,7 +1,8 @@
 """What all HTML pages share: the style sheet, the policy, and letters with an index.
 
-A page is one file that needs nothing else. Every value passes Jinja2's autoescape, and
-its content security policy names each style sheet and script by its hash.
+A page is one file that needs nothing else. Every value loses its control characters and
+passes Jinja2's autoescape; the content security policy names each style sheet and
+script by its hash.
 """
 
 import base64
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from pushfit.errors import ConfigError
 from pushfit.parameters import NAMED
-from pushfit.report.strings import symbol
+from pushfit.report.strings import printable, symbol
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -34,7 +35,6 @@ def render_page(
 
     Args:
         template: File in `templates`.
-        content: Values of the template, as plain text.
 
     Raises:
         ConfigError: Jinja2 is not installed.
@@ -53,9 +53,9 @@ def render_page(
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
+        finalize=_finalized,
     )
-    environment.filters["letters"] = letters
-    environment.filters["named"] = named
+    environment.filters |= {"letters": letters, "named": named, "symbol": symbol}
     style, code = _text("report.css"), _text(script) if script else ""
     page = environment.get_template(template).render(
         style=Markup(style),
@@ -67,11 +67,20 @@ def render_page(
     return page + "\n"
 
 
+def _finalized(value: object) -> object:
+    """What a template prints; what is marked up has been made safe before."""
+    from markupsafe import Markup
+
+    if isinstance(value, str) and not isinstance(value, Markup):
+        return printable(value)
+    return value
+
+
 def letters(text: str) -> "Markup":
     """The same for a template."""
     from markupsafe import Markup
 
-    return Markup(indexed_html(text))
+    return Markup(indexed_html(printable(text)))
 
 
 def named(name: str) -> "Markup":
@@ -90,11 +99,7 @@ def symbol_html(name: str) -> str:
 
 
 def indexed_html(text: str) -> str:
-    """Escaped text in which indices are set as such, θ_c as θ with a low c.
-
-    Args:
-        text: Anything; only what is escaped is searched for letters.
-    """
+    """Escaped text in which indices are set as such, θ_c as θ with a low c."""
 
     def lowered(match: re.Match[str]) -> str:
         letter, _, index = match.group().partition("_")

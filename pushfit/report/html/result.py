@@ -1,7 +1,6 @@
 """The report as one HTML file that needs nothing else and runs nothing.
 
-Styles and figures are inside; the policy allows no script and no address. Text from
-users loses its control characters before it is escaped.
+Styles and figures are inside; the policy allows no script and no address.
 """
 
 import base64
@@ -24,13 +23,13 @@ from pushfit.report.figures.identification import figure_files
 from pushfit.report.figures.main import MAX_SWEEPS, main_figure, sweeps_of
 from pushfit.report.figures.style import figure_bytes
 from pushfit.report.html.pages import render_page
-from pushfit.report.strings import printable, symbol
 
 # Dense figures, smaller as pixels than as paths.
 AS_PIXELS = frozenset(
     {"corner_parameters", "corner_combinations", "traces", "exploration"}
 )
 THETA = "Heights against elevation for every azimuth"
+ALPHA = "Heights against azimuth, as a curve and around the push frame"
 MIME = {"svg": "image/svg+xml", "png": "image/png"}
 
 
@@ -41,9 +40,6 @@ def render_html(
 
     Args:
         files: Figures as `figure_files` makes them; None makes them here.
-
-    Returns:
-        HTML. First the two answers, the main figure and the warnings.
 
     Raises:
         ConfigError: Jinja2 is not installed.
@@ -61,7 +57,6 @@ def is_shown(name: str, suffix: str) -> bool:
 
 
 def _images(files: Mapping[str, bytes]) -> dict[str, str]:
-    """Figures as data addresses, by name."""
     images = {}
     for file, content in files.items():
         name, _, suffix = file.rpartition(".")
@@ -72,32 +67,22 @@ def _images(files: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def _content(identification: Identification) -> dict[str, object]:
-    quality, status = identification.goodness_of_fit, identification.status
-    table = identification.table
+    status, table = identification.status, identification.table
     # A path says more than a reader asks; the whole of it is under Provenance.
     paths = [trace.path for trace in table.traces] or [s.path for s in table.sources]
-    names = dict.fromkeys(printable(PurePath(path).name) for path in paths)
+    names = dict.fromkeys(PurePath(path).name for path in paths)
     heading = ", ".join(names) or "Push exploration"
-    answers = (theta_c_answer(identification), alpha_star_answer(identification))
     return {
-        "title": f"pushfit: {heading}",
         "heading": heading,
-        "n_pushes": table.n_pushes,
+        "table": table,
         "n_used": int(np.sum(identification.used)),
         "status_text": "" if status is FitStatus.OK else status.value,
-        "is_adequate": quality.is_adequate,
-        "quality": printable(quality.sentence),
-        "answers": [
-            {"symbol": symbol(a.name), "short": a.short, "sentence": a.sentence}
-            for a in answers
-        ],
+        "quality": identification.goodness_of_fit,
+        "answers": (theta_c_answer(identification), alpha_star_answer(identification)),
         "main_caption": _main_caption(identification),
         "sweeps": _sweep_captions(identification),
         "recordings": _recording_captions(identification),
-        "warnings": [
-            {"code": printable(n.code), "text": printable(n.text)}
-            for n in identification.warnings
-        ],
+        "warnings": identification.warnings,
         "cannot_say": cannot_say(identification),
         "angles": angle_rows(identification),
         "prob": f"{100 * identification.theta_c.prob:g} %",
@@ -105,24 +90,8 @@ def _content(identification: Identification) -> dict[str, object]:
         "combinations": _rows(identification.combinations),
         "correlations": correlation_rows(identification),
         "fit": fit_rows(identification),
-        "inputs": [
-            {
-                "path": printable(source.path),
-                "dialect": printable(source.dialect),
-                "sha256": printable(source.sha256),
-            }
-            for source in table.sources
-        ],
-        "notes": [printable(note) for note in table.notes],
-        "versions": [
-            (printable(name), printable(version))
-            for name, version in identification.versions.items()
-        ],
-        "config": json.dumps(
-            stated_config(identification),
-            indent=2,
-            ensure_ascii=True,
-        ),
+        "versions": identification.versions.items(),
+        "config": json.dumps(stated_config(identification), indent=2),
     }
 
 
@@ -148,29 +117,22 @@ def _main_caption(identification: Identification) -> str:
 
 
 def _sweep_captions(identification: Identification) -> list[tuple[str, str]]:
-    """Names and captions of the figures of heights against each angle."""
-    captions = {
-        # Up to so many azimuths are in the main figure.
-        **({"theta": THETA} if _n_azimuths(identification) > MAX_SWEEPS else {}),
-        "alpha": "Heights against azimuth, as a curve and around the push frame",
-    }
+    channels = identification.table.channels
+    captions = {"theta": THETA, "alpha": ALPHA}
+    if len(sweeps_of(identification, "theta", channels[0])) <= MAX_SWEEPS:
+        del captions["theta"]  # all are in the main figure
     return [
         (f"{swept}{kind}", f"{words}{kind.replace('_', ', ')}.")
         for swept, words in captions.items()
-        for kind in (c.removeprefix("height") for c in identification.table.channels)
+        for kind in (channel.removeprefix("height") for channel in channels)
     ]
-
-
-def _n_azimuths(identification: Identification) -> int:
-    """Azimuths at which the elevation was swept."""
-    return len(sweeps_of(identification, "theta", identification.table.channels[0]))
 
 
 def _recording_captions(identification: Identification) -> list[tuple[str, str]]:
     return [
         (
             f"recording_{index}",
-            f"{printable(trace.path)}: the signal, and where each push was measured "
+            f"{trace.path}: the signal, and where each push was measured "
             "from its baseline; doubtful pushes in red.",
         )
         for index, trace in enumerate(identification.table.traces, start=1)

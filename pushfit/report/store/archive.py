@@ -8,7 +8,7 @@ fitting coordinates, for the convergence checks of pushfit. With `summary.json` 
 
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -18,7 +18,10 @@ from pushfit.report.plain import json_safe
 from pushfit.report.store.document import SCHEMA
 
 if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
+    from xarray import DataTree
+
+# Of an `xarray.Dataset`, which takes long to load.
+Parts = dict[str, Any]
 
 # What ArviZ makes R-hat of by default.
 INDEPENDENT_CHAINS = 4
@@ -34,7 +37,7 @@ def posterior_tree(identification: Identification) -> "DataTree":
         that no interval of these draws is to be quoted.
     """
     import arviz_base
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
     posterior, fit = identification.posterior, identification.fit
     table = identification.table
@@ -63,15 +66,10 @@ def posterior_tree(identification: Identification) -> "DataTree":
         # A time stamp would make equal results different files.
         group.attrs.pop("created_at", None)
     _add_units(tree, identification)
-    if posterior.chain is not None:
-        tree["ensembles"] = DataTree(_ensembles(identification))
-    for name, dataset in (
-        ("fit", _fit(identification)),
-        ("profiles", _profiles(identification)),
-        ("bands", _bands(identification)),
-        ("traces", _traces(identification)),
-    ):
-        tree[name] = DataTree(dataset)
+    groups = {"ensembles": _ensembles} if posterior.chain is not None else {}
+    groups |= {"fit": _fit, "profiles": _profiles, "bands": _bands, "traces": _traces}
+    for name, parts in groups.items():
+        tree[name] = DataTree(Dataset(**parts(identification)))
     tree.attrs = root_attributes(identification)
     return tree
 
@@ -150,7 +148,6 @@ def number_of_chains(posterior: PosteriorResult) -> int:
 def _chains(
     samples: Mapping[str, Float[np.ndarray, " n"]], n_chains: int
 ) -> dict[str, Float[np.ndarray, "c d"]]:
-    """Draws by chain and step."""
     return {name: draws.reshape(-1, n_chains).T for name, draws in samples.items()}
 
 
@@ -173,10 +170,7 @@ def _add_units(tree: "DataTree", identification: Identification) -> None:
             tree[group][str(name)].attrs["units"] = known.get(str(name), "1")
 
 
-def _ensembles(identification: Identification) -> "Dataset":
-    """Chains of the independent ensembles, in fitting coordinates."""
-    from xarray import Dataset
-
+def _ensembles(identification: Identification) -> Parts:
     posterior = identification.posterior
     variables: dict[str, object] = {
         "chain": (("ensemble", "step", "walker", "coordinate"), posterior.chain)
@@ -184,20 +178,17 @@ def _ensembles(identification: Identification) -> "Dataset":
     if posterior.diagnostics is not None:
         accepted = posterior.diagnostics.acceptance_fraction
         variables["acceptance_fraction"] = (("ensemble", "walker"), accepted)
-    return Dataset(
-        variables,
+    return dict(
+        data_vars=variables,
         coords={"coordinate": list(posterior.chain_names)},
         attrs={"thin": posterior.thin},
     )
 
 
-def _fit(identification: Identification) -> "Dataset":
-    """The least-squares fit: estimate, covariance, and prediction of every datum."""
-    from xarray import Dataset
-
+def _fit(identification: Identification) -> Parts:
     fit = identification.fit
-    return Dataset(
-        {
+    return dict(
+        data_vars={
             "estimate": ("coordinate", fit.estimate),
             "covariance": (("coordinate", "other_coordinate"), fit.covariance),
             "jacobian": (("residual", "coordinate"), fit.jacobian),
@@ -212,12 +203,9 @@ def _fit(identification: Identification) -> "Dataset":
     )
 
 
-def _profiles(identification: Identification) -> "Dataset":
-    """Likelihood profiles, each on its own grid."""
-    from xarray import Dataset
-
-    return Dataset(
-        {
+def _profiles(identification: Identification) -> Parts:
+    return dict(
+        data_vars={
             name: (
                 f"{name}_value",
                 profile.delta_chi_square,
@@ -242,13 +230,11 @@ def _profiles(identification: Identification) -> "Dataset":
 CURVES = ("lower", "median", "upper", "best_fit")
 
 
-def _bands(identification: Identification) -> "Dataset":
+def _bands(identification: Identification) -> Parts:
     """Predictions along the sweeps, one variable each, numbered."""
-    from xarray import Dataset
-
     bands = dict(enumerate(identification.bands))
-    return Dataset(
-        {
+    return dict(
+        data_vars={
             f"band_{index}": (
                 ("curve", f"angle_{index}"),
                 np.stack([getattr(band, curve) for curve in CURVES]),
@@ -268,13 +254,10 @@ def _bands(identification: Identification) -> "Dataset":
     )
 
 
-def _traces(identification: Identification) -> "Dataset":
-    """Signals that the heights were measured in, numbered."""
-    from xarray import Dataset
-
+def _traces(identification: Identification) -> Parts:
     traces = dict(enumerate(identification.table.traces))
-    return Dataset(
-        {
+    return dict(
+        data_vars={
             f"trace_{index}": (
                 f"time_{index}",
                 trace.signal,

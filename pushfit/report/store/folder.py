@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 
-from pushfit.atomic import unfinished, whole
+from pushfit.atomic import sync, unfinished, whole
 from pushfit.data.tables.peak_table import write_table
 from pushfit.fit.results import Identification
 from pushfit.report.figures import figure_files
@@ -106,7 +106,7 @@ def _take_place(fresh: Path, out: Path, old: Path) -> None:
         if had_old:
             os.rename(old, out)
         raise
-    _sync(out.parent)
+    sync(out.parent)
     if had_old:
         shutil.rmtree(old, ignore_errors=True)
 
@@ -114,14 +114,5 @@ def _take_place(fresh: Path, out: Path, old: Path) -> None:
 def _sync_tree(folder: Path) -> None:
     """Force every file and folder below to disk, the folder itself last."""
     for path in sorted(folder.rglob("*"), reverse=True):
-        _sync(path)
-    _sync(folder)
-
-
-def _sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are on disk."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        sync(path)
+    sync(folder)

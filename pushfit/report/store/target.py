@@ -22,9 +22,6 @@ CONTENT = frozenset(
 def check_target(out: Path, *, force: bool) -> None:
     """Refuse a target before anything is computed for it.
 
-    Args:
-        force: Replace a result folder that stands there.
-
     Raises:
         ConfigError: As in `write_result_folder`.
     """
@@ -47,9 +44,6 @@ def check_target(out: Path, *, force: bool) -> None:
 
 def check_place(out: Path) -> None:
     """Refuse a name under which no folder can be made.
-
-    Args:
-        out: Folder to create, or to go on in.
 
     Raises:
         ConfigError: It is no name or a link, or its parent is missing.

@@ -109,7 +109,6 @@ def model_name(model: ModelScore) -> str:
 
 
 def _warnings(comparison: Comparison) -> list[str]:
-    """What is to be said before any score."""
     sentences = [
         f"Do not use the numbers of {model_name(model)}: {model.status.value}."
         for model in comparison.models

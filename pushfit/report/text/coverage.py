@@ -27,7 +27,8 @@ def calibration_text(calibration: Calibration) -> str:
     lines.append("")
     for name, counts in c.verdicts.items():
         shares = ", ".join(
-            f"{verdict.value} {n}" for verdict, n in sorted(counts.items(), key=_rank)
+            f"{verdict.value} {n}"
+            for verdict, n in sorted(counts.items(), key=lambda item: -item[1])
         )
         lines.append(f"{symbol(name)} was called {shares}")
     if c.n_failed:
@@ -91,8 +92,3 @@ def _line(coverage: Coverage) -> str:
     claim = f"{symbol(coverage.name):<5} {100 * coverage.prob:3g} % {coverage.kind:<8}"
     count = f"{coverage.n_held} of {coverage.n_tables}"
     return f"{mark} {claim} {count:>12}  {100 * low:3.0f} to {100 * high:3.0f} %"
-
-
-def _rank(item: tuple[object, int]) -> int:
-    """Most frequent first."""
-    return -item[1]

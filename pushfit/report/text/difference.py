@@ -104,7 +104,6 @@ def compare_results(first: Identification, second: Identification) -> Comparison
 
 
 def _quantities(result: Identification) -> tuple[Quantity, ...]:
-    """Angles, combinations and parameters, as they may be quoted."""
     angles = (result.theta_c, result.alpha_star)
     return (*angles, *result.combinations, *result.parameters)
 

@@ -8,6 +8,7 @@ from pushfit.explore.explorer import Explorer
 from pushfit.explore.records import Answer, State, Suggestion
 from pushfit.fit.results import ResultWarning
 from pushfit.parameters import ANGLES
+from pushfit.report.plain import json_safe
 
 SCHEMA = "pushfit.next/1"
 # Likelihood sets that pushes were chosen by cover 60 to 72 % where they state 90 %.
@@ -58,7 +59,7 @@ def next_dict(
                     "length_share": push.length_share,
                     "purpose": push.purpose.value,
                     "gain_nat": push.gain,
-                    "expected_width_deg": _finite(push.expected_width),
+                    "expected_width_deg": json_safe(push.expected_width),
                     "p_decided": push.p_decided,
                     "force_q99": push.force_q99,
                 }
@@ -93,7 +94,3 @@ def progress_line(state: State) -> str:
     chance = "" if state.p_budget is None else f", chance {state.p_budget:.0%}"
     word = "" if state.answer is Answer.DECIDING else f" - {state.answer.value}"
     return f"{known}{chance}{word}"
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

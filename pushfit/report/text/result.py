@@ -117,7 +117,6 @@ def _quantities(quantities: Sequence[Quantity], width: int) -> str:
 
 
 def _table(header: Sequence[str], rows: Iterable[Sequence[str]], width: int) -> str:
-    """Columns aligned, the last one wrapped."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

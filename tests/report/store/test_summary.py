@@ -7,7 +7,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from pushfit.report.plain import json_safe
+from pushfit.fit.results import Mode
+from pushfit.report.plain import from_json, json_safe
 from pushfit.report.store.document import summary_schema
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.text.result import sentence_alpha_star, sentence_theta_c
@@ -96,6 +97,14 @@ def test_stiffness_is_null_where_the_push_length_is_unknown(unknown_length):
 @pytest.mark.parametrize("value", [np.nan, np.inf, np.float64("nan"), None])
 def test_what_is_not_a_number_is_null(value):
     assert json_safe({"x": [value]}) == {"x": [None]}
+
+
+def test_null_is_read_as_nan_only_where_a_number_is_declared():
+    entry = {"coordinates": {"A": None}, "theta_c_deg": None, "chi_square": None}
+    (mode,) = from_json(tuple[Mode, ...], [entry])
+    assert np.isnan(mode.coordinates["A"])
+    assert np.isnan(mode.chi_square)
+    assert mode.theta_c_deg is None
 
 
 def test_numpy_becomes_plain_python():

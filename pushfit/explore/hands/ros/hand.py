@@ -11,7 +11,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 from pushfit.explore.hands.protocol import PushOutcome, PushStatus, Reach
 from pushfit.explore.hands.ros import messages
-from pushfit.explore.hands.ros.messages import ros
+from pushfit.explore.hands.ros.messages import ros, xyz
 
 # Samples kept: some minutes of a fast sensor.
 KEPT = 200_000
@@ -173,9 +173,8 @@ class RosHand:
         self._heard = time.monotonic()
 
     def _on_reached(self, message: object) -> None:
-        v = message.vector  # pyright: ignore
         key = message.header.stamp.to_sec()  # pyright: ignore
-        self._reached[key] = np.array([v.x, v.y, v.z])
+        self._reached[key] = xyz(message.vector)  # pyright: ignore
 
     def _on_status(self, message: object) -> None:
         goal = message.goal_id.stamp.to_sec()  # pyright: ignore

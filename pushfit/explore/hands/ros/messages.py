@@ -5,9 +5,14 @@ Nothing here is imported before a node starts: the rest of pushfit runs without 
 
 import functools
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
 
 from pushfit.errors import ConfigError
 
@@ -75,3 +80,16 @@ def master_answers() -> bool:
     except Exception:  # whatever the network makes of a master that is gone
         return False
     return True
+
+
+def run(name: str, node: Callable[[], object]) -> None:
+    """Run a node until ROS ends."""
+    rospy = ros().rospy
+    rospy.init_node(name, argv=sys.argv)
+    node()
+    rospy.spin()
+
+
+def xyz(point: Any) -> Float[np.ndarray, "3"]:
+    """Components of a point or vector of a message."""
+    return np.array([point.x, point.y, point.z])

@@ -7,15 +7,15 @@ silent sensor, a cancel, or a lost master; whatever ends a push, the finger goes
 The algorithm can tighten the force limit, never widen it.
 """
 
-import sys
 import threading
 import time
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 from pushfit.explore.hands.ros import messages
-from pushfit.explore.hands.ros.messages import ros
+from pushfit.explore.hands.ros.messages import ros, xyz
 
 # How far the finger may lag behind its set point, and for how long [m, s].
 LAG, LAG_TIME = 5e-4, 0.3
@@ -64,9 +64,8 @@ class PositionNode:
 
     def _on_push(self, message: object) -> None:
         """One goal; a second one while the first is under way is refused."""
-        v = message.vector  # pyright: ignore
         stamp = message.header.stamp  # pyright: ignore
-        goal = np.array([v.x, v.y, v.z])
+        goal = xyz(message.vector)  # pyright: ignore
         actions = ros().actionlib_msgs.GoalStatus
         length = float(np.linalg.norm(goal))
         if not 0 < length <= self.max_length:
@@ -83,7 +82,6 @@ class PositionNode:
     def _answer_push(
         self, stamp: object, goal: Float[np.ndarray, "3"], length: float
     ) -> None:
-        """Forth and back, and what came of it."""
         reason = self._forth(goal, length)
         reached = self._at.copy()
         self._back()
@@ -147,7 +145,6 @@ class PositionNode:
         self._status.publish(message)
 
     def _on_retract(self, request: object) -> object:
-        """Cancel what is under way, and go back."""
         self._is_cancelled.set()
         with self._is_busy:
             self._back()
@@ -166,12 +163,11 @@ class PositionNode:
             time.sleep(MASTER_EVERY)
 
     def _on_position(self, message: object) -> None:
-        p = message.point  # pyright: ignore
-        self._at = np.array([p.x, p.y, p.z])
+        self._at = xyz(message.point)  # pyright: ignore
 
     def _on_touch(self, message: object) -> None:
-        f = message.wrench.force  # pyright: ignore
-        self._force = float(np.sqrt(f.x**2 + f.y**2 + f.z**2))
+        force = xyz(message.wrench.force)  # pyright: ignore
+        self._force = float(np.linalg.norm(force))
         self._heard = time.monotonic()
 
     def _on_limit(self, message: object) -> None:
@@ -181,13 +177,7 @@ class PositionNode:
         self._is_cancelled.set()
 
 
-def main() -> None:
-    """Run the node until ROS ends."""
-    rospy = ros().rospy
-    rospy.init_node("pushfit_position", argv=sys.argv)
-    PositionNode()
-    rospy.spin()
-
+main = partial(messages.run, "pushfit_position", PositionNode)
 
 if __name__ == "__main__":
     main()

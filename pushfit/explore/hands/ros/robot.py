@@ -5,9 +5,9 @@
 For rehearsals and tests, in place of the driver of a real finger.
 """
 
-import sys
 import threading
 import time
+from functools import partial
 
 import equinox as eqx
 import numpy as np
@@ -16,7 +16,7 @@ from pushfit.config import read_config
 from pushfit.data.grasp import make_grasp
 from pushfit.data.truth import stated_parameters
 from pushfit.explore.hands.ros import messages
-from pushfit.explore.hands.ros.messages import ros
+from pushfit.explore.hands.ros.messages import ros, xyz
 from pushfit.model import Pushes, forward
 
 
@@ -51,8 +51,7 @@ class RobotNode:
         threading.Thread(target=self._run, daemon=True).start()
 
     def _on_command(self, message: object) -> None:
-        p = message.point  # pyright: ignore
-        self._at = np.array([p.x, p.y, p.z])
+        self._at = xyz(message.point)  # pyright: ignore
 
     def _run(self) -> None:
         while not ros().rospy.is_shutdown():
@@ -60,7 +59,6 @@ class RobotNode:
             time.sleep(1 / self.rate)
 
     def _publish(self) -> None:
-        """Position, joints and force as they are now."""
         r = ros()
         now, (x, y, z) = r.rospy.Time.now(), self._at.tolist()
         length = float(np.linalg.norm(self._at))
@@ -92,13 +90,7 @@ class RobotNode:
         self._wrench.publish(wrench)
 
 
-def main() -> None:
-    """Run the node until ROS ends."""
-    rospy = ros().rospy
-    rospy.init_node("pushfit_robot", argv=sys.argv)
-    RobotNode()
-    rospy.spin()
-
+main = partial(messages.run, "pushfit_robot", RobotNode)
 
 if __name__ == "__main__":
     main()

@@ -8,8 +8,7 @@ Of a wrench the force is passed on; of another message a named field becomes the
 force. A message without a stamp of its own gets the time at which it came.
 """
 
-import sys
-from functools import reduce
+from functools import partial, reduce
 from importlib import import_module
 
 from pushfit.explore.hands.ros import messages
@@ -49,13 +48,7 @@ class TouchNode:
         self._stream.publish(sample)
 
 
-def main() -> None:
-    """Run the node until ROS ends."""
-    rospy = ros().rospy
-    rospy.init_node("pushfit_touch", argv=sys.argv)
-    TouchNode()
-    rospy.spin()
-
+main = partial(messages.run, "pushfit_touch", TouchNode)
 
 if __name__ == "__main__":
     main()
