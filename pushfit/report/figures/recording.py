@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.components import push_signal, signal_name
+from pushfit.data.peaks.components import looked_at, push_signal, signal_name
 from pushfit.data.peaks.extract import find_pushes
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.peak_table import PeakTable
@@ -276,8 +276,8 @@ def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
 
 def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
     """A recording with its pushes numbered: what a schedule has to name."""
-    recording = recording.between(settings.begin, settings.end)
     extents = find_pushes(recording, settings=settings)
+    recording = looked_at(recording, settings)
     numbers = np.arange(1, len(extents) + 1)
     unknown = np.full(numbers.size, np.nan)
     marks = PushMarks(
