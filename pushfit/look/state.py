@@ -12,7 +12,12 @@ import pandas as pd
 
 from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.components import push_signal, signal_name, signal_unit
+from pushfit.data.peaks.components import (
+    looked_at,
+    push_signal,
+    signal_name,
+    signal_unit,
+)
 from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
@@ -59,7 +64,7 @@ class Look:
         """Find the humps, and give them the directions that are known."""
         self.recording, self.config = recording, config
         peaks = config.peaks
-        part = recording.between(peaks.begin, peaks.end)
+        part = looked_at(recording, peaks)
         self.time, self.signal = push_signal(part, peaks)
         self.name = signal_name(part, peaks)
         self.unit = signal_unit(part, peaks)

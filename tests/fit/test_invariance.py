@@ -8,12 +8,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pushfit.data.tables.peak_table import (
-    PeakTable,
-    concatenate,
-    read_table,
-    write_table,
-)
+from pushfit.data.tables.merge import merge_tables
+from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
 from pushfit.fit import setup as setups
 from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.likelihood.profiles import likelihood_profiles
@@ -79,7 +75,7 @@ def test_padding_does_not_matter(table, monkeypatch):
 
 def test_pushes_made_twice_shrink_errors_by_the_root_of_two(table):
     """J stacked on itself: JᵀJ doubles, and the optimum stays."""
-    one, other = fitted(table), fitted(concatenate([table, table]))
+    one, other = fitted(table), fitted(merge_tables([table, table]))
     assert_same_optimum(other, one)
     np.testing.assert_allclose(
         other.standard_error * np.sqrt(2), one.standard_error, rtol=1e-6

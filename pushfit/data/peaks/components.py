@@ -7,17 +7,20 @@ the sensor's frame; one of its axes must be the contact normal.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.heights import Height
+from pushfit.data.peaks.jerks import are_jerks
 from pushfit.data.peaks.rests import rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.dips import rest_curve
 from pushfit.data.recordings.records import Recording
+from pushfit.data.text.faults import listed
 from pushfit.errors import ConfigError, DataError
 
 # Share of the width around the top that the components are averaged over.
@@ -25,6 +28,32 @@ _TOP_SHARE = 0.2
 _MIN_SAMPLES = 5
 # Change of a channel that is beyond doubt one by the push [sd].
 _CLEAR = 10.0
+
+
+def looked_at(recording: Recording, settings: PeakSettings) -> Recording:
+    """The part of a recording that is looked at, jerks of force components left out.
+
+    Raises:
+        DataError: There is nothing in that part (`no_rows`).
+    """
+    part = recording.between(settings.begin, settings.end)
+    if settings.normal is None:
+        return part
+    channels, moments = {}, []
+    for name, samples in part.channels.items():
+        known = np.flatnonzero(np.isfinite(samples))
+        _enough(time := part.time[known], name)
+        is_jerk = are_jerks(time, samples[known])
+        channels[name] = samples.copy()
+        channels[name][known[is_jerk]] = np.nan
+        moments.extend(time[np.diff(is_jerk, prepend=False) & is_jerk].tolist())
+    if not moments:
+        return part
+    caution = (
+        "jerks far briefer than a push are left out: at "
+        f"{listed([f'{when:.2f} s' for when in sorted(moments)])}"
+    )
+    return replace(part, channels=channels, cautions=(*part.cautions, caution))
 
 
 def push_signal(

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import (
+    looked_at,
     measure_components,
     push_signal,
     signal_name,
@@ -85,6 +86,7 @@ def extract_peaks(
         }
     )
     notes, cautions = extraction_notes(paired, frame)
+    cautions = (*recording.cautions, *cautions)
     sources = recording.sources
     if schedule is not None and schedule.source is not None:
         sources = (*sources, schedule.source)
@@ -108,6 +110,7 @@ def measure_pushes(
     push = np.arange(1, len(paired.chosen) + 1)
     frame = pd.DataFrame({"push": push, **look.measured(paired)})
     notes, cautions = extraction_notes(paired, frame)
+    cautions = (*look.recording.cautions, *cautions)
     return Heights(frame=frame, notes=(*cautions, *notes), cautions=cautions)
 
 
@@ -123,7 +126,7 @@ class _Look:
     @classmethod
     def at(cls, recording: Recording, settings: PeakSettings) -> "_Look":
         """Take the part and the channel that are to be looked at."""
-        part = recording.between(settings.begin, settings.end)
+        part = looked_at(recording, settings)
         return cls(part, settings, *push_signal(part, settings))
 
     def trace(self, table: PeakTable) -> Trace:

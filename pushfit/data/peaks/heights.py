@@ -38,8 +38,9 @@ _MAX_MISFIT = 3.3
 # Windows are given up smoothly about it; what is left of the doubt ends here. And the
 # power that makes a mean of parts one of the highest.
 _STEEP, _NEGLIGIBLE, _SHARP = 8, 0.01, 16
-# A longer stretch without samples may hide the top: share of the window, usual steps.
-_MAX_GAP = 0.25
+# A longer stretch without samples may hide the top: share of the window, of the width
+# where it is at the top itself, and usual steps.
+_MAX_GAP, _TOP_GAP = 0.25, 0.05
 _STEPS_OF_GAP = 3.0
 # Eight parts scatter more than this by chance once in 10^3 (chi-square, 7 degrees).
 _BEYOND_CHANCE = 1.86
@@ -301,7 +302,11 @@ def _apexes(pushes: _Pushes) -> _Tops:
         windows[todo] = np.stack([centre - 0.6 * half, centre + 0.6 * half], axis=1)
         todo = todo[left > 0]
     sd = np.sqrt(np.maximum(square - level**2, 0.0))
-    return _Tops(level + pushes.base, sd, when, gap > _MOST)
+    # Straight lines across a top are below it.
+    after = np.clip(np.searchsorted(time, when), 1, len(time) - 1)
+    least = np.maximum(_TOP_GAP * width, _STEPS_OF_GAP * pushes.course.step)
+    has_gap = (gap > _MOST) | (time[after] - time[after - 1] > least)
+    return _Tops(level + pushes.base, sd, when, has_gap)
 
 
 def _top_windows(

@@ -33,10 +33,10 @@ _TOPS = np.linspace(-0.8, 0.8, 17)
 _ROUNDINGS = np.array([0.01, 0.1, 0.3, 1.0, 4.0])
 _MOMENTS = np.linspace(-0.95, 0.95, 20)
 _SHORTEST = 0.4
-# Gain in chi-square that a level needs: a round top may look flat in noise, and is then
-# read too low, by more than a level is too high that is read as a top.
 _NEVER = 1e300
-_EVIDENCE = 2.0
+# Gain that a level needs, in chi-square and as a share of the squared height: a round
+# top may look flat in noise and is then read too low, and no hyperbola is quite a sine.
+_EVIDENCE, _UNLIKE = 0.5, 0.004
 
 
 def bin_means(
@@ -136,9 +136,10 @@ def are_held(
     bins, counts = bin_means(course, windows, PROFILE_BINS)
     variance = noise.of_part(counts.mean(axis=1)) ** 2
     gain = _misfit(bins, *_hyperbolas()) - _misfit(bins, *_levels())
-    is_level = gain > _EVIDENCE * variance
     rise = calm - base[:, None]
-    scaled = rise / np.maximum(rise.max(axis=1, keepdims=True), 1e-300)
+    height = np.maximum(rise.max(axis=1), 1e-300)
+    is_level = gain > _EVIDENCE * variance + _UNLIKE * height**2
+    scaled = rise / height[:, None]
     may_be_low = _may_settle(scaled)
     for k in np.flatnonzero(is_level | may_be_low).tolist():
         # Too few samples show no level.

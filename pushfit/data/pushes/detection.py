@@ -17,7 +17,7 @@ from pushfit.data.pushes.search import search
 from pushfit.data.pushes.tracing import trace_feet
 
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
-_FIRST_SMOOTHING = 0.1
+FIRST_SMOOTHING = 0.1
 # A hump below the first share of the largest is a brush; below the second it is one if
 # the next larger hump is so many times higher.
 _BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 5.0
@@ -88,19 +88,22 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     """Find all humps that rise from rest and return to it, in order of time."""
     if view.noise.sigma == 0.0 or len(view.signal) < 5:
         return ()
-    time, tau = view.time, view.smoothing or _FIRST_SMOOTHING
+    time, tau = view.time, view.smoothing or FIRST_SMOOTHING
     found, is_low, is_rest, wander = search(view, tau=tau)
     if view.smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > 1.5 * tau:
-            found, is_low, is_rest, _ = search(view, tau=wider, wander=wander)
+            wide = search(view, tau=wider, wander=wander)
+            # What is lost to averaging stands out without it.
+            if _n_large(wide[0], wide[1]) >= _n_large(found, is_low):
+                found, is_low, is_rest, _ = wide
     if found.start.size == 0:
         return ()
     # A hump that is too low is no part of a push.
     is_rest |= is_low | np.append(is_low[1:], True)
     feet, whose = _resolved(view, found, is_rest)
     is_low = is_low[whose]
-    is_cut = are_cut(time, feet)
+    is_cut = are_cut(view, feet)
     is_push = ~_are_trends(feet, is_cut, time, is_low)
     is_jerk = _are_jerks(feet)
     heights = feet.height[is_push & ~is_jerk]
@@ -120,6 +123,12 @@ def find_extents(view: View) -> tuple[Extent, ...]:
         for k, own in enumerate(feet.apart())
         if is_push[k]
     )
+
+
+def _n_large(found: Feet[np.ndarray], is_low: Bool[np.ndarray, " p"]) -> int:
+    """Number of humps that are no brushes by their height alone."""
+    heights = found.height[~is_low]
+    return np.count_nonzero(heights >= _BRUSH * heights.max(initial=0.0))
 
 
 def _resolved(

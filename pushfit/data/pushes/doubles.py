@@ -35,7 +35,7 @@ def join_one(
     """
     places = np.arange(len(feet.start))
     tau = feet.averaging(view)
-    noise = view.noise.sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
+    noise = feet.noise(view.noise.sigma, tau)
     is_clear = feet.height > CLEAR * noise
     gap = feet.start[1:] - feet.end[:-1]
     is_near = gap < np.maximum(feet.width[:-1], feet.width[1:])
@@ -48,7 +48,7 @@ def join_one(
     first = (top - feet.height - np.maximum(feet.moved, 0.0))[pairs]
     last = (top - feet.height + np.minimum(feet.moved, 0.0))[pairs + 1]
     # The rest that a cut push is not seen to go back to is that of the other one.
-    is_cut = are_cut(view.time, feet)
+    is_cut = are_cut(view, feet)
     last = np.where(is_cut[pairs + 1], first, last)
     first = np.where(is_cut[pairs], last, first)
     left, right = feet.rows(pairs), feet.rows(pairs + 1)
@@ -147,7 +147,7 @@ def _valleys(
         np.maximum.accumulate(y, axis=1),
         np.maximum.accumulate(y[:, ::-1], axis=1)[:, ::-1],
     )
-    noise = _SIGNIFICANT * sigma * np.minimum(1.0, np.sqrt(feet.step / tau))
+    noise = _SIGNIFICANT * feet.noise(sigma, tau)
     share = (y - base) / np.maximum(tops - base, 1e-300)
     return when, y, np.where(tops - y > noise[:, None], share, 1.0)
 

@@ -36,6 +36,8 @@ SHIFT = 0.08
 # Height over the noise that makes feet clear, and the share of the width that may be
 # smoothed over to get there.
 CLEAR, _MOST_SMOOTHING = 30.0, 3.0
+# So many times the noise is no foot; at most this share of a height is hidden by it.
+SIGMAS, _MOST_HIDDEN = 3.0, 0.75
 # A push begins a ninth of the way to half height before it passes the foot; so many
 # samples of rest show that it had not begun.
 _BEGINS, _SHOWN = 0.11, 3
@@ -112,6 +114,10 @@ class Feet(Generic[Number]):
         least = np.minimum(self.step * blurred**2, self.width / _MOST_SMOOTHING)
         return np.maximum.reduce([self.width / WIDTH_PER_SMOOTHING, least, self.step])
 
+    def noise(self: "Feet[np.ndarray]", sigma: float, tau: Numbers) -> Numbers:
+        """Noise of means over times [s] beside pushes, by that of a sample [unit]."""
+        return sigma * np.sqrt(np.minimum(1.0, self.step / tau))
+
     def room(
         self: "Feet[np.ndarray]", time: Float[np.ndarray, " n"]
     ) -> tuple[Numbers, Numbers]:
@@ -172,15 +178,20 @@ def likeness(moved: Numbers, far: Numbers | float) -> Numbers:
     return 1 / (1 + np.clip(moved / np.maximum(far, 1e-300), -1e3, 1e3) ** 4)
 
 
-def are_cut(
-    time: Float[np.ndarray, " n"], feet: Feet[np.ndarray]
-) -> Bool[np.ndarray, " p"]:
-    """Whether sample times [s] begin or end before a rest is seen beside each push.
+def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
+    """Whether the samples begin or end before a rest is seen beside each push.
 
     The pushes are all there are, in order.
     """
+    time = view.time
+    # Noise hides more of a flank than what lies below the foot.
+    noise = SIGMAS * feet.noise(view.noise.sigma, feet.averaging(view))
+    hidden = np.clip(noise / np.maximum(feet.height, 1e-300), FOOT, _MOST_HIDDEN)
+    more = (hidden - FOOT) / (1 - hidden)
     early = feet.start - _BEGINS * (feet.half_up - feet.start)
+    early -= more * (feet.peak - feet.start)
     late = feet.end + _BEGINS * (feet.end - feet.half_down)
+    late += more * (feet.end - feet.peak)
     shown = np.searchsorted(time, [early, late])
     lowest, highest = feet.room(time)
     is_first, is_last = lowest <= time[0], highest >= time[-1]

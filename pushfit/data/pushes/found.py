@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.components import push_signal
+from pushfit.data.peaks.components import looked_at, push_signal
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.pushes.course import Course, View
 from pushfit.data.pushes.detection import Extent, find_extents
@@ -62,7 +62,7 @@ def find_pushes(
         ConfigError: The channel to look in is not named, or not there.
         DataError: The channel has hardly any samples, or none in the part to look at.
     """
-    recording = recording.between(settings.begin, settings.end)
+    recording = looked_at(recording, settings)
     time, signal = push_signal(recording, settings)
     found = find(time, signal, settings, signed=bool(settings.signed))
     return tuple(extent for extent in found.extents if not extent.is_brush)

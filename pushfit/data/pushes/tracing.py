@@ -20,6 +20,7 @@ from pushfit.data.pushes.feet import (
     FOOT,
     LEAST,
     LONGEST,
+    SIGMAS,
     WIDTH_PER_SMOOTHING,
     Feet,
     Numbers,
@@ -34,7 +35,6 @@ _ROUNDS, _SAME, _REACH = 12, 1e-5, 2.0
 # one is judged by. More would only cost time.
 _KNOTS, _STEPS = 16, 250
 _UNIT = np.linspace(0.0, 1.0, _FINE)
-_SIGMAS = 3.0
 # Height over the noise of a mean that makes a top.
 _SEEN = 6.0
 
@@ -62,7 +62,7 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
         tau = feet.averaging(view)
         was = feet
         seen = _trace(course, feet, feet.room(time), tau=tau, sigma=sigma)
-        noise = sigma * np.minimum(1.0, feet.step / tau) ** 0.5
+        noise = feet.noise(sigma, tau)
         # A clear push is not left where it still is, or is again, half as high.
         is_clear = seen.height > CLEAR * noise
         seen = replace(
@@ -131,7 +131,7 @@ def _trace(
     t_peak, top = _tops(smooth, when, peak)
     before, after = _rests(course, feet, ends, y, peak, top=top, sigma=sigma)
     rises = [np.maximum(top - rest, 1e-300) for rest in (before, after)]
-    noise = _SIGMAS * sigma * np.minimum(1.0, (feet.step / tau) ** 0.5)
+    noise = SIGMAS * feet.noise(sigma, tau)
     feet_up, feet_down = (np.maximum(FOOT * rise, noise) for rise in rises)
     is_up, is_down = index <= peak[:, None], index >= peak[:, None]
     back = when[:, ::-1], y[:, ::-1]
@@ -171,7 +171,7 @@ def _rests(
     first, last = feet.before(ends[0])
     part = np.minimum(LEAST * feet.span, last - first)
     noise = sigma * np.sqrt(feet.step / np.maximum(part, feet.step))
-    far = np.maximum(FOOT * feet.height, _SIGMAS * noise)
+    far = np.maximum(FOOT * feet.height, SIGMAS * noise)
     before = _level(course, (first, last), (last - part, last), feet.span, far)
     first, last = feet.after(ends[1])
     part = np.minimum(LEAST * feet.span, last - first)

@@ -46,6 +46,7 @@ class Recording:
     alpha: Float[np.ndarray, " n"] | None = None
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
 
     def between(self, begin: float | None, end: float | None) -> "Recording":
         """The part between two times.

@@ -14,26 +14,28 @@ def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
     """Put tables below each other and number the pushes through.
 
     Args:
-        tables: At least one table; all heights in one unit.
+        tables: At least one; all in one unit and with the same height channels.
 
     Returns:
         The pushes in the order given, with the sources and notes of all tables.
 
     Raises:
-        DataError: The units differ (`mixed_units`), or two tables come from one
-            recording (`duplicate_recording`).
+        DataError: Units or channels differ (`mixed_units`), or two tables come from
+            one recording (`duplicate_recording`).
     """
     if len(tables) == 1:
         return tables[0]
     _refuse_duplicates(tables)
-    units = sorted({table.unit for table in tables})
-    if len(units) > 1:
+    kinds = sorted({f"{', '.join(own.channels)} in {own.unit}" for own in tables})
+    if len(kinds) > 1:
         raise DataError(
-            f"the recordings have heights in {' and '.join(units)}; analyse one sensor "
-            "at a time, or record all of them in one unit",
+            f"the recordings have {' and '.join(kinds)}; analyse one sensor at a time, "
+            "or record the same of all of them in one unit",
             code="mixed_units",
         )
-    frame = pd.concat([table.frame for table in tables], ignore_index=True)
+    frames = [table.frame for table in tables]
+    # A column that one table lacks, such as the sd, is known for no fit of them all.
+    frame = pd.concat(frames, ignore_index=True, join="inner")
     frame["push"] = np.arange(1, len(frame) + 1)
     ends = np.cumsum([table.n_pushes for table in tables])
     origins = [

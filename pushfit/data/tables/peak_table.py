@@ -214,39 +214,6 @@ class PeakTable:
         return float(np.sqrt(residuals @ residuals / dof)), dof
 
 
-def concatenate(tables: Sequence[PeakTable]) -> PeakTable:
-    """Put tables of one grasp under each other.
-
-    Args:
-        tables: At least one; all in one unit and with the same height channels.
-
-    Returns:
-        One table; pushes are numbered anew, and repeats of a direction that several
-        tables have counted on.
-
-    Raises:
-        DataError: Units or channels differ (`mixed_tables`).
-    """
-    if len(tables) == 1:
-        return tables[0]
-    kinds = {f"{', '.join(table.channels)} in {table.unit}" for table in tables}
-    if len(kinds) > 1:
-        raise DataError(
-            f"the tables have {' and '.join(sorted(kinds))}; tables of one grasp need "
-            "the same height channels in one unit",
-            code="mixed_tables",
-        )
-    together = pd.concat([table.frame for table in tables], ignore_index=True)
-    # A column that one table lacks, such as the sd, is known for no fit of them all.
-    together = together.dropna(axis="columns", how="any")
-    together["push"] = np.arange(1, len(together) + 1)
-    return PeakTable.from_frame(
-        together.drop(columns="repeat"),
-        sources=tuple(source for table in tables for source in table.sources),
-        notes=tuple(dict.fromkeys(note for table in tables for note in table.notes)),
-    )
-
-
 def read_table(path: str | Path) -> PeakTable:
     """Read a table of peak heights, CSV or Parquet by its suffix.
 

@@ -155,12 +155,15 @@ def _find_header(
 ) -> tuple[int | None, int | None]:
     """Find the line of names and the first line of data below it.
 
-    It is the last line of words above the first row that is like most: a preamble may
-    hold pairs and tables of its own, and what is wrong in a few rows is to be told.
+    It is the last line of words above the first rows that are like most: a preamble may
+    hold pairs, numbers and tables of its own, and what is wrong in a few rows is to be
+    told.
     """
     like = Counter(tuple(is_value[i]) for i in filled if any(is_value[i]))
     most = max(like.values(), default=0)
-    usual = next((i for i in filled if like[tuple(is_value[i])] == most), -1)
+    alike = [i for i in filled if like[tuple(is_value[i])] == most]
+    runs = [i for i, k in zip(alike, alike[2:], strict=False) if k == i + 2]
+    usual = next(iter(runs or alike), -1)
     header, data = None, None
     for k, i in enumerate(filled[:-1]):
         n, below = len(split[i]), filled[k + 1 :]

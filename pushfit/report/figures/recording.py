@@ -13,7 +13,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.components import push_signal, signal_name
+from pushfit.data.peaks.components import looked_at, push_signal, signal_name
 from pushfit.data.peaks.extract import find_pushes
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.peak_table import PeakTable
@@ -205,8 +205,8 @@ def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
 
 def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
     """A recording with its pushes numbered: what a schedule has to name."""
-    recording = recording.between(settings.begin, settings.end)
     extents = find_pushes(recording, settings=settings)
+    recording = looked_at(recording, settings)
     marks = pd.DataFrame(
         [(e.t_start, e.t_end, e.t_peak) for e in extents], columns=TIMES
     ).assign(

@@ -105,27 +105,57 @@ def test_a_push_beyond_the_range_of_one_component_is_flagged(made):
     assert not flagged[np.asarray(made.truth.height_normal) < 0.9 * end].any()
 
 
-@pytest.mark.parametrize("jerk", [12.0, 70.0])
-def test_a_jerk_on_retracting_is_neither_a_push_nor_a_height(jerk):
-    """The hold is 5 N along and 2 N across; the finger then snags for 50 ms."""
+def pushes_with_jerks(course, *, jerk=0.0, at=0.0, axis="fz"):
+    """Four pushes of 5 N along and 2 N across, each with a jerk of 50 ms.
+
+    Args:
+        course: From the time since the begin of a push to a share of its height [s].
+    """
     time = np.arange(0.0, 26.0, 0.01)
     rng = np.random.default_rng(0)
     along, across = 0.05 * rng.standard_normal((2, time.size))
+    forces = {"fx": across, "fz": along}
     for start in 2 + 6 * np.arange(4):
-        held = np.clip((time - start) / 0.5, 0, 1) * np.clip(
-            (start + 2.5 - time) / 0.5, 0, 1
-        )
-        along += 5 * held - jerk * np.exp(-(((time - start - 2.52) / 0.02) ** 2))
-        across += 2 * held
-    recording = Recording(
-        time=time, channels={"fx": across, "fz": along}, units={"fx": "n", "fz": "n"}
-    )
-    table = extract_peaks(
+        forces["fz"] += 5 * course(time - start)
+        forces["fx"] += 2 * course(time - start)
+        forces[axis] -= jerk * np.exp(-(((time - start - at) / 0.02) ** 2))
+    recording = Recording(time=time, channels=forces, units={"fx": "n", "fz": "n"})
+    return extract_peaks(
         recording,
         PushSchedule.planned(np.pi / 4, 0.0, repeats=4),
         settings=PeakSettings(normal="fz"),
     )
-    for channel, held in (("height_normal", 5.0), ("height_tangential", 2.0)):
-        pull = (table.heights(channel) - held) / table.sd(channel)
+
+
+def held(since):
+    return np.clip(since / 0.5, 0, 1) * np.clip((2.5 - since) / 0.5, 0, 1)
+
+
+def pointed(since):
+    return np.clip(1 - np.abs(since - 1.25) / 1.25, 0, 1)
+
+
+@pytest.mark.parametrize("jerk", [-70.0, -12.0, 12.0, 70.0])
+@pytest.mark.parametrize("at", [0.25, 0.8, 1.25, 2.52])
+@pytest.mark.parametrize("axis", ["fz", "fx"])
+def test_a_jerk_is_neither_a_push_nor_a_height(jerk, at, axis):
+    """On contact, in the hold or on retracting."""
+    table = pushes_with_jerks(held, jerk=jerk, at=at, axis=axis)
+    assert table.flags == (frozenset(),) * 4
+    for channel, height in (("height_normal", 5.0), ("height_tangential", 2.0)):
+        pull = (table.heights(channel) - height) / table.sd(channel)
         assert np.abs(pull).max() < MAX_PULL
-    assert any("far briefer" in caution for caution in table.cautions)
+    assert any("jerks far briefer" in caution for caution in table.cautions)
+
+
+@pytest.mark.parametrize("axis", ["fz", "fx"])
+def test_a_jerk_at_the_top_of_a_pointed_push_hides_it(axis):
+    table = pushes_with_jerks(pointed, jerk=12.0, at=1.25, axis=axis)
+    assert table.flags == (frozenset({"gap"}),) * 4
+
+
+@pytest.mark.parametrize("width", [0.15, 0.3])
+def test_a_short_push_is_no_jerk(width):
+    table = pushes_with_jerks(lambda since: np.clip(1 - np.abs(since / width), 0, 1))
+    assert table.n_pushes == 4
+    assert not any("jerk" in caution for caution in table.cautions)

@@ -11,12 +11,15 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
 
 
-def table(name: str, n: int, unit: str = "kpa") -> PeakTable:
+def table(
+    name: str, n: int, unit: str = "kpa", *, channels=("height",), sd=False
+) -> PeakTable:
     made = PeakTable.from_arrays(
         theta=np.linspace(0.1, 1.0, n),
         alpha=np.zeros(n),
-        heights={"height": np.arange(n) + 1.0},
+        heights={channel: np.arange(n) + 1.0 for channel in channels},
         unit=unit,
+        sd={channel: np.ones(n) for channel in channels} if sd else None,
     )
     return replace(made, sources=(Source(path=name, sha256=f"{name}{n}", dialect="x"),))
 
@@ -39,8 +42,19 @@ def test_one_table_stays_as_it_is():
 
 
 def test_units_are_not_mixed():
-    with pytest.raises(DataError, match="heights in counts and kpa"):
+    with pytest.raises(DataError, match="height in counts and height in kpa"):
         merge_tables([table("a", 3), table("b", 2, unit="counts")])
+
+
+def test_components_and_magnitudes_are_not_mixed():
+    forces = table("b", 2, channels=("height_normal", "height_tangential"))
+    with pytest.raises(DataError, match="height in kpa and height_normal, height_tan"):
+        merge_tables([table("a", 3), forces])
+
+
+def test_an_error_that_one_table_lacks_is_known_of_none():
+    merged = merge_tables([table("a", 3), table("b", 2, sd=True)])
+    assert merged.sd("height") is None
 
 
 def test_a_recording_named_twice_is_refused():

@@ -9,12 +9,7 @@ import pytest
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.check import file_kind
 from pushfit.data.recordings.recording import Source
-from pushfit.data.tables.peak_table import (
-    PeakTable,
-    concatenate,
-    read_table,
-    write_table,
-)
+from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
 from pushfit.errors import DataError
 
 GOOD = "theta_deg,alpha_deg,height_n\n15,90,1.0\n30,90,2.0\n15,90,1.2\n"
@@ -218,20 +213,6 @@ def test_parquet_keeps_sources_and_notes(tmp_path, full_table):
     assert again.sources[:-1] == full_table.sources
     assert again.sources[-1].path.endswith("peaks.parquet")
     assert again.notes[: len(full_table.notes)] == full_table.notes
-
-
-def test_tables_of_one_grasp_go_under_each_other(tmp_path):
-    table = read_table(written(tmp_path, GOOD))
-    both = concatenate([table, table])
-    assert both.frame["push"].tolist() == [1, 2, 3, 4, 5, 6]
-    assert both.frame["repeat"].tolist() == [1, 1, 2, 3, 2, 4]
-    assert len(both.sources) == 2
-
-
-def test_tables_in_different_units_stay_apart(tmp_path, full_table):
-    table = read_table(written(tmp_path, GOOD))
-    with pytest.raises(DataError, match=r"height in kpa and height in n"):
-        concatenate([table, full_table])
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path):

@@ -122,6 +122,8 @@ def test_arrays_of_other_lengths_are_left_aside_and_named(tmp_path):
         "serial{d} A12\ngain{d} 6{d} 0.5\n",
         "serial{d} A12\ngain{d} 6\noperator{d} Ann\n",
         "rig\nserial{d} A12\ngain{d} 6{d} 0.5\nrange{d} 1{d} 2{d} 3{d} N\n\n",
+        "session of Monday\n0.98{d} 1.02\n",
+        "0.98{d} 1.02\n",
     ],
 )
 def test_pairs_of_metadata_are_no_names(tmp_path, preamble, units, delimiter):

@@ -1,0 +1,31 @@
+"""Jerks of a force: readings far off for a shorter time than any push lasts.
+
+A finger that snags, or a joint that knocks, may be felt as ten times the push. Heights
+of components are read at the top of the whole force, which such a reading would be.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pushfit.data.pushes.detection import FIRST_SMOOTHING
+from pushfit.data.pushes.noise import Noise
+
+# How far a reading is from the median around it: in differences of the quartiles, which
+# are large on a flank, and in sigma, where most of them are equal.
+_FAR, _SIGMAS = 4.0, 6.0
+# What a jerk may take of its surroundings, and its feet beside what is clear of it.
+_SHARE, _FEET = 0.25, 0.12
+
+
+def are_jerks(
+    time: Float[np.ndarray, " n"], samples: Float[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Whether each sample of a component, at times [s], is one of a jerk."""
+    from scipy.ndimage import maximum_filter1d, percentile_filter  # noqa: PLC0415
+
+    n = 1 + round(FIRST_SMOOTHING / _SHARE / float(np.median(np.diff(time))))
+    low, middle, high = (
+        percentile_filter(samples, share, n, mode="nearest") for share in (25, 50, 75)
+    )
+    least = np.maximum(_FAR * (high - low), _SIGMAS * Noise.of(time, samples).sigma)
+    return maximum_filter1d(np.abs(samples - middle) > least, 1 + round(_FEET * n))
