@@ -95,7 +95,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
         if wider > 1.5 * tau:
             wide = search(view, tau=wider, wander=wander)
             # What is lost to averaging stands out without it.
-            if np.count_nonzero(~wide[1]) >= np.count_nonzero(~is_low):
+            if _n_large(wide[0], wide[1]) >= _n_large(found, is_low):
                 found, is_low, is_rest, _ = wide
     if found.start.size == 0:
         return ()
@@ -123,6 +123,12 @@ def find_extents(view: View) -> tuple[Extent, ...]:
         for k, own in enumerate(feet.apart())
         if is_push[k]
     )
+
+
+def _n_large(found: Feet[np.ndarray], is_low: Bool[np.ndarray, " p"]) -> int:
+    """Number of humps that are no brushes by their height alone."""
+    heights = found.height[~is_low]
+    return int(np.count_nonzero(heights >= _BRUSH * heights.max(initial=0.0)))
 
 
 def _resolved(
