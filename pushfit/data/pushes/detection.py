@@ -128,7 +128,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
 def _n_large(found: Feet[np.ndarray], is_low: Bool[np.ndarray, " p"]) -> int:
     """Number of humps that are no brushes by their height alone."""
     heights = found.height[~is_low]
-    return np.count_nonzero(heights >= _BRUSH * heights.max(initial=0.0))
+    return int(np.count_nonzero(heights >= _BRUSH * heights.max(initial=0.0)))
 
 
 def _resolved(

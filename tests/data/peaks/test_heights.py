@@ -53,3 +53,14 @@ def test_a_push_that_overshoots_and_is_then_held_is_read_at_its_hold(hold):
     assert frame["definition"].tolist() == ["plateau"] * 3
     pulls = (frame["height_n"] - hold) / frame["height_sd_n"]
     assert np.abs(pulls).max() < 4
+
+
+def test_a_rest_of_next_to_nothing_before_a_push_is_no_baseline():
+    """The recording begins on the flank, 1 % up: the rest after it is the true one."""
+    time = np.arange(2.1, 14.0, 0.01)
+    y = 100 * np.clip(1 - ((time - 4) / 2) ** 2, 0, None) ** 2
+    y += 0.5 * np.random.default_rng(2).standard_normal(time.size)
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    frame = measure_pushes(recording).frame
+    assert len(frame) == 1
+    assert abs(frame["height_n"][0] - 100) < 3 * frame["height_sd_n"][0]
