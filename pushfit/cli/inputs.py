@@ -35,7 +35,9 @@ def read_settings(
         "columns": None if names is None else [n.strip() for n in names.split(",")],
         "rate": rate,
     }
-    own = {key: value for key, value in peaks.items() if value not in (None, False, [])}
+    # 0 is said, though Python takes it for False.
+    silent = (type(None), bool, list)
+    own = {k: v for k, v in peaks.items() if v or not isinstance(v, silent)}
     for key in ("exclude", "include"):
         if key in own:
             own[key] = [_window(text, f"--{key}") for text in own[key]]

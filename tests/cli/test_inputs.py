@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pushfit.cli import options
 from pushfit.cli.app import main
+from pushfit.cli.inputs import read_settings
 from pushfit.config import parse_config, read_config
 from pushfit.data.recordings.load import reader_options
 from pushfit.data.recordings.recording import read_recording
@@ -54,6 +56,15 @@ def test_a_dialect_that_is_not_known_is_refused_with_those_that_are(log, capsys)
 def test_an_option_that_is_no_pair_is_refused_with_an_example(option, log, capsys):
     assert main(["validate", str(log), option, "pdc"]) == 2
     assert f"write for example {option} pressure=" in capsys.readouterr().err
+
+
+def test_a_zero_on_the_command_line_is_said(tmp_path, capsys):
+    recording, settings = EXAMPLE / "theta_sweep.csv", tmp_path / "grasp.toml"
+    settings.write_text("[peaks]\nbegin = 5.0\n")
+    begun = read_settings(options.Layout(config=settings), begin=0.0)
+    assert begun.peaks.begin == 0.0
+    assert main(["peaks", str(recording), "--min-height", "0"]) == 2
+    assert "min_height" in capsys.readouterr().err
 
 
 PROFILE = """

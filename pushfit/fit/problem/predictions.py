@@ -24,6 +24,8 @@ from pushfit.model import (
 )
 from pushfit.parameters import OF_GRASP
 
+# Programs take numbers of NumPy as they are.
+Numbers = Array | np.ndarray
 # Points and directions of one call.
 N_POINTS, N_PUSHES = 256, 32
 
@@ -105,13 +107,13 @@ def _padded_rows(n: int, size: int) -> list[Int[np.ndarray, " m"]]:
 
 
 @compiled
-def _of_points(problem: Problem, points: Float[Array, "k q"]) -> State[Contact]:
-    return jax.vmap(problem.data_state)(points)
+def _of_points(problem: Problem, points: Float[Numbers, "k q"]) -> State[Contact]:
+    return jax.vmap(problem.data_state)(jnp.asarray(points))
 
 
 @compiled
 def _of_draws(
-    problem: Problem, draws: Mapping[str, Float[Array, " k"]]
+    problem: Problem, draws: Mapping[str, Float[Numbers, " k"]]
 ) -> State[Contact]:
     def one(draw: Mapping[str, Float[Array, ""]]) -> State[Contact]:
         own = {name: value for name, value in draw.items() if name not in OF_GRASP}
@@ -122,12 +124,12 @@ def _of_draws(
         group = contact(Parameters(**own))
         return State(group, preload, no_sigma, jnp.zeros(()), draw.get("p"))
 
-    return jax.vmap(one)(draws)
+    return jax.vmap(one)({name: jnp.asarray(v) for name, v in draws.items()})
 
 
 @compiled
 def _channels(
-    states: State[Contact], angles: Float[Array, "2 n"], grasp: Grasp
+    states: State[Contact], angles: Float[Numbers, "2 n"], grasp: Grasp
 ) -> Channels:
     pushes = Pushes(*angles)
 
