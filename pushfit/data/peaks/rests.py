@@ -13,9 +13,6 @@ from pushfit.data.pushes.noise import Noise
 
 # A rest of fewer samples shows no level.
 _FEWEST = 3
-# Share of the height by which a rest may lie above the one after the push, if it is
-# short: the signal had not come to rest.
-_MAX_UNREST = 0.1
 # Share of half of a rest that a sensor may take to recover, if the rest is short.
 _WAITED = 2 / 3
 # How many sd a rest may move that has settled.
@@ -169,11 +166,7 @@ class _Beside:
         sd, sd_after = (_MIDDLE * noise.of_mean(count) for count in (n, n_after))
         # A rest that is hardly there may be the flank of a push.
         is_scanty = (n < LEAST * feet.span / feet.step) & (n_after > n)
-        # Or the signal did not come to rest before a push, but did so after it.
-        is_short = feet.start[1:] - feet.end[:-1] < feet.width[1:] / 2
-        is_high = np.nan_to_num(level - level_after) > _MAX_UNREST * height
         only_after = np.isnan(level) | is_scanty
-        only_after |= np.append(False, is_short) & is_high
         rate = (level_after - level) / np.maximum(when_after - when, 1e-9)
         first = self.time[np.minimum(windows_after[:, 0], len(self.time) - 1)]
         early = np.maximum(feet.settling - (first - feet.end), 0.0)

@@ -30,7 +30,8 @@ _NEARLY = 1.13
 _FALLEN, _SHELF = 0.7, 1.5
 # A step is short beside the time that its level is held; a flank is not.
 _WAY = 0.3
-# A rest level that is never left is one that is come back to so many times.
+# A rest level that is never left is one that is come back to so many times: without it
+# pushes beyond a step of the rest level are lost.
 _RETURNS = 3
 # Humps lower than this share of the whole are wiggles of a plateau.
 _ON_TOP = 0.2
