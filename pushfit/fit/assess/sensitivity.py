@@ -61,8 +61,8 @@ def angle_error_warnings(
             yield ResultWarning(
                 code=f"{word}s_taken_as_exact",
                 text=f"{word}s are taken as exact; errors of {COMMON_SD_DEG:g}° would "
-                f"move {' and '.join(parts)}, which no interval holds: set [noise] "
-                f"{key}, 0 if they are exact",
+                f"move {' and '.join(parts)}, which intervals leave out: set [noise] "
+                f"{key}, or 0 if they are exact",
             )
 
 

@@ -16,7 +16,7 @@ OFF_DEG, NOISE = 0.2, 1e-3
 WORD = "elevations_taken_as_exact"
 
 
-def table(off_deg=0.0, *, state_sd: bool = True) -> PeakTable:
+def table(off_deg=0.0) -> PeakTable:
     """Six pushes, elevations other than stated."""
     azimuths = np.full(THETA_DEG.size, 90.0)
     pushed = {"alpha_deg": azimuths, "repeats": 3}
@@ -25,7 +25,7 @@ def table(off_deg=0.0, *, state_sd: bool = True) -> PeakTable:
         theta=np.radians(np.repeat(THETA_DEG, 3)),
         alpha=np.full(3 * THETA_DEG.size, np.pi / 2),
         heights={"height": real.heights("height")},
-        sd={"height": np.full(3 * THETA_DEG.size, NOISE)} if state_sd else None,
+        sd={"height": np.full(3 * THETA_DEG.size, NOISE)},
         unit="n",
     )
 
@@ -68,7 +68,10 @@ def test_what_was_stated_is_not_asked_for():
 
 
 def test_an_estimated_sigma_holds_what_joints_add():
-    assert WORD not in codes(table(state_sd=False))
+    stated = case_table(CASES["firm"], theta_deg=THETA_DEG, noise=NOISE)
+    columns = [name for name in stated.frame if "_sd_" in name]
+    assert WORD in codes(stated)
+    assert WORD not in codes(PeakTable.from_frame(stated.frame.drop(columns=columns)))
 
 
 def test_hardly_more_heights_than_unknowns_are_said_to_test_nothing():
