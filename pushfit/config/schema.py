@@ -162,7 +162,7 @@ class NoiseSection(Section):
     likelihood: Literal["normal", "student_t", "auto"] = setting(
         '"normal", "student_t" (outlying pushes weigh less), or "auto": '
         "whichever has the higher evidence",
-        default="normal",
+        default="auto",
     )
     height_share: NotNegative | Estimate = setting(
         "noise in proportion to the height beside the constant one, 1 sd "

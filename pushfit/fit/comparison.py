@@ -20,7 +20,7 @@ from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
-from pushfit.fit.fitted import Fitted, draw_posterior, fit_table
+from pushfit.fit.fitted import Fitted, draw_posterior, fit_table, with_likelihood
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.problem import Problem
@@ -190,6 +190,9 @@ def compare_models(
         ConfigError: If the configuration does not fit the table.
         FitError: If no start gives finite residuals, or nothing is free.
     """
+    if config.noise.likelihood == "auto":
+        # Student-t noise is one of the models, not what all of them have.
+        config = with_likelihood(config, "normal")
     fitted = fit_table(table, config)
     noise = fitted.setup.noise.kind
     noise = "sampled" if noise == "pooled" else noise

@@ -26,6 +26,7 @@ from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import weighted_draws
 from pushfit.fit.sweep.prior import make_target
+from pushfit.model import Pushes
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -139,7 +140,12 @@ def ranked(
     rng = np.random.default_rng(seed)
     problem = design.setup.problem
     x_true = prior_x_samples(problem, rng, n)
-    clean, sigma = map(np.asarray, predictions(problem, jnp.asarray(x_true)))
+    # Every push misses its angles by errors of its own.
+    off = np.zeros((n, 2, problem.pushes.theta.size))
+    angle_sd = np.array(design.setup.noise.angle_sd)
+    if any(angle_sd):
+        off = angle_sd[:, None] * rng.standard_normal(off.shape)
+    clean, sigma = map(np.asarray, predictions(problem, jnp.asarray(x_true), off))
     ranks = {name: {} for name in ("right", *wrong)}
     for index in range(n):
         observed = clean[index] + sigma[index] * noise(problem, rng)
@@ -148,8 +154,10 @@ def ranked(
         x = design.draws(setup, design.reference_alpha, seed + index)
         if x is None:
             continue
-        truth = quantities(data, x_true[index : index + 1], design.reference_alpha)
-        values = quantities(data, x, design.reference_alpha)
+        truth, values = (
+            quantities(setup.problem, points, design.reference_alpha)
+            for points in (x_true[index : index + 1], x)
+        )
         for name, of_this in ranks.items():
             log_weight = np.broadcast_to(WRONG[name](values), len(x))
             weight = np.exp(log_weight - np.max(log_weight))
@@ -176,14 +184,17 @@ def noise(problem, rng: np.random.Generator) -> np.ndarray:
 
 
 @eqx.filter_jit
-def predictions(problem, x):
-    """Noise-free heights and noise of each truth."""
+def predictions(problem, x, off):
+    """Noise-free heights and noise of each truth, its angles off by so much [rad]."""
 
-    def one(x):
-        state = problem.state(x)
-        return problem.predict(state), noise_of(problem, state)
+    def one(x, off):
+        pushes = problem.pushes
+        moved = Pushes(pushes.theta + off[0], pushes.alpha + off[1])
+        meant = replace(problem, pushes=moved)
+        state = meant.state(x)
+        return meant.predict(state), noise_of(problem, state)
 
-    return jax.vmap(one)(x)
+    return jax.vmap(one)(x, off)
 
 
 def noise_of(problem, state):
@@ -274,8 +285,9 @@ def test_ranks_are_uniform_and_those_of_wrong_posteriors_are_not():
     [
         ('[transition]\nsharpness = "auto"\n', {"p"}),
         ('[noise]\nlikelihood = "student_t"\n', set()),
+        ("[noise]\ntheta_sd_deg = 1.0\nalpha_sd_deg = 1.0\n", set()),
     ],
-    ids=["open transition", "student"],
+    ids=["open transition", "student", "angles"],
 )
 def test_ranks_are_uniform_with_what_real_hands_ask_for(text, more):
     asked = SIX | more | {"theta_c", "log_likelihood"}

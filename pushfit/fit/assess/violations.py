@@ -25,6 +25,7 @@ from pushfit.fit.problem.repeat_effects import repeat_p_value
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.fit.setup import Setup
 
+HEAVY_TAILED = "looks_heavy_tailed"
 # Chance of naming an assumption that holds, per alternative.
 LEVEL = 1e-3
 # The same where the model is rejected, so that something does not hold.
@@ -69,9 +70,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     if fit.degrees_of_freedom < MIN_FREEDOM or not is_normal:
         return ()
     mask = np.asarray(problem.mask)
-    heights = np.concatenate(
-        [table.heights(c)[list(setup.rows)] for c in table.channels]
-    )
+    heights = np.asarray(problem.observed)[mask]
     residuals = (heights - fit.predicted) / fit.sigma
     # Rows of the Jacobian beyond the data are what is known beforehand.
     basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
@@ -199,7 +198,7 @@ def _heavy_tailed(free: Float[np.ndarray, " n"]) -> Violation | None:
         return None
     statistic = scipy.stats.kurtosistest(free, alternative="greater")
     return Violation(
-        code="looks_heavy_tailed",
+        code=HEAVY_TAILED,
         p_value=float(statistic.pvalue),
         text="a few residuals are far larger than the rest: set [noise] likelihood = "
         '"student_t", or "auto", which asks the evidence',

@@ -11,8 +11,8 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from pushfit.fit.problem.problem import Problem
-from pushfit.fit.results import ResultWarning
+from pushfit.fit.problem.problem import STUDENT_DOF, Problem
+from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.model import as_float
 
 # Largest variance of a component, in mean squares of the errors, and where it is sought
@@ -107,6 +107,38 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
             extra = float(np.asarray(scipy.optimize.brentq(excess, floor, high)))
         sigma[c, mask[c]] = np.hypot(s, extra)
     return replace(problem, reference_sigma=as_float(sigma))
+
+
+def tail_gain(problem: Problem, fit: FitResult, kind: str) -> float:
+    """How much likelier Student-t noise makes the residuals of a fit by normal noise.
+
+    Args:
+        kind: Of the noise; each channel has its likeliest scale unless it was given.
+
+    Returns:
+        Log ratio of the likelihoods at the same heights: what a fit by Student-t noise
+        could gain beyond it is little, unless tails are heavy.
+    """
+    heights = np.asarray(problem.observed)[np.asarray(problem.mask)]
+    scaled = (heights - fit.predicted) / fit.sigma
+    channels = np.asarray(fit.channel)
+    if kind == "given":
+        return _tail_gain(scaled)
+    return sum(_best_tail_gain(scaled[channels == c]) for c in set(fit.channel))
+
+
+def _tail_gain(scaled: Float[np.ndarray, " n"]) -> float:
+    """Log likelihood ratio at residuals of unit scale."""
+    ratio = scipy.stats.t.logpdf(scaled, STUDENT_DOF) - scipy.stats.norm.logpdf(scaled)
+    return float(np.sum(ratio))
+
+
+def _best_tail_gain(residuals: Float[np.ndarray, " n"]) -> float:
+    """The same, each distribution with the scale that it finds likeliest."""
+    _, _, scale = scipy.stats.t.fit(residuals, fdf=STUDENT_DOF, floc=0.0)
+    student = scipy.stats.t.logpdf(residuals, STUDENT_DOF, scale=scale)
+    normal = scipy.stats.norm.logpdf(residuals, scale=np.sqrt(np.mean(residuals**2)))
+    return float(np.sum(student - normal))
 
 
 def share_warning(share: float) -> ResultWarning:
