@@ -46,13 +46,14 @@ REMEDIES = {
     "nothing": "",
     "soft": "",
     "joints": "[noise]\ntheta_sd_deg = 1.0\n",
+    "commands": '[noise]\ntheta_sd_deg = 1.0\nangle_errors = "shared"\n',
     "heavy": '[noise]\nlikelihood = "student_t"\n',
     "proportional": '[noise]\nheight_share = "estimate"\n',
     "offset": '[noise]\nrepeats = "offset"\n',
     "gain": '[noise]\nrepeats = "gain"\n',
 }
 # Those that need repeats.
-REPEATED = ("offset", "gain")
+REPEATED = ("commands", "offset", "gain")
 # Switches of what the default leaves open.
 SWITCHES = {
     "hard": '[transition]\nsharpness = "hard"\n',
@@ -111,7 +112,10 @@ def heights(
     if broken == "soft":
         grasp = replace(grasp, sharpness=SHARPNESS)
     words = {"alpha": alpha, "repeats": 1, "noise": 0.0, "rng": rng}
-    real = stated + off if broken == "joints" else stated
+    if broken == "commands":
+        # An arm that misses each command alike.
+        off = off[np.repeat(np.arange(theta_deg.size), n_repeats) * n_repeats]
+    real = stated + off if broken in ("joints", "commands") else stated
     made = simulate_table(params, grasp, theta=real, channels=channels, **words)
     found, sds = {}, {}
     for channel in channels:

@@ -175,11 +175,33 @@ class NoiseSection(Section):
         default="alike",
     )
     theta_sd_deg: NotNegative | None = setting(
-        "error of every elevation, drawn anew for each push, 1 sd [deg]; absent: 0, "
+        "error of every elevation, 1 sd [deg]; absent: 0, "
         "and a warning where errors of 1 deg would matter",
         example=1.0,
     )
     alpha_sd_deg: NotNegative | None = setting("the same of every azimuth", example=1.0)
+    angle_errors: Literal["each", "shared"] = setting(
+        '"each" push has errors of its own, or all repeats of a direction have '
+        '"shared" ones, and are averaged',
+        default="each",
+    )
+
+    @model_validator(mode="after")
+    def check_errors_agree(self) -> "NoiseSection":
+        """Refuse shared errors of which none is stated, or that scatter as repeats."""
+        if self.angle_errors == "each":
+            return self
+        if not self.theta_sd_deg and not self.alpha_sd_deg:
+            raise ValueError(
+                'angle_errors = "shared" says what repeats share, and no error is '
+                "stated; set theta_sd_deg or alpha_sd_deg"
+            )
+        if self.height_share != 0:
+            raise ValueError(
+                'angle_errors = "shared" averages repeats, whose noise in proportion '
+                "to the height would be averaged, too; leave height_share out"
+            )
+        return self
 
 
 class ReportSection(Section):

@@ -23,6 +23,7 @@ from pushfit.fit.likelihood.least_squares import (
     settle_noise,
 )
 from pushfit.fit.likelihood.weights import tail_gain
+from pushfit.fit.problem.averaging import averaged, averaging_warning
 from pushfit.fit.problem.repeat_effects import repeat_warning, without_repeat_effects
 from pushfit.fit.results import (
     FitResult,
@@ -98,6 +99,12 @@ def fit_table(
     if kind != "alike":
         before, table = table, without_repeat_effects(table, kind)
         warnings = (*warnings, repeat_warning(before, table, kind))
+    stated = config.noise.sigma
+    if config.noise.angle_errors == "shared":
+        before, table = table, averaged(table, stated)
+        if table is not before:
+            warnings = (*warnings, averaging_warning(before, table))
+            config = with_sigma(config, "given" if stated == "pooled" else stated)
     reference_alpha = reference_azimuth(table, config)
     setup = searched(build_problem(table, config), reference_alpha)
     if searching is not None:
@@ -113,9 +120,13 @@ def fit_table(
         config = with_sigma(config, "sampled")
         warnings = (*warnings, excess)
         setup, fit = _fit(build_problem(table, config), reference_alpha)
+    sigma = setup.noise.kind
+    if config.noise.angle_errors == "shared" and sigma == "given":
+        # The table given may not state what its averages do.
+        sigma = stated
     return Fitted(
         table=table,
-        config=with_sigma(config, setup.noise.kind),
+        config=with_sigma(config, sigma),
         setup=setup,
         fit=fit,
         reference_alpha=reference_alpha,

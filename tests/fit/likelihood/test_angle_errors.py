@@ -113,3 +113,95 @@ def test_errors_of_the_angles_explain_scatter_beyond_the_sd():
     low, high = stats.chi2.interval(0.999, dof)
     assert plain.fit.chi_square > 2 * high
     assert low < stated.fit.chi_square < high
+
+
+SHARED = ANGLES + 'angle_errors = "shared"\n'
+
+
+def gain_of_a_step(table, fitted, log_density) -> tuple[float, float]:
+    """How much likelier the best fit is than a point nearby, and by a density of ours.
+
+    Args:
+        log_density: Of the data coordinates by name.
+    """
+    near = fitted.fit.estimate, fitted.fit.estimate + 0.01
+    problem = fitted.setup.problem
+    found = [problem.log_likelihood(problem.data_state(jnp.asarray(y))) for y in near]
+    names = fitted.fit.names
+    expected = [log_density(dict(zip(names, y, strict=True))) for y in near]
+    return float(found[0] - found[1]), expected[0] - expected[1]
+
+
+def test_shared_errors_are_those_of_a_dense_covariance():
+    """Cov = diag(sd²) + J S Jᵀ, a column of J for each angle of each direction."""
+    table = sweep(repeats=3)
+    fitted = fit_table(table, config(SHARED))
+    fit = fitted.fit
+    assert fitted.table.n_pushes == 18
+    values = dict(zip(fit.names, fit.estimate, strict=True))
+    covariance = np.diag(table.sd("height") ** 2)
+    for angle, sd in enumerate(np.radians([1.0, 2.0])):
+        for direction in range(18):
+            step = np.zeros((2, table.n_pushes))
+            step[angle, table.groups == direction] = FINITE_DIFFERENCE
+            high = heights(table.theta + step[0], table.alpha + step[1], values)
+            low = heights(table.theta - step[0], table.alpha - step[1], values)
+            slope = (high - low) / (2 * FINITE_DIFFERENCE)
+            covariance += sd**2 * np.outer(slope, slope)
+
+    def log_density(values) -> float:
+        mean = heights(table.theta, table.alpha, values)
+        observed = table.heights("height")
+        return float(stats.multivariate_normal.logpdf(observed, mean, covariance))
+
+    found, expected = gain_of_a_step(table, fitted, log_density)
+    np.testing.assert_allclose(found, expected, rtol=TOLERANCE)
+    assert [w.code for w in fitted.warnings].count("repeats_averaged") == 1
+
+
+def test_shared_errors_need_noise_that_is_known():
+    """Of 36 repeats beyond the first the scatter is pooled, of 18 only if asked for."""
+    text = SHARED + '[transition]\nsharpness = "hard"\n'
+    thrice, twice = (
+        PeakTable.from_frame(sweep(repeats=n).frame.drop(columns="height_sd_n"))
+        for n in (3, 2)
+    )
+    pooled = fit_table(thrice, config(text))
+    scatter, dof = thrice.pooled_sd("height")
+    assert dof == 36
+    np.testing.assert_allclose(pooled.table.sd("height"), scatter / np.sqrt(3))
+    # What was settled can be fitted again.
+    again = fit_table(thrice, pooled.config)
+    np.testing.assert_array_equal(again.fit.estimate, pooled.fit.estimate)
+    with pytest.raises(ConfigError, match="height_sd_ columns"):
+        fit_table(twice, config(text))
+    asked = fit_table(
+        twice, config(text.replace("[noise]", '[noise]\nsigma = "pooled"'))
+    )
+    assert asked.config.noise.sigma == "pooled"
+
+
+def test_pushes_left_out_are_kept_and_take_no_part_in_means():
+    table = sweep(repeats=2).with_flag([0], "saturated")
+    found = fit_table(table, config(SHARED)).table
+    assert found.n_pushes == 19
+    assert "saturated" in found.flags[0]
+    assert found.heights("height")[1] == table.heights("height")[1]
+    assert found.sd("height")[1] == table.sd("height")[1]
+
+
+def test_each_direction_pushed_once_shares_nothing():
+    each, shared = (fit_table(sweep(), config(text)) for text in (ANGLES, SHARED))
+    np.testing.assert_array_equal(each.fit.estimate, shared.fit.estimate)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('angle_errors = "shared"', "no error is stated"),
+        ('angle_errors = "shared"\ntheta_sd_deg = 1.0\nheight_share = 0.1', "averages"),
+    ],
+)
+def test_shared_errors_that_contradict_are_refused(text, said):
+    with pytest.raises(ConfigError, match=said):
+        config(f"[noise]\n{text}\n")
