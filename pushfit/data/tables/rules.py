@@ -28,6 +28,7 @@ FLAGS = {
     "drift": "the baseline moved by more than 15 % of the height",
     "missing": "no hump at the planned moment, the height is what is there",
     "lost_contact": "the push lifted the finger off",
+    "averaged": "its height is in the mean at the first push of its direction",
     "outlier": "the height is far from those of the same direction",
 }
 
@@ -36,7 +37,7 @@ DEFINITIONS = ("apex", "plateau")
 
 # Heights under these flags are not what the model predicts; the others are opinions.
 EXCLUDING_FLAGS = frozenset(
-    {"saturated", "clipped", "gap", "drift", "missing", "lost_contact"}
+    {"saturated", "clipped", "gap", "drift", "missing", "lost_contact", "averaged"}
 )
 
 _HEIGHTS = tuple(name for c in CHANNELS for name in (c, f"{c}_sd"))

@@ -26,8 +26,7 @@ def averaged(table: PeakTable, sigma: str) -> PeakTable:
 
     Returns:
         A table with standard deviations; unchanged if no direction was pushed twice.
-        A mean stands in the row of its first push, and pushes that are not used keep
-        theirs.
+        A mean stands in the row of its first push; the others are flagged `averaged`.
 
     Raises:
         ConfigError: Repeats are too few to tell their scatter.
@@ -52,9 +51,8 @@ def averaged(table: PeakTable, sigma: str) -> PeakTable:
         sd[used[first]] = total**-0.5
         columns[f"{channel}_{table.unit}"] = heights
         columns[f"{channel}_sd_{table.unit}"] = sd
-    kept = np.setdiff1d(np.arange(table.n_pushes), np.delete(used, first))
-    frame = table.frame.assign(**columns).iloc[kept].reset_index(drop=True)
-    return replace(table, frame=frame)
+    averages = replace(table, frame=table.frame.assign(**columns))
+    return averages.with_flag(np.delete(used, first).tolist(), "averaged")
 
 
 def averaging_warning(before: PeakTable, after: PeakTable) -> ResultWarning:
