@@ -1,4 +1,4 @@
-"""Every mechanics, channel, engine and transition through the command and back."""
+"""Every mechanics, channel, engine, transition and noise through the front door."""
 
 import itertools
 import json
@@ -22,9 +22,19 @@ CHANNELS = {
 }
 MECHANICS = ("linear", "tilting", "auto")
 ENGINES = ("sweep", "emcee")
+NOISES = {
+    "as it is": "",
+    "shared angles": 'theta_sd_deg = 1.0\nangle_errors = "shared"\n',
+    "angles": "theta_sd_deg = 1.0\nalpha_sd_deg = 1.0\n",
+    "student": 'likelihood = "student_t"\n',
+    "proportional": 'height_share = "estimate"\n',
+    "offset": 'repeats = "offset"\n',
+    "gain": 'repeats = "gain"\n',
+}
 ROWS = [
-    *itertools.product(MECHANICS, CHANNELS, ENGINES, ["hard"]),
-    *itertools.product(MECHANICS, ["height"], ENGINES, ["auto"]),
+    *itertools.product(MECHANICS, CHANNELS, ENGINES, ["hard"], ["as it is"]),
+    *itertools.product(MECHANICS, ["height"], ENGINES, ["auto"], ["as it is"]),
+    *itertools.product(["auto"], ["components"], ["sweep"], ["hard"], NOISES),
 ]
 # L and K_dn are known: emcee then converges in seconds.
 CONFIG = """\
@@ -41,13 +51,17 @@ sharpness = "{transition}"
 [parameters]
 K_dn = {{ fixed = 600.0 }}
 L = {{ fixed = 0.04 }}
+
+[noise]
 """
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mechanics", "channels", "engine", "transition"), ROWS)
+@pytest.mark.parametrize(
+    ("mechanics", "channels", "engine", "transition", "noise"), sorted(set(ROWS))
+)
 def test_what_a_command_writes_is_what_it_said(
-    mechanics, channels, engine, transition, tmp_path, capsys
+    mechanics, channels, engine, transition, noise, tmp_path, capsys
 ):
     table = simulate_table(
         paper_parameters(),
@@ -63,7 +77,7 @@ def test_what_a_command_writes_is_what_it_said(
     peaks, config = tmp_path / "peaks.csv", tmp_path / "grasp.toml"
     write_table(table, peaks)
     text = CONFIG.format(mechanics=mechanics, transition=transition)
-    config.write_text(text, encoding="utf-8")
+    config.write_text(text + NOISES[noise], encoding="utf-8")
     words = ["fit", str(peaks), "--config", str(config), "--engine", engine]
     out = tmp_path / "result"
     code = main([*words, "--out", str(out), "--json"])
