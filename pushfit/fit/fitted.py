@@ -1,7 +1,7 @@
 """A table fitted, and drawn from: what precedes all judgement of it."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +40,8 @@ ENGINES = ("auto", "sweep", "emcee")
 # Where Student-t noise makes residuals less likely than this against normal noise, its
 # evidence is not looked at: of 70 tables of 51 heights one hid a higher one, by e^0.3.
 MIN_TAIL_GAIN = -0.5
+# Of the draws that noise is chosen by: whatever the seed, the same noise.
+CHOOSING_SEED = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +55,7 @@ class Fitted:
         fit: Least squares.
         reference_alpha: Azimuth at which θ_c is quoted [rad].
         warnings: What came up on the way.
+        swept: Draws of the sweep that are known already, by seed.
     """
 
     table: PeakTable
@@ -61,6 +64,7 @@ class Fitted:
     fit: FitResult
     reference_alpha: float
     warnings: tuple[ResultWarning, ...]
+    swept: Mapping[int, PosteriorResult] = field(default_factory=dict)
 
 
 class Listener:
@@ -151,19 +155,24 @@ def _more_evident(
         config = with_sigma(config, "sampled")
         rival = fit_table(table, with_likelihood(config, "normal"))
     student = fit_table(table, with_likelihood(config, "student_t"))
-    swept = [sweep(fitted, seed=0) for fitted in (rival, student)]
+    swept = [sweep(fitted, CHOOSING_SEED) for fitted in (rival, student)]
     first, second = (
         np.nan if s.log_evidence is None else s.log_evidence for s in swept
     )
     gain = second - first
     if not gain > 0 or any(s.status is not FitStatus.OK for s in swept):
-        return normal
+        known = {CHOOSING_SEED: swept[0]} if normal is rival else {}
+        return replace(normal, swept=known)
     warning = ResultWarning(
         code="student_t_chosen",
         text="a few residuals are far larger than the rest: noise with heavy tails "
         f"(Student-t) is e^{gain:.1f} times as probable as normal noise and was taken",
     )
-    return replace(student, warnings=(*student.warnings, warning))
+    return replace(
+        student,
+        warnings=(*student.warnings, warning),
+        swept={CHOOSING_SEED: swept[1]},
+    )
 
 
 def _is_explained(fitted: Fitted) -> bool:
@@ -255,6 +264,8 @@ def draw_posterior(
 
 def sweep(fitted: Fitted, seed: int) -> PosteriorResult:
     """Draws by the sweep."""
+    if seed in fitted.swept:
+        return fitted.swept[seed]
     return sweep_posterior(
         fitted.setup,
         seed=seed,
