@@ -74,7 +74,8 @@ TOLD = (
     "scatter_exceeds_sd",
 )
 # The same in worlds of one kind alone.
-TOLD_OF = {"joints": ("elevations_taken_as_exact",)}
+_EXACT = ("elevations_taken_as_exact",)
+TOLD_OF = {"joints": _EXACT, "commands": _EXACT}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

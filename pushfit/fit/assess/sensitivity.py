@@ -4,9 +4,10 @@ A height off by δ moves the posterior mean of a quantity q, to first order, by
 
     Cov(q, h) δ / σ²,
 
-and an elevation off by its own error moves a height by the slope ∂h/∂θ. Errors drawn
-anew for each push add up in squares. Few heights do not show by their scatter that
-angles err; how much θ_c and α* hang on it can be said all the same.
+and an elevation off by its own error moves a height by the slope ∂h/∂θ. An arm misses
+all repeats of a command alike, and directions add up in squares. The scatter of repeats
+does not show such errors, nor does that of few heights about a fit; how much θ_c and α*
+hang on them can be said all the same.
 
 References:
     Giordano, Broderick & Jordan (2018), J. Mach. Learn. Res. 19 (51), 1: covariances
@@ -38,14 +39,14 @@ def angle_error_warnings(
 ) -> Iterator[ResultWarning]:
     """Say which quoted angles hang on joints that are as exact as no key says.
 
-    Only where standard deviations are given: an estimated sigma holds what joints add.
+    Not where sigma is sampled: scatter about the fit holds what joints add.
     """
     noise = found.config.noise
     stated = (noise.theta_sd_deg, noise.alpha_sd_deg)
     quoted = {"θ_c": found.theta_c, "α*": found.alpha_star}
     quoted = {s: q.name for s, q in quoted.items() if q.interval is not None}
-    is_told = found.posterior.status is not FitStatus.OK or setup.noise.kind != "given"
-    if is_told or not quoted or None not in stated:
+    is_told = setup.noise.kind == "sampled" or None not in stated
+    if is_told or not quoted or found.posterior.status is not FitStatus.OK:
         return
     draws = {name: found.posterior.samples[name] for name in quoted.values()}
     own = [float(np.std(unwrapped(values)[1])) for values in draws.values()]
@@ -71,6 +72,8 @@ def angle_error_shifts(
 ) -> Float[np.ndarray, "2 q"]:
     """Standard deviations by which errors of θ, and of α, move posterior means [deg].
 
+    Errors of a direction are those of all its repeats and channels.
+
     Args:
         names: Angles that may move.
     """
@@ -83,6 +86,8 @@ def angle_error_shifts(
     covariance = np.tensordot(angles, predicted, axes=1) / rows.size
     weight = np.where(problem.mask, np.asarray(problem.reference_sigma) ** -2.0, 0.0)
     slopes = angle_slopes(problem, found.fit.estimate)
-    # Channels of one push err together.
     shifts = np.einsum("qcn,cn,acn->aqn", covariance, weight, slopes)
-    return np.radians(COMMON_SD_DEG) * np.sqrt(np.sum(shifts**2, axis=2))
+    pushes = np.stack([problem.pushes.theta, problem.pushes.alpha])
+    _, direction = np.unique(pushes, axis=1, return_inverse=True)
+    by_direction = shifts @ np.eye(direction.max() + 1)[direction]
+    return np.radians(COMMON_SD_DEG) * np.sqrt(np.sum(by_direction**2, axis=2))

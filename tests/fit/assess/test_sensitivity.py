@@ -50,8 +50,7 @@ def test_predicted_shift_is_that_of_elevations_that_are_off(found):
     for one in np.eye(THETA_DEG.size):
         other = identified(table(OFF_DEG * one))
         moved.append(np.mean(other.posterior.samples["theta_c"]) - exact)
-    # Repeats share the error here, and have one each there.
-    expected = COMMON_SD_DEG / OFF_DEG * np.linalg.norm(moved) / np.sqrt(3)
+    expected = COMMON_SD_DEG / OFF_DEG * np.linalg.norm(moved)
     setup = fit_table(table(), config()).setup
     shifts = angle_error_shifts(setup, found, ("theta_c",))
     assert shifts[0, 0] == pytest.approx(expected, rel=0.1)
@@ -67,11 +66,12 @@ def test_what_was_stated_is_not_asked_for():
     assert WORD not in codes(table(), "[noise]\ntheta_sd_deg = 0.0\n")
 
 
-def test_an_estimated_sigma_holds_what_joints_add():
-    stated = case_table(CASES["firm"], theta_deg=THETA_DEG, noise=NOISE)
-    columns = [name for name in stated.frame if "_sd_" in name]
-    assert WORD in codes(stated)
-    assert WORD not in codes(PeakTable.from_frame(stated.frame.drop(columns=columns)))
+def test_scatter_about_the_fit_holds_what_joints_add_and_that_of_repeats_does_not():
+    """24 repeats beyond the first are pooled unless sigma is to be sampled."""
+    stated = case_table(CASES["firm"], theta_deg=THETA_DEG, repeats=5, noise=NOISE)
+    bare = stated.frame.drop(columns=[c for c in stated.frame if "_sd_" in c])
+    assert WORD in codes(PeakTable.from_frame(bare))
+    assert WORD not in codes(PeakTable.from_frame(bare), '[noise]\nsigma = "sampled"\n')
 
 
 def test_hardly_more_heights_than_unknowns_are_said_to_test_nothing():
