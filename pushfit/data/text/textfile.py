@@ -196,7 +196,11 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
             with _gzip_errors(given):
                 start = gzip.GzipFile(fileobj=file).read(4096)
     if not start:
-        raise refuse("empty_file", "the file is empty: 0 data rows", path=given)
+        raise refuse(
+            "empty_file",
+            "the file is empty: 0 data rows; record or copy it again",
+            path=given,
+        )
     found = _checked_encoding(encoding) if encoding else _encoding_of(start, given)
     refuse_other_types(start, given)
     return TextFile(

@@ -97,7 +97,9 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
         floor = 1e-9 * np.max(np.abs(observed[c]))
         high = np.sqrt(np.sum(r**2) / target) + floor
 
-        def excess(extra: float, r=r, s=s, target=target) -> float:
+        def excess(
+            extra: float, r: np.ndarray = r, s: np.ndarray = s, target: float = target
+        ) -> float:
             return float(np.sum(r**2 / (s**2 + extra**2)) - target)
 
         extra = high

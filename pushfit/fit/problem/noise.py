@@ -6,7 +6,7 @@ repeats are pooled when there are enough; else sigma is a parameter like the oth
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -111,34 +111,41 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     if choice == "auto":
         is_even = dof >= MIN_POOLED_DOF and not is_uneven
         choice = "pooled" if is_even else "sampled"
+    noise = _from_scatter(table, choice, no_less_than=sds, pooled=pooled)
+    return replace(
+        noise, angle_sd=angle_sd, height_share=height_share, warnings=warnings
+    )
+
+
+def _from_scatter(
+    table: PeakTable,
+    kind: str,
+    *,
+    no_less_than: Mapping[str, Float[np.ndarray, " n"]] | None,
+    pooled: Mapping[str, tuple[float, int]],
+) -> Noise:
+    """Pooled noise, or a first guess of one that is sampled.
+
+    Args:
+        no_less_than: Standard deviations that the table states [table unit].
+        pooled: Scatter of repeats and its degrees of freedom; see `pooled_sd`.
+    """
     used = table.is_used
     step = {n: _step(table.heights(n)[used]) for n in table.channels}
     no_sd = {n: np.full(table.n_pushes, s) for n, s in step.items()}
-    known = no_sd if sds is None else sds
+    known = no_sd if no_less_than is None else no_less_than
     floor = {n: SMALLEST_SHARE * np.max(np.abs(table.heights(n)[used])) for n in known}
-    floor = {n: max(floor[n], step[n]) for n in known}
     constant = {
-        n: np.full(table.n_pushes, max(p[0] if p[1] else 0.0, floor[n]))
-        for n, p in pooled.items()
+        n: np.full(table.n_pushes, max(scatter if dof else 0.0, floor[n], step[n]))
+        for n, (scatter, dof) in pooled.items()
     }
-    if choice == "pooled":
+    if kind == "pooled":
+        least = min(dof for _, dof in pooled.values())
         return Noise(
-            kind=choice,
-            sd=no_sd,
-            sigma=constant,
-            degrees_of_freedom=float(dof),
-            warnings=warnings,
+            kind=kind, sd=no_sd, sigma=constant, degrees_of_freedom=float(least)
         )
     first = {n: np.hypot(constant[n], known[n]) for n in known}
-    return Noise(
-        kind=choice,
-        sd=known,
-        sigma=first,
-        degrees_of_freedom=np.nan,
-        angle_sd=angle_sd,
-        height_share=height_share,
-        warnings=warnings,
-    )
+    return Noise(kind=kind, sd=known, sigma=first, degrees_of_freedom=np.nan)
 
 
 def _step(heights: Float[np.ndarray, " n"]) -> float:

@@ -115,7 +115,9 @@ def _cool(
         moves = [(DifferenceMove(n_ensembles), 0.5), (IndependenceMove(mixture), 0.5)]
         power = beta
 
-        def log_prob(x: Float[np.ndarray, "n p"], power=power) -> np.ndarray:
+        def log_prob(
+            x: Float[np.ndarray, "n p"], power: float = power
+        ) -> Float[np.ndarray, " n"]:
             log_prior, log_likelihood = log_densities(x)
             return log_prior + power * log_likelihood
 

@@ -93,9 +93,10 @@ def test_the_posterior_is_in_the_form_that_arviz_reads(determined):
 
 
 @pytest.mark.usefixtures("quick")
-def test_text_that_is_not_utf8_reaches_every_file(hostile, tmp_path):
+def test_hostile_text_reaches_the_summary_as_it_is(hostile, tmp_path):
     out = write_result_folder(hostile, tmp_path / "result", force=False)
-    assert json.loads((out / "summary.json").read_text())["notes"]
+    found = json.loads((out / "summary.json").read_text(encoding="utf-8"))["notes"]
+    assert found == list(hostile.table.notes)
 
 
 @pytest.mark.usefixtures("quick")
