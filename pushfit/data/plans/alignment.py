@@ -45,7 +45,7 @@ class Alignment:
         extra: Humps that are no planned push.
         other: Another assignment that is nearly as good; None where there is none.
         n_cycles: How often the recording runs through the schedule.
-        expected: When each planned push was to be at its top [s].
+        expected: When each planned push was to be [s].
     """
 
     hump: Int[np.ndarray, " n"]
@@ -88,7 +88,7 @@ class _Case:
     """Humps and plan, with the time that the recording covers.
 
     Args:
-        times: Tops of the humps [s].
+        times: Middles of the humps [s].
         brush: Whether each is a brush.
         planned: Planned times, in any unit.
         is_timed: Whether those are stated, and not only the order.
@@ -113,7 +113,7 @@ def align(
     """Pair humps with planned pushes, in order and in rhythm.
 
     Args:
-        times: Time of every hump, brushes included [s].
+        times: Middle of every hump, brushes included [s].
         is_brush: Whether a hump is so small that it may be no push.
         planned_times: Their times, from any origin, that of the recording where they
             agree with it; None for a steady rhythm [s].
