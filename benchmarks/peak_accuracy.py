@@ -4,10 +4,10 @@ For each shape of push and signal-to-noise ratio (height over the standard devia
 a sample), 300 pushes are simulated on a drifting baseline. Printed are the share of
 pushes found and of rows that are pushes, the bias of the heights in units of the noise
 with its own standard error (biases of two versions that differ by less are the same),
-their root mean square error in the same units, and the scatter of the heights over the standard deviation that the table states. Then
-the bias of the largest sample over the median before the push, and of SciPy's
-prominence. The last column is the share of pushes flagged when the sensor ends at 80 %
-of the height.
+their root mean square error in the same units, and the scatter of the heights over the
+standard deviation that the table states. Then the bias of the largest sample over the
+median before the push, and of SciPy's prominence. The last column is the share of
+pushes flagged when the sensor ends at 80 % of the height.
 """
 
 from dataclasses import dataclass, replace

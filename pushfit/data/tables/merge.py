@@ -39,7 +39,7 @@ def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
     for table in tables:
         repeat = table.frame["repeat"] + n_repeats
         frames.append(table.frame.assign(repeat=repeat))
-        n_repeats = int(repeat.max())
+        n_repeats = int(repeat.to_numpy().max())
     # A column that one table lacks, such as the sd, is known for no fit of them all.
     frame = pd.concat(frames, ignore_index=True, join="inner")
     frame["push"] = np.arange(1, len(frame) + 1)
