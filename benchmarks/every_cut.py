@@ -2,7 +2,9 @@
 
 A cut leaves all pushes whole but the one that it goes through. Printed per channel: the
 whole pushes beside all cuts and how many of them are lost, and the pushes that were cut
-and how many of these carry no flag that keeps them out of a fit. Both are to be 0. The
+and how many of these carry no flag that keeps them out of a fit. Both are to be 0. Then
+how many heights of whole pushes without a flag move by more than a tenth of their
+standard deviation, and the largest move: a cut inside a rest leaves less of it. The
 recordings are those of `benchmarks.real_recordings` and of its folder; pushes that the
 recording itself cuts are left aside.
 """
@@ -22,6 +24,8 @@ from pushfit.data.tables.rules import EXCLUDING_FLAGS
 
 # Fewer samples than these are no recording.
 LEAST = 20
+# What rounding and the judgement of the noise may change [sd].
+MOVED = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,12 +37,14 @@ class Count:
         lost: Times of the cuts that lose one, one for each [s].
         cut: Pushes that a cut goes through, one for each side that shows them.
         unflagged: Times of the cuts that leave one without a flag [s].
+        moves: By how much each whole push without a flag is higher [sd].
     """
 
     whole: int
     lost: tuple[float, ...]
     cut: int
     unflagged: tuple[float, ...]
+    moves: tuple[float, ...]
 
 
 def recordings(folder: Path) -> Iterator[tuple[str, Recording]]:
@@ -74,6 +80,8 @@ class Push:
         start: Begin [s].
         peak: Time of its top [s].
         end: End [s].
+        height: Height [unit].
+        sd: Standard deviation of it [unit].
         is_out: Whether a flag keeps it out of a fit.
         is_cut: Whether it is flagged as cut.
     """
@@ -81,6 +89,8 @@ class Push:
     start: float
     peak: float
     end: float
+    height: float
+    sd: float
     is_out: bool
     is_cut: bool
 
@@ -88,16 +98,21 @@ class Push:
 def found(recording: Recording, part: slice) -> list[Push]:
     """Pushes of a part of a recording."""
     frame = measured(of(recording.time[part], recording.channels[CHANNEL][part]))
-    columns = ("t_start_s", "t_peak_s", "t_end_s", "flags")
+    heights = [str(name) for name in frame if str(name).startswith("height_")]
+    columns = ("t_start_s", "t_peak_s", "t_end_s", *heights, "flags")
     return [
         Push(
             start=start,
             peak=peak,
             end=end,
+            height=height,
+            sd=sd,
             is_out=not EXCLUDING_FLAGS.isdisjoint(flags.split(";")),
             is_cut="clipped" in flags,
         )
-        for start, peak, end, flags in zip(*(frame[c] for c in columns), strict=True)
+        for start, peak, end, height, sd, flags in zip(
+            *(frame[c] for c in columns), strict=True
+        )
     ]
 
 
@@ -112,7 +127,7 @@ def count(recording: Recording, cuts: Sequence[int]) -> Count:
     time = recording.time
     pushes = [own for own in found(recording, slice(None)) if not own.is_cut]
     whole = cut = 0
-    lost, unflagged = [], []
+    lost, unflagged, moves = [], [], []
     for k in cuts:
         for part in (slice(0, k), slice(k, None)):
             first, last = time[part][[0, -1]]
@@ -120,8 +135,11 @@ def count(recording: Recording, cuts: Sequence[int]) -> Count:
             for push in pushes:
                 if first <= push.start and push.end <= last:
                     whole += 1
-                    if not any(own.start < push.peak < own.end for own in parts):
+                    same = [own for own in parts if own.start < push.peak < own.end]
+                    if not same:
                         lost.append(float(time[k]))
+                    elif not (push.is_out or same[0].is_out):
+                        moves.append((same[0].height - push.height) / push.sd)
                 elif push.start < last and first < push.end:
                     beside = [
                         own.is_out for own in parts if push.start < own.peak < push.end
@@ -129,7 +147,13 @@ def count(recording: Recording, cuts: Sequence[int]) -> Count:
                     cut += bool(beside)
                     if not all(beside):
                         unflagged.append(float(time[k]))
-    return Count(whole=whole, lost=tuple(lost), cut=cut, unflagged=tuple(unflagged))
+    return Count(
+        whole=whole,
+        lost=tuple(lost),
+        cut=cut,
+        unflagged=tuple(unflagged),
+        moves=tuple(moves),
+    )
 
 
 def main() -> None:
@@ -141,13 +165,16 @@ def main() -> None:
     parser.add_argument("--cuts", type=int, default=200)
     options = parser.parse_args()
     print(
-        "recording | whole pushes | lost | cut pushes | unflagged | cuts of these [s]"
+        "recording | whole pushes | lost | cut pushes | unflagged | cuts of these [s] "
+        "| heights that move | largest move [sd]"
     )
-    print("|".join(["---"] * 6))
+    print("|".join(["---"] * 8))
     for name, recording in recordings(Path(options.folder)):
         c = count(recording, evenly(recording, options.cuts))
         where = ", ".join(f"{t:.2f}" for t in sorted({*c.lost, *c.unflagged})[:6])
         cells = [name, c.whole, len(c.lost), c.cut, len(c.unflagged), where or "-"]
+        moves = np.abs(c.moves) if c.moves else np.zeros(1)
+        cells += [np.count_nonzero(moves > MOVED), f"{moves.max():.2f}"]
         print(" | ".join(map(str, cells)), flush=True)
 
 

@@ -15,6 +15,8 @@ from pushfit.data.pushes.noise import Noise
 _FAR, _SIGMAS = 4.0, 6.0
 # What a jerk may take of its surroundings, and its feet beside what is clear of it.
 _SHARE, _FEET = 0.25, 0.12
+# Samples that show quartiles well enough.
+_ENOUGH = 64
 
 
 def are_jerks(
@@ -23,9 +25,14 @@ def are_jerks(
     """Whether each sample of a component, at times [s], is one of a jerk."""
     from scipy.ndimage import maximum_filter1d, percentile_filter  # noqa: PLC0415
 
-    n = 1 + round(FIRST_SMOOTHING / _SHARE / float(np.median(np.diff(time))))
+    usual = float(np.median(np.diff(time)))
+    n = FIRST_SMOOTHING / _SHARE / usual
+    stride = max(1, round(n / _ENOUGH))
+    some, width = samples[::stride], 1 + round(n / stride)
     low, middle, high = (
-        percentile_filter(samples, share, n, mode="nearest") for share in (25, 50, 75)
+        percentile_filter(some, share, width, mode="nearest") for share in (25, 50, 75)
     )
     least = np.maximum(_FAR * (high - low), _SIGMAS * Noise.of(time, samples).sigma)
-    return maximum_filter1d(np.abs(samples - middle) > least, 1 + round(_FEET * n))
+    own = np.arange(len(samples)) // stride
+    is_far = np.abs(samples - middle[own]) > least[own]
+    return maximum_filter1d(is_far, 1 + round(_FEET * n))

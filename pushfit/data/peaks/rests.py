@@ -173,17 +173,14 @@ class _Beside:
         waited = likeness(early, feet.settling / 2)
         small = likeness(level_after - level, SHIFT * height)
         calm = likeness(self._unsettled(windows_after, rate, noise), _UNSETTLED)
-        trust = waited * small * calm
-        # A sensor that had no time to recover tells of shifts that are large.
-        doubt = 1 - small * (waited * calm + 1 - waited)
-        has_both = np.isfinite(rate) & ~only_after
+        trust = np.where(only_after, 0.0, waited * small * calm)
         own_when = np.where(only_after, when_after, when)
         unseen = only_after & np.isnan(when_after)
         return Baselines(
             level=_filled(np.where(only_after, level_after, level), self.signal),
             time=np.nan_to_num(own_when, nan=0.0) + np.where(unseen, feet.start, 0.0),
-            slope=np.where(has_both, trust * rate, 0.0),
-            doubt=np.where(has_both, doubt * np.abs(rate) / 2, 0.0),
+            slope=np.nan_to_num(trust * rate),
+            doubt=np.nan_to_num((1 - trust) * np.abs(rate) / 2),
             sd=np.where(only_after, sd_after, sd),
             sd_after=sd_after,
             time_after=when_after,

@@ -45,7 +45,7 @@ class Alignment:
         extra: Humps that are no planned push.
         other: Another assignment that is nearly as good; None where there is none.
         n_cycles: How often the recording runs through the schedule.
-        expected: When each planned push was to be at its top [s].
+        expected: When each planned push was to be [s].
     """
 
     hump: Int[np.ndarray, " n"]
@@ -88,7 +88,7 @@ class _Case:
     """Humps and plan, with the time that the recording covers.
 
     Args:
-        times: Tops of the humps [s].
+        times: Middles of the humps [s].
         brush: Whether each is a brush.
         planned: Planned times, in any unit.
         is_timed: Whether those are stated, and not only the order.
@@ -113,7 +113,7 @@ def align(
     """Pair humps with planned pushes, in order and in rhythm.
 
     Args:
-        times: Time of every hump, brushes included [s].
+        times: Middle of every hump, brushes included [s].
         is_brush: Whether a hump is so small that it may be no push.
         planned_times: Their times, from any origin, that of the recording where they
             agree with it; None for a steady rhythm [s].
@@ -150,9 +150,10 @@ def align(
     if n_pushes == len(planned) and not np.array_equal(best, in_order):
         return _alignment(case, best, None if case.is_timed else in_order, n_cycles)
     others = [way.hump for way in ways[1:] if way.cost < clear]
-    if _rhythm_shown(case, best, scales) < _EVIDENCE:
-        # Too few to keep a rhythm: it does not speak against mere order.
-        others += _in_order(case)
+    if _rhythm_shown(case, best, scales) < _EVIDENCE or _skips_beats(case, best):
+        # Too few to keep a rhythm, or one that the plan has no room for, as where a
+        # recording was stopped early: it does not speak against mere order.
+        others = [*_in_order(case), *others]
     others = [other for other in others if _differs(case, best, other)]
     return _alignment(case, best, others[0] if others else None, n_cycles)
 
@@ -163,6 +164,14 @@ def _in_order(case: _Case) -> list[Int[np.ndarray, " n"]]:
     n = min(len(humps), len(case.planned))
     none = np.full(len(case.planned) - n, -1)
     return [np.append(humps[:n], none), np.append(none, humps[len(humps) - n :])]
+
+
+def _skips_beats(case: _Case, hump: Int[np.ndarray, " n"]) -> bool:
+    """Whether humps that follow each other evenly are no neighbours in the plan."""
+    gaps = np.diff(case.times[~case.brush])
+    is_even = np.abs(gaps / np.median(gaps) - 1) < _IN_TIME if len(gaps) else gaps > 0
+    skips = np.any(np.diff(np.flatnonzero(hump >= 0)) > 1)
+    return bool(skips and is_even.all() and not case.is_timed)
 
 
 def _on_the_clock(case: _Case, first: float) -> Int[np.ndarray, " n"] | None:

@@ -120,7 +120,7 @@ def pair(
             alignment=None,
         )
     alignment = align(
-        np.array([extent.t_peak for extent in found.extents]),
+        np.array([extent.middle for extent in found.extents]),
         [extent.is_brush for extent in found.extents],
         n_planned=schedule.n_pushes,
         planned_times=schedule.time,
@@ -160,11 +160,11 @@ def _where_it_was_to_be(
 ) -> Extent:
     """Extent of a push that is missing: of what is left out there, or as the others."""
     others = [found.extents[k] for k in pushes]
-    before = float(np.median([e.t_peak - e.t_start for e in others]))
-    after = float(np.median([e.t_end - e.t_peak for e in others]))
-    there = [e for e in left_out if when - before < e.t_peak < when + after]
+    before = float(np.median([e.middle - e.t_start for e in others]))
+    after = float(np.median([e.t_end - e.middle for e in others]))
+    there = [e for e in left_out if when - before < e.middle < when + after]
     if there:
-        return min(there, key=lambda e: abs(e.t_peak - when))
+        return min(there, key=lambda e: abs(e.middle - when))
     half = float(np.median([e.width for e in others])) / 2
     feet = Feet(
         start=when - before,

@@ -58,8 +58,10 @@ class Course:
         """The same, known at every `stride`-th of its times."""
         if stride == 1:
             return self
-        kept = np.append(np.arange(0, len(self.time) - 1, stride), len(self.time) - 1)
-        return Course(self.time[kept], self.integral[kept], self.level, self.step)
+        time, integral = (
+            np.append(all_[:-1:stride], all_[-1]) for all_ in (self.time, self.integral)
+        )
+        return Course(time, integral, self.level, self.step)
 
     def smooth(
         self,

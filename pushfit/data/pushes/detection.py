@@ -69,6 +69,11 @@ class Extent:
         return self.feet.peak
 
     @property
+    def middle(self) -> float:
+        """Middle of the time above half of the height, wherever a plateau peaks [s]."""
+        return (self.feet.half_up + self.feet.half_down) / 2
+
+    @property
     def width(self) -> float:
         """Time above half of the height [s]."""
         return self.feet.width

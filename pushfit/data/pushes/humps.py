@@ -23,8 +23,6 @@ _LEVEL, _HELD = 0.15, 0.6
 # From the first to the last third of that time it moves by less than this share; a
 # flank passes through two thirds of twice `_LEVEL`.
 _FLAT = 0.1
-# Valleys that are higher than a rest by so little are nearly one: smoothing fills them.
-_NEARLY = 1.13
 # A hump on a step has fallen from its top to this share of it at least; the
 # step is held for so many times as long as the hump, or is a part of a push.
 _FALLEN, _SHELF = 0.7, 1.5
@@ -155,9 +153,8 @@ class Humps:
             worst = int(np.argmax(ratio))
             if ratio[worst] <= split:
                 break
-            is_near = bool(ratio[worst] <= _NEARLY * split)
             if self._is_new_rest(worst) or (
-                ratio[worst] < 1 - _ON_TOP and self._is_level(worst, is_near=is_near)
+                ratio[worst] < 1 - _ON_TOP and self._is_level(worst)
             ):
                 kept.add(int(self.valleys[worst + 1]))
                 self.rests[worst + 1] = lows[worst + 1]
@@ -184,22 +181,21 @@ class Humps:
                 return True
         return False
 
-    def _is_level(self, pair: int, *, is_near: bool) -> bool:
+    def _is_level(self, pair: int) -> bool:
         """Whether the signal rests between two humps, and beside one of them as well.
 
         One flat valley may be that of a push with two tops; a level that is come back
-        to is a rest. With `is_near` the valley is so deep that it need only be as long
-        as the smaller hump is wide.
+        to is a rest.
         """
         a, b = (int(k) for k in self.peaks[pair : pair + 2])
         low = float(self.y[self.valleys[pair + 1]])
         height = min(self.y[a], self.y[b]) - low
         width = min(self._width_over(pair, low), self._width_over(pair + 1, low))
 
-        def held(first: int, last: int, *, widths: float = _HELD) -> bool:
+        def held(first: int, last: int) -> bool:
             part = self.y[first : last + 1]
             n, begin = longest_run(np.abs(part - low) <= _LEVEL * height)
-            if n < max(widths * width, 2):
+            if n < max(_HELD * width, 2):
                 return False
             third, run = max(1, n // 3), part[begin : begin + n]
             return bool(abs(run[:third].mean() - run[-third:].mean()) <= _FLAT * height)
@@ -207,8 +203,6 @@ class Humps:
         outer_left = int(self.peaks[pair - 1]) if pair > 0 else 0
         is_last = pair + 2 >= len(self.peaks)
         outer_right = len(self.y) - 1 if is_last else int(self.peaks[pair + 2])
-        if is_near and held(a, b, widths=1.0):
-            return True
         return held(a, b) and (held(outer_left, a) or held(b, outer_right))
 
     def _width_over(self, k: int, low: float) -> float:

@@ -25,7 +25,7 @@ _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
 # A step is irregular when it is off the median by more than half of it.
 _IRREGULAR_SHARE = 0.05
 _LONG_STEP = 10.0
-_MEDIAN_STEPS = 1 << 16
+_SOME_STEPS = 1 << 16
 _SENTINEL = 1e20
 # Between neighbours further apart than this many usual steps a push may hide.
 _MAX_FILLED_STEPS = 5.0
@@ -163,12 +163,12 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
             at=int(missing[0]),
         )
         return
-    step = np.diff(time)
-    if not step.size:
+    before, after = time[:-1], time[1:]
+    if not len(after):
         return
     unit = findings.samples.time_unit.name
-    # Every k-th step tells the usual one as well, without a copy of them all.
-    usual = float(np.median(step[:: 1 + step.size // _MEDIAN_STEPS]))
+    every = 1 + len(after) // _SOME_STEPS
+    usual = float(np.median(after[::every] - before[::every]))
     if usual > _MAX_STEP_S or 0 < usual < _MIN_STEP_S:
         other = "ns" if usual > _MAX_STEP_S else "s"
         findings.add(
@@ -176,7 +176,14 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
             f"the usual step of {usual:g} s does not fit a tactile sensor if times are "
             f"in {unit}; state their true unit, perhaps {other}",
         )
-    wrong = np.flatnonzero(step <= 0) if step.min() <= 0 else np.array([], dtype=int)
+    # Some at a time: to copy all steps costs more than to see that they are even.
+    parts = [time[k : k + _SOME_STEPS + 1] for k in range(0, len(after), _SOME_STEPS)]
+    ends = [(s.min(), s.max()) for s in map(np.diff, parts)]
+    least, most = min(ends)[0], max(high for _, high in ends)
+    if least > 0 and 0.5 * usual <= least and most <= 1.5 * usual:
+        return
+    step = np.diff(time)
+    wrong = np.flatnonzero(step <= 0)
     back = wrong[step[wrong] < 0]
     for k, row in enumerate(wrong[:_MAX_LISTED]):
         now, before = float(time[row + 1]), float(time[row])
@@ -348,8 +355,6 @@ def _note_irregular_steps(
     findings: _Findings,
 ) -> None:
     """Describe the steps if many are off the median, or some are very long."""
-    if step.size < 2 or (step.min() >= 0.5 * usual and step.max() <= 1.5 * usual):
-        return
     n_irregular = np.count_nonzero((step < 0.5 * usual) | (step > 1.5 * usual))
     n_long = int(np.count_nonzero(step > _LONG_STEP * usual))
     if n_irregular <= _IRREGULAR_SHARE * step.size and not n_long:

@@ -11,7 +11,9 @@ from pushfit.errors import DataError
 
 
 def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
-    """Put tables below each other and number the pushes through.
+    """Put tables below each other and number pushes and repeats through.
+
+    A repeat is a pass through a plan, so that those of another recording are others.
 
     Args:
         tables: At least one; all in one unit and with the same height channels.
@@ -33,7 +35,11 @@ def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
             "or record the same of all of them in one unit",
             code="mixed_units",
         )
-    frames = [table.frame for table in tables]
+    frames, n_repeats = [], 0
+    for table in tables:
+        repeat = table.frame["repeat"] + n_repeats
+        frames.append(table.frame.assign(repeat=repeat))
+        n_repeats = int(repeat.to_numpy().max())
     # A column that one table lacks, such as the sd, is known for no fit of them all.
     frame = pd.concat(frames, ignore_index=True, join="inner")
     frame["push"] = np.arange(1, len(frame) + 1)

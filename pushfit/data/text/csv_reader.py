@@ -29,7 +29,7 @@ from pushfit.errors import DataError, Problem
 
 MAX_BYTES = 1 << 30
 # The parser holds all fields of a chunk, also those that are not needed.
-_CHUNK_CELLS = 1 << 19
+_CHUNK_CELLS = 1 << 18
 # Types that pandas parses to, and that the result keeps.
 _PARSED = {"float": np.float64, "int": np.int64, "stamp": str, "text": str}
 _STORED = {"float": np.float64, "int": np.int64, "stamp": np.int64, "text": object}

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.npyio import NpzFile
 
-from pushfit.data.text.faults import refuse
+from pushfit.data.text.faults import STATE_COLUMNS, refuse
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _LEVEL = "(?:DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL)"
@@ -87,8 +87,7 @@ def _arrays(path: str, columns: Sequence[str]) -> tuple[Table, str]:
     if not names or len(names) > rows.shape[1]:
         raise refuse(
             "no_header",
-            f"holds {rows.shape[1]} columns without names; state them in order, for "
-            "example --columns time_s,pressure_kpa",
+            f"holds {rows.shape[1]} columns without names; {STATE_COLUMNS}",
             path=path,
         )
     return {name: rows[:, k].astype(float) for k, name in enumerate(names)}, kind

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pushfit.data.text.faults import refuse
+from pushfit.data.text.faults import STATE_COLUMNS, refuse
 from pushfit.errors import ConfigError, DataError
 
 # Blanks come last: they also separate the fields of tabbed files.
@@ -209,8 +209,7 @@ def _no_table(
     if len(cells) >= 2 and has_values:
         return refuse(
             "no_header",
-            f"holds {len(cells)} fields but no column names; state them in order, for "
-            "example --columns time_s,pressure_kpa",
+            f"holds {len(cells)} fields but no column names; {STATE_COLUMNS}",
             path=path,
             line=first + 1,
         )

@@ -105,13 +105,13 @@ def test_a_push_beyond_the_range_of_one_component_is_flagged(made):
     assert not flagged[np.asarray(made.truth.height_normal) < 0.9 * end].any()
 
 
-def pushes_with_jerks(course, *, jerk=0.0, at=0.0, axis="fz"):
+def pushes_with_jerks(course, *, jerk=0.0, at=0.0, axis="fz", rate=100):
     """Four pushes of 5 N along and 2 N across, each with a jerk of 50 ms.
 
     Args:
         course: From the time since the begin of a push to a share of its height [s].
     """
-    time = np.arange(0.0, 26.0, 0.01)
+    time = np.arange(26 * rate) / rate
     rng = np.random.default_rng(0)
     along, across = 0.05 * rng.standard_normal((2, time.size))
     forces = {"fx": across, "fz": along}
@@ -137,10 +137,10 @@ def pointed(since):
 
 @pytest.mark.parametrize("jerk", [-70.0, -12.0, 12.0, 70.0])
 @pytest.mark.parametrize("at", [0.25, 0.8, 1.25, 2.52])
-@pytest.mark.parametrize("axis", ["fz", "fx"])
-def test_a_jerk_is_neither_a_push_nor_a_height(jerk, at, axis):
+@pytest.mark.parametrize(("axis", "rate"), [("fz", 100), ("fx", 100), ("fz", 2000)])
+def test_a_jerk_is_neither_a_push_nor_a_height(jerk, at, axis, rate):
     """On contact, in the hold or on retracting."""
-    table = pushes_with_jerks(held, jerk=jerk, at=at, axis=axis)
+    table = pushes_with_jerks(held, jerk=jerk, at=at, axis=axis, rate=rate)
     assert table.flags == (frozenset(),) * 4
     for channel, height in (("height_normal", 5.0), ("height_tangential", 2.0)):
         pull = (table.heights(channel) - height) / table.sd(channel)

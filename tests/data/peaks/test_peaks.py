@@ -143,6 +143,20 @@ def test_two_assignments_that_fit_alike_are_both_shown_and_refused():
     assert extract_peaks(recording, ALPHA_SWEEP, settings=likeliest).n_pushes >= 17
 
 
+def test_held_pushes_in_time_are_paired_wherever_each_is_at_its_highest():
+    time = np.arange(0.0, 26.0, 0.01)
+    level = np.random.default_rng(0).standard_normal(time.size)
+    for start, highest in zip(2 + 6 * np.arange(4), [0.4, 2.6, 0.4, 2.6], strict=True):
+        since = time - start
+        level += 100 * np.clip(np.minimum(since, 3 - since) / 0.3, 0, 1)
+        level += 3 * np.exp(-(((since - highest) / 0.2) ** 2))
+    recording = Recording(time=time, channels={"f": level}, units={"f": "n"})
+    plan = PushSchedule.planned(np.radians(45.0), 0.0, repeats=4)
+    table = extract_peaks(recording, plan)
+    assert set(table.frame["definition"]) == {"plateau"}
+    assert table.is_used.tolist() == [True] * 4
+
+
 def test_humps_are_left_out_and_taken_in_by_their_time():
     made = simulated()
     time = made.recording.time

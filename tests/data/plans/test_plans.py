@@ -39,6 +39,22 @@ def test_where_few_pushes_show_no_rhythm_mere_order_is_the_other_candidate():
     assert found.other.tolist() == [0, 1, 2, 3, -1]
 
 
+@pytest.mark.parametrize("n_planned", [7, 8, 12])
+def test_a_recording_that_was_stopped_early_is_no_plan_with_every_other_push_missing(
+    n_planned,
+):
+    """Twelve pushes at half of the period would have room, and six to spare."""
+    found = align(
+        3.0 + 4.0 * np.arange(6),
+        [False] * 6,
+        n_planned=n_planned,
+        planned_times=None,
+        span=(0.0, 24.0),
+    )
+    assert found.other is not None
+    assert found.other.tolist() == [*range(6), *[-1] * (n_planned - 6)]
+
+
 def test_a_plan_whose_first_pushes_feel_nothing_is_paired_with_its_last():
     rng = np.random.default_rng(1)
     times = PERIOD * np.arange(27) + 0.1 * rng.standard_normal(27)

@@ -54,6 +54,18 @@ def test_a_level_that_is_come_back_to_is_a_rest_however_high_it_lies():
     assert tops(*course(*corners)) == [6, 10]
 
 
+def test_pushes_close_together_beyond_a_step_of_the_rest_are_told_apart():
+    """No rest between them is held for long, but each comes back to the same level."""
+    shelf = 300.0
+    pushes = [corner for k in range(4) for corner in push(5.0 + 2.2 * k, rest=shelf)]
+    corners = ((0.0, 0.0), (2.8, 0.0), (3.0, shelf), *pushes, (15.0, shelf))
+    time, y = course(*corners)
+    extents = found(time, y)
+    np.testing.assert_allclose(
+        [extent.t_peak for extent in extents], 6.0 + 2.2 * np.arange(4), atol=0.1
+    )
+
+
 def test_two_tops_over_a_valley_that_is_no_rest_are_one_push():
     corners = ((0, 0), (2, 0), (3, 100), (4, 60), (5, 100), (6, 0), (8, 0))
     assert tops(*course(*corners)) in ([3], [5])
@@ -76,13 +88,6 @@ def test_a_little_change_of_rest_under_a_push_is_drift_and_a_large_one_a_step(
     # The top lies 100 above the rest before; half of the drift has passed by then.
     np.testing.assert_allclose(height.height, 100.0 - slope / 2, rtol=0, atol=0.45)
     np.testing.assert_allclose(height.baseline, slope / 2, rtol=0, atol=0.45)
-
-
-@pytest.mark.parametrize(("valley", "n_pushes"), [(42.5, 2), (50.0, 1)])
-def test_a_valley_that_is_nearly_low_enough_separates_if_it_is_held(valley, n_pushes):
-    """Longer than the push before it is wide, though not come back to."""
-    corners = ((1, 0), (1.5, 100), (2, valley), (4, valley), (5, 200), (6, 0))
-    assert len(found(*course((0, 0), *corners, (8, 0)))) == n_pushes
 
 
 def test_brief_pushes_with_brief_rests_are_told_apart():

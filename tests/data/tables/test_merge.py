@@ -30,6 +30,21 @@ def test_pushes_keep_their_order_and_are_numbered_through():
     np.testing.assert_array_equal(merged.heights("height"), [1, 2, 3, 1, 2])
 
 
+def test_repeats_of_another_recording_are_others():
+    """Each is a pass of its own, whatever its number in its recording."""
+    sweeps = [
+        PeakTable.from_arrays(
+            theta=np.repeat([0.2, 0.4], n),
+            alpha=np.zeros(2 * n),
+            heights={"height": np.ones(2 * n)},
+            unit="kpa",
+        )
+        for n in (2, 3)
+    ]
+    merged = merge_tables(sweeps)
+    assert merged.frame["repeat"].tolist() == [1, 2, 1, 2, 3, 4, 5, 3, 4, 5]
+
+
 def test_the_origin_of_every_push_is_kept():
     merged = merge_tables([table("a", 3), table("b", 2)])
     assert [source.path for source in merged.sources] == ["a", "b"]

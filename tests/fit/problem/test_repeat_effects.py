@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import scipy
 
+from pushfit.data.tables.merge import merge_tables
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.fitted import fit_table
 from pushfit.fit.problem.repeat_effects import (
@@ -44,6 +46,41 @@ def test_what_tells_one_repeat_from_another_is_taken_out(kind, offset, gain):
     )
 
 
+@pytest.mark.parametrize(
+    ("kind", "offset", "gain"),
+    [("offset", SHIFT, np.ones(3)), ("gain", np.zeros(3), GAIN)],
+)
+@pytest.mark.parametrize("n_shared", [0, 1])
+def test_another_sweep_has_repeats_of_its_own(kind, offset, gain, n_shared):
+    """Taken out of each by itself, and between them only by directions of both.
+
+    The other sweep is moved, or grows, as a whole as well; a direction of both shows
+    that, and it is divided among them by their numbers of heights.
+    """
+    one = case_table(CASES["firm"])
+    theta = one.theta[: 8 * 3] + (0.0 if n_shared else 0.01)
+    alpha = np.where(np.arange(theta.size) < 3, one.alpha[0], one.alpha[0] + 0.1)
+    other = PeakTable.from_arrays(
+        theta=theta,
+        alpha=alpha,
+        heights={"height": one.heights("height")[: theta.size]},
+        unit="n",
+    )
+    clean = merge_tables([one, other])
+    moves = np.concatenate([offset, offset[::-1] + (kind == "offset") * 0.5])
+    gains = np.concatenate([gain, gain[::-1] * (1 + (kind == "gain") * 0.1)])
+    found = without_repeat_effects(changed(clean, moves, gains), kind)
+    heights, true = found.heights("height"), clean.heights("height")
+    left = heights - true if kind == "offset" else heights / true
+    sweeps = np.split(left, [one.n_pushes])
+    for own in sweeps:
+        np.testing.assert_allclose(own, own[0], atol=1e-9)
+    apart = 0.5 if kind == "offset" else 0.1
+    np.testing.assert_allclose(
+        sweeps[1][0] - sweeps[0][0], 0.0 if n_shared else apart, atol=1e-9
+    )
+
+
 def test_pushes_that_are_left_out_take_no_part():
     clean = case_table(CASES["firm"])
     moved = changed(clean, SHIFT, np.ones(3)).with_flag([4], "saturated")
@@ -78,12 +115,15 @@ def test_repeats_without_a_common_direction_have_no_effects():
     assert caught.value.code == "no_repeats"
 
 
-def test_the_chance_of_repeats_that_are_alike_is_uniform():
-    direction, repeat = both_ways(case_table(CASES["firm"]))
+@pytest.mark.parametrize("n_sweeps", [1, 4])
+def test_the_chance_of_repeats_that_are_alike_is_uniform(n_sweeps):
+    """Of sweeps without a common direction each has its own two repeats."""
+    sweep, direction, repeat = np.indices((n_sweeps, 8, 2)).reshape(3, -1)
+    direction, repeat = direction + 8 * sweep, repeat + 2 * sweep
     rng = np.random.default_rng(2)
     size = 1.0 + np.sin(direction)
     chances = [
-        repeat_p_value(rng.standard_normal(51), size, direction, repeat)
+        repeat_p_value(rng.standard_normal(size.size), size, direction, repeat)
         for _ in range(N_TABLES)
     ]
     assert scipy.stats.kstest(chances, "uniform").pvalue > LEVEL
