@@ -165,8 +165,9 @@ def _more_evident(
         return replace(normal, swept=known)
     warning = ResultWarning(
         code="student_t_chosen",
-        text="a few residuals are far larger than the rest: noise with heavy tails "
-        f"(Student-t) is e^{gain:.1f} times as probable as normal noise and was taken",
+        text=f"noise with heavy tails (Student-t) is {np.exp(gain):.2g} times as "
+        "probable as normal noise and was taken, so that outlying heights count less; "
+        '[noise] likelihood = "normal" has them count in full',
     )
     return replace(
         student,
