@@ -132,9 +132,11 @@ def test_emcee_finds_it_too(own_mechanics):
 
 
 def test_other_heights_run_through_the_same_programs(tmp_path, monkeypatch):
+    """By default some heights ask for the programs of heavy-tailed noise as well."""
     (tmp_path / "pushfit_counted.py").write_text(COUNTED)
     monkeypatch.syspath_prepend(tmp_path)
-    settings = config('[grasp]\nmechanics = "counted"\n' + FRICTION_ONLY)
+    text = '[grasp]\nmechanics = "counted"\n[noise]\nlikelihood = "normal"\n'
+    settings = config(text + FRICTION_ONLY)
     traces = sys.modules["pushfit_counted"].TRACES
     counts = []
     try:
