@@ -115,7 +115,6 @@ def identify_table(
         fitted,
         seed=seed,
         engine=engine,
-        swept=answers[0].swept if answers else None,
         progress=stages.within,
         checkpoint=checkpoint,
     )
@@ -258,6 +257,7 @@ def _measured(
     hearing.confined(fitted, profiles.get("theta_c"))
     stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
     swept = sweep(fitted, seed)
+    fitted = replace(fitted, swept={seed: swept})
     prob = fitted.config.report.prob
     theta_c = angle_quantity("theta_c", swept, profiles.get("theta_c"), prob=prob)
     return _Measured(fitted=fitted, swept=swept, answer=_answer(fitted, swept, theta_c))
@@ -285,7 +285,7 @@ def _leading_first(measured: list[_Measured]) -> list[_Measured]:
 
 
 def _is_comparable(first: Fitted, second: Fitted) -> bool:
-    """Whether both answer for the same heights with the same noise model."""
+    """Whether both answer for the same heights, and know their noise alike."""
     return (
         first.setup.rows == second.setup.rows
         and first.setup.noise.kind == second.setup.noise.kind

@@ -8,9 +8,10 @@ import pytest
 from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, DataError
+from pushfit.fit import fitted as fitted_module
 from pushfit.fit.assess.quantities import angle_quantity
 from pushfit.fit.assess.reporting_rules import reported
-from pushfit.fit.fitted import fit_table
+from pushfit.fit.fitted import fit_table, sweep
 from pushfit.fit.identify import identify_table
 from pushfit.fit.results import FitStatus, Verdict
 from tests.fit.tables import FRICTION_ONLY, HARD, case_table, config
@@ -280,3 +281,38 @@ def test_noise_is_chosen_by_its_evidence(noise, chosen):
     assert fitted.config.noise.likelihood == chosen
     codes = [warning.code for warning in fitted.warnings]
     assert ("student_t_chosen" in codes) == (chosen == "student_t")
+
+
+def proportional(seed: int) -> PeakTable:
+    """51 heights that scatter by a share of their own."""
+    clean = case_table(CASES["paper"])
+    heights = clean.heights("height")
+    scatter = 0.05 * heights * np.random.default_rng(seed).standard_normal(51)
+    return PeakTable.from_arrays(
+        theta=clean.theta,
+        alpha=clean.alpha,
+        heights={"height": heights + scatter},
+        unit="n",
+    )
+
+
+def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
+    """Noise of several sizes has them, too; it is named, and not hidden by them."""
+    table, settings = proportional(0), config(FRICTION_ONLY)
+    student = config('[noise]\nlikelihood = "student_t"\n' + FRICTION_ONLY)
+    normal = '[noise]\nsigma = "sampled"\nlikelihood = "normal"\n'
+    sampled = config(normal + FRICTION_ONLY)
+    evidence = [sweep(fit_table(table, c), 0).log_evidence for c in (student, sampled)]
+    assert evidence[0] > evidence[1] + 1
+    assert fit_table(table, settings).setup.problem.likelihood == "normal"
+    monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
+    assert fit_table(table, settings).setup.problem.likelihood == "student_t"
+
+
+def test_draws_that_noise_was_chosen_by_are_those_of_the_sweep(monkeypatch):
+    monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
+    fitted = fit_table(proportional(0), config(FRICTION_ONLY))
+    (known,) = fitted.swept.values()
+    anew = sweep(replace(fitted, swept={}), 0)
+    np.testing.assert_array_equal(known.samples["theta_c"], anew.samples["theta_c"])
+    assert sweep(fitted, 1) is not known

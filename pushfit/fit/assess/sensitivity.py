@@ -63,7 +63,8 @@ def angle_error_warnings(
                 code=f"{word}s_taken_as_exact",
                 text=f"{word}s are taken as exact; errors of {COMMON_SD_DEG:g}° would "
                 f"move {' and '.join(parts)}, which intervals leave out: set [noise] "
-                f"{key}, or 0 if they are exact",
+                f'{key}, with angle_errors = "shared" if repeats miss alike, or 0 if '
+                "they are exact",
             )
 
 

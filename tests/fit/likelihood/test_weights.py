@@ -9,7 +9,7 @@ from scipy import stats
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.fitted import fit_table
-from pushfit.fit.likelihood.weights import height_share
+from pushfit.fit.likelihood.weights import height_share, tail_gain
 from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
@@ -90,3 +90,20 @@ def test_pooled_repeats_hold_the_share_already():
     with pytest.raises(ConfigError, match="height_share") as caught:
         fit_table(table, config('[noise]\nsigma = "pooled"\nheight_share = 0.05\n'))
     assert caught.value.code == "pooled_with_uneven"
+
+
+@pytest.mark.parametrize("kind", ["given", "sampled"])
+def test_tails_gain_the_ratio_of_the_likelihoods(kind):
+    """By densities written out, and the likeliest scales of a fine grid."""
+    table = case_table(CASES["firm"], noise=0.02, seed=3)
+    fitted = fit_table(table, config('[noise]\nlikelihood = "normal"\n'))
+    z = (table.heights("height") - fitted.fit.predicted) / fitted.fit.sigma
+    scales = np.array([1.0]) if kind == "given" else np.geomspace(0.3, 3.0, 4001)
+    squares = (z / scales[:, None]) ** 2
+    normal = np.sum(-squares / 2 - np.log(2 * np.pi) / 2, axis=1)
+    # Γ(5/2) / (Γ(2) √(4π)) = 3/8.
+    student = np.sum(np.log(3 / 8) - 2.5 * np.log1p(squares / 4), axis=1)
+    change = -z.size * np.log(scales)
+    expected = np.max(student + change) - np.max(normal + change)
+    found = tail_gain(fitted.setup.problem, fitted.fit, kind)
+    np.testing.assert_allclose(found, expected, atol=1e-4)
