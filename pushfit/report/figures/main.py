@@ -60,6 +60,9 @@ def _sweep(
 ) -> Sweep:
     """The pushes of some rows with the prediction that belongs to them."""
     table, frame = identification.table, identification.table.frame
+    # What is in a mean is drawn with it, and was not left out.
+    flags = table.flags
+    rows = np.array([row for row in rows if "averaged" not in flags[row]])
     fixed = float(frame[f"{OTHER[swept]}_deg"].iloc[rows[0]])
     band = next(
         (

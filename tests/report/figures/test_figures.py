@@ -87,6 +87,15 @@ def test_pushes_that_were_left_out_are_in_the_figure(determined):
     assert np.sum(~sweep.is_used) == 1
 
 
+def test_pushes_that_are_in_a_mean_are_drawn_with_it(determined):
+    later = [1, 2]
+    table = determined.table.with_flag(later, "averaged")
+    averaged = replace(determined, table=table, used=table.is_used)
+    (drawn,) = sweeps_of(averaged, "theta", "height")
+    (whole,) = sweeps_of(determined, "theta", "height")
+    np.testing.assert_array_equal(drawn.height, np.delete(whole.height, later))
+
+
 def test_without_an_azimuth_sweep_there_is_one_panel(theta_only):
     assert len(main_figure(theta_only).axes) == 1
     assert list(sweep_makers(theta_only)) == ["theta"]
