@@ -16,7 +16,7 @@ from scipy import stats
 from benchmarks.tables import prior_problems
 from pushfit.cache import enable_compile_cache
 from pushfit.fit.problem.derived import equal_tailed_interval, samples_mapping
-from pushfit.fit.sweep.posterior import N_REFINED, N_RETURNED, weighted_draws
+from pushfit.fit.sweep.posterior import N_RETURNED, weighted_draws
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS
 
@@ -50,7 +50,7 @@ def main() -> None:
         data = setup.problem
         truths = samples_mapping(data, truth[None], ALPHA, REACH)
         found = weighted_draws(make_target(data, ALPHA), seed=options.seed + i)
-        n_refined += len(found.x) == N_REFINED
+        n_refined += found.n_refinements > 0
         if not found.is_trusted:
             n_lost += 1
             continue

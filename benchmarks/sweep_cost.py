@@ -22,7 +22,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.population.many import ItemResult, identify_many
 from pushfit.fit.setup import Setup
-from pushfit.fit.sweep.posterior import N_REFINED, WeightedDraws, weighted_draws
+from pushfit.fit.sweep.posterior import WeightedDraws, weighted_draws
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS
 from tests.fit.tables import config
@@ -75,7 +75,7 @@ def main() -> None:
         draws, seconds = timed(posterior, enumerate(setups))
         later = 1e3 * seconds[1:]
         _, whole = timed(partial(identification, settings=settings), tables)
-        n_refined = sum(len(found.x) == N_REFINED for found in draws)
+        n_refined = sum(found.n_refinements > 0 for found in draws)
         print(
             f"| {name} | {seconds[0]:.1f} s | {np.median(later):.0f} ms "
             f"| {np.max(later):.0f} ms | {min(d.ess for d in draws):.0f} "

@@ -71,11 +71,17 @@ class Mixture:
         return norm + scipy.special.logsumexp(log_weight + log_shape, axis=0)
 
 
-def fit_mixture(points: Float[np.ndarray, "n p"], rng: np.random.Generator) -> Mixture:
+def fit_mixture(
+    points: Float[np.ndarray, "n p"],
+    rng: np.random.Generator,
+    *,
+    n_components: int = N_COMPONENTS,
+) -> Mixture:
     """Mixture that resembles a cloud of points, modes and bends included.
 
     Args:
         points: Points, more than twice as many as components.
+        n_components: Components beside the one as wide as all.
 
     Returns:
         Gaussian components found by expectation maximisation, with the tails of
@@ -90,7 +96,7 @@ def fit_mixture(points: Float[np.ndarray, "n p"], rng: np.random.Generator) -> M
     )
     white = np.linalg.solve(overall, (points - centre).T).T
     found = sklearn.mixture.GaussianMixture(
-        N_COMPONENTS,
+        n_components,
         init_params="k-means++",
         reg_covar=SMALLEST_VARIANCE,
         tol=0.01,

@@ -5,7 +5,8 @@ weights with too heavy a tail, says so, and the caller hands it to emcee.
 """
 
 import functools
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -29,7 +30,7 @@ from pushfit.model import as_float
 # Draws of one call, and effective draws that are enough: the mean of any quantity is
 # then good to 0.03 of its standard deviation.
 N_DRAWS, ENOUGH = 4096, 2000.0
-# Calls at most, where the proposals need no better fit.
+# Calls of one proposal at most.
 MAX_CALLS = 4
 # Below so many effective draws, or with a heavier tail of the weights, averages are not
 # to be trusted. The second is the limit of Vehtari et al. (2024), arXiv:1507.02646.
@@ -38,9 +39,10 @@ TOO_FEW, MAX_PARETO_K = 400.0, 0.7
 # enough may lack a region: a mixture is tried. Without it log evidences were off by 0.1
 # and 0.3 where their errors said 0.015.
 HEAVY_PARETO_K = 0.5
-# Times that a mixture is fitted to the draws where they are not to be trusted yet, the
-# draws it is fitted to, and those from it.
-MAX_REFINEMENTS, N_FITTED, N_REFINED = 3, 4096, 16384
+# Times that a mixture is fitted to the draws where they are not to be trusted yet; its
+# components, the draws it is fitted to, and how many of these must count.
+MAX_REFINEMENTS = 3
+N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 4096, 500.0
 # Draws of equal weight that are returned.
 N_RETURNED = 8192
 
@@ -57,6 +59,7 @@ class WeightedDraws:
         log_evidence_error: Its standard error.
         ess: Effective number of draws.
         pareto_k: Shape of the tail of the weights.
+        n_refinements: Times that a mixture was fitted to the draws before.
     """
 
     x: Float[np.ndarray, "n p"]
@@ -66,6 +69,7 @@ class WeightedDraws:
     log_evidence_error: float
     ess: float
     pareto_k: float
+    n_refinements: int = 0
 
     @property
     def is_trusted(self) -> bool:
@@ -147,15 +151,12 @@ def weighted_draws(target: Target, *, seed: int) -> WeightedDraws:
 def _swept(target: Target, rng: np.random.Generator) -> WeightedDraws:
     """Draws proposed by the sweep."""
     sheet = _sheet(target)
-    parts: list[Draw] = []
-    while True:
+
+    def batch() -> Draw:
         shift = as_float(rng.uniform(size=n_uniforms(target)))
-        parts.append(jax.tree.map(np.asarray, _draws(target, sheet, shift)))
-        draws = jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
-        order = np.argsort(draws.outer, kind="stable")
-        found = _weighed(draws.x[order], draws.log_prob[order], draws.log_weight[order])
-        if found.ess >= ENOUGH or len(parts) == MAX_CALLS:
-            return found
+        return jax.tree.map(np.asarray, _draws(target, sheet, shift))
+
+    return _drawn(batch, ENOUGH_TO_FIT)
 
 
 def _refined(
@@ -163,11 +164,35 @@ def _refined(
 ) -> WeightedDraws:
     """Draws proposed by a mixture that resembles draws of the posterior."""
     x, _ = found.resampled(N_FITTED, rng)
-    mixture = fit_mixture(x, rng)
+    mixture = fit_mixture(x, rng, n_components=N_COMPONENTS)
     random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
-    x = mixture.sample(random, N_REFINED)
-    log_prob = np.asarray(_log_probs(target, as_float(x)))
-    return _weighed(x, log_prob, log_prob - mixture.log_density(x))
+
+    def batch() -> Draw:
+        x = mixture.sample(random, N_DRAWS)
+        log_prob = np.asarray(_log_probs(target, as_float(x)))
+        log_weight = log_prob - mixture.log_density(x)
+        # Any coordinate orders them.
+        return Draw(x=x, log_weight=log_weight, log_prob=log_prob, outer=x[:, 0])
+
+    n_refinements = found.n_refinements + 1
+    return replace(_drawn(batch, ENOUGH), n_refinements=n_refinements)
+
+
+def _drawn(batch: Callable[[], Draw], enough: float) -> WeightedDraws:
+    """Batches of draws, until so many effective ones are among them.
+
+    Args:
+        batch: Makes another one.
+        enough: Effective draws that are wanted.
+    """
+    parts: list[Draw] = []
+    while True:
+        parts.append(batch())
+        draws = jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
+        order = np.argsort(draws.outer, kind="stable")
+        found = _weighed(draws.x[order], draws.log_prob[order], draws.log_weight[order])
+        if found.ess >= enough or len(parts) == MAX_CALLS:
+            return found
 
 
 def _weighed(
