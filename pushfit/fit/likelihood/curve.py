@@ -85,6 +85,7 @@ class Search:
         is_thorough: Whether the fits began with those of a search, or guesses are many
             beside the shapes of a problem without an ellipse.
         curve: The fits.
+        optima: Best fits of all valleys, where they are known.
     """
 
     observed: Float[np.ndarray, "c n"]
@@ -92,6 +93,7 @@ class Search:
     reference_alpha: float
     is_thorough: bool
     curve: Curve
+    optima: Float[np.ndarray, "k q"] | None = None
 
 
 def search(

@@ -148,6 +148,8 @@ def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
     """The lowest valleys of the search; always as many, the lowest repeated."""
     if setup.search is None:
         return np.zeros((N_STARTS, 0))
+    if setup.search.optima is not None:
+        return setup.search.optima
     pool = setup.search.curve.points
     costs = costs_at(setup.problem, pool)
     padded = np.r_[np.inf, np.where(np.isfinite(costs), costs, np.inf), np.inf]
@@ -235,10 +237,15 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
             problem = with_known_noise(problem, share * np.abs(predicted))
         if is_sampled:
             problem = with_noise_of(problem, predicted)
-    if has_weights and setup.search is not None:
+    if setup.search is not None:
         # Other weights have other best fits, near the first ones.
         pool = setup.search.curve.points
-        setup = replace(setup, search=search(problem, reference_alpha, pool))
+        found = (
+            search(problem, reference_alpha, pool)
+            if has_weights
+            else replace(setup.search, optima=points)
+        )
+        setup = replace(setup, search=found)
     if noise.height_share is None:
         noise = replace(noise, warnings=(*noise.warnings, share_warning(share)))
     return replace(setup, problem=problem, noise=noise)
