@@ -14,16 +14,24 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
+from pushfit.fit.assess.predictive import noise_at
 from pushfit.fit.fitted import Fitted, draw_posterior, fit_table, with_likelihood
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.repeat_effects import (
+    both_ways,
+    effects_log_factor,
+    is_crossed,
+    without_repeat_effects,
+)
 from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import build_problem
@@ -39,6 +47,8 @@ NEVER_ROLLS = 1e6
 NOISES: dict[str, dict[str, str]] = {
     "student_t": {"likelihood": "student_t"},
     "proportional": {"height_share": "estimate"},
+    "offset": {"repeats": "offset"},
+    "gain": {"repeats": "gain"},
 }
 # Differences below these tell nothing: a factor of e between evidences, two standard
 # errors between predictive densities.
@@ -81,14 +91,15 @@ class ModelScore:
     Args:
         name: "hard", "soft" or "no_rolling" by the mechanics of the configuration;
             "tilting" or "linear" for a hard transition by the other mechanics;
-            "student_t" or "proportional" for other noise, all else as configured.
+            a key of `NOISES` for other noise, all else as configured.
         sharpness: Sharpness of the transition, infinite for a hard switch; None where
             it is one of the unknowns.
         is_adequate: Whether it describes the heights within their noise.
         verdict: The same in words.
         log_evidence: ln p(h); None where the sweep was not to be trusted.
         log_evidence_error: Its standard error.
-        densities: Leave-one-out densities; None where draws are not to be trusted.
+        densities: Leave-one-out densities; None where draws are not to be trusted, and
+            with effects of repeats, which are fitted to all pushes.
         engine: How the posterior was found.
         status: Whether its numbers are to be trusted.
         log_bayes_factor: Log evidence minus the highest of all models.
@@ -197,12 +208,15 @@ def compare_models(
     noise = fitted.setup.noise.kind
     noise = "sampled" if noise == "pooled" else noise
     settled = fitted.config.noise.model_copy(update={"sigma": noise})
-    configs = rival_configs(fitted.config.model_copy(update={"noise": settled}))
+    configs = rival_configs(
+        fitted.config.model_copy(update={"noise": settled}),
+        has_repeats=is_crossed(*both_ways(fitted.table)),
+    )
     scores = []
     for index, (name, rival) in enumerate(configs.items()):
         if progress is not None:
             progress(name.replace("_", " "), index / len(configs))
-        scores.append(_score(name, _refitted(fitted, rival), seed))
+        scores.append(_score(name, fitted.table, _refitted(fitted, rival), seed))
     has_evidence = any(score.log_evidence is not None for score in scores)
     return Comparison(
         models=against_best(scores),
@@ -213,10 +227,16 @@ def compare_models(
     )
 
 
-def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
+def rival_configs(
+    config: GraspConfig, *, has_repeats: bool = False
+) -> dict[str, GraspConfig]:
     """The configuration with each way of rolling, other mechanics, and other noise.
 
-    Tilting mechanics are among them where the push length and L are stated.
+    Tilting mechanics are among them where the push length and L are stated, and effects
+    of repeats where noise is normal.
+
+    Args:
+        has_repeats: Whether any direction was pushed in two repeats.
     """
 
     def with_transition(sharpness: float | str, base: GraspConfig) -> GraspConfig:
@@ -237,9 +257,13 @@ def rival_configs(config: GraspConfig) -> dict[str, GraspConfig]:
     for rival in config.with_mechanics("auto").by_mechanics():
         if rival.grasp.mechanics != own:
             configs[rival.grasp.mechanics] = with_transition("hard", rival)
+    has_effects = has_repeats and config.noise.likelihood == "normal"
     for name, change in NOISES.items():
         noise = config.noise.model_copy(update=change)
-        if noise != config.noise:
+        is_possible = "repeats" not in change or (
+            has_effects and config.noise.repeats == "alike"
+        )
+        if is_possible and noise != config.noise:
             configs[name] = config.model_copy(update={"noise": noise})
     return configs
 
@@ -316,9 +340,12 @@ def _push_log_likelihoods(
 
 def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
     """The same pushes under another configuration."""
-    setup = settle_noise(build_problem(fitted.table, config), fitted.reference_alpha)
+    table, kind = fitted.table, config.noise.repeats
+    if kind != fitted.config.noise.repeats:
+        table = without_repeat_effects(table, kind)
+    setup = settle_noise(build_problem(table, config), fitted.reference_alpha)
     return Fitted(
-        table=fitted.table,
+        table=table,
         config=config,
         setup=setup,
         fit=fit_least_squares(setup, reference_alpha=fitted.reference_alpha),
@@ -327,26 +354,36 @@ def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
     )
 
 
-def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
-    """One model, not yet compared."""
+def _score(name: str, table: PeakTable, fitted: Fitted, seed: int) -> ModelScore:
+    """One model, not yet compared.
+
+    Args:
+        table: Heights that all models answer for.
+    """
     problem, n_pushes = fitted.setup.problem, len(fitted.setup.rows)
     posterior = draw_posterior(fitted, seed=seed, engine="auto")
     is_trusted = posterior.status is FitStatus.OK
     quality = goodness_of_fit(fitted.table, fitted.fit, fitted.setup.noise, seed=seed)
-    densities = push_densities(
-        problem,
-        posterior.samples,
-        n_pushes=n_pushes,
-        efficiency=_efficiency(posterior),
-    )
+    log_evidence, densities = posterior.log_evidence, None
+    if fitted.table is not table and log_evidence is not None:
+        noise = noise_at(problem, posterior.samples)[:, :, :n_pushes]
+        factors = effects_log_factor(table, fitted.table, noise)
+        log_evidence += float(scipy.special.logsumexp(factors)) - math.log(len(factors))
+    elif is_trusted:
+        densities = push_densities(
+            problem,
+            posterior.samples,
+            n_pushes=n_pushes,
+            efficiency=_efficiency(posterior),
+        )
     return ModelScore(
         name=name,
         sharpness=None if "p" in problem.priors else float(problem.grasp.sharpness),
         is_adequate=quality.is_adequate,
         verdict=quality.sentence,
-        log_evidence=posterior.log_evidence if is_trusted else None,
+        log_evidence=log_evidence if is_trusted else None,
         log_evidence_error=posterior.log_evidence_error if is_trusted else None,
-        densities=densities if is_trusted else None,
+        densities=densities,
         engine=posterior.engine,
         status=posterior.status,
     )

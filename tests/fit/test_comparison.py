@@ -193,3 +193,16 @@ def log_series_density(values, first, second):
     second_log = values[:, None] + np.logaddexp(0, -t)
     density = stats.norm.pdf(first_log, *first) * stats.norm.pdf(second_log, *second)
     return np.log(np.trapezoid(density, t, axis=1))
+
+
+@pytest.mark.parametrize(("moved", "is_favoured"), [(0.5, True), (0.0, False)])
+def test_repeats_that_are_moved_are_told_from_repeats_alike(moved, is_favoured):
+    """Of repeats alike, effects cost half a log of their pushes and gain nothing."""
+    table = case_table(CASES["firm"], noise=0.15)
+    repeat = table.frame["repeat"].to_numpy()
+    heights = table.heights("height") + moved * (repeat - np.mean(repeat))
+    table = dataclasses.replace(table, frame=table.frame.assign(height_n=heights))
+    found = {m.name: m for m in compare_models(table, config(), seed=0).models}
+    assert found["offset"].densities is None
+    assert found["hard"].is_less_evident is is_favoured
+    assert found["offset"].is_less_evident is not is_favoured

@@ -52,7 +52,7 @@ def predictive_checks(
     index = np.linspace(0, n - 1, min(n, n_draws)).astype(int)
     draws = {name: values[index] for name, values in posterior.samples.items()}
     predicted = heights_of(problem, predict_draws(problem, draws, problem.pushes))
-    residuals = (predicted - np.asarray(problem.observed)) / _scale(problem, draws)
+    residuals = (predicted - np.asarray(problem.observed)) / noise_at(problem, draws)
     observed = residuals[:, :, :n_rows]
     simulated = _noise(problem, observed.shape, np.random.default_rng([seed, 3]))
     directions = pushed_directions(table, np.array(setup.rows))
@@ -91,10 +91,14 @@ def _noise(
     return rng.standard_normal(shape)
 
 
-def _scale(
+def noise_at(
     problem: Problem, draws: Mapping[str, Float[np.ndarray, " m"]]
 ) -> Float[np.ndarray, "m c n"]:
-    """`Problem.noise` at each draw [table unit]."""
+    """Standard deviations of the heights at each draw, those of padding 1 [table unit].
+
+    Args:
+        draws: Draws by name; those of noise that is sampled among them.
+    """
     sd, known = np.asarray(problem.sd), np.asarray(problem.reference_sigma)
     n = next(iter(draws.values())).size
     sampled = [draws.get(f"sigma_{channel}") for channel in problem.channels]

@@ -169,10 +169,14 @@ def _refined(
 
     def batch() -> Draw:
         x = mixture.sample(random, N_DRAWS)
-        log_prob = np.asarray(_log_probs(target, as_float(x)))
-        log_weight = log_prob - mixture.log_density(x)
-        # Any coordinate orders them.
-        return Draw(x=x, log_weight=log_weight, log_prob=log_prob, outer=x[:, 0])
+        log_prob = _log_probs(target, as_float(x))
+        log_weight = np.asarray(log_prob) - mixture.log_density(x)
+        return Draw(
+            x=as_float(x),
+            log_weight=as_float(log_weight),
+            log_prob=log_prob,
+            outer=as_float(x[:, 0]),  # any coordinate orders them
+        )
 
     n_refinements = found.n_refinements + 1
     return replace(_drawn(batch, ENOUGH), n_refinements=n_refinements)

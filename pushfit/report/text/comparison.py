@@ -71,6 +71,16 @@ def comparison_sentences(comparison: Comparison) -> list[str]:
             f"{model.elpd_difference_se:.1f}"
         ),
     )
+    unpredicted = [
+        model_name(model)
+        for model in comparison.models
+        if model.densities is None and model.status is FitStatus.OK
+    ]
+    if unpredicted:
+        sentences.append(
+            f"No push is predicted from the others by {join_and(unpredicted)}, whose "
+            "effects are fitted to all pushes of a repeat."
+        )
     for model in comparison.models:
         densities = model.densities
         if densities is not None and densities.n_unreliable:

@@ -13,6 +13,7 @@ from pushfit.errors import ConfigError
 from pushfit.fit.fitted import fit_table
 from pushfit.fit.problem.repeat_effects import (
     both_ways,
+    effects_log_factor,
     repeat_p_value,
     without_repeat_effects,
 )
@@ -127,3 +128,34 @@ def test_the_chance_of_repeats_that_are_alike_is_uniform(n_sweeps):
         for _ in range(N_TABLES)
     ]
     assert scipy.stats.kstest(chances, "uniform").pvalue > LEVEL
+
+
+@pytest.mark.parametrize(
+    ("kind", "offset", "gain", "tolerance"),
+    [("offset", SHIFT, np.ones(3), 1e-9), ("gain", np.zeros(3), GAIN, 0.02)],
+)
+def test_effects_are_as_likely_as_a_normal_distribution_with_them(
+    kind, offset, gain, tolerance
+):
+    """Against dense covariances; gains are 4 %, and their squares count in Q of 20."""
+    clean = case_table(CASES["firm"])
+    table = changed(clean, offset, gain)
+    without, mean = without_repeat_effects(table, kind), clean.heights("height")
+    direction, repeat = both_ways(table)
+    size = np.ones(mean.size) if kind == "offset" else mean
+    effects = size[:, None] * np.eye(3)[repeat]
+    means = np.eye(direction.max() + 1)[direction]
+    left = effects - means @ np.linalg.pinv(means) @ effects
+    noise = np.array([0.05, 0.1])
+    found = effects_log_factor(
+        table, without, np.ones((2, 1, mean.size)) * noise[:, None, None]
+    )
+    n = mean.size / 3
+    for sd, log_factor in zip(noise, found, strict=True):
+        prior = n * sd**2 * np.linalg.pinv(left.T @ left, rcond=EXACT)
+        own = sd**2 * np.eye(mean.size)
+        both = own + left @ prior @ left.T
+        normal = scipy.stats.multivariate_normal
+        expected = normal.logpdf(table.heights("height"), mean, both)
+        expected -= normal.logpdf(without.heights("height"), mean, own)
+        assert abs(log_factor - expected) < tolerance * abs(expected)
