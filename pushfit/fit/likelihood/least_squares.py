@@ -160,14 +160,17 @@ def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
 
 
 def polish(
-    problem: Problem, starts: Float[np.ndarray, "k q"]
+    problem: Problem, starts: Float[np.ndarray, "k q"], max_rounds: int = MAX_ROUNDS
 ) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
     """Local optima reached from each start, best first.
+
+    Args:
+        max_rounds: Times that the solver begins, at most.
 
     Returns:
         Points, sums of squared residuals, and whether the solver met its tolerance.
     """
-    return restarted(lambda points: _polish(problem, points), starts)
+    return restarted(lambda points: _polish(problem, points), starts, max_rounds)
 
 
 def restarted(
@@ -176,11 +179,13 @@ def restarted(
         tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]],
     ],
     starts: Float[np.ndarray, "k q"],
+    max_rounds: int = MAX_ROUNDS,
 ) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
     """Minima reached from each start, the minimiser restarted while that helps.
 
     Args:
         minimiser: Points, sums of squares and success from starts.
+        max_rounds: Times that it begins, at most.
 
     Returns:
         Points, sums of squares, and whether each has arrived, best first.
@@ -188,7 +193,7 @@ def restarted(
     points = np.asarray(starts)
     costs = np.full(len(points), np.inf)
     is_done = np.zeros(len(points), dtype=bool)
-    for _ in range(MAX_ROUNDS):
+    for _ in range(max_rounds):
         found, found_costs, found_done = (
             np.asarray(a) for a in minimiser(as_float(points))
         )
@@ -222,11 +227,12 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     if not problem.data_names or not (is_sampled or noise.follows_fit):
         return setup
     points = _starts(setup)
-    # Noise and fit meet through relative weights alone: three rounds settle both.
+    # Noise and fit meet through relative weights alone: three rounds settle both, each
+    # of which is a restart of the one before.
     has_sd = bool(np.any(np.asarray(stated.sd)))
     has_weights = noise.follows_fit or len(problem.channels) > 1 or has_sd
     for _ in range(3 if has_weights else 1):
-        points, _, _ = polish(problem, points)
+        points, _, _ = polish(problem, points, 1 if has_weights else MAX_ROUNDS)
         predicted = _heights_at(problem, points[0])
         added = angle_scatter(problem, points[0], noise.angle_sd)
         problem = with_known_noise(stated, added)
