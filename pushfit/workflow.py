@@ -26,7 +26,7 @@ from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
-from pushfit.fit.programs import ANALYSIS, has_run, note_run
+from pushfit.fit.programs import loaded_ahead
 from pushfit.fit.results import Recipe
 from pushfit.fit.stages import Progress, Stages, stages_of
 from pushfit.report.text.first import First
@@ -75,13 +75,15 @@ def identify(
         FitError: No start gives finite residuals.
     """
     enable_compile_cache()
-    is_compiled = has_run(ANALYSIS)
     settings = as_config(config)
+    own = stages_of(settings, engine)
     sources, plans = _several(recordings_or_table), _several(schedule)
-    table = gather(sources, plans, settings)
-    with shown_progress(progress) as (report, tell):
-        names = [*stages_of(settings, engine), "next push"]
-        stages = Stages(names, report, is_compiled=is_compiled)
+    with (
+        loaded_ahead("; ".join(own)) as is_compiled,
+        shown_progress(progress) as (report, tell),
+    ):
+        table = gather(sources, plans, settings)
+        stages = Stages([*own, "next push"], report, is_compiled=is_compiled)
         found = identify_table(
             table,
             settings,
@@ -93,7 +95,6 @@ def identify(
         )
         stages.begin("next push")
         found = with_next_push(found)
-    note_run(ANALYSIS)
     return Result.of(replace(found, recipe=recipe_of(sources, plans, settings)))
 
 

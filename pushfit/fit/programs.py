@@ -5,8 +5,9 @@ of it. Where the compile cache is on, `compiled` therefore keeps the traced prog
 in the portable form of `jax.export`, under a fingerprint of the source of pushfit, the
 versions of the packages that trace, the kind of processor, and the arguments but for
 the numbers in arrays; none where mechanics from outside the package are in use, whose
-source may change. `kept_arrays` keeps what follows from settings alone. A file that
-is damaged, or cannot be written, is as good as none.
+source may change. Loading one takes long, too, but leaves Python free: `loaded_ahead`
+has a thread load what an analysis used the last time. `kept_arrays` keeps what follows
+from settings alone. A file that is damaged, or cannot be written, is as good as none.
 """
 
 import contextlib
@@ -15,7 +16,9 @@ import functools
 import hashlib
 import inspect
 import io
-from collections.abc import Callable, Hashable, Mapping
+import threading
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from concurrent.futures import Future
 from importlib import metadata
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, get_args, get_origin
@@ -55,8 +58,10 @@ ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
 # Files of arrays that are kept; another one replaces the oldest.
 MAX_ARRAYS = 64
-# Name of the analysis of one table.
-ANALYSIS = "analysis"
+# Files of programs that this process has used, in order, and those that are loaded
+# before they are used.
+_used: dict[str, None] = {}
+_ahead: dict[Path, "Future[Callable[..., Any] | None]"] = {}
 
 
 def _origin(package: Path) -> str:
@@ -148,7 +153,9 @@ def _program(
     if folder is None or ADDRESS in text or has_foreign():
         return jit(function)
     path = folder / f"{_fingerprint(text)}-traced"
-    return _load(path) or _trace(function, arrays, path)
+    _used[path.name] = None
+    ahead = _ahead.pop(path, None)
+    return (ahead and ahead.result()) or _load(path) or _trace(function, arrays, path)
 
 
 def _fingerprint(text: str) -> str:
@@ -159,10 +166,12 @@ def _fingerprint(text: str) -> str:
 
 def _load(path: Path) -> Callable[..., Any] | None:
     """A program from its file; None where there is none, or a damaged one."""
-    program = _read(path)
-    if program is None:
+    content = _read(path)
+    if content is None:
         return None
-    return jit(export.deserialize(bytearray(program)).call)
+    program = export.deserialize(bytearray(content))
+    shapes = [jax.ShapeDtypeStruct(a.shape, a.dtype) for a in program.in_avals]
+    return jit(program.call).lower(*shapes).compile()
 
 
 def _read(path: Path) -> bytes | None:
@@ -228,17 +237,43 @@ def kept_arrays(
     return made
 
 
-def has_run(name: str) -> bool:
-    """Whether an analysis ended before, so that its programs are kept."""
-    folder = programs_folder()
-    return folder is not None and _mark(folder, name).exists()
+@contextlib.contextmanager
+def loaded_ahead(analysis: str) -> Iterator[bool]:
+    """Load what an analysis used the last time, while it has other things to do.
+
+    Its context is whether one of that name ended before, so that programs are kept.
+
+    Args:
+        analysis: Name of it.
+    """
+    folder, before = programs_folder(), set(_used)
+    content = None if folder is None else _read(_mark(folder, analysis))
+    if folder is not None and content is not None:
+        paths = [folder / name for name in content.decode().split()]
+        _load_ahead([path for path in paths if path.name not in before])
+    yield content is not None
+    own = [name for name in _used if name not in before]
+    # What is in memory from earlier ones is no part of it.
+    if folder is not None and (own or content is None):
+        _write(_mark(folder, analysis), "\n".join(own).encode())
 
 
-def note_run(name: str) -> None:
-    """Keep that an analysis has ended."""
-    folder = programs_folder()
-    if folder is not None:
-        _write(_mark(folder, name), b"")
+def _load_ahead(paths: list[Path]) -> None:
+    """Load programs in turn, on a thread."""
+    _ahead.update({path: Future() for path in paths})
+    futures = [(path, _ahead[path]) for path in paths]
+
+    def load() -> None:
+        for path, future in futures:
+            program = None
+            # What a program returns may be known only to the module that uses it, which
+            # loads it then; so does who meets another error.
+            with contextlib.suppress(Exception):
+                if threading.main_thread().is_alive():
+                    program = _load(path)
+            future.set_result(program)
+
+    threading.Thread(target=load).start()
 
 
 def _mark(folder: Path, name: str) -> Path:

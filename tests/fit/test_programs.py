@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import shutil
+from threading import current_thread, main_thread
 
 import equinox as eqx
 import jax
@@ -285,11 +286,58 @@ def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
     assert os.environ[cache.COMPILED] == "chosen by the user"
 
 
+def is_known(analysis):
+    with programs.loaded_ahead(analysis) as is_kept:
+        return is_kept
+
+
 def test_an_analysis_is_known_once_it_has_ended(folder, monkeypatch):
-    assert not programs.has_run("lines")
-    programs.note_run("lines")
-    assert programs.has_run("lines")
-    assert not programs.has_run("circles")
+    with pytest.raises(ZeroDivisionError), programs.loaded_ahead("lines"):
+        raise ZeroDivisionError
+    assert not is_known("lines")
+    assert is_known("lines")
+    assert not is_known("circles")
     # Other source has other programs.
     monkeypatch.setattr(programs, "ORIGIN", "another")
-    assert not programs.has_run("lines")
+    assert not is_known("lines")
+
+
+def test_what_an_analysis_used_is_loaded_before_it_is_asked_for(folder, monkeypatch):
+    monkeypatch.setattr(programs, "_used", {})
+    first, _ = counted()
+    with programs.loaded_ahead("lines"):
+        expected = first(LINE, X).value
+    monkeypatch.setattr(programs, "_used", {})
+    loaded, load = [], programs._load
+    monkeypatch.setattr(
+        programs, "_load", lambda path: loaded.append(current_thread()) or load(path)
+    )
+    again, traces = counted()
+    with programs.loaded_ahead("lines"):
+        np.testing.assert_array_equal(again(LINE, X).value, expected)
+    assert not traces
+    assert len(loaded) == 1
+    assert loaded[0] is not main_thread()
+
+
+def test_a_program_that_cannot_be_loaded_ahead_is_loaded_when_asked_for(
+    folder, monkeypatch
+):
+    """What it returns may be registered by a module that is not imported yet."""
+    monkeypatch.setattr(programs, "_used", {})
+    first, _ = counted()
+    with programs.loaded_ahead("lines"):
+        expected = first(LINE, X).value
+    monkeypatch.setattr(programs, "_used", {})
+    load = programs._load
+
+    def only_in_time(path):
+        if current_thread() is not main_thread():
+            raise ValueError("unregistered type")
+        return load(path)
+
+    monkeypatch.setattr(programs, "_load", only_in_time)
+    again, traces = counted()
+    with programs.loaded_ahead("lines"):
+        np.testing.assert_array_equal(again(LINE, X).value, expected)
+    assert not traces

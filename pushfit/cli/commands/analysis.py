@@ -97,44 +97,43 @@ def analyse(
     # Before anything is loaded, so that a name already taken costs nothing.
     if wanted.out is not None:
         check_target(wanted.out, force=wanted.force)
-    from pushfit.fit.programs import ANALYSIS, has_run, note_run
-
-    is_compiled = has_run(ANALYSIS)
-    table = load(settings)
-    if wanted.checkpoint is not None:
-        keep(f"the chain is kept in {wanted.checkpoint}; the same command goes on")
-    from pushfit.fit.identify import identify_table
-    from pushfit.fit.results import FitStatus, Recipe
+    from pushfit.fit.programs import loaded_ahead
     from pushfit.fit.stages import Stages, stages_of
-    from pushfit.report.text.first import First
 
     own = stages_of(settings, wanted.engine)
-    later = ["next push"] + ["report and figures"] * (wanted.out is not None)
-    with session.progress() as progress:
-        stages = Stages([*own, *later], progress, is_compiled=is_compiled)
-        found = identify_table(
-            table,
-            settings,
-            seed=wanted.seed,
-            engine=wanted.engine,
-            stages=stages,
-            listener=First(tell=progress.tell),
-            checkpoint=wanted.checkpoint,
-        )
-        stages.begin("next push")
-        # What takes long to load comes when the first answers are on the screen.
-        from pushfit.explore.advice import with_next_push
+    with loaded_ahead("; ".join(own)) as is_compiled:
+        from pushfit.fit.identify import identify_table
+        from pushfit.fit.results import FitStatus, Recipe
+        from pushfit.report.text.first import First
 
-        recipe = Recipe(config=settings.model_dump(mode="json"), **inputs)
-        found = replace(with_next_push(found), recipe=recipe)
-        if wanted.out is not None:
-            stages.begin("report and figures")
-            from pushfit.report.store.folder import write_result_folder
-
-            write_result_folder(
-                found, wanted.out, force=wanted.force, pictures=wanted.pictures
+        table = load(settings)
+        if wanted.checkpoint is not None:
+            keep(f"the chain is kept in {wanted.checkpoint}; the same command goes on")
+        later = ["next push"] + ["report and figures"] * (wanted.out is not None)
+        with session.progress() as progress:
+            stages = Stages([*own, *later], progress, is_compiled=is_compiled)
+            found = identify_table(
+                table,
+                settings,
+                seed=wanted.seed,
+                engine=wanted.engine,
+                stages=stages,
+                listener=First(tell=progress.tell),
+                checkpoint=wanted.checkpoint,
             )
-    note_run(ANALYSIS)
+            stages.begin("next push")
+            # What takes long to load comes when the first answers are on the screen.
+            from pushfit.explore.advice import with_next_push
+
+            recipe = Recipe(config=settings.model_dump(mode="json"), **inputs)
+            found = replace(with_next_push(found), recipe=recipe)
+            if wanted.out is not None:
+                stages.begin("report and figures")
+                from pushfit.report.store.folder import write_result_folder
+
+                write_result_folder(
+                    found, wanted.out, force=wanted.force, pictures=wanted.pictures
+                )
     if wanted.out is not None:
         session.wrote(wanted.out)
     if wanted.json:
