@@ -108,19 +108,22 @@ def next(
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
     from pushfit.data.tables.peak_table import read_table
+    from pushfit.fit.programs import loaded_ahead
+    from pushfit.fit.stages import stages_of
     from pushfit.report.text.exploration import next_dict, next_text
 
     settings = read_config(asked.config)
-    made = None if table is None else read_table(table)
-    explorer = asked.explorer(
-        settings,
-        channels=("height",) if made is None else made.channels,
-        unit=unit if made is None else made.unit,
-        seed=seed,
-    )
-    if made is not None:
-        explorer.attach(made)
-    suggestions = explorer.ask(n)
+    with loaded_ahead("; ".join(("next push", *stages_of(settings, "sweep")))):
+        made = None if table is None else read_table(table)
+        explorer = asked.explorer(
+            settings,
+            channels=("height",) if made is None else made.channels,
+            unit=unit if made is None else made.unit,
+            seed=seed,
+        )
+        if made is not None:
+            explorer.attach(made)
+        suggestions = explorer.ask(n)
     if plot is not None:
         from pushfit.report.figures import save_figure
         from pushfit.report.figures.exploration import exploration_picture
