@@ -69,9 +69,6 @@ def programs_folder() -> Path | None:
 def is_private(folder: Path) -> bool:
     """Whether nobody but the user can write to a folder.
 
-    Args:
-        folder: Folder that exists.
-
     Returns:
         False for a folder of somebody else, or one that others may read or write.
     """

@@ -228,7 +228,6 @@ def unit_of(name: str, newton: str) -> str:
     """Unit of a quantity, in the sensor's own unit of force where that is not known.
 
     Args:
-        name: Name of a quantity of the model.
         newton: What stands for N.
     """
     return NAMED[name].unit.replace("N", newton)

@@ -29,7 +29,6 @@ class Failure:
 
     Args:
         stage: "input", "read", "peaks", "fit", "folder" or "worker".
-        code: Stable snake_case word.
     """
 
     item: str
@@ -39,11 +38,7 @@ class Failure:
 
     @classmethod
     def of(cls, item: str, stage: str, error: Exception) -> "Failure":
-        """What an error means for an item.
-
-        Args:
-            error: The error; one that is not ours is a bug.
-        """
+        """What an error means for an item."""
         if isinstance(error, PushfitError):
             return cls(item=item, stage=stage, code=error.code, message=str(error))
         if isinstance(error, OSError):
@@ -66,7 +61,6 @@ class Item:
         schedule: Schedule, used if the file is a recording.
         config_from: File that they are from, or "defaults".
         seed: Seed of its randomness, from the user's seed and the content.
-        key: Digest of all that decides the result.
     """
 
     name: str

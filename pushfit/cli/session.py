@@ -47,9 +47,6 @@ class Session:
     """One run of one command.
 
     Args:
-        is_quiet: Whether only errors are shown.
-        is_verbose: Whether steps are shown.
-        is_debug: Whether an error shows its traceback.
         is_json: Whether standard output is one JSON document.
     """
 
@@ -86,11 +83,7 @@ class Session:
             self.say(text, style="dim")
 
     def print_json(self, document: Mapping[str, object]) -> None:
-        """Write the one document of --json to standard output.
-
-        Args:
-            document: Content, without NaN or infinities.
-        """
+        """Write the one document of --json to standard output."""
         print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
     @contextmanager

@@ -130,9 +130,6 @@ def _checked(content: Mapping[str, object], path: str) -> GraspConfig:
 def template(config: GraspConfig | None = None) -> str:
     """Text of a commented `grasp.toml` that means the same as some settings.
 
-    Args:
-        config: The settings; None for no file at all.
-
     Returns:
         TOML: keys carry what was stated or their defaults, or stand behind a '#' with
         an example.

@@ -101,8 +101,6 @@ class Session:
         angle_resolution: Directions are reached within half of it, and recorded in
             multiples of it [rad].
         forces: Whether the three force components are recorded instead of a pressure.
-        channel: Name of the pressure channel.
-        unit: Unit of the readings.
     """
 
     shape: Literal["triangle", "sine", "plateau"] = "triangle"
@@ -149,7 +147,6 @@ class SimulatedRecording:
 
     Args:
         recording: What a reader would give.
-        schedule: Planned pushes.
         theta: Elevation that each push really had [rad].
         alpha: Azimuth that each push really had [rad].
         truth: Heights of the pushes before noise and saturation.

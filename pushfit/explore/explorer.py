@@ -210,11 +210,7 @@ class Explorer:
         self._stop_after_failures()
 
     def stop(self, reason: str) -> None:
-        """End the exploration.
-
-        Args:
-            reason: Sentence for a person.
-        """
+        """End the exploration."""
         self._record({"event": "stopped", "reason": reason})
 
     @property

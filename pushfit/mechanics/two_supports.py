@@ -153,7 +153,6 @@ def leaned(frame: Frame, lean: Pair) -> Lean:
     """Forces and moments of pushes after which the object leans by q.
 
     Args:
-        frame: Springs, friction and pushes.
         lean: q_x and q_y [rad].
     """
     hold = frame.hold
@@ -191,7 +190,6 @@ def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
     """Moment about each axis that nothing bears, over L [N].
 
     Args:
-        frame: Springs, friction and pushes.
         lean: q_x and q_y [rad].
         sharpness: p of the soft transition [-].
     """
@@ -227,7 +225,6 @@ def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, "
     leaves q as it is and gives it the derivatives of the implicit function theorem.
 
     Args:
-        frame: Springs, friction and pushes.
         sharpness: p of the soft transition [-].
 
     Returns:

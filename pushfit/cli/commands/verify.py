@@ -93,7 +93,6 @@ def locate(path: str, result: Path, folder: Path | None) -> Path:
     """Where an input is: as named, beside the result, or in a folder of the user's.
 
     Args:
-        path: As recorded.
         folder: Folder to look in instead; there the name alone is enough.
 
     Raises:

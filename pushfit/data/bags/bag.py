@@ -65,7 +65,6 @@ def read_bag(
     goes.
 
     Args:
-        path: Bag file, or folder of a ROS 2 bag.
         definitions: Folder of `.msg` files, for bags that carry no definitions.
 
     Returns:

@@ -32,7 +32,6 @@ class Found:
 
     Args:
         extents: The humps in order; brushes are marked.
-        course: Running means of the samples.
         dips: Dips that are not asked for; only where all humps go up.
         excluded: Humps that the user left out, by their time or their height.
         idle: Windows of the user's in which no hump is at its highest [s].
@@ -79,7 +78,6 @@ def find(
 
     Args:
         time: Sample times [s].
-        signal: Samples, pushes going up.
     """
     # Of the samples as they are: in a picture of them equal readings differ by
     # rounding, and the finest step would be that.

@@ -60,9 +60,6 @@ class Rows:
 
     Args:
         frame: Numbers, NaN where blank, or text, by column name.
-        origin: Path and line numbers, for messages.
-        source: Provenance.
-        notes: What the reader has to say.
     """
 
     frame: pd.DataFrame
@@ -93,7 +90,6 @@ class Layout:
     Args:
         signals: Stems of columns in sensor units, all in one of them.
         times: Stems of columns in units of time.
-        texts: Names of columns of text.
         any_of: Stems of which at least one must be there.
     """
 

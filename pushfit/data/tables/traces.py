@@ -19,12 +19,10 @@ class Trace:
 
     Args:
         path: Recording as the user named it.
-        name: Channel.
         unit: Unit of the signal, that of the heights.
         time: Sample times [s].
         signal: Samples, pushes going up [unit].
         first_row: First row of the peak table that was measured in it.
-        n_rows: Number of its rows.
         sign: -1 where the channel is turned, so that pushes go up; baselines of the
             table are those of the channel.
     """

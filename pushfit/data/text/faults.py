@@ -24,10 +24,8 @@ def problem(
     """Put the place in front of what is wrong there.
 
     Args:
-        code: Stable snake_case word.
         text: Value, rule and next step.
         line: Line, counted from 1.
-        column: Column name.
     """
     place = [path]
     if line is not None:

@@ -32,7 +32,6 @@ class Survey:
         theta: Elevations [rad].
         alpha: Azimuths [rad].
         length_share: Length of the pushes, as a share of the push length.
-        predicted: Heights and forces by every draw.
         gains: Expected information about the asked angles; 0 where not allowed [nat].
         refusals: How many candidates each reason rules out.
     """

@@ -266,7 +266,6 @@ def simulated_hand(
     """A hand that holds the grasp of a configuration.
 
     Args:
-        config: The truth, a value for every parameter.
         noise: Standard deviation of a sample [unit].
         scatter: Standard deviation of the height of a push, relative to it.
 

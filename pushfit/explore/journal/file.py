@@ -32,11 +32,7 @@ class Journal:
             self.events = _read(path)
 
     def write(self, event: Mapping[str, object]) -> None:
-        """Append an event; returns when it is on the disk.
-
-        Args:
-            event: Content, without NaN or infinities.
-        """
+        """Append an event; returns when it is on the disk."""
         if self.path is None:
             return
         is_new = not self.path.exists()

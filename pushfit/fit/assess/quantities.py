@@ -100,7 +100,6 @@ def parameter_quantities(
     """The parameters with what the data added to their priors.
 
     Args:
-        unit: Unit of the heights.
         with_sets: Whether to look for highest-density sets, the slowest part.
 
     Returns:
@@ -140,7 +139,6 @@ def combination_quantities(
     """A, B and the shape of B: what linear forces depend on beside C_rr.
 
     Args:
-        unit: Unit of the heights.
         with_sets: Whether to look for highest-density sets, the slowest part.
     """
     newton = "N" if setup.is_calibrated else unit

@@ -100,7 +100,6 @@ def within_verdict(quantity: Quantity, *, wanted_width_deg: float) -> Quantity:
     """A quantity of trusted numerics and a model that fits, as its verdict allows.
 
     Args:
-        quantity: With all its numbers.
         wanted_width_deg: Widest interval of an angle that counts as determined [deg].
 
     Returns:
@@ -132,9 +131,6 @@ def _finite(value: float | None) -> float | None:
 
 def pieces_for(quantity: Quantity) -> Pieces:
     """The set that shows the verdict: the credible one, else that of the likelihood.
-
-    Args:
-        quantity: As reported.
 
     Returns:
         Pieces; none where a one-sided quantity has no bound at all.

@@ -29,7 +29,6 @@ def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
     """Largest tilt that a linear solution implies.
 
     Args:
-        setup: Problem by linear mechanics.
         posterior: Draws; the tilt is that of their medians.
     """
     problem = setup.problem
@@ -60,12 +59,7 @@ def _worth(interval: tuple[float, float] | None) -> float:
 
 
 def is_tilt_large(setup: Setup, linear: PosteriorResult) -> bool:
-    """Whether draws by the paper's equations imply a tilt that may matter.
-
-    Args:
-        setup: Problem by the paper's equations.
-        linear: Draws by them.
-    """
+    """Whether draws by the paper's equations imply a tilt that may matter."""
     return implied_tilt_deg(setup, linear) >= LARGE_TILT_DEG
 
 

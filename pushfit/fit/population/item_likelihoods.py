@@ -30,7 +30,6 @@ class ItemDraws:
     """Posterior of one item.
 
     Args:
-        name: Name of the item.
         draws: Draws of φ; NaN where it has no value.
         log_prior: Log prior density of each draw, up to a constant.
     """
@@ -46,10 +45,8 @@ class Likelihoods:
 
     Args:
         nodes: Nodes of each item [unit of φ].
-        log_weights: Log of the share of each node.
         kernel: Standard deviation of the kernel of each item.
         mean: Mean of each item, as if the prior of φ were flat.
-        sd: Its standard deviation.
     """
 
     nodes: Float[np.ndarray, "n m"]

@@ -43,7 +43,6 @@ def identify_many(
     """Identify tables that share a configuration.
 
     Args:
-        tables: Peak heights, one table for each grasp.
         engine: "auto", "sweep" or "emcee"; see `identify_table`.
 
     Returns:

@@ -106,12 +106,7 @@ def pooled_draws(
 def tabulated_prior(
     prior: Table, values: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Log density from its table; 20 points per standard deviation need no cubic.
-
-    Args:
-        prior: Table of a prior density.
-        values: Where it is wanted.
-    """
+    """Log density from its table; 20 points per standard deviation need no cubic."""
     heights = np.asarray(prior.values)
     grid = float(prior.start) + float(prior.step) * np.arange(heights.size)
     return np.interp(values, grid, heights)

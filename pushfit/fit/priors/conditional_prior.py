@@ -235,8 +235,6 @@ class ConditionalPrior:
         """Draws of the parameters from the prior given A and B.
 
         Args:
-            ln_A: Log of A.
-            ln_B: Log of B.
             scores: Standard normal numbers that pick the draws.
 
         Returns:

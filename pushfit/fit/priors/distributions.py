@@ -142,7 +142,6 @@ def priors_from_config(
     """Priors and fixed values in force.
 
     Args:
-        config: Configuration with a `parameters` table.
         defaults: Priors of the parameters that it does not name.
     """
     priors = dict(defaults)

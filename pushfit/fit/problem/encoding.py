@@ -51,9 +51,6 @@ def prior_x_samples(
 ) -> Float[np.ndarray, "n p"]:
     """Independent draws from the prior, in sampling coordinates.
 
-    Args:
-        problem: Problem with its priors.
-
     Returns:
         Points, in the order of `problem.names`.
     """

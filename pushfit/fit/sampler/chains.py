@@ -35,7 +35,6 @@ class Run:
 
     Args:
         chain: Points by step and walker, ensembles one after the other.
-        log_prob: Log density of each.
         random: Source of randomness of the next step.
         mixture: Proposal of the independence move.
     """
@@ -55,7 +54,6 @@ class Run:
 
         Args:
             log_prob: Log density of many points.
-            moves: Moves and their shares.
         """
         chain, values = advance(
             log_prob,
@@ -83,7 +81,6 @@ def advance(
     Args:
         log_prob: Log density of many points.
         start: Walkers; left as they are.
-        moves: Moves and their shares.
         random: Source of randomness; its state moves on.
         log_prob_start: Log density of `start`, where it is known.
     """
@@ -100,11 +97,7 @@ def advance(
 
 
 class Densities:
-    """Log prior and log likelihood of many points, by one compiled program.
-
-    Args:
-        problem: Problem that defines them.
-    """
+    """Log prior and log likelihood of many points, by one compiled program."""
 
     def __init__(self, problem: Problem) -> None:
         """Keep the problem."""
@@ -144,11 +137,7 @@ def _log_densities(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n 
 
 
 def keep(run: Run, path: Path, *, question: str) -> None:
-    """Write a run.
-
-    Args:
-        question: Fingerprint of what is sampled.
-    """
+    """Write a run."""
     state = run.random.get_state(legacy=False)
     arrays = {
         "chain": run.chain,
@@ -166,9 +155,6 @@ def keep(run: Run, path: Path, *, question: str) -> None:
 
 def resume(path: Path, *, question: str) -> Run | None:
     """A run as `keep` wrote it.
-
-    Args:
-        question: Fingerprint of what is sampled.
 
     Returns:
         The run; None if there is none of this question.

@@ -65,9 +65,6 @@ def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None
 def load(path: Path, *, question: str) -> dict[str, np.ndarray] | None:
     """Arrays of a checkpoint of the same question.
 
-    Args:
-        question: Fingerprint of the question asked now.
-
     Returns:
         The arrays; None without a file, and, with a `CheckpointWarning`, for one
         that is broken or belongs elsewhere: it is kept beside, with the ending .bad.

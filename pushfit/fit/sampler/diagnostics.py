@@ -112,7 +112,6 @@ def diagnose(chain: Float[np.ndarray, "t e w p"], traces: Traces) -> Diagnostics
 
     Args:
         chain: Every kept step, not thinned.
-        traces: The quantities to judge, along the same steps.
 
     Returns:
         Numbers and the sentences of the checks that failed.
@@ -149,7 +148,6 @@ def judge(
     Args:
         autocorr_time: By name [steps].
         acceptance_fraction: Per ensemble and walker.
-        n_walkers: Walkers in each.
         chances: p-values of `disagreement` by name.
     """
     problems = []

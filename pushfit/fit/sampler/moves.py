@@ -42,14 +42,7 @@ class DifferenceMove(Move):
     def propose(
         self, model: Model, state: State
     ) -> tuple[State, Bool[np.ndarray, " k"]]:
-        """Advance every walker once.
-
-        Args:
-            model: Density and source of randomness.
-
-        Returns:
-            The state, changed in place, and which walkers moved.
-        """
+        """Advance every walker once."""
         random = model.random
         n_total, n_dim = state.coords.shape
         n_walkers = n_total // self.n_ensembles
@@ -88,14 +81,7 @@ class IndependenceMove(Move):
     def propose(
         self, model: Model, state: State
     ) -> tuple[State, Bool[np.ndarray, " k"]]:
-        """Advance every walker once.
-
-        Args:
-            model: Density and source of randomness.
-
-        Returns:
-            The state, changed in place, and which walkers moved.
-        """
+        """Advance every walker once."""
         rows = np.arange(len(state.coords))
         proposals = self.mixture.sample(model.random, rows.size)
         log_ratio = self.mixture.log_density(state.coords)

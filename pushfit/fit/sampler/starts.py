@@ -48,9 +48,7 @@ def starting_points(
     """Independent ensembles of points that resemble draws from the posterior.
 
     Args:
-        fit: Least squares with all its modes.
         log_densities: Log prior and log likelihood of points.
-        n_points: Points in each.
 
     Returns:
         Points, one ensemble after the other; the first of each are at the modes.

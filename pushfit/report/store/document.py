@@ -113,11 +113,8 @@ class Summary:
 
     Args:
         status: "ok", or why no number is to be trusted.
-        status_text: The same in words.
-        n_used: Pushes that entered the fit.
         by_mechanics: Answers of all mechanics computed; the first one leads, and
             everything else is by it.
-        theta_c_deg: At `reference_alpha_deg`.
         recipe: Which inputs are what, for `pushfit verify`; null for a table made in
             Python.
     """
