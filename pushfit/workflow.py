@@ -1,7 +1,7 @@
 """From whatever holds the pushes to a result in one call, as `pushfit identify` does.
 
 Files, frames and records are taken alike. Excluded: what a result shows, which is in
-`pushfit.result`.
+`pushfit.report.result`.
 """
 
 import contextlib
@@ -29,8 +29,8 @@ from pushfit.fit.identify import identify_table
 from pushfit.fit.programs import ANALYSIS, has_run, note_run
 from pushfit.fit.results import Recipe
 from pushfit.fit.stages import Progress, Stages, stages_of
+from pushfit.report.result import Result
 from pushfit.report.text.first import First
-from pushfit.result import Result
 
 Read = TypeVar("Read")
 Named = str | Path

@@ -24,7 +24,6 @@ MEMBERS = {
     "registry": "errors",
     "parameters": "errors",
     "mechanics": "model",
-    "result": "report",
     "workflow": "batch",
     "__main__": "cli",
 }

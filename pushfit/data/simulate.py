@@ -193,7 +193,7 @@ def simulate_recording(
     recording = Recording(
         time=time,
         channels={
-            name: sensed(time, course * amplitude[index], session, rng)
+            name: sensed(time, course * amplitude[index], session=session, rng=rng)
             for name, amplitude in _amplitudes(truth, alpha, session).items()
         },
         units=dict.fromkeys(_amplitudes(truth, alpha, session), session.unit),
@@ -268,6 +268,7 @@ def _amplitudes(
 def sensed(
     time: Float[np.ndarray, " n"],
     change: Float[np.ndarray, " n"],
+    *,
     session: Session,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, " n"]:

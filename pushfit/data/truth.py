@@ -85,11 +85,12 @@ def stated_parameters(config: GraspConfig) -> Parameters:
 
 def _centre(prior: Prior) -> float:
     """The number that stands for a prior."""
+    if prior.fixed is not None:
+        return prior.fixed
     if prior.normal is not None:
         return prior.normal.mean
     if prior.lognormal is not None:
         return prior.lognormal.median
     if prior.uniform is not None:
         return (prior.uniform.low + prior.uniform.high) / 2
-    assert prior.fixed is not None  # the schema demands one of the four
-    return prior.fixed
+    raise ConfigError("a prior in [parameters] states nothing", code="no_truth")

@@ -29,7 +29,7 @@ def identify(
     """From recordings of pushes to theta_c and alpha*."""
 
     def load(settings: "GraspConfig") -> "PeakTable":
-        return load_peaks(session, recordings, schedules or [], settings)
+        return load_peaks(session, recordings, schedules or [], config=settings)
 
     return analyse(
         session,
@@ -59,6 +59,7 @@ def fit(
 
 def demo(
     session: Session,
+    *,
     out: options.OutFolder = None,
     pictures: options.Pictures = None,
     seed: options.Seed = 0,

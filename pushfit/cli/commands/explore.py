@@ -200,15 +200,25 @@ def explore(
         from pushfit.explore.hands.ros.hand import RosHand
 
         finger = RosHand(has_forces=forces, theta_deg=asked.theta)
-    return _run(session, explorer, finger, settings, out=out, json=json, force=force)
+    return _run(
+        session,
+        explorer,
+        finger,
+        settings=settings,
+        journal=journal,
+        out=out,
+        json=json,
+        force=force,
+    )
 
 
 def _run(
     session: Session,
     explorer: "Explorer",
     finger: "Hand",
-    settings: "GraspConfig",
     *,
+    settings: "GraspConfig",
+    journal: Path,
     out: Path,
     json: bool,
     force: bool,
@@ -236,8 +246,6 @@ def _run(
         )
     found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
     found = replace(with_next_push(found), warnings=(*found.warnings, ADAPTIVE))
-    journal = explorer.journal.path
-    assert journal is not None
     picture = figure_bytes(exploration_picture(explorer), "png")
     write_result_folder(
         found,

@@ -112,7 +112,7 @@ def peaks(
         expect_kind(recording, "recording", **reader_options(settings))
         samples = configured_recording(recording, settings)
         if samples.theta is None or samples.alpha is None:
-            print_heights(session, recording, samples, settings, output=output)
+            print_heights(session, recording, samples, settings=settings, output=output)
             if plot is not None:
                 from pushfit.report.figures import found_figure, save_figure
 
@@ -121,13 +121,13 @@ def peaks(
             return
     schedules = [] if schedule is None else [schedule]
     try:
-        table = load_peaks(session, [recording], schedules, settings)
+        table = load_peaks(session, [recording], schedules, config=settings)
     except DataError as error:
         if plot is not None and error.code == "push_mismatch":
             # Where pushes are missing, a picture is needed most.
             found = settings.peaks.model_copy(update={"allow_missing": True})
             settings = settings.model_copy(update={"peaks": found})
-            table = load_peaks(session, [recording], schedules, settings)
+            table = load_peaks(session, [recording], schedules, config=settings)
             draw_peaks(session, table, plot)
         raise
     if plot is not None:
@@ -143,8 +143,8 @@ def print_heights(
     session: Session,
     path: Path,
     recording: "Recording",
-    settings: "GraspConfig",
     *,
+    settings: "GraspConfig",
     output: Path | None,
 ) -> None:
     """Give the heights of pushes whose directions are not known."""
@@ -181,6 +181,7 @@ def simulate(
             *("--out", "-o", "--output"), metavar="FILE", help="Recording to write."
         ),
     ],
+    *,
     config: options.ConfigFile = None,
     unit: Annotated[Unit, typer.Option(help="Unit of the sensor.")] = "n",
     noise: Annotated[

@@ -24,6 +24,7 @@ def verify(
     result: Annotated[
         Path, typer.Argument(metavar="RESULT", help="Folder that --out wrote.")
     ],
+    *,
     inputs: Annotated[
         Path | None,
         typer.Option(
@@ -125,7 +126,7 @@ def run_again(
     if recipe["table"] is None:
         recordings = [found[path] for path in recipe["recordings"]]
         schedules = [found[path] for path in recipe["schedules"]]
-        table = load_peaks(session, recordings, schedules, config)
+        table = load_peaks(session, recordings, schedules, config=config)
     else:
         table = read_table(found[recipe["table"]])
     engine = summary["posterior"]["engine"]

@@ -37,7 +37,7 @@ class Field:
 
 
 def mapped_fields(
-    path: str, mapping: Mapping[str, str], units: Mapping[str, str], reader: Any
+    path: str, mapping: Mapping[str, str], *, units: Mapping[str, str], reader: Any
 ) -> list[Field]:
     """Resolve the mapped fields against the bag's topics.
 

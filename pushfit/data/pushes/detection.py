@@ -108,7 +108,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     feet, whose = _resolved(view, found, is_rest)
     is_low = is_low[whose]
     is_cut = are_cut(view, feet)
-    is_push = ~_are_trends(feet, is_cut, time, is_low)
+    is_push = ~_are_trends(feet, is_cut=is_cut, time=time, is_low=is_low)
     is_jerk = _are_jerks(feet)
     heights = feet.height[is_push & ~is_jerk]
     smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
@@ -156,6 +156,7 @@ def _resolved(
 
 def _are_trends(
     feet: Feet[np.ndarray],
+    *,
     is_cut: Bool[np.ndarray, " p"],
     time: Float[np.ndarray, " n"],
     is_low: Bool[np.ndarray, " p"],

@@ -26,7 +26,7 @@ DEFAULTS = PeakSettings()
 _MINOR = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
     """Humps of a recording, and what is left aside.
 
@@ -100,7 +100,7 @@ def find(
 
     if not signed:
         # A return from a dip to rest would look like a hump.
-        filled, dips = without_dips(time, signal, noise, deep_enough)
+        filled, dips = without_dips(time, signal, noise=noise, extents_of=deep_enough)
         extents = [_beside(dips, hump) for hump in extents_of(filled)]
     else:
         dips = ()
@@ -117,7 +117,7 @@ def find(
             replace(hump, is_low=abs(own.height) < settings.min_height)
             for hump, own in zip(extents, heights, strict=True)
         ]
-    return _as_told(Found(tuple(extents), course, dips), settings)
+    return _as_told(Found(extents=tuple(extents), course=course, dips=dips), settings)
 
 
 def _as_told(found: Found, settings: PeakSettings) -> Found:

@@ -51,7 +51,7 @@ def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataE
 
 
 def refuse_too_large(
-    path: str, what: str, needed: int, max_bytes: int, remedy: str
+    path: str, what: str, *, needed: int, max_bytes: int, remedy: str
 ) -> None:
     """Refuse samples that need more memory than they may."""
     if needed > max_bytes:

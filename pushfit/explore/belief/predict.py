@@ -64,7 +64,7 @@ def predict(
     )
 
 
-def force_of(params: Parameters, grasp: Grasp, theta: float, alpha: float) -> float:
+def force_of(params: Parameters, grasp: Grasp, *, theta: float, alpha: float) -> float:
     """Magnitude of the contact force of one push, the preload included.
 
     Args:

@@ -87,9 +87,9 @@ class Surveyor:
         theta, alpha = directions.T
         refusals: dict[str, int] = {}
         for share in SHARES:
-            predicted = self._predict(belief, theta, alpha, share)
+            predicted = self._predict(belief, theta, alpha, share=share)
             is_allowed, refusals = self._screen(
-                belief, directions, predicted, share, abandoned
+                belief, directions, predicted, share=share, abandoned=abandoned
             )
             if np.any(is_allowed):
                 break
@@ -115,6 +115,7 @@ class Surveyor:
         belief: Belief,
         theta: Float[np.ndarray, " k"],
         alpha: Float[np.ndarray, " k"],
+        *,
         share: float,
     ) -> Predicted:
         """Predictions of the candidates, kept for as long as draws are the same."""
@@ -140,6 +141,7 @@ class Surveyor:
         belief: Belief,
         directions: Float[np.ndarray, "k 2"],
         predicted: Predicted,
+        *,
         share: float,
         abandoned: Collection[Direction],
     ) -> tuple[Bool[np.ndarray, " k"], dict[str, int]]:
@@ -164,11 +166,13 @@ class Surveyor:
         return is_allowed, {why: n for why, n in counts.items() if n}
 
 
-def suggestion(belief: Belief, survey: Survey, row: int, target: Target) -> Suggestion:
+def suggestion(
+    belief: Belief, survey: Survey, row: int, *, target: Target
+) -> Suggestion:
     """One candidate with its outlook."""
     is_whole = survey.length_share == 1.0
     heights = survey.predicted.heights[row]
-    expected = outlook(heights, target, belief.weights, belief.sigma)
+    expected = outlook(heights, target, weights=belief.weights, sigma=belief.sigma)
     return Suggestion(
         number=0,
         theta=float(survey.theta[row]),
@@ -183,12 +187,14 @@ def suggestion(belief: Belief, survey: Survey, row: int, target: Target) -> Sugg
 
 
 def repetition(
-    belief: Belief, survey: Survey, push: Told, target: Target
+    belief: Belief, survey: Survey, push: Told, *, target: Target
 ) -> Suggestion:
     """A push made once more, to see whether it gives the same."""
     theta, alpha = np.array([push.theta]), np.array([push.alpha])
     found = predict(belief, theta, alpha)
-    gains = information_gain(found.heights, target.values, belief.weights, belief.sigma)
+    gains = information_gain(
+        found.heights, target.values, belief.weights, sigma=belief.sigma
+    )
     alone = replace(
         survey,
         theta=theta,
@@ -197,7 +203,9 @@ def repetition(
         is_allowed=np.array([True]),
         gains=gains,
     )
-    return replace(suggestion(belief, alone, 0, target), purpose=Purpose.REFERENCE)
+    return replace(
+        suggestion(belief, alone, 0, target=target), purpose=Purpose.REFERENCE
+    )
 
 
 def _is_among(theta: float, alpha: float, directions: Collection[Direction]) -> bool:
@@ -230,13 +238,13 @@ def _gains(
             heights.take(few, axis=2),
             [values[few] for values in angles],
             np.full(few.size, 1 / few.size),
-            sigma,
+            sigma=sigma,
             is_coarse=True,
         )
         rows = np.argsort(-gains, kind="stable")[:N_FULL]
         # Those left behind stay behind.
         gains = np.minimum(gains, np.sort(gains)[-N_FULL])
-    fine = summed_gain(heights[rows], angles, weights, sigma)
+    fine = summed_gain(heights[rows], angles, weights, sigma=sigma)
     floor = float(np.min(fine))
     gains = np.minimum(gains, floor)
     gains[rows] = fine

@@ -61,7 +61,9 @@ def goodness_of_fit(
     if is_quiet:
         predictive = tuple(c for c in predictive if c.feature != "pattern")
     outliers = np.unique(rows[np.abs(residuals) > OUTLIER_SIGMA])
-    failed = _failed(p_value, lack_of_fit, pattern, predictive)
+    failed = _failed(
+        p_value, lack_of_fit=lack_of_fit, pattern=pattern, predictive=predictive
+    )
     # Repeats or given standard deviations judge a fit better than its share of the
     # variation, which is small for noisy heights of a perfect model too.
     n_directions = np.unique(table.groups[rows]).size
@@ -84,6 +86,7 @@ def goodness_of_fit(
 
 def _failed(
     p_value: float | None,
+    *,
     lack_of_fit: float | None,
     pattern: float | None,
     predictive: tuple[PredictiveCheck, ...],

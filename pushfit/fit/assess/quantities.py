@@ -116,8 +116,8 @@ def parameter_quantities(
             _quantity(
                 name,
                 parameter_unit,
-                posterior,
-                profiles.get(name),
+                posterior=posterior,
+                profile=profiles.get(name),
                 prob=prob,
                 verdict=_parameter_verdict(name, setup, posterior),
                 note="fixed" if prior is None else prior.describe(),
@@ -154,8 +154,8 @@ def combination_quantities(
             _quantity(
                 name,
                 unit_of(name, newton),
-                posterior,
-                profile,
+                posterior=posterior,
+                profile=profile,
                 prob=prob,
                 verdict=verdict,
                 note=FORMULAS[name],
@@ -168,9 +168,9 @@ def combination_quantities(
 def _quantity(
     name: str,
     unit: str,
+    *,
     posterior: PosteriorResult,
     profile: LikelihoodProfile | None,
-    *,
     prob: float,
     verdict: Verdict,
     note: str,

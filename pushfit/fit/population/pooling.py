@@ -140,7 +140,9 @@ class _Grid:
         low, high = ln_s[kept[0]], ln_s[kept[-1]]
         reach = REACH
         for _ in range(MAX_ROUNDS):
-            grid = cls._within(items, np.linspace(low, high, N_GRID), reach, scale)
+            grid = cls._within(
+                items, np.linspace(low, high, N_GRID), reach=reach, scale=scale
+            )
             if grid.edge < MAX_EDGE:
                 break
             reach *= 2
@@ -153,6 +155,7 @@ class _Grid:
         cls,
         items: Likelihoods,
         ln_spread: Float[np.ndarray, " s"],
+        *,
         reach: float,
         scale: float,
     ) -> "_Grid":

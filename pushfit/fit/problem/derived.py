@@ -44,7 +44,7 @@ def samples_mapping(
         where the contact never rolls.
     """
     x, alpha = as_float(x_samples), as_float(reference_alpha)
-    columns = _quantities(problem, x, alpha, reach)
+    columns = _quantities(problem, x, reference_alpha=alpha, reach=reach)
     return {name: np.asarray(values) for name, values in columns.items()}
 
 
@@ -85,6 +85,7 @@ def _angles(
 def _quantities(
     problem: Problem,
     x_samples: Float[Array, "n p"],
+    *,
     reference_alpha: Float[Array, ""],
     reach: tuple[float, float],
 ) -> dict[str, Float[Array, " n"]]:

@@ -58,7 +58,13 @@ class DifferenceMove(Move):
             scale = 2.38 / np.sqrt(2 * n_dim) / 10 ** random.rand(rows.size, 1)
             gamma = np.where(is_jump, 1.0, scale)
             proposals = state.coords[rows] + gamma * difference.reshape(-1, n_dim)
-            accepted |= _accept(model, state, rows, proposals, np.zeros(rows.size))
+            accepted |= _accept(
+                model,
+                state,
+                rows=rows,
+                proposals=proposals,
+                log_ratio=np.zeros(rows.size),
+            )
         return state, accepted
 
 
@@ -86,7 +92,9 @@ class IndependenceMove(Move):
         proposals = self.mixture.sample(model.random, rows.size)
         log_ratio = self.mixture.log_density(state.coords)
         log_ratio -= self.mixture.log_density(proposals)
-        return state, _accept(model, state, rows, proposals, log_ratio)
+        return state, _accept(
+            model, state, rows=rows, proposals=proposals, log_ratio=log_ratio
+        )
 
 
 def _random_pairs(
@@ -102,6 +110,7 @@ def _random_pairs(
 def _accept(
     model: Model,
     state: State,
+    *,
     rows: Int[np.ndarray, " m"],
     proposals: Float[np.ndarray, "m p"],
     log_ratio: Float[np.ndarray, " m"],

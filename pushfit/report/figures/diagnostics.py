@@ -43,6 +43,7 @@ def _draw_residuals(
     axes: "Axes",
     x: Float[np.ndarray, " n"],
     residuals: Float[np.ndarray, " n"],
+    *,
     channels: Sequence[str],
 ) -> None:
     """Residuals in sigmas with the ±2 sigma stripe and outliers marked."""
@@ -96,7 +97,7 @@ def residual_figure(
         ("row of the table", row.astype(float)),
     ]
     for axes, (label, x) in zip(panels.flat[:3], columns, strict=False):
-        _draw_residuals(axes, x, residuals, channels)
+        _draw_residuals(axes, x, residuals, channels=channels)
         axes.set_xlabel(label)
     if len(set(channels)) > 1:
         place_legend(panels[0, 0], loc="best")

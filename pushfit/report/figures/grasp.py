@@ -118,6 +118,7 @@ def draw_side(axes: "Axes", marker: Marker, theta_deg: Sequence[float]) -> None:
 def draw_top(
     axes: "Axes",
     marker: Marker,
+    *,
     alpha_deg: Sequence[float],
     reach_deg: tuple[float, float],
 ) -> None:
@@ -166,7 +167,7 @@ def grasp_figure(
     figure = new_figure(width=2 * COLUMN, height=0.95 * COLUMN)
     side, top = figure.subplots(1, 2)
     draw_side(side, theta_c, list(theta_deg))
-    draw_top(top, alpha_star, list(alpha_deg), reach_deg)
+    draw_top(top, alpha_star, alpha_deg=list(alpha_deg), reach_deg=reach_deg)
     for axes, marker in ((side, theta_c), (top, alpha_star)):
         axes.set_axis_off()
         axes.set_title(

@@ -19,6 +19,7 @@ from pushfit.report.answers import (
 )
 from pushfit.report.figures.style import COLUMN, new_figure, styled
 from pushfit.report.figures.sweeps import (
+    SAME_DEG,
     Marker,
     Sweep,
     alpha_figure,
@@ -31,10 +32,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# Fewer directions than this are no sweep.
+# Fewer directions than this are no sweep: a line through two shows nothing.
 MIN_DIRECTIONS = 3
-# What the first figure shows at a glance; the others have a figure of their own.
+# What the first figure shows at a glance: more bands cover each other. The others have
+# a figure of their own.
 MAX_SWEEPS = 5
+# Axes with title and ticks, without the legend below them [inch].
+PANEL_HEIGHT = 3.0
+# Widths in columns: of panels in a stack, and at least of those side by side, where a
+# single one may be as wide as a column and a half. Tick labels take the margin [inch].
+STACK_WIDTH, LEAST_WIDTH, TICK_MARGIN = 1.25, 1.5, 0.4
 ANSWERS = {"theta": theta_c_answer, "alpha": alpha_star_answer}
 OTHER = {"theta": "alpha", "alpha": "theta"}
 
@@ -69,7 +76,7 @@ def _sweep(
             band
             for band in identification.bands
             if (band.swept, band.channel) == (swept, channel)
-            and abs(band.fixed_deg - fixed) < 1e-2
+            and abs(band.fixed_deg - fixed) < SAME_DEG
         ),
         None,
     )
@@ -166,9 +173,9 @@ def main_figure(
     }
     n_columns = 1 if is_stacked else len(swept)
     n_rows = len(panels) // n_columns
-    # One panel alone, or a stack, may be as wide as a column and a half.
-    width = 1.25 * COLUMN if is_stacked else COLUMN * max(1.5, n_columns) + 0.4
-    height = 3.0 + max(legend_height(sweeps) for sweeps in panels.values())
+    width = COLUMN * max(LEAST_WIDTH, n_columns) + TICK_MARGIN
+    width = STACK_WIDTH * COLUMN if is_stacked else width
+    height = PANEL_HEIGHT + max(legend_height(sweeps) for sweeps in panels.values())
     figure = new_figure(width=width, height=height * n_rows)
     grid = figure.subplots(n_rows, n_columns, squeeze=False)
     for axes, ((channel, angle), sweeps) in zip(grid.flat, panels.items(), strict=True):

@@ -117,7 +117,9 @@ def compare_result(
         old, new = recorded.get(where, nothing), found.get(where, nothing)
         if not _is_same(old.value, new.value):
             allowed = max(old.allowed, new.allowed) if environment else 0.0
-            differences.append(_difference(where, old.value, new.value, allowed))
+            differences.append(
+                _difference(where, recorded=old.value, found=new.value, allowed=allowed)
+            )
     differences.sort(key=lambda d: (d.is_tolerated, -d.relative))
     return Reproduction(
         n_numbers=sum(_n_numbers(entry.value) for entry in recorded.values()),
@@ -207,7 +209,9 @@ def _is_number(leaf: Leaf) -> TypeGuard[float]:
     return isinstance(leaf, int | float) and not isinstance(leaf, bool)
 
 
-def _difference(where: str, recorded: Leaf, found: Leaf, allowed: float) -> Difference:
+def _difference(
+    where: str, *, recorded: Leaf, found: Leaf, allowed: float
+) -> Difference:
     """The difference in one place, of arrays that at the worst element."""
     if isinstance(recorded, np.ndarray) and isinstance(found, np.ndarray):
         if recorded.shape == found.shape:
