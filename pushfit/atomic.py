@@ -57,11 +57,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 
 def is_stream(path: str | Path) -> bool:
-    """Whether something can only be written into: a device, a FIFO, a descriptor.
-
-    Args:
-        path: As the user named it, there or not.
-    """
+    """Whether a path can only be written into: a device, a FIFO, a descriptor."""
     if _DESCRIPTOR.fullmatch(os.path.abspath(path)):
         return True
     try:
@@ -84,11 +80,7 @@ def _passed_on(stream: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def unfinished(path: Path) -> Iterator[None]:
-    """Have a file or folder removed at the end of the block, or of the process.
-
-    Args:
-        path: What is to be renamed, or read, before the block ends.
-    """
+    """Have a file or folder removed at the end of the block, or of the process."""
     _unfinished.add(path)
     try:
         yield

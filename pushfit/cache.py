@@ -67,11 +67,7 @@ def programs_folder() -> Path | None:
 
 
 def is_private(folder: Path) -> bool:
-    """Whether nobody but the user can write to a folder.
-
-    Returns:
-        False for a folder of somebody else, or one that others may read or write.
-    """
+    """Whether a folder is a user's own, and nobody else may read or write it."""
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode):
         return False

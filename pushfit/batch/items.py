@@ -202,11 +202,7 @@ class _Planner:
 
 
 def derived_seed(seed: int, sha256: str) -> int:
-    """Seed of one item, whatever its name, its place and its neighbours.
-
-    Returns:
-        Number from 0 to 2³¹ - 1.
-    """
+    """Seed of one item by its content alone, from 0 to 2³¹ - 1."""
     return int(digest_of({"seed": seed, "content": sha256})[:8], 16) >> 1
 
 

@@ -53,11 +53,7 @@ class Finished:
 
 
 class Store:
-    """Results by key.
-
-    Args:
-        connection: Database of the form of `SCHEMA`, locked.
-    """
+    """Results by key, in a locked database of the form of `SCHEMA`."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         """Take over a checked database."""
@@ -69,11 +65,7 @@ class Store:
         return frozenset(key for (key,) in rows)
 
     def get(self, key: str) -> Finished | None:
-        """Find a result.
-
-        Returns:
-            The result; None if there is none that can be read.
-        """
+        """Find a result; None if there is none that can be read."""
         found = self._connection.execute(
             "SELECT kind, cells, draws FROM result WHERE key = ?", (key,)
         ).fetchone()

@@ -193,11 +193,7 @@ class Explorer:
         return self.state
 
     def fail(self, suggestion: Suggestion, reason: str) -> None:
-        """Say that a push gave no height; it may be asked again.
-
-        Args:
-            reason: Stable word, such as "stalled".
-        """
+        """Say that a push gave no height, such as "stalled"; it may be asked again."""
         self._failed(suggestion, reason, is_final=False)
 
     def abandon(self, suggestion: Suggestion, reason: str = "abandoned") -> None:

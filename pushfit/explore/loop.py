@@ -23,11 +23,7 @@ RESTS = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One push of an exploration, for whoever watches.
-
-    Args:
-        fault: Stable word; None where a height was told.
-    """
+    """One push of an exploration, for whoever watches; its fault if it has no height."""
 
     suggestion: Suggestion
     fault: str | None

@@ -75,11 +75,7 @@ class Coverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """Measured coverage for one design.
-
-    Args:
-        coverages: One per quantity, kind and probability.
-    """
+    """Measured coverage for one design, by quantity, kind and probability."""
 
     coverages: tuple[Coverage, ...]
     verdicts: Mapping[str, Mapping[Verdict, int]]

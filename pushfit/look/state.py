@@ -126,11 +126,7 @@ class Look:
         return bool(np.isfinite(self.theta_deg[hump] + self.alpha_deg[hump]))
 
     def at(self, when: float) -> int | None:
-        """Position of the hump at a time, a little beside it included.
-
-        Returns:
-            The one whose top is nearest; None where only rest is.
-        """
+        """Position of the nearest hump at or a little beside a time; None at rest."""
         away = [abs(hump.t_peak - when) for hump in self.humps]
         k = int(np.argmin(away))
         hump = self.humps[k]

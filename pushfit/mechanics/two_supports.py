@@ -93,11 +93,7 @@ class Lean(eqx.Module):
 def tilting_forces(
     params: Parameters | Contact, pushes: Pushes, grasp: Grasp
 ) -> Forces:
-    """Contact forces of pushes that tilt an object, on one support or on two.
-
-    Returns:
-        Forces of every push, in the frame that does not tilt.
-    """
+    """Contact forces of pushes that tilt an object, on one support or on two."""
     is_single = grasp.support_span is None
     solve = one_support_forces if is_single else two_support_forces
     return solve(params, pushes, grasp)

@@ -43,11 +43,7 @@ def printable(text: str) -> str:
 
 
 def unit_label(unit: str) -> str:
-    """Unit as printed; empty for a pure number.
-
-    Returns:
-        For example "kPa·m/rad" for "kpa·m/rad"; an unknown word as it is.
-    """
+    """Unit as printed, "kPa·m/rad" for "kpa·m/rad"; empty for a pure number."""
     if unit in NO_UNIT:
         return ""
     words = re.compile(r"[A-Za-z]+")
@@ -139,11 +135,7 @@ def spread_of(estimate: float, interval: tuple[float, float]) -> float:
 def format_estimate(
     estimate: float, interval: tuple[float, float], unit: str
 ) -> tuple[str, str]:
-    """Number and interval with the digits that the interval justifies.
-
-    Returns:
-        The number, with its unit only where that is degrees, and the interval in words.
-    """
+    """Number, with its unit only where that is degrees, and interval in words."""
     spread = spread_of(estimate, interval)
     number = format_number(estimate, spread=spread)
     if unit_label(unit) == "°":

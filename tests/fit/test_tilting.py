@@ -31,7 +31,7 @@ SD_TOL = 0.05
 HELD_TOL = 1e-9
 # Angles are recorded to 1e-9 rad, and the top of a push is a sample beside it.
 SAMPLED = 1e-6
-# Without noise the optimum is the truth, but for what priors pull and the solver's step.
+# Without noise the optimum is the truth, but for what priors pull and solvers leave.
 RECOVERED, RECOVERED_ANGLE = 1e-3, 1e-4
 THETA_DEG = np.arange(10.0, 90.0, 5.0)
 FIRM = Parameters(1300, 2600 / 3, 450, 0.5, 0.36, 0.04)

@@ -177,11 +177,7 @@ def as_document(
 
 
 def sentences(comparison: "Reproduction") -> list[str]:
-    """The comparison in words, as `print` is to show them.
-
-    Returns:
-        Lines: the verdict, the worst differences, and versions that differ.
-    """
+    """Verdict, worst differences and versions, as `print` is to show them."""
     from pushfit.report.strings import printable
 
     differences = comparison.differences

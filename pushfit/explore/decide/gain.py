@@ -175,11 +175,7 @@ def outlook(
     weights: Float[np.ndarray, " n"],
     sigma: Float[np.ndarray, " c"],
 ) -> Outlook:
-    """What a push is expected to leave of the interval of an angle.
-
-    Args:
-        heights: Noise-free readings by channel and draw.
-    """
+    """What a push is expected to leave of the interval of an angle."""
     own = weights > 0
     heights, values, weights = heights[:, own], target.values[own], weights[own]
     known = np.isfinite(values)

@@ -186,11 +186,7 @@ class Directions:
     nearest: Int[np.ndarray, " g"]
 
     def pooled(self, residuals: Float[np.ndarray, "*m n"]) -> Float[np.ndarray, "*m g"]:
-        """Residuals of each direction, summed and over the root of their number.
-
-        Returns:
-            Of unit variance where the residuals are.
-        """
+        """Residuals summed by direction, over the root of their number: variance is kept."""
         sums = np.add.reduceat(residuals[..., self.order], self.first, axis=-1)
         return sums / np.sqrt(self.counts)
 
@@ -198,11 +194,7 @@ class Directions:
 def pushed_directions(
     table: PeakTable, rows: Int[np.ndarray, " n"]
 ) -> Directions | None:
-    """Directions of some pushes of a table.
-
-    Returns:
-        Directions; None where they are too few to show a pattern.
-    """
+    """Directions of some pushes; None where they are too few to show a pattern."""
     group, inverse = np.unique(table.groups[rows], return_inverse=True)
     if group.size < MIN_DIRECTIONS:
         return None

@@ -26,11 +26,7 @@ WORSE = 5.0
 
 
 def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
-    """Largest tilt that a linear solution implies.
-
-    Args:
-        posterior: Draws; the tilt is that of their medians.
-    """
+    """Largest tilt that a linear solution implies at the medians of its draws."""
     problem = setup.problem
     names = [n for n in (*SIX, *SIGNED) if n in posterior.samples]
     middle = {n: float(np.median(posterior.samples[n])) for n in names}

@@ -99,11 +99,7 @@ def is_present(item: ItemDraws) -> bool:
 
 
 def likelihoods(items: Sequence[ItemDraws]) -> Likelihoods:
-    """Draws gathered in nodes, moved so that the kernel leaves their variance alone.
-
-    Args:
-        items: Items for which `is_present` holds.
-    """
+    """Draws of present items in nodes, moved so that the kernel keeps their variance."""
     parts = [_one(*_reweighted(item)) for item in items]
     nodes, log_weights, kernel, mean, sd = (
         np.array(column) for column in zip(*parts, strict=True)
@@ -165,9 +161,5 @@ def effective_draws(
 
 
 def normalised(log_values: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Numbers that sum to one, from their logs.
-
-    Args:
-        log_values: Logs, up to a constant.
-    """
+    """Numbers that sum to one, from their logs up to a constant."""
     return np.exp(log_values - logsumexp(log_values))

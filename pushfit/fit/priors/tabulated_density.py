@@ -82,11 +82,7 @@ class Table(eqx.Module):
 
 
 def prior_density(prior: Prior) -> LogDensity:
-    """Density of the log of a positive parameter.
-
-    Returns:
-        Density with the ends beyond which nothing is left.
-    """
+    """Density of the log of a positive parameter."""
     first, second = float(prior.first), float(prior.second)
     if prior.kind == "lognormal":
         centre, scale = np.log(first), second

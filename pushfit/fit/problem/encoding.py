@@ -49,11 +49,7 @@ def encode(
 def prior_x_samples(
     problem: Problem, rng: np.random.Generator, n: int
 ) -> Float[np.ndarray, "n p"]:
-    """Independent draws from the prior, in sampling coordinates.
-
-    Returns:
-        Points, in the order of `problem.names`.
-    """
+    """Independent draws from the prior, in the order of `problem.names`."""
     return encode(problem, _physical(problem, rng, n))
 
 

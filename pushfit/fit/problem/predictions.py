@@ -70,11 +70,7 @@ def predict_draws(
 
 
 def heights_of(problem: Problem, channels: Channels) -> Float[np.ndarray, "k c n"]:
-    """Heights of the channels of a problem [table unit].
-
-    Args:
-        channels: What `predict_points` and `predict_draws` return.
-    """
+    """Heights of the channels of a problem, of what was predicted [table unit]."""
     return np.stack([getattr(channels, name) for name in problem.channels], axis=1)
 
 

@@ -227,11 +227,7 @@ class Problem(eqx.Module):
 
 
 def grasp_with(grasp: Grasp, values: Mapping[str, Scalar]) -> Grasp:
-    """A grasp with those of its numbers that a point or a draw names.
-
-    Args:
-        values: Values by name; names that are none of `OF_GRASP` do not matter.
-    """
+    """A grasp with those of its numbers, `OF_GRASP`, that a point or a draw names."""
     known = {field: values[name] for name, field in OF_GRASP.items() if name in values}
     return replace(grasp, **known)
 

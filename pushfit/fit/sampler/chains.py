@@ -50,11 +50,7 @@ class Run:
         moves: Sequence[tuple[Move, float]],
         n_steps: int,
     ) -> None:
-        """Append steps.
-
-        Args:
-            log_prob: Log density of many points.
-        """
+        """Append steps."""
         chain, values = advance(
             log_prob,
             self.chain[-1],
@@ -154,11 +150,7 @@ def keep(run: Run, path: Path, *, question: str) -> None:
 
 
 def resume(path: Path, *, question: str) -> Run | None:
-    """A run as `keep` wrote it.
-
-    Returns:
-        The run; None if there is none of this question.
-    """
+    """A run as `keep` wrote it; None if there is none of this question."""
     arrays = checkpoint.load(path, question=question)
     if arrays is None:
         return None

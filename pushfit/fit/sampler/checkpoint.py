@@ -49,11 +49,7 @@ def fingerprint(*trees: object) -> str:
 
 
 def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None:
-    """Replace a checkpoint in one step.
-
-    Args:
-        question: Fingerprint of the question that the arrays belong to.
-    """
+    """Replace a checkpoint in one step."""
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         contents: dict[str, Any] = dict(arrays)
         contents[HEADER] = np.array(json.dumps(_header(question)))

@@ -114,11 +114,7 @@ def residual_figure(
 
 
 def autocorrelation(chain: Float[np.ndarray, "e t w"]) -> Float[np.ndarray, " t"]:
-    """Normalised autocorrelation of one coordinate, averaged over walkers.
-
-    Args:
-        chain: Kept states by ensemble, step and walker.
-    """
+    """Normalised autocorrelation of one coordinate by step, averaged over walkers."""
     from emcee.autocorr import function_1d
 
     walkers = np.moveaxis(chain, 1, -1).reshape(-1, chain.shape[1])

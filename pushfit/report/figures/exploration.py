@@ -35,11 +35,7 @@ N_BINS = 90
 def exploration_picture(
     explorer: Explorer, suggestions: Sequence[Suggestion] = ()
 ) -> "Figure":
-    """What is known, what pushes would tell and, if pushes were followed, how it went.
-
-    Args:
-        suggestions: Pushes to mark, the best first.
-    """
+    """What is known, what pushes would tell and, if some were made, how it went."""
     angle, course = explorer.angle, explorer.history.course
     n = 2 if len(course) < 2 else 3
     figure = new_figure(width=PAGE * n / 2.6, height=3.2)

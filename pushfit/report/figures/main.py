@@ -47,11 +47,7 @@ OTHER = {"theta": "alpha", "alpha": "theta"}
 
 
 def sweeps_of(identification: Identification, swept: str, channel: str) -> list[Sweep]:
-    """Measured and predicted heights along one angle, one entry per other angle.
-
-    Args:
-        swept: "theta" or "alpha".
-    """
+    """Measured and predicted heights along one angle, one entry per other angle."""
     frame = identification.table.frame
     angle = frame[f"{swept}_deg"].to_numpy(dtype=float)
     other = frame[f"{OTHER[swept]}_deg"].to_numpy(dtype=float).round(3)
@@ -132,11 +128,7 @@ def marker_of(answer: Answer, identification: Identification) -> Marker:
 
 
 def within_half_turn(pieces: Pieces) -> Pieces:
-    """Pieces of an axis moved into [0, 180], those across the end cut there.
-
-    Args:
-        pieces: Pieces that may run beyond 180 [deg].
-    """
+    """Pieces of an axis [deg] moved into [0, 180], those across the end cut there."""
     cut = []
     for low, high in pieces:
         if low is None or high is None:
@@ -154,11 +146,7 @@ def within_half_turn(pieces: Pieces) -> Pieces:
 def main_figure(
     identification: Identification, *, is_stacked: bool = False
 ) -> "Figure":
-    """Heights against elevation and against azimuth, with both answers marked.
-
-    Args:
-        is_stacked: Panels below each other, for a narrow page.
-    """
+    """Heights against both angles with the answers; stacked for a narrow page."""
     answers = {swept: answer(identification) for swept, answer in ANSWERS.items()}
     channels = identification.table.channels
     swept = [s for s in answers if sweeps_of(identification, s, channels[0])]
@@ -194,11 +182,7 @@ def main_figure(
 def sweep_makers(
     identification: Identification,
 ) -> dict[str, Callable[..., "Figure"]]:
-    """What draws heights against each angle that was swept, one figure per channel.
-
-    Returns:
-        Functions of `ax`, by the name of the file.
-    """
+    """What draws heights against each angle that was swept, by the name of the file."""
     makers, table = {}, identification.table
     draw = {"theta": theta_figure, "alpha": alpha_figure}
     for channel in table.channels:

@@ -187,12 +187,7 @@ def draw_marker(
 
 
 def set_angle_ticks(axes: "Axes", swept: str) -> None:
-    """Ticks where people push: at multiples of 15° and 30°.
-
-    Args:
-        axes: Cartesian axes with the angle in degrees along x, limits already set.
-        swept: "theta" or "alpha".
-    """
+    """Ticks of an angle in degrees where people push: at multiples of 15° and 30°."""
     from matplotlib.ticker import MultipleLocator
 
     low, high = axes.get_xlim()
@@ -216,12 +211,7 @@ def draw_panel(
     marker: Marker | None,
     prob: float,
 ) -> None:
-    """Draw all sweeps of one angle into cartesian axes.
-
-    Args:
-        sweeps: One per value of the other angle.
-        prob: Probability of the bands.
-    """
+    """Draw all sweeps of one angle into cartesian axes."""
     letter = {"theta": "α", "alpha": "θ"}[swept]
     colours = series_colours(len(sweeps))
     for index, sweep in enumerate(sweeps):
@@ -283,11 +273,7 @@ def theta_figure(
     marker: Marker | None = None,
     ax: "Axes | None" = None,
 ) -> "Figure":
-    """Peak height against elevation, one series per azimuth.
-
-    Args:
-        sweeps: One per azimuth.
-    """
+    """Peak height against elevation, one series per azimuth."""
     height = ALONE + legend_height(sweeps)
     figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)
     draw_panel(

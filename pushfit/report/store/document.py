@@ -50,11 +50,7 @@ class Sentences:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """The least-squares fit and all its optima.
-
-    Args:
-        sigma: Smallest and largest sd of the heights.
-    """
+    """The least-squares fit and its optima; `sigma` is the range of sds of heights."""
 
     status: Status
     chi_square: float
@@ -67,11 +63,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chain:
-    """Convergence of a chain in numbers.
-
-    Args:
-        acceptance_fraction: Mean over the walkers.
-    """
+    """Convergence of a chain in numbers; acceptance is the mean over the walkers."""
 
     n_ensembles: int
     n_walkers: int
@@ -148,11 +140,7 @@ class Summary:
 
 
 def made_of(kind: type[T], source: object, **own: object) -> T:
-    """A record with what another has under the same names, and with parts of its own.
-
-    Args:
-        kind: A dataclass.
-    """
+    """A record with what another has under the same names, and parts of its own."""
     names = [field.name for field in fields(kind)]  # pyright: ignore
     shared = {n: getattr(source, n) for n in names if hasattr(source, n)}
     return kind(**shared | own)
