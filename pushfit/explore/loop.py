@@ -23,7 +23,7 @@ RESTS = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One push of an exploration, for whoever watches; its fault if it has no height."""
+    """One push of an exploration, for whoever watches; without a height its fault."""
 
     suggestion: Suggestion
     fault: str | None

@@ -35,7 +35,7 @@ def prediction_bands(
     *,
     prob: float,
 ) -> tuple[Band, ...]:
-    """Predictions along up to sixteen sweeps of at least three angles, richest first."""
+    """Predictions along up to sixteen sweeps of three angles or more, richest first."""
     bands = []
     for swept, fixed_deg, rows in _sweeps(table):
         angles = table.frame[f"{swept}_deg"].to_numpy(float)[list(rows)]

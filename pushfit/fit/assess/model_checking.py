@@ -186,7 +186,7 @@ class Directions:
     nearest: Int[np.ndarray, " g"]
 
     def pooled(self, residuals: Float[np.ndarray, "*m n"]) -> Float[np.ndarray, "*m g"]:
-        """Residuals summed by direction, over the root of their number: variance is kept."""
+        """Residuals summed by direction over the root of their number, as variable."""
         sums = np.add.reduceat(residuals[..., self.order], self.first, axis=-1)
         return sums / np.sqrt(self.counts)
 

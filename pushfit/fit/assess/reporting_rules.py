@@ -130,7 +130,7 @@ def _finite(value: float | None) -> float | None:
 
 
 def pieces_for(quantity: Quantity) -> Pieces:
-    """The set that shows the verdict: credible, else by likelihood; empty if unbounded."""
+    """The set that shows the verdict: credible, else by likelihood; may be empty."""
     if quantity.verdict is Verdict.SEVERAL_MODES and len(quantity.sets) < 2:
         return quantity.likelihood_sets
     if quantity.verdict is Verdict.ONE_SIDED:

@@ -99,7 +99,7 @@ def is_present(item: ItemDraws) -> bool:
 
 
 def likelihoods(items: Sequence[ItemDraws]) -> Likelihoods:
-    """Draws of present items in nodes, moved so that the kernel keeps their variance."""
+    """Draws of present items in nodes, moved so that kernels keep their variance."""
     parts = [_one(*_reweighted(item)) for item in items]
     nodes, log_weights, kernel, mean, sd = (
         np.array(column) for column in zip(*parts, strict=True)

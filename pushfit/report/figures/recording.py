@@ -87,7 +87,7 @@ def draw_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
 
 
 def label_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
-    """Write directions above pushes in their order, once for repeats, and the doubts."""
+    """Write directions above pushes in order, once for repeats, and the doubts."""
     repeats = (marks["label"] != marks["label"].shift()).cumsum()
     groups = [group for _, group in marks.groupby(repeats)]
     for group in groups:
