@@ -5,6 +5,7 @@ written into and stays what it is, and a symbolic link goes on pointing where it
 """
 
 import contextlib
+import itertools
 import os
 import re
 import shutil
@@ -119,6 +120,13 @@ def _umask() -> int:
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
+
+
+def spare_name(path: Path) -> Path:
+    """First free name for a file that cannot be used: the same ending in `.bad`."""
+    endings = itertools.chain([""], itertools.count(2))
+    names = (path.with_name(f"{path.name}.bad{n}") for n in endings)
+    return next(name for name in names if not name.exists())
 
 
 def sync(path: Path) -> None:

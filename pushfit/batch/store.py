@@ -20,6 +20,7 @@ from types import FrameType
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.atomic import spare_name
 from pushfit.batch.folders import STORE
 from pushfit.errors import ConfigError
 from pushfit.fit.population.result_row import Cell
@@ -202,11 +203,7 @@ def _is_ours(connection: sqlite3.Connection) -> bool:
 
 def _set_aside(path: Path) -> str:
     """Rename a store that cannot be used, and say so."""
-    bad = path.with_name(f"{path.name}.bad")
-    number = 1
-    while bad.exists():
-        number += 1
-        bad = path.with_name(f"{path.name}.bad{number}")
+    bad = spare_name(path)
     for ending in ("", *SIDECARS):
         # An old journal would be played back into the new file.
         with contextlib.suppress(FileNotFoundError):

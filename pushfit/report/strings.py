@@ -17,7 +17,8 @@ NO_UNIT = frozenset({"", "-", "–", "1"})
 
 # The largest uncertainty that still shows whole degrees (two digits of it).
 COARSE_DEG = 99.0
-HALF_TURN_DEG = 180.0
+# Period of an axis [deg].
+HALF_TURN = 180.0
 
 # Control, format (bidirectional overrides among them), surrogate and private characters
 # can rewrite a terminal line or break an encoder.
@@ -169,9 +170,9 @@ def format_range(
 
 def _format_end(upper: float, spread: float) -> str:
     """Upper end of a range of angles; beyond a half turn an axis starts again."""
-    if upper <= HALF_TURN_DEG:
+    if upper <= HALF_TURN:
         return format_angle(upper, spread=spread)
-    return f"180° and on to {format_angle(upper - HALF_TURN_DEG, spread=spread)}"
+    return f"180° and on to {format_angle(upper - HALF_TURN, spread=spread)}"
 
 
 def format_bound(value: float, unit: str) -> str:

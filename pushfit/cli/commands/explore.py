@@ -24,7 +24,7 @@ REACH = (5.0, 85.0)
 COMPONENTS = ("height_normal", "height_tangential")
 
 Unit = Annotated[
-    Literal["n", "kpa", "counts", "au"],
+    options.SensorUnit,
     typer.Option(help="Unit of the sensor, where no table says it."),
 ]
 

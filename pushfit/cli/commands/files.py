@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pushfit.data.tables.peak_table import PeakTable
 
 SCHEMA = "pushfit.validate/1"
-Unit = Literal["n", "kpa", "counts", "au"]
 
 
 def init(
@@ -183,7 +182,7 @@ def simulate(
     ],
     *,
     config: options.ConfigFile = None,
-    unit: Annotated[Unit, typer.Option(help="Unit of the sensor.")] = "n",
+    unit: Annotated[options.SensorUnit, typer.Option(help="Unit of the sensor.")] = "n",
     noise: Annotated[
         float, typer.Option(min=0.0, help="Standard deviation of a sample.")
     ] = 0.0,

@@ -18,7 +18,7 @@ import jax
 import numpy as np
 
 import pushfit
-from pushfit.atomic import atomic_path
+from pushfit.atomic import atomic_path, spare_name
 
 # Raised whenever the meaning of the arrays changes.
 FORMAT = 1
@@ -93,11 +93,7 @@ def _header(question: str) -> dict[str, str | int]:
 
 def _set_aside(path: Path, reason: str) -> None:
     """Rename to the first free name with .bad, and say why."""
-    kept = path.with_name(f"{path.name}.bad")
-    count = 1
-    while kept.exists():
-        count += 1
-        kept = path.with_name(f"{path.name}.bad{count}")
+    kept = spare_name(path)
     path.rename(kept)
     warnings.warn(
         f"checkpoint {path} {reason}; it is kept as {kept.name} and sampling starts "

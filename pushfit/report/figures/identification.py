@@ -23,7 +23,6 @@ from pushfit.fit.results import (
 )
 from pushfit.parameters import STIFFNESSES
 from pushfit.report.answers import (
-    HALF_TURN,
     alpha_star_answer,
     theta_c_answer,
 )
@@ -43,6 +42,7 @@ from pushfit.report.figures.posterior import (
 )
 from pushfit.report.figures.recording import signal_figure
 from pushfit.report.figures.style import figure_bytes
+from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

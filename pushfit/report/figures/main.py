@@ -12,7 +12,6 @@ import numpy as np
 from pushfit.fit.assess.reporting_rules import Pieces, is_trusted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.report.answers import (
-    HALF_TURN,
     Answer,
     alpha_star_answer,
     theta_c_answer,
@@ -27,6 +26,7 @@ from pushfit.report.figures.sweeps import (
     legend_height,
     theta_figure,
 )
+from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

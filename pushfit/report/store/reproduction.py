@@ -20,6 +20,7 @@ from pushfit.report.plain import Json, json_safe
 from pushfit.report.store.archive import posterior_tree
 from pushfit.report.store.read import BROKEN, not_whole
 from pushfit.report.store.summary import summary_dict
+from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -38,7 +39,6 @@ NOT_COMPARED = frozenset({"config", "seed", "inputs", "recipe", "versions", "not
 OF_ONE_CHAIN = frozenset(
     {"posterior", "correlations", "identifiability", "sentences", "warnings"}
 )
-HALF_TURN = 180.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
