@@ -20,8 +20,8 @@ from pushfit.data.peaks.components import (
 )
 from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.chosen import find, no_pushes
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.found import find, no_pushes
 from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.units import DECIMALS
 from pushfit.data.tables.columns import Origin

@@ -3,7 +3,7 @@
 The search sees a recording as a whole. What is measured afterwards must not: a push has
 the same feet whatever else the file holds. So each is traced again on its own samples,
 smoothed by a share of its own width, over its own rests. Excluded: finding the pushes
-(`pushfit.data.pushes.search`) and the levels of their rests
+(`pushfit.data.pushes.coarse`) and the levels of their rests
 (`pushfit.data.peaks.rests`).
 """
 
