@@ -27,12 +27,9 @@ def cache_folder() -> Path:
 
 
 def enable_compile_cache() -> str:
-    """Keep traced programs, and tell JAX before it is imported to keep compiled ones.
+    """Keep programs, tell JAX so before it is imported, and say what was decided.
 
     A folder that the user gave to JAX stays the one of compiled programs.
-
-    Returns:
-        What was decided, for the user.
     """
     os.environ.pop(PROGRAMS, None)
     if os.environ.get(SWITCH) == "off":

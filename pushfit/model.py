@@ -54,15 +54,12 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
 
 
 def push_resistance(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
-    """Force change per push length.
+    """Force change per push length [N/m].
 
         P_r = (|F_p| - F_0) / S_p
 
     Args:
         grasp: Grasp and sensor; gain and offset play no part.
-
-    Returns:
-        Resistance of every push [N/m].
 
     References:
         Eqs. (12)-(14).

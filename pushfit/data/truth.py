@@ -20,15 +20,12 @@ def simulate_from_config(
     noise: float,
     seed: int,
 ) -> Recording:
-    """Record a schedule with the grasp and the parameters of a configuration.
+    """Record a schedule, angles of the joints included, as a configuration states.
 
     Args:
         config: Settings; `[parameters]` is the truth and the preload the reading at
             rest.
         noise: Standard deviation of a sample [unit].
-
-    Returns:
-        The recording, with the angles of the joints as channels.
 
     Raises:
         ConfigError: A parameter is missing, the preload cannot be converted, or it or

@@ -130,12 +130,9 @@ class Explorer:
         self._settle()
 
     def ask(self, n: int = 1) -> tuple[Suggestion, ...]:
-        """The pushes that would tell most, the best first.
+        """Pushes that would tell most, the best first; none once there is an answer.
 
         The first one counts as asked for, and is in the journal when this returns.
-
-        Returns:
-            Suggestions; none once the exploration has its answer.
         """
         history = self.history
         if self.is_dangling and history.pending is not None:

@@ -87,13 +87,10 @@ def analyse(
     wanted: options.Analysis,
     **inputs: Any,
 ) -> int:
-    """Load, identify, write and print.
+    """Load, identify, write and print; the exit code says if numbers are trusted.
 
     Args:
         inputs: The files that it loads, as a `Recipe` names them.
-
-    Returns:
-        Exit code: that of a `FitError` if the numerics are not to be trusted.
     """
     # Before anything is loaded, so that a name already taken costs nothing.
     if wanted.out is not None:

@@ -119,10 +119,7 @@ class Saver:
             refuse_existing(path, force=self._force)
 
     def __call__(self, look: "Look") -> str:
-        """Write both files.
-
-        Returns:
-            What was written, and the command to run next.
+        """Write both files; say so, and which command to run next.
 
         Raises:
             ConfigError: A file exists and may not be replaced.

@@ -51,10 +51,7 @@ def verify(
 def find_inputs(
     summary: dict[str, Any], result: Path, folder: Path | None
 ) -> dict[str, Path]:
-    """Where the inputs of a result are now, each with the content it had then.
-
-    Returns:
-        Path of every input by its recorded name.
+    """Where inputs are now, by recorded name, each with the content it had then.
 
     Raises:
         ConfigError: The result does not say how its table was made.

@@ -52,10 +52,7 @@ class Found:
 def find_pushes(
     recording: Recording, *, settings: PeakSettings = DEFAULTS
 ) -> tuple[Extent, ...]:
-    """Find the pushes of a recording without measuring them.
-
-    Returns:
-        Their extents in order; none where the signal only rests.
+    """Find the pushes of a recording, in order, without measuring them.
 
     Raises:
         ConfigError: The channel to look in is not named, or not there.

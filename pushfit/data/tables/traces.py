@@ -40,13 +40,10 @@ class Trace:
 def envelope(
     time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"], *, max_points: int
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Signal thinned for drawing, with the extremes of every stretch kept.
+    """Signal thinned for drawing with its extremes, unchanged if it is short.
 
     Args:
         time: Sample times [s].
-
-    Returns:
-        Times and samples, unchanged if there are few.
     """
     if time.size <= max_points:
         return time, signal

@@ -135,13 +135,10 @@ def summed_gain(
     sigma: Float[np.ndarray, " c"],
     is_coarse: bool = False,
 ) -> Float[np.ndarray, " k"]:
-    """Sum of the expected information gains about several angles, of one count.
+    """Sum of the expected information gains about several angles, of one count [nat].
 
     Args:
         angles: Each angle of every draw; NaN where undefined.
-
-    Returns:
-        Gains, not below 0 [nat].
     """
     own = weights > 0
     if not np.all(own):

@@ -70,15 +70,12 @@ class Surveyor:
         abandoned: Collection[Direction] = (),
         is_full: bool = False,
     ) -> Survey:
-        """What every candidate would tell, at the greatest length that is safe.
+        """What candidates would tell at the greatest length that is safe, if one is.
 
         Args:
             abandoned: Directions never to be asked again [rad].
             is_full: Whether gains of all candidates are wanted to the last digit, as
                 for a picture.
-
-        Returns:
-            The survey; none is allowed where no length is safe.
         """
         directions = self.limits.candidates(
             azimuths=self._azimuths if "alpha_star" in belief.samples else None,

@@ -115,14 +115,11 @@ def tabulated_prior(
 def prior_of_angle(
     degrees: Float[np.ndarray, " n"], prior_degrees: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, " n"] | None:
-    """Log density of θ_c where the contact rolls, from draws of the prior.
+    """Log density of θ_c per degree where the contact rolls; None if it is fixed.
 
     Args:
         degrees: Where it is wanted; NaN where it never rolls [deg].
         prior_degrees: Draws, likewise [deg].
-
-    Returns:
-        Log density per degree; None if the angle is fixed.
     """
     u = _stretched(prior_degrees[np.isfinite(prior_degrees)])
     if u.size < N_POOLED or np.ptp(u) == 0:

@@ -30,13 +30,10 @@ class CheckpointWarning(UserWarning):
 
 
 def fingerprint(*trees: object) -> str:
-    """Digest of pytrees: every array bit by bit, and every setting.
+    """Digest of pytrees, every array bit by bit and every setting, hexadecimal.
 
     Args:
         trees: Containers of arrays; what is not an array is compared as text.
-
-    Returns:
-        Hexadecimal digest, equal only for equal questions.
     """
     digest = hashlib.sha256()
     leaves, structure = jax.tree.flatten(trees)

@@ -202,16 +202,13 @@ class Ellipses:
 def ellipse_points(
     mean: float, e1: float, e2: float, *, n_points: int = 91
 ) -> Float[np.ndarray, "2 k"]:
-    """Closed outline of a stiffness ellipse.
+    """Closed outline of a stiffness ellipse: x and y in the unit of `mean`.
 
     Args:
         mean: Geometric mean of the semi-axes.
         e1: First shape number [-].
         e2: Second shape number [-].
         n_points: Points on the outline, the first one repeated at the end.
-
-    Returns:
-        x and y in the unit of `mean`.
     """
     stretch, azimuth = np.exp(np.hypot(e1, e2) / 2), np.arctan2(e2, e1) / 2
     turn = np.linspace(0, 2 * np.pi, n_points)

@@ -129,13 +129,10 @@ def figure_files(
     *,
     is_wanted: Callable[[str, str], bool],
 ) -> dict[str, bytes]:
-    """Content of the files of all figures.
+    """Content of the files of all figures by name, "main.png" and so on.
 
     Args:
         is_wanted: Whether a figure is wanted as "png" or "svg", both by name.
-
-    Returns:
-        Content by file name, "main.png" and so on.
     """
     files = {}
     for name, make in figure_makers(identification).items():

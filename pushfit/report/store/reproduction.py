@@ -90,13 +90,10 @@ class Reproduction:
 def compare_result(
     folder: Path, summary: Mapping[str, Json], again: Identification
 ) -> Reproduction:
-    """Compare every number of a result folder with the same computed again.
+    """Compare every number of a result folder, all files, with the same anew.
 
     Args:
         again: Identification of the same inputs with the same config, seed and engine.
-
-    Returns:
-        Differences in `summary.json`, `result.nc` and `peaks.csv`.
 
     Raises:
         DataError: A file of the folder is missing or broken.
