@@ -19,6 +19,8 @@ class Correlation:
     """Correlation of two quantities over the posterior draws.
 
     Args:
+        first: Name of one.
+        second: Name of the other.
         value: Pearson's, of the logs where both are positive [-].
     """
 

@@ -50,7 +50,11 @@ class Sentences:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """The least-squares fit and its optima; `sigma` is the range of sds of heights."""
+    """The least-squares fit and all its optima.
+
+    Args:
+        sigma: Smallest and largest sd of the heights.
+    """
 
     status: Status
     chi_square: float
@@ -63,7 +67,11 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chain:
-    """Convergence of a chain in numbers; acceptance is the mean over the walkers."""
+    """Convergence of a chain in numbers.
+
+    Args:
+        acceptance_fraction: Mean over the walkers.
+    """
 
     n_ensembles: int
     n_walkers: int
@@ -105,8 +113,11 @@ class Summary:
 
     Args:
         status: "ok", or why no number is to be trusted.
+        status_text: The same in words.
+        n_used: Pushes that entered the fit.
         by_mechanics: Answers of all mechanics computed; the first one leads, and
             everything else is by it.
+        theta_c_deg: At `reference_alpha_deg`.
         recipe: Which inputs are what, for `pushfit verify`; null for a table made in
             Python.
     """
