@@ -29,7 +29,7 @@ from benchmarks.tables import HARD
 from pushfit.cache import enable_compile_cache
 from pushfit.config import parse_config
 from pushfit.explore.belief.belief import ANGLES, Belief, Question
-from pushfit.explore.belief.believe import believe
+from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, weighed
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.decide.judge import HOPELESS, IN_A_ROW, MIN_FORECAST, Judge

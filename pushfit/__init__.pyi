@@ -31,9 +31,9 @@ from .model import Grasp as Grasp
 from .model import Parameters as Parameters
 from .model import Pushes as Pushes
 from .model import forward as forward
-from .result import Result as Result
-from .result import Value as Value
-from .result import load as load
+from .report.result import Result as Result
+from .report.result import Value as Value
+from .report.result import load as load
 from .workflow import identify as identify
 
 __version__: str

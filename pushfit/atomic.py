@@ -5,6 +5,7 @@ written into and stays what it is, and a symbolic link goes on pointing where it
 """
 
 import contextlib
+import itertools
 import os
 import re
 import shutil
@@ -57,11 +58,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 
 def is_stream(path: str | Path) -> bool:
-    """Whether something can only be written into: a device, a FIFO, a descriptor.
-
-    Args:
-        path: As the user named it, there or not.
-    """
+    """Whether a path can only be written into: a device, a FIFO, a descriptor."""
     if _DESCRIPTOR.fullmatch(os.path.abspath(path)):
         return True
     try:
@@ -84,11 +81,7 @@ def _passed_on(stream: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def unfinished(path: Path) -> Iterator[None]:
-    """Have a file or folder removed at the end of the block, or of the process.
-
-    Args:
-        path: What is to be renamed, or read, before the block ends.
-    """
+    """Have a file or folder removed at the end of the block, or of the process."""
     _unfinished.add(path)
     try:
         yield
@@ -127,6 +120,13 @@ def _umask() -> int:
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
+
+
+def spare_name(path: Path) -> Path:
+    """First free name for a file that cannot be used: the same ending in `.bad`."""
+    endings = itertools.chain([""], itertools.count(2))
+    names = (path.with_name(f"{path.name}.bad{n}") for n in endings)
+    return next(name for name in names if not name.exists())
 
 
 def sync(path: Path) -> None:

@@ -27,12 +27,9 @@ def cache_folder() -> Path:
 
 
 def enable_compile_cache() -> str:
-    """Keep traced programs, and tell JAX before it is imported to keep compiled ones.
+    """Keep programs, tell JAX so before it is imported, and say what was decided.
 
     A folder that the user gave to JAX stays the one of compiled programs.
-
-    Returns:
-        What was decided, for the user.
     """
     os.environ.pop(PROGRAMS, None)
     if os.environ.get(SWITCH) == "off":
@@ -67,14 +64,7 @@ def programs_folder() -> Path | None:
 
 
 def is_private(folder: Path) -> bool:
-    """Whether nobody but the user can write to a folder.
-
-    Args:
-        folder: Folder that exists.
-
-    Returns:
-        False for a folder of somebody else, or one that others may read or write.
-    """
+    """Whether a folder is a user's own, and nobody else may read or write it."""
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode):
         return False

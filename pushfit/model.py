@@ -28,16 +28,7 @@ from pushfit.mechanics.numerics import norm2
 
 
 def forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
-    """Contact forces by the mechanics that the grasp names.
-
-    Args:
-        params: Parameters.
-        pushes: Push directions.
-        grasp: Grasp and sensor.
-
-    Returns:
-        Forces of every push.
-    """
+    """Contact forces by the mechanics that the grasp names."""
     return grasp.law.forces(params, pushes, grasp)
 
 
@@ -47,14 +38,6 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
         height = gain (sqrt(F_pt² + F_n²) - F_0) + offset
 
     With F_0 = 0, gain 1 and offset 0 this is S_p P_r of Eq. (12).
-
-    Args:
-        params: Parameters.
-        pushes: Push directions.
-        grasp: Grasp and sensor.
-
-    Returns:
-        One value per push and channel.
 
     References:
         Eqs. (12)-(14).
@@ -71,17 +54,12 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
 
 
 def push_resistance(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
-    """Force change per push length.
+    """Force change per push length [N/m].
 
         P_r = (|F_p| - F_0) / S_p
 
     Args:
-        params: Parameters.
-        pushes: Push directions.
         grasp: Grasp and sensor; gain and offset play no part.
-
-    Returns:
-        Resistance of every push [N/m].
 
     References:
         Eqs. (12)-(14).

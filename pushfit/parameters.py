@@ -225,10 +225,5 @@ STIFFNESSES = frozenset(q.name for q in NAMED.values() if q.is_stiffness)
 
 
 def unit_of(name: str, newton: str) -> str:
-    """Unit of a quantity, in the sensor's own unit of force where that is not known.
-
-    Args:
-        name: Name of a quantity of the model.
-        newton: What stands for N.
-    """
+    """Unit of a quantity, with a word for N where the unit of force is not known."""
     return NAMED[name].unit.replace("N", newton)

@@ -20,11 +20,7 @@ PREFIX = "pushfit_"
 
 @dataclass(frozen=True, slots=True)
 class Deferred:
-    """A function that is imported when it is first called.
-
-    Args:
-        place: Module and function, as "module:function".
-    """
+    """A function, named "module:function", that is imported when it is first called."""
 
     place: str
 

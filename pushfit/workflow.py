@@ -1,7 +1,7 @@
 """From whatever holds the pushes to a result in one call, as `pushfit identify` does.
 
 Files, frames and records are taken alike. Excluded: what a result shows, which is in
-`pushfit.result`.
+`pushfit.report.result`.
 """
 
 import contextlib
@@ -29,8 +29,8 @@ from pushfit.fit.identify import identify_table
 from pushfit.fit.programs import loaded_ahead
 from pushfit.fit.results import Recipe
 from pushfit.fit.stages import Progress, Stages, stages_of
+from pushfit.report.result import Result
 from pushfit.report.text.first import First
-from pushfit.result import Result
 
 Read = TypeVar("Read")
 Named = str | Path
@@ -59,7 +59,6 @@ def identify(
             the recordings have angle columns, and for a table.
         config: What is known of grasp and sensor: a `grasp.toml`, its content, or what
             `read_config` gives.
-        seed: Seed of every random number.
         engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws are
             not to be trusted.
         progress: Called with a stage and the share of it that is done; None shows both
@@ -103,9 +102,6 @@ def shown_progress(
     progress: Progress | None,
 ) -> Iterator[tuple[Progress | None, Callable[[str], None]]]:
     """The user's way to show progress, else lines in a notebook, else none.
-
-    Args:
-        progress: Of the user.
 
     Yields:
         Function of a stage and the share of it that is done, and one of a line that
@@ -156,10 +152,6 @@ def gather(
     Args:
         sources: Recordings, or one table.
         plans: A schedule for each recording, or none.
-        config: Settings in force.
-
-    Returns:
-        One table.
 
     Raises:
         ConfigError: Schedules and recordings do not go together.
@@ -241,13 +233,7 @@ def _from_frame(frame: pd.DataFrame, read: Callable[[Path], Read]) -> Read:
 def recipe_of(
     sources: Sequence[Source], plans: Sequence[Plan], config: GraspConfig
 ) -> Recipe | None:
-    """Which files to read to do it again; None unless everything was a file.
-
-    Args:
-        sources: As given.
-        plans: As given.
-        config: Settings as given.
-    """
+    """Which files to read to do it again; None unless everything was a file."""
     if not all(isinstance(given, str | Path) for given in (*sources, *plans)):
         return None
     given = config.model_dump(mode="json")

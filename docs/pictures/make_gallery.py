@@ -23,7 +23,7 @@ from pushfit.report.figures.style import (
     new_figure,
     styled,
 )
-from pushfit.result import load
+from pushfit.report.result import load
 
 FOLDER = Path(__file__).parent
 # Names of the figures of a result, and what they are called here.

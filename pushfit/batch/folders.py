@@ -35,11 +35,7 @@ def folder_name(item: str) -> str:
 
 
 def is_current(folder: Path, key: str, written: Mapping[str, tuple[str, str]]) -> bool:
-    """Whether a folder still holds what was written for an item.
-
-    Args:
-        written: Key and digest of `summary.json` by name of folder.
-    """
+    """Whether a folder still holds an item's result, by key and digest as written."""
     found = written.get(folder.name)
     summary = folder / SUMMARY
     return (

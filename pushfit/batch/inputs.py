@@ -58,21 +58,12 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
 
 
 def settings_for(path: str, common: Path | None) -> Path | None:
-    """Settings of one file: its own, else those of its folder, else the common ones.
-
-    Returns:
-        `NAME.toml` beside the file, the `grasp.toml` there, or the common file.
-    """
+    """Settings of a file: `NAME.toml` or `grasp.toml` beside it, or the common ones."""
     return _companion(path, f"{stem_of(path)}.toml", SETTINGS) or common
 
 
 def schedule_for(path: str, common: Path | None) -> Path | None:
-    """Schedule of one recording, by the same rule as its settings.
-
-    Returns:
-        `NAME.schedule.csv` beside the file, the `schedule.csv` there, or the common
-        one.
-    """
+    """The same of its schedule: `NAME.schedule.csv`, `schedule.csv`, or the common."""
     return _companion(path, f"{stem_of(path)}.{SCHEDULE}", SCHEDULE) or common
 
 

@@ -29,7 +29,6 @@ class Failure:
 
     Args:
         stage: "input", "read", "peaks", "fit", "folder" or "worker".
-        code: Stable snake_case word.
     """
 
     item: str
@@ -39,11 +38,7 @@ class Failure:
 
     @classmethod
     def of(cls, item: str, stage: str, error: Exception) -> "Failure":
-        """What an error means for an item.
-
-        Args:
-            error: The error; one that is not ours is a bug.
-        """
+        """What an error means for an item."""
         if isinstance(error, PushfitError):
             return cls(item=item, stage=stage, code=error.code, message=str(error))
         if isinstance(error, OSError):
@@ -66,7 +61,6 @@ class Item:
         schedule: Schedule, used if the file is a recording.
         config_from: File that they are from, or "defaults".
         seed: Seed of its randomness, from the user's seed and the content.
-        key: Digest of all that decides the result.
     """
 
     name: str
@@ -208,11 +202,7 @@ class _Planner:
 
 
 def derived_seed(seed: int, sha256: str) -> int:
-    """Seed of one item, whatever its name, its place and its neighbours.
-
-    Returns:
-        Number from 0 to 2³¹ - 1.
-    """
+    """Seed of one item by its content alone, from 0 to 2³¹ - 1."""
     return int(digest_of({"seed": seed, "content": sha256})[:8], 16) >> 1
 
 

@@ -96,11 +96,11 @@ def _rows(
     for unit, group in sorted(groups.items()):
         found = pool(group, scale=pooled.scale)
         if found is not None:
-            rows.append(_row(pooled.quantity, unit, found, n_all[unit]))
+            rows.append(_row(pooled.quantity, unit, found=found, n_all=n_all[unit]))
     return rows
 
 
-def _row(quantity: str, unit: str, found: Population, n_all: int) -> Row:
+def _row(quantity: str, unit: str, *, found: Population, n_all: int) -> Row:
     cells: tuple[Cell, ...] = (
         quantity,
         unit,

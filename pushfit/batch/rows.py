@@ -35,13 +35,10 @@ class Answers:
 def collect(
     plan: Plan, failed: Mapping[str, Failure], find: Callable[[str], Finished | None]
 ) -> Answers:
-    """Put everything that is known of the items together.
+    """All that is known of the items, in an order that computing does not change.
 
     Args:
         failed: What failed, by key of the item.
-
-    Returns:
-        Rows and failures; neither depends on the order in which they were computed.
     """
     first: dict[str, str] = {}
     failures = list(plan.failures)

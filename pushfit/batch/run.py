@@ -33,8 +33,6 @@ class Batch:
         rows: One row for each item, sorted by name; see `results.csv`.
         population: One row for each quantity that was pooled; see `population.csv`.
         failures: Items without a result, sorted by name; see `failures.csv`.
-        n_computed: Results that this run computed.
-        n_kept: Results that an earlier run had left.
         n_left_out: Schedules, settings and other files among the inputs.
         notice: What the user should know about the store; empty if nothing.
     """
@@ -72,7 +70,6 @@ def identify_batch(
         out: Folder of the results, old or new; its parent exists.
         config: Settings of the items that have none of their own: a `NAME.toml` beside
             the file, or the `grasp.toml` of its folder.
-        profile: Settings under all others.
         schedule: Schedule of the recordings that have none of their own: a
             `NAME.schedule.csv` beside the file, or the `schedule.csv` of its folder.
         seed: Seed from which those of the items derive.

@@ -20,6 +20,7 @@ from types import FrameType
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.atomic import spare_name
 from pushfit.batch.folders import STORE
 from pushfit.errors import ConfigError
 from pushfit.fit.population.result_row import Cell
@@ -53,11 +54,7 @@ class Finished:
 
 
 class Store:
-    """Results by key.
-
-    Args:
-        connection: Database of the form of `SCHEMA`, locked.
-    """
+    """Results by key, in a locked database of the form of `SCHEMA`."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         """Take over a checked database."""
@@ -69,11 +66,7 @@ class Store:
         return frozenset(key for (key,) in rows)
 
     def get(self, key: str) -> Finished | None:
-        """Find a result.
-
-        Returns:
-            The result; None if there is none that can be read.
-        """
+        """Find a result; None if there is none that can be read."""
         found = self._connection.execute(
             "SELECT kind, cells, draws FROM result WHERE key = ?", (key,)
         ).fetchone()
@@ -210,11 +203,7 @@ def _is_ours(connection: sqlite3.Connection) -> bool:
 
 def _set_aside(path: Path) -> str:
     """Rename a store that cannot be used, and say so."""
-    bad = path.with_name(f"{path.name}.bad")
-    number = 1
-    while bad.exists():
-        number += 1
-        bad = path.with_name(f"{path.name}.bad{number}")
+    bad = spare_name(path)
     for ending in ("", *SIDECARS):
         # An old journal would be played back into the new file.
         with contextlib.suppress(FileNotFoundError):

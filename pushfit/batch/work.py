@@ -35,11 +35,7 @@ IdentifyMany = Callable[..., list[ItemResult | PushfitError]]
 def identify_chunk(
     chunk: Chunk, *, engine: str, identify: IdentifyMany = identify_many
 ) -> list[Finished | Failure]:
-    """Read the items of a chunk and identify them together.
-
-    Args:
-        chunk: Items of one configuration.
-    """
+    """Read the items of a chunk, which share a configuration, and identify them."""
     loaded = [load(item) for item in chunk]
     good = [
         (item, *found)
@@ -51,11 +47,7 @@ def identify_chunk(
 
 
 def load(item: Item) -> tuple[str, PeakTable] | Failure:
-    """Peak heights of an item.
-
-    Returns:
-        "recording" or "table" and the peaks, or why there are none.
-    """
+    """Peaks of a "recording" or "table", and which it is, or why there are none."""
     stage = "read"
     try:
         if item.rows is not None:
@@ -80,11 +72,7 @@ def load(item: Item) -> tuple[str, PeakTable] | Failure:
 
 
 def write_folder(chunk: Chunk, *, engine: str, folder: Path) -> list[str | Failure]:
-    """Identify each item by itself and write everything about it.
-
-    Returns:
-        Digest of the `summary.json` of each item, or why it has none.
-    """
+    """Identify and write each item alone; digests of `summary.json`, or failures."""
     return [_write_folder(item, engine, folder) for item in chunk]
 
 

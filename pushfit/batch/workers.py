@@ -65,11 +65,7 @@ class Workers:
     time_limit: float | None = None
 
     def chunks(self, items: Sequence[Item]) -> list[Chunk]:
-        """Portions of items of one configuration.
-
-        Returns:
-            Chunks; neighbours are alike in size, and so in shape.
-        """
+        """Portions of items of one configuration, alike in size and so in shape."""
         share = max(math.ceil(len(items) / (SHARES * self.n)), 1)
         size = min(self.chunk, share)
         groups: dict[str, list[Item]] = {}

@@ -81,11 +81,7 @@ command(app, "sample", help="Another name of fit.")(analysis.fit)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command.
-
-    Args:
-        arguments: Words after `pushfit`; None takes them from the process.
-    """
+    """Run one command, by default the words after `pushfit`."""
     try:
         with stoppable():
             app(args=arguments, prog_name="pushfit")

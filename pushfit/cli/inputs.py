@@ -75,6 +75,7 @@ def load_peaks(
     session: Session,
     recordings: Sequence[Path],
     schedules: Sequence[Path],
+    *,
     config: "GraspConfig",
 ) -> "PeakTable":
     """Peak heights of one or several recordings of one grasp.

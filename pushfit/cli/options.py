@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
+SensorUnit = Literal["n", "kpa", "counts", "au"]
 Recordings = Annotated[
     list[Path],
     typer.Argument(metavar="RECORDING...", help="Recordings, one for each sweep."),

@@ -44,11 +44,7 @@ def refuse_picture(path: Path | None, *, force: bool) -> None:
 def write_text(
     session: Session, text: str, path: Path | None, *, remark: str = ""
 ) -> None:
-    """Put a text into a file, complete or not at all, or on standard output.
-
-    Args:
-        path: File; None for standard output.
-    """
+    """Put a text into a file, complete or not at all; None is standard output."""
     if path is None:
         print(text, end="")
         return

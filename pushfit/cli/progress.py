@@ -20,11 +20,7 @@ MEMORY = 600.0
 
 
 class Course:
-    """Takes in how far the work is, and says it line by line.
-
-    Args:
-        clock: Seconds that only grow.
-    """
+    """Takes in how far the work is, and says it line by line."""
 
     def __init__(
         self,

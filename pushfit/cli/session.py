@@ -44,14 +44,7 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """One run of one command.
-
-    Args:
-        is_quiet: Whether only errors are shown.
-        is_verbose: Whether steps are shown.
-        is_debug: Whether an error shows its traceback.
-        is_json: Whether standard output is one JSON document.
-    """
+    """One run of one command; with `is_json` standard output is one document."""
 
     is_quiet: bool
     is_verbose: bool
@@ -59,11 +52,7 @@ class Session:
     is_json: bool
 
     def say(self, text: str, *, style: str = "") -> None:
-        """Show a message, unless the user wants quiet.
-
-        Args:
-            style: Colour and weight on a terminal, as rich names them.
-        """
+        """Show a message in a style of rich, unless the user wants quiet."""
         if not self.is_quiet:
             _print_message(text, style)
 
@@ -86,11 +75,7 @@ class Session:
             self.say(text, style="dim")
 
     def print_json(self, document: Mapping[str, object]) -> None:
-        """Write the one document of --json to standard output.
-
-        Args:
-            document: Content, without NaN or infinities.
-        """
+        """Write the one document of --json to standard output."""
         print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
     @contextmanager

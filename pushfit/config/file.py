@@ -35,16 +35,13 @@ def read_config(
     profile: str | Path | None = None,
     changes: Mapping[str, Mapping[str, object]] = _UNCHANGED,
 ) -> GraspConfig:
-    """Read and check a `grasp.toml`.
+    """Read and check a `grasp.toml`; what it does not state has its default.
 
     Args:
         path: File to read; None gives the defaults.
         profile: File of the same form with what a laboratory always states; `path`
             has the last word.
         changes: Keys by section, over both files.
-
-    Returns:
-        Settings with every default filled in.
 
     Raises:
         ConfigError: A file cannot be read, is no TOML, or breaks a rule.
@@ -129,9 +126,6 @@ def _checked(content: Mapping[str, object], path: str) -> GraspConfig:
 
 def template(config: GraspConfig | None = None) -> str:
     """Text of a commented `grasp.toml` that means the same as some settings.
-
-    Args:
-        config: The settings; None for no file at all.
 
     Returns:
         TOML: keys carry what was stated or their defaults, or stand behind a '#' with

@@ -37,13 +37,10 @@ class SensorSection(Section):
         return self
 
     def factor(self, source: str, target: str) -> float | None:
-        """Number by which a value in one unit becomes a value in the other.
+        """Factor from one unit to the other; None where the file does not say.
 
         Args:
             source: Unit of the value: n, kpa, counts or au.
-
-        Returns:
-            The factor; None where the file does not say.
         """
         return _convert(list(self._factors().values()), source).get(target)
 

@@ -101,8 +101,6 @@ class Session:
         angle_resolution: Directions are reached within half of it, and recorded in
             multiples of it [rad].
         forces: Whether the three force components are recorded instead of a pressure.
-        channel: Name of the pressure channel.
-        unit: Unit of the readings.
     """
 
     shape: Literal["triangle", "sine", "plateau"] = "triangle"
@@ -149,7 +147,6 @@ class SimulatedRecording:
 
     Args:
         recording: What a reader would give.
-        schedule: Planned pushes.
         theta: Elevation that each push really had [rad].
         alpha: Azimuth that each push really had [rad].
         truth: Heights of the pushes before noise and saturation.
@@ -196,7 +193,7 @@ def simulate_recording(
     recording = Recording(
         time=time,
         channels={
-            name: sensed(time, course * amplitude[index], session, rng)
+            name: sensed(time, course * amplitude[index], session=session, rng=rng)
             for name, amplitude in _amplitudes(truth, alpha, session).items()
         },
         units=dict.fromkeys(_amplitudes(truth, alpha, session), session.unit),
@@ -271,6 +268,7 @@ def _amplitudes(
 def sensed(
     time: Float[np.ndarray, " n"],
     change: Float[np.ndarray, " n"],
+    *,
     session: Session,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, " n"]:

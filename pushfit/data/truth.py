@@ -20,15 +20,12 @@ def simulate_from_config(
     noise: float,
     seed: int,
 ) -> Recording:
-    """Record a schedule with the grasp and the parameters of a configuration.
+    """Record a schedule, angles of the joints included, as a configuration states.
 
     Args:
         config: Settings; `[parameters]` is the truth and the preload the reading at
             rest.
         noise: Standard deviation of a sample [unit].
-
-    Returns:
-        The recording, with the angles of the joints as channels.
 
     Raises:
         ConfigError: A parameter is missing, the preload cannot be converted, or it or
@@ -85,11 +82,12 @@ def stated_parameters(config: GraspConfig) -> Parameters:
 
 def _centre(prior: Prior) -> float:
     """The number that stands for a prior."""
+    if prior.fixed is not None:
+        return prior.fixed
     if prior.normal is not None:
         return prior.normal.mean
     if prior.lognormal is not None:
         return prior.lognormal.median
     if prior.uniform is not None:
         return (prior.uniform.low + prior.uniform.high) / 2
-    assert prior.fixed is not None  # the schema demands one of the four
-    return prior.fixed
+    raise ConfigError("a prior in [parameters] states nothing", code="no_truth")

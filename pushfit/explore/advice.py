@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from pushfit.explore.belief.belief import Question
-from pushfit.explore.belief.believe import belief_from
+from pushfit.explore.belief.from_fit import belief_from
 from pushfit.explore.decide.gain import outlook
 from pushfit.explore.decide.intervals import Target
 from pushfit.explore.decide.survey import Surveyor
@@ -70,7 +70,9 @@ def _sentence(found: Identification, angle: str) -> str | None:
         prob=prob,
     )
     heights = survey.predicted.heights[best]
-    width = outlook(heights, target, belief.weights, belief.sigma).expected_width
+    width = outlook(
+        heights, target, weights=belief.weights, sigma=belief.sigma
+    ).expected_width
     after = f" and is expected to leave a {100 * prob:g} % interval of {width:.2g}°"
     return (
         f"One more push at θ = {np.degrees(survey.theta[best]):.0f}°, "

@@ -18,7 +18,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
 from pushfit.explore.belief.belief import ANGLES, Belief, BeliefSource, Question
-from pushfit.explore.belief.believe import believe
+from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, reference_due, weighed
 from pushfit.explore.belief.tables import by_channel, check_sensor, table_of, told_rows
 from pushfit.explore.decide.judge import Judge
@@ -130,12 +130,9 @@ class Explorer:
         self._settle()
 
     def ask(self, n: int = 1) -> tuple[Suggestion, ...]:
-        """The pushes that would tell most, the best first.
+        """Pushes that would tell most, the best first; none once there is an answer.
 
         The first one counts as asked for, and is in the journal when this returns.
-
-        Returns:
-            Suggestions; none once the exploration has its answer.
         """
         history = self.history
         if self.is_dangling and history.pending is not None:
@@ -149,11 +146,12 @@ class Explorer:
             why = "; ".join(f"{k} candidates {reason}" for reason, k in reasons.items())
             self.stop(f"no push is within the limits: {why}")
             return ()
-        if history.pending is None:
+        pending = history.pending
+        if pending is None:
             number = len(history.told) + len(history.failures) + 1
-            self._record(event_of("asked", replace(found[0], number=number)))
-        assert history.pending is not None
-        return (history.pending, *found[1:])
+            pending = replace(found[0], number=number)
+            self._record(event_of("asked", pending))
+        return (pending, *found[1:])
 
     def tell(
         self,
@@ -192,11 +190,7 @@ class Explorer:
         return self.state
 
     def fail(self, suggestion: Suggestion, reason: str) -> None:
-        """Say that a push gave no height; it may be asked again.
-
-        Args:
-            reason: Stable word, such as "stalled".
-        """
+        """Say that a push gave no height, such as "stalled"; it may be asked again."""
         self._failed(suggestion, reason, is_final=False)
 
     def abandon(self, suggestion: Suggestion, reason: str = "abandoned") -> None:
@@ -210,11 +204,7 @@ class Explorer:
         self._stop_after_failures()
 
     def stop(self, reason: str) -> None:
-        """End the exploration.
-
-        Args:
-            reason: Sentence for a person.
-        """
+        """End the exploration."""
         self._record({"event": "stopped", "reason": reason})
 
     @property
@@ -290,9 +280,9 @@ class Explorer:
         target = self.judge.target(belief, self.angle)
         due = reference_due(self.history.told, self.limits)
         if due is not None and survey.length_share == 1.0:
-            return [repetition(belief, survey, due, target)]
+            return [repetition(belief, survey, due, target=target)]
         rows = survey.ranks[:n].tolist()
-        return [suggestion(belief, survey, row, target) for row in rows]
+        return [suggestion(belief, survey, row, target=target) for row in rows]
 
     def _record(self, event: Event) -> None:
         self.journal.write(event)

@@ -23,11 +23,7 @@ RESTS = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One push of an exploration, for whoever watches.
-
-    Args:
-        fault: Stable word; None where a height was told.
-    """
+    """One push of an exploration, for whoever watches; without a height its fault."""
 
     suggestion: Suggestion
     fault: str | None
@@ -60,7 +56,7 @@ def explore(
         hand.retract()
         while suggestions := explorer.ask():
             suggestion = suggestions[0]
-            felt = _push(explorer, hand, suggestion, settings)
+            felt = _push(explorer, hand, suggestion, settings=settings)
             _note(explorer, suggestion, felt)
             watch(Step(suggestion=suggestion, fault=felt.fault, state=explorer.state))
     except BaseException:
@@ -72,13 +68,13 @@ def explore(
 
 
 def _push(
-    explorer: Explorer, hand: Hand, suggestion: Suggestion, settings: PeakSettings
+    explorer: Explorer, hand: Hand, suggestion: Suggestion, *, settings: PeakSettings
 ) -> Felt:
     """Make one push and measure it; the finger is back when this returns."""
     limits, belief = explorer.limits, explorer.belief
     length = suggestion.length_share * float(belief.grasp.push_length)
     asked = displacement(suggestion.theta, suggestion.alpha, length)
-    if not _is_allowed(hand, suggestion, length, limits):
+    if not _is_allowed(hand, suggestion, length=length, limits=limits):
         return Felt(table=None, fault="out_of_reach")
     hand.wait(limits.rest_s)
     outcome = _moved(hand, asked, limits.force)
@@ -119,7 +115,7 @@ def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
 
 
 def _is_allowed(
-    hand: Hand, suggestion: Suggestion, length: float, limits: Limits
+    hand: Hand, suggestion: Suggestion, *, length: float, limits: Limits
 ) -> bool:
     """Whether both the limits and the hand itself let it push there."""
     reach = hand.reach()

@@ -83,7 +83,6 @@ class State:
             are left have a chance, or before a forecast may end anything.
         p_budget: The same with the pushes that are left; None where not forecast.
         n_pushes: Pushes told, attached ones included.
-        n_left: Pushes left of the budget.
     """
 
     answer: Answer

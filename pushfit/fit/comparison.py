@@ -95,13 +95,9 @@ class ModelScore:
         sharpness: Sharpness of the transition, infinite for a hard switch; None where
             it is one of the unknowns.
         is_adequate: Whether it describes the heights within their noise.
-        verdict: The same in words.
         log_evidence: ln p(h); None where the sweep was not to be trusted.
-        log_evidence_error: Its standard error.
         densities: Leave-one-out densities; None where draws are not to be trusted, and
             with effects of repeats, which are fitted to all pushes.
-        engine: How the posterior was found.
-        status: Whether its numbers are to be trusted.
         log_bayes_factor: Log evidence minus the highest of all models.
         elpd_difference: Sum of the densities minus the highest of all models.
         elpd_difference_se: Standard error of the difference; 0 for the best.
@@ -155,11 +151,8 @@ class Comparison:
     """The same pushes under several models.
 
     Args:
-        models: One score per model.
         why_no_evidence: Why there is none; None where there is.
-        n_pushes: Pushes that every model was fitted to.
         noise: Noise model of all of them: "given", "pooled" or "sampled".
-        seed: Seed of the draws.
     """
 
     models: tuple[ModelScore, ...]

@@ -40,7 +40,6 @@ class Coverage:
     """How often one kind of interval held the truth.
 
     Args:
-        name: Quantity.
         kind: "interval" (equal-tailed) or "set" (as quoted, pieces and open ends).
         prob: Probability that it claims.
         n_held: Tables in which it held the truth.
@@ -76,17 +75,7 @@ class Coverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """Measured coverage for one design.
-
-    Args:
-        coverages: One per quantity, kind and probability.
-        verdicts: How often each verdict was given, by angle.
-        n_tables: Tables simulated.
-        n_failed: Tables that gave no trusted result.
-        n_pushes: Pushes of each table.
-        engine: Engines of the posteriors.
-        seed: Seed of truths, noise and draws.
-    """
+    """Measured coverage for one design, by quantity, kind and probability."""
 
     coverages: tuple[Coverage, ...]
     verdicts: Mapping[str, Mapping[Verdict, int]]
@@ -102,7 +91,6 @@ class Simulation:
     """Tables with known truth.
 
     Args:
-        tables: Peak heights.
         truths: True values by quantity, one per table, as in `samples_mapping`.
     """
 

@@ -23,7 +23,6 @@ def start_server(
     Args:
         look: What is shown; the same in every window, so that nothing is lost when a
             page is loaded again.
-        port: Port; 0 takes a free one.
 
     Raises:
         ConfigError: The port cannot be had (`port`).

@@ -20,8 +20,8 @@ from pushfit.data.peaks.components import (
 )
 from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.chosen import find, no_pushes
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.found import find, no_pushes
 from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.units import DECIMALS
 from pushfit.data.tables.columns import Origin
@@ -126,11 +126,7 @@ class Look:
         return bool(np.isfinite(self.theta_deg[hump] + self.alpha_deg[hump]))
 
     def at(self, when: float) -> int | None:
-        """Position of the hump at a time, a little beside it included.
-
-        Returns:
-            The one whose top is nearest; None where only rest is.
-        """
+        """Position of the nearest hump at or a little beside a time; None at rest."""
         away = [abs(hump.t_peak - when) for hump in self.humps]
         k = int(np.argmin(away))
         hump = self.humps[k]

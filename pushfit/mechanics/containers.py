@@ -276,13 +276,10 @@ def anisotropy_stretch(half_f: Scalar, s: Scalar) -> Scalar:
 
 
 def tangential_compliance(springs: Support) -> Float[Array, "2 2"]:
-    """Inverse of `support_stiffness`.
+    """Inverse of `support_stiffness`, symmetric positive-definite [m/N].
 
     Args:
         springs: Springs that hold the object sideways.
-
-    Returns:
-        Symmetric positive-definite matrix [m/N].
     """
     return _expm_traceless(-springs.e1, -springs.e2) / springs.K_st
 

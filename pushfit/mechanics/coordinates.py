@@ -46,11 +46,7 @@ class Coordinates(eqx.Module):
 
 
 def coordinates(params: Parameters) -> Coordinates:
-    """Fitting coordinates of a set of parameters; inverse of `parameters`.
-
-    Args:
-        params: Parameters, the first six positive.
-    """
+    """Fitting coordinates of parameters, six positive; inverse of `parameters`."""
     group = contact(params)
     return Coordinates(
         ln_A=jnp.log(group.A),

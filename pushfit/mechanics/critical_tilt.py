@@ -3,6 +3,10 @@
 All belong to pushes of one length. Above θ_c nothing rolls, so that all follow from the
 unrolled equilibrium, which is scalar also with two supports. Excluded: forces
 (`pushfit.mechanics.tilting`, `pushfit.mechanics.two_supports`).
+
+References:
+    An extension of Eq. (11) of He & Zhang (2014), doi:10.1007/s11432-014-5216-3, which
+    is the limit S_p / L → 0; derived in docs/model.md, "Tilting".
 """
 
 import jax

@@ -117,10 +117,10 @@ def linear_critical_angle(
     group = contact(params)
     x, y = tangential_stiffness(group, unit_vector(alpha))
     if grasp.support_span is None:
-        return _switch_angle(norm2(x, y), group.C_rr, group.A, grasp)
+        return _switch_angle(norm2(x, y), group.C_rr, A=group.A, grasp=grasp)
     limit_x, limit_y = rolling_limits(group, grasp.support_span)
-    about_y = _switch_angle(jnp.abs(x), limit_x, group.A, grasp)
-    about_x = _switch_angle(jnp.abs(y), limit_y, group.A, grasp)
+    about_y = _switch_angle(jnp.abs(x), limit_x, A=group.A, grasp=grasp)
+    about_x = _switch_angle(jnp.abs(y), limit_y, A=group.A, grasp=grasp)
     return jnp.fmax(about_y, about_x)
 
 
@@ -187,7 +187,7 @@ def _pressed(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
 
 
 def _switch_angle(
-    stiffness: Float[Array, "*n"], limit: Scalar, A: Scalar, grasp: Grasp
+    stiffness: Float[Array, "*n"], limit: Scalar, *, A: Scalar, grasp: Grasp
 ) -> Float[Array, "*n"]:
     """Elevation at which the unrolled force equals the rolling limit."""
     radius = jnp.sqrt(stiffness**2 + (A * limit) ** 2)

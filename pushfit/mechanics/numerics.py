@@ -76,7 +76,6 @@ def softclip(
     """Number held within ±limit: the soft minimum of both magnitudes, sign kept.
 
     Args:
-        value: Number to limit.
         limit: Largest magnitude, not negative.
         sharpness: p of `softmin` [-].
 

@@ -33,12 +33,8 @@ class _Search(eqx.Module):
     """State of a search.
 
     Args:
-        x: Last point.
-        lower: Lower end of the bracket.
-        upper: Upper end.
         newton: Where Newton's step leads from the last point.
         length: Of the step that led to it.
-        n_steps: Steps so far.
     """
 
     x: Numbers

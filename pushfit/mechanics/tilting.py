@@ -77,7 +77,6 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
         F_t = softmin(F_unrolled, F_rolled)
 
     Args:
-        hold: Springs, friction and pushes.
         sharpness: p of `softmin`; infinity is the hard switch [-].
 
     Returns:
@@ -237,7 +236,6 @@ def displacement(hold: Hold, force: Vector, tilt: Tilt) -> Vector:
         S_p cos θ u = (F_t K⁻¹ + X) n,   |n| = 1
 
     Args:
-        hold: Springs and pushes.
         force: F_t [N].
 
     Returns:

@@ -19,7 +19,12 @@ A soft one needs the moment Q_i would have had without rolling, which q_i no lon
 tells: the soft minimum is of E_i = w_i Q_i + (1 - w_i) C_d q_i and c_i L N, where w_i
 is the share of the support in the compliance of axis i. For small pushes L⁻¹ E is the
 elastic force of `pushfit.mechanics.linear`; where nothing rolls E_i = Q_i = C_d q_i
-whatever w_i is, so that the hard transition does not depend on it.
+whatever w_i is, so that the hard transition does not depend on it. Excluded: where an
+object stops to roll (`pushfit.mechanics.critical_tilt`).
+
+References:
+    An extension of He & Zhang (2014), doi:10.1007/s11432-014-5216-3, whose Eqs.
+    (6)-(14) are the limit S_p / L → 0; derived in docs/model.md, "Tilting".
 """
 
 import equinox as eqx
@@ -88,11 +93,7 @@ class Lean(eqx.Module):
 def tilting_forces(
     params: Parameters | Contact, pushes: Pushes, grasp: Grasp
 ) -> Forces:
-    """Contact forces of pushes that tilt an object, on one support or on two.
-
-    Returns:
-        Forces of every push, in the frame that does not tilt.
-    """
+    """Contact forces of pushes that tilt an object, on one support or on two."""
     is_single = grasp.support_span is None
     solve = one_support_forces if is_single else two_support_forces
     return solve(params, pushes, grasp)
@@ -103,12 +104,19 @@ def two_support_forces(
 ) -> Forces:
     """Contact forces of pushes that tilt an object on two supports.
 
+        F_t = K (S_p cos θ u - L sin γ n),   F_n = F_0 + A (S_p sin θ - L (1 - cos γ))
+
+    at the lean q = γ n that both axes bear; see `equilibrium`.
+
     Args:
         grasp: Grasp and sensor; states the span.
 
     Returns:
-        Forces of every push, in the frame that does not tilt. Where no lean was found
-        that bears the push: no force, and not in contact.
+        Forces of every push, in the frame that does not tilt [N]. Where no lean was
+        found that bears the push: no force, and not in contact.
+
+    References:
+        Eqs. (6)-(10) for S_p / L → 0.
     """
     group = contact(params)
     frame = make_frame(group, grasp, elevation=pushes.elevation, azimuth=pushes.azimuth)
@@ -132,6 +140,10 @@ def make_frame(
 ) -> Frame:
     """What the equilibrium of every push needs.
 
+        c_x = C_rr + |AB| / (2 L),   c_y = C_rr,   w_i = 1 / (1 + L² K_ii / C_d)
+
+    K_ii is here the inverse of the compliance of the support along axis i [N/m].
+
     Args:
         grasp: Grasp; states the span.
         elevation: (cos θ, sin θ) [-].
@@ -152,8 +164,9 @@ def make_frame(
 def leaned(frame: Frame, lean: Pair) -> Lean:
     """Forces and moments of pushes after which the object leans by q.
 
+        Q_i = L (F_t · ∂(sin γ n)/∂q_i + F_n sin γ n_i),   N = F_n cos γ - F_t · n sin γ
+
     Args:
-        frame: Springs, friction and pushes.
         lean: q_x and q_y [rad].
     """
     hold = frame.hold
@@ -190,8 +203,9 @@ def leaned(frame: Frame, lean: Pair) -> Lean:
 def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
     """Moment about each axis that nothing bears, over L [N].
 
+        (Q_i - softmin(E_i, c_i L N)) / L,   E_i = w_i Q_i + (1 - w_i) C_d q_i
+
     Args:
-        frame: Springs, friction and pushes.
         lean: q_x and q_y [rad].
         sharpness: p of the soft transition [-].
     """
@@ -221,13 +235,12 @@ class _Search(eqx.Module):
 
 
 def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, " n"]]:
-    """Lean at which the supports bear every moment.
+    """Lean at which the supports bear every moment, Q_i = softmin(E_i, c_i L N).
 
     Newton steps, each shortened until it lowers what is not borne. The last of them
     leaves q as it is and gives it the derivatives of the implicit function theorem.
 
     Args:
-        frame: Springs, friction and pushes.
         sharpness: p of the soft transition [-].
 
     Returns:

@@ -20,6 +20,7 @@ from pushfit.fit.results import (
 )
 from pushfit.registry import mechanics_named
 from pushfit.report.strings import (
+    HALF_TURN,
     format_angle,
     format_estimate,
     format_range,
@@ -27,7 +28,6 @@ from pushfit.report.strings import (
     printable,
 )
 
-HALF_TURN = 180.0
 # Fewer different angles than this leave the question open.
 MIN_DIRECTIONS = 3
 # Below this share of draws without a critical angle nothing is said about them.

@@ -14,13 +14,10 @@ Json = dict[str, Any] | list[Any] | str | int | float | bool | None
 
 
 def json_safe(value: object) -> Json:
-    """Value with NaN and infinity as null, and records by the names of their fields.
+    """Value for JSON: NaN and infinity as null, records by the names of their fields.
 
     Args:
         value: Records, mappings, sequences, arrays, members and scalars, nested.
-
-    Returns:
-        What `json.dumps(..., allow_nan=False)` accepts.
     """
     if is_dataclass(value):
         return {f.name: json_safe(getattr(value, f.name)) for f in fields(value)}

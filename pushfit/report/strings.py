@@ -17,7 +17,8 @@ NO_UNIT = frozenset({"", "-", "–", "1"})
 
 # The largest uncertainty that still shows whole degrees (two digits of it).
 COARSE_DEG = 99.0
-HALF_TURN_DEG = 180.0
+# Period of an axis [deg].
+HALF_TURN = 180.0
 
 # Control, format (bidirectional overrides among them), surrogate and private characters
 # can rewrite a terminal line or break an encoder.
@@ -43,11 +44,7 @@ def printable(text: str) -> str:
 
 
 def unit_label(unit: str) -> str:
-    """Unit as printed; empty for a pure number.
-
-    Returns:
-        For example "kPa·m/rad" for "kpa·m/rad"; an unknown word as it is.
-    """
+    """Unit as printed, "kPa·m/rad" for "kpa·m/rad"; empty for a pure number."""
     if unit in NO_UNIT:
         return ""
     words = re.compile(r"[A-Za-z]+")
@@ -139,11 +136,7 @@ def spread_of(estimate: float, interval: tuple[float, float]) -> float:
 def format_estimate(
     estimate: float, interval: tuple[float, float], unit: str
 ) -> tuple[str, str]:
-    """Number and interval with the digits that the interval justifies.
-
-    Returns:
-        The number, with its unit only where that is degrees, and the interval in words.
-    """
+    """Number, with its unit only where that is degrees, and interval in words."""
     spread = spread_of(estimate, interval)
     number = format_number(estimate, spread=spread)
     if unit_label(unit) == "°":
@@ -177,9 +170,9 @@ def format_range(
 
 def _format_end(upper: float, spread: float) -> str:
     """Upper end of a range of angles; beyond a half turn an axis starts again."""
-    if upper <= HALF_TURN_DEG:
+    if upper <= HALF_TURN:
         return format_angle(upper, spread=spread)
-    return f"180° and on to {format_angle(upper - HALF_TURN_DEG, spread=spread)}"
+    return f"180° and on to {format_angle(upper - HALF_TURN, spread=spread)}"
 
 
 def format_bound(value: float, unit: str) -> str:

@@ -13,9 +13,9 @@ import pushfit
 from pushfit.errors import ConfigError
 from pushfit.fit.results import Verdict
 from pushfit.report.html import result as html_module
+from pushfit.report.result import Result, load
 from pushfit.report.store import folder as folder_module
 from pushfit.report.text.result import render_text
-from pushfit.result import Result, load
 from tests.report.makers import make_quantity
 
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -29,7 +29,7 @@ def identify(
     """From recordings of pushes to theta_c and alpha*."""
 
     def load(settings: "GraspConfig") -> "PeakTable":
-        return load_peaks(session, recordings, schedules or [], settings)
+        return load_peaks(session, recordings, schedules or [], config=settings)
 
     return analyse(
         session,
@@ -59,6 +59,7 @@ def fit(
 
 def demo(
     session: Session,
+    *,
     out: options.OutFolder = None,
     pictures: options.Pictures = None,
     seed: options.Seed = 0,
@@ -86,13 +87,10 @@ def analyse(
     wanted: options.Analysis,
     **inputs: Any,
 ) -> int:
-    """Load, identify, write and print.
+    """Load, identify, write and print; the exit code says if numbers are trusted.
 
     Args:
         inputs: The files that it loads, as a `Recipe` names them.
-
-    Returns:
-        Exit code: that of a `FitError` if the numerics are not to be trusted.
     """
     # Before anything is loaded, so that a name already taken costs nothing.
     if wanted.out is not None:

@@ -17,6 +17,7 @@ def calibrate(
         Path, typer.Argument(metavar="GRASP.toml", help="What is known of the grasp.")
     ],
     table: options.TableFile,
+    *,
     tables: Annotated[
         int, typer.Option("--tables", min=1, help="Number of tables to simulate.")
     ] = 20,

@@ -10,6 +10,7 @@ def compare(
     session: Session,
     table: options.TableFile,
     config: options.ConfigFile = None,
+    *,
     seed: options.Seed = 0,
     json: options.Json = False,
 ) -> int:

@@ -24,7 +24,7 @@ REACH = (5.0, 85.0)
 COMPONENTS = ("height_normal", "height_tangential")
 
 Unit = Annotated[
-    Literal["n", "kpa", "counts", "au"],
+    options.SensorUnit,
     typer.Option(help="Unit of the sensor, where no table says it."),
 ]
 
@@ -203,15 +203,25 @@ def explore(
         from pushfit.explore.hands.ros.hand import RosHand
 
         finger = RosHand(has_forces=forces, theta_deg=asked.theta)
-    return _run(session, explorer, finger, settings, out=out, json=json, force=force)
+    return _run(
+        session,
+        explorer,
+        finger,
+        settings=settings,
+        journal=journal,
+        out=out,
+        json=json,
+        force=force,
+    )
 
 
 def _run(
     session: Session,
     explorer: "Explorer",
     finger: "Hand",
-    settings: "GraspConfig",
     *,
+    settings: "GraspConfig",
+    journal: Path,
     out: Path,
     json: bool,
     force: bool,
@@ -239,8 +249,6 @@ def _run(
         )
     found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
     found = replace(with_next_push(found), warnings=(*found.warnings, ADAPTIVE))
-    journal = explorer.journal.path
-    assert journal is not None
     picture = figure_bytes(exploration_picture(explorer), "png")
     write_result_folder(
         found,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pushfit.data.tables.peak_table import PeakTable
 
 SCHEMA = "pushfit.validate/1"
-Unit = Literal["n", "kpa", "counts", "au"]
 
 
 def init(
@@ -112,7 +111,7 @@ def peaks(
         expect_kind(recording, "recording", **reader_options(settings))
         samples = configured_recording(recording, settings)
         if samples.theta is None or samples.alpha is None:
-            print_heights(session, recording, samples, settings, output=output)
+            print_heights(session, recording, samples, settings=settings, output=output)
             if plot is not None:
                 from pushfit.report.figures import found_figure, save_figure
 
@@ -121,13 +120,13 @@ def peaks(
             return
     schedules = [] if schedule is None else [schedule]
     try:
-        table = load_peaks(session, [recording], schedules, settings)
+        table = load_peaks(session, [recording], schedules, config=settings)
     except DataError as error:
         if plot is not None and error.code == "push_mismatch":
             # Where pushes are missing, a picture is needed most.
             found = settings.peaks.model_copy(update={"allow_missing": True})
             settings = settings.model_copy(update={"peaks": found})
-            table = load_peaks(session, [recording], schedules, settings)
+            table = load_peaks(session, [recording], schedules, config=settings)
             draw_peaks(session, table, plot)
         raise
     if plot is not None:
@@ -143,8 +142,8 @@ def print_heights(
     session: Session,
     path: Path,
     recording: "Recording",
-    settings: "GraspConfig",
     *,
+    settings: "GraspConfig",
     output: Path | None,
 ) -> None:
     """Give the heights of pushes whose directions are not known."""
@@ -181,8 +180,9 @@ def simulate(
             *("--out", "-o", "--output"), metavar="FILE", help="Recording to write."
         ),
     ],
+    *,
     config: options.ConfigFile = None,
-    unit: Annotated[Unit, typer.Option(help="Unit of the sensor.")] = "n",
+    unit: Annotated[options.SensorUnit, typer.Option(help="Unit of the sensor.")] = "n",
     noise: Annotated[
         float, typer.Option(min=0.0, help="Standard deviation of a sample.")
     ] = 0.0,

@@ -59,7 +59,7 @@ def look(
             code="look_unavailable",
         )
     settings = read_settings(layout, **asdict(search), begin=begin, end=end)
-    shown = read_look(session, recording, schedule, settings)
+    shown = read_look(session, recording, schedule=schedule, settings=settings)
     if export is not None:
         from pushfit.look.page import static_page
 
@@ -77,7 +77,7 @@ def look(
 
 
 def read_look(
-    session: Session, recording: Path, schedule: Path | None, settings: "GraspConfig"
+    session: Session, recording: Path, *, schedule: Path | None, settings: "GraspConfig"
 ) -> "Look":
     """What the page is going to show."""
     from pushfit.data.plans.schedule import read_schedule
@@ -119,10 +119,7 @@ class Saver:
             refuse_existing(path, force=self._force)
 
     def __call__(self, look: "Look") -> str:
-        """Write both files.
-
-        Returns:
-            What was written, and the command to run next.
+        """Write both files; say so, and which command to run next.
 
         Raises:
             ConfigError: A file exists and may not be replaced.

@@ -16,6 +16,7 @@ def report(
         Path, typer.Argument(metavar="RESULT", help="Folder that --out wrote.")
     ],
     output: options.OutFile = None,
+    *,
     force: options.Force = False,
 ) -> None:
     """One HTML page of a finished result, figures inside."""
@@ -31,6 +32,7 @@ def diff(
     session: Session,
     first: Annotated[Path, typer.Argument(metavar="A", help="Result folder.")],
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one.")],
+    *,
     plot: options.PlotFile = None,
     json: options.Json = False,
     force: options.Force = False,

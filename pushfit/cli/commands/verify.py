@@ -24,6 +24,7 @@ def verify(
     result: Annotated[
         Path, typer.Argument(metavar="RESULT", help="Folder that --out wrote.")
     ],
+    *,
     inputs: Annotated[
         Path | None,
         typer.Option(
@@ -50,10 +51,7 @@ def verify(
 def find_inputs(
     summary: dict[str, Any], result: Path, folder: Path | None
 ) -> dict[str, Path]:
-    """Where the inputs of a result are now, each with the content it had then.
-
-    Returns:
-        Path of every input by its recorded name.
+    """Where inputs are now, by recorded name, each with the content it had then.
 
     Raises:
         ConfigError: The result does not say how its table was made.
@@ -93,7 +91,6 @@ def locate(path: str, result: Path, folder: Path | None) -> Path:
     """Where an input is: as named, beside the result, or in a folder of the user's.
 
     Args:
-        path: As recorded.
         folder: Folder to look in instead; there the name alone is enough.
 
     Raises:
@@ -126,7 +123,7 @@ def run_again(
     if recipe["table"] is None:
         recordings = [found[path] for path in recipe["recordings"]]
         schedules = [found[path] for path in recipe["schedules"]]
-        table = load_peaks(session, recordings, schedules, config)
+        table = load_peaks(session, recordings, schedules, config=config)
     else:
         table = read_table(found[recipe["table"]])
     engine = summary["posterior"]["engine"]
@@ -177,11 +174,7 @@ def as_document(
 
 
 def sentences(comparison: "Reproduction") -> list[str]:
-    """The comparison in words, as `print` is to show them.
-
-    Returns:
-        Lines: the verdict, the worst differences, and versions that differ.
-    """
+    """Verdict, worst differences and versions, as `print` is to show them."""
     from pushfit.report.strings import printable
 
     differences = comparison.differences

@@ -32,7 +32,7 @@ from pushfit.data.text.files import FileStamp, sha256_of
 from pushfit.errors import ConfigError
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class _Clock:
     """When the messages of a topic were stamped and received [ns]."""
 
@@ -65,7 +65,6 @@ def read_bag(
     goes.
 
     Args:
-        path: Bag file, or folder of a ROS 2 bag.
         definitions: Folder of `.msg` files, for bags that carry no definitions.
 
     Returns:
@@ -83,9 +82,9 @@ def read_bag(
             readable, note = stack.enter_context(salvaged_mcap(path))
             notes = (note,)
         reader = stack.enter_context(closing(_open_reader(path, readable, definitions)))
-        fields = mapped_fields(path, mapping, units, reader)
+        fields = mapped_fields(path, mapping, units=units, reader=reader)
         fields = fields or known_fields(path, reader, partial(_first, path, reader))
-        _refuse_too_large(path, fields, reader, max_bytes)
+        _refuse_too_large(path, fields, reader, max_bytes=max_bytes)
         types = {f.topic: reader.topics[f.topic].msgtype for f in fields}
         clocks = _collect(path, reader, fields)
     stamp.check()
@@ -178,13 +177,19 @@ def _first(path: str, reader: Any, topic: str) -> Any:
 
 
 def _refuse_too_large(
-    path: str, fields: Sequence[Field], reader: Any, max_bytes: int
+    path: str, fields: Sequence[Field], reader: Any, *, max_bytes: int
 ) -> None:
     n = sum(reader.topics[topic].msgcount for topic in {f.topic for f in fields})
     if not fields or n == 0:
         raise refuse("no_rows", "the bag holds no messages of these topics", path=path)
     needed = n * 8 * (len(fields) + 1)
-    refuse_too_large(path, f"{n} messages", needed, max_bytes, "split the bag")
+    refuse_too_large(
+        path,
+        f"{n} messages",
+        needed=needed,
+        max_bytes=max_bytes,
+        remedy="split the bag",
+    )
 
 
 def _collect(path: str, reader: Any, fields: Sequence[Field]) -> dict[str, _Clock]:

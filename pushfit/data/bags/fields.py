@@ -37,7 +37,7 @@ class Field:
 
 
 def mapped_fields(
-    path: str, mapping: Mapping[str, str], units: Mapping[str, str], reader: Any
+    path: str, mapping: Mapping[str, str], *, units: Mapping[str, str], reader: Any
 ) -> list[Field]:
     """Resolve the mapped fields against the bag's topics.
 
@@ -157,13 +157,10 @@ def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
 
 
 def number_at(message: Any, path: Sequence[str]) -> float:
-    """Follow the steps of a path into a message.
+    """Follow a path into a message; raises whatever Python does where it ends.
 
     Args:
         path: Names of fields, indices into arrays and texts, names of joints.
-
-    Returns:
-        The number there; whatever Python raises where there is none.
     """
     value, parent = message, message
     for step in path:

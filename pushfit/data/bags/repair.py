@@ -66,9 +66,6 @@ def is_whole_mcap(path: str) -> bool:
 def salvaged_mcap(path: str) -> Iterator[tuple[str, str]]:
     """Copy the whole records of a `.mcap` file that was cut short.
 
-    Args:
-        path: The file; it is not changed.
-
     Yields:
         Path of the copy, which exists as long as the context, and a note.
 

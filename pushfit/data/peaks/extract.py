@@ -25,7 +25,7 @@ from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.found import DEFAULTS, find, find_pushes, no_pushes
+from pushfit.data.pushes.chosen import DEFAULTS, find, find_pushes, no_pushes
 from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.units import DECIMALS
 from pushfit.data.tables.peak_table import PeakTable

@@ -18,7 +18,7 @@ _SOME = 1 << 14
 _SAMPLES = 100_000
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
     """A signal by the integral of the straight lines between its samples.
 
@@ -52,7 +52,7 @@ class Course:
             up_to = np.cumsum(areas, out=integral[first + 1 :][: len(areas)])
             total = float(up_to[-1])
         step = float(np.median(np.diff(time[: 1 + _SAMPLES])))
-        return cls(time, integral, level, step)
+        return cls(time=time, integral=integral, level=level, step=step)
 
     def thinned(self, stride: int) -> "Course":
         """The same, known at every `stride`-th of its times."""
@@ -61,7 +61,7 @@ class Course:
         time, integral = (
             np.append(all_[:-1:stride], all_[-1]) for all_ in (self.time, self.integral)
         )
-        return Course(time, integral, self.level, self.step)
+        return Course(time=time, integral=integral, level=self.level, step=self.step)
 
     def smooth(
         self,
@@ -105,7 +105,6 @@ class View:
         time: Sample times [s].
         signal: Samples without gaps in value [unit].
         course: Running means of the samples [unit].
-        noise: How the samples scatter.
         min_height: Smallest height of a push, lower humps are marked; None judges by
             the noise, and by the other pushes what is a brush [unit].
         smoothing: Averaging time; None takes a share of the width of each push [s].

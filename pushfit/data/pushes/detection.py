@@ -1,6 +1,6 @@
 """Where in a signal the pushes are: their extent and their order, not their height.
 
-A search of the whole signal finds humps (`pushfit.data.pushes.search`), each of which
+A search of the whole signal finds humps (`pushfit.data.pushes.coarse`), each of which
 is then looked at by itself. Excluded: baselines and heights
 (`pushfit.data.peaks.heights`) and which push is which (`pushfit.data.plans.alignment`).
 """
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from pushfit.data.pushes.coarse import search
 from pushfit.data.pushes.course import View
 from pushfit.data.pushes.doubles import join_one, part_doubles
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet, are_cut
-from pushfit.data.pushes.search import search
 from pushfit.data.pushes.tracing import trace_feet
 
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
@@ -37,7 +37,6 @@ class Extent:
     Args:
         start: First sample above the foot.
         end: One past the last sample above the foot.
-        feet: Its course in time.
         is_brush: Whether it is so small among the others, or so brief beside one, that
             it may be no push.
         is_cut: Whether the signal begins or ends inside the push.
@@ -109,7 +108,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     feet, whose = _resolved(view, found, is_rest)
     is_low = is_low[whose]
     is_cut = are_cut(view, feet)
-    is_push = ~_are_trends(feet, is_cut, time, is_low)
+    is_push = ~_are_trends(feet, is_cut=is_cut, time=time, is_low=is_low)
     is_jerk = _are_jerks(feet)
     heights = feet.height[is_push & ~is_jerk]
     smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
@@ -157,6 +156,7 @@ def _resolved(
 
 def _are_trends(
     feet: Feet[np.ndarray],
+    *,
     is_cut: Bool[np.ndarray, " p"],
     time: Float[np.ndarray, " n"],
     is_low: Bool[np.ndarray, " p"],

@@ -68,6 +68,7 @@ def _rest_knots(
 def without_dips(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
+    *,
     noise: Noise,
     extents_of: Callable[[Float[np.ndarray, " n"]], tuple[Extent, ...]],
 ) -> tuple[Float[np.ndarray, " n"], tuple[Extent, ...]]:

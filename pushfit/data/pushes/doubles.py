@@ -27,7 +27,6 @@ def join_one(
     They are clear of the noise, and nearer to each other than they are wide.
 
     Args:
-        feet: Pushes as they are traced, in order.
         is_rest: Whether what follows each is known to be a rest.
 
     Returns:
@@ -86,9 +85,6 @@ def part_doubles(
     view: View, feet: Feet[np.ndarray]
 ) -> tuple[Feet[np.ndarray], Int[np.ndarray, " q"]]:
     """Part each push in two whose course falls low between two tops.
-
-    Args:
-        feet: Pushes as they are traced, in order.
 
     Returns:
         All pushes, the feet of two that were one roughly; and which each was.

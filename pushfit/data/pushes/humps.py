@@ -40,7 +40,6 @@ class Humps:
     """Peaks with the valleys before, between and after them.
 
     Args:
-        y: Smoothed signal.
         peaks: Grid positions of the tops.
         valleys: Grid positions of the lowest points beside them.
         rests: Rest level at each valley, which a brief dip does not lower.

@@ -3,7 +3,7 @@
 The search sees a recording as a whole. What is measured afterwards must not: a push has
 the same feet whatever else the file holds. So each is traced again on its own samples,
 smoothed by a share of its own width, over its own rests. Excluded: finding the pushes
-(`pushfit.data.pushes.search`) and the levels of their rests
+(`pushfit.data.pushes.coarse`) and the levels of their rests
 (`pushfit.data.peaks.rests`).
 """
 
@@ -129,7 +129,7 @@ def _trace(
     inside = off <= np.maximum((feet.end - feet.start) / 2, off.min(axis=1))[:, None]
     peak = np.argmax(np.where(inside, y, -np.inf), axis=1)
     t_peak, top = _tops(smooth, when, peak)
-    before, after = _rests(course, feet, ends, y, peak, top=top, sigma=sigma)
+    before, after = _rests(course, feet, ends, y=y, peak=peak, top=top, sigma=sigma)
     rises = [np.maximum(top - rest, 1e-300) for rest in (before, after)]
     noise = SIGMAS * feet.noise(sigma, tau)
     feet_up, feet_down = (np.maximum(FOOT * rise, noise) for rise in rises)
@@ -161,9 +161,9 @@ def _rests(
     course: Course,
     feet: Feet[np.ndarray],
     ends: tuple[Numbers, Numbers],
+    *,
     y: Float[np.ndarray, "p m"],
     peak: Int[np.ndarray, " p"],
-    *,
     top: Numbers,
     sigma: float,
 ) -> tuple[Numbers, Numbers]:
@@ -172,10 +172,14 @@ def _rests(
     part = np.minimum(LEAST * feet.span, last - first)
     noise = sigma * np.sqrt(feet.step / np.maximum(part, feet.step))
     far = np.maximum(FOOT * feet.height, SIGMAS * noise)
-    before = _level(course, (first, last), (last - part, last), feet.span, far)
+    before = _level(
+        course, (first, last), part=(last - part, last), span=feet.span, far=far
+    )
     first, last = feet.after(ends[1])
     part = np.minimum(LEAST * feet.span, last - first)
-    after = _level(course, (first, last), (first, first + part), feet.span, far)
+    after = _level(
+        course, (first, last), part=(first, first + part), span=feet.span, far=far
+    )
     # What the samples begin or end with is a rest only if a push stands on it.
     is_first, is_last = ends[0] <= course.time[0], ends[1] >= course.time[-1]
     no_before = is_first & _is_top(before, after, top)
@@ -220,6 +224,7 @@ def _tops(
 def _level(
     course: Course,
     window: tuple[Numbers, Numbers],
+    *,
     part: tuple[Numbers, Numbers],
     span: Numbers,
     far: Numbers,

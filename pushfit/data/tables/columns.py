@@ -60,9 +60,6 @@ class Rows:
 
     Args:
         frame: Numbers, NaN where blank, or text, by column name.
-        origin: Path and line numbers, for messages.
-        source: Provenance.
-        notes: What the reader has to say.
     """
 
     frame: pd.DataFrame
@@ -93,7 +90,6 @@ class Layout:
     Args:
         signals: Stems of columns in sensor units, all in one of them.
         times: Stems of columns in units of time.
-        texts: Names of columns of text.
         any_of: Stems of which at least one must be there.
     """
 
@@ -162,7 +158,7 @@ def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
         )
     found, left_out = _recognise(raw, layout, origin)
     unit = _common_unit(found, layout, origin)
-    frame = _convert(raw, found, unit, origin)
+    frame = _convert(raw, found, unit=unit, origin=origin)
     notes = _number(frame, origin)
     if left_out:
         notes.append(f"columns not used: {', '.join(left_out)}")
@@ -172,7 +168,7 @@ def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
     return Columns(frame=frame, unit=unit, notes=tuple(notes), in_degrees=in_degrees)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Column:
     """A column of the user's, what it is, and its unit."""
 
@@ -191,7 +187,7 @@ def _recognise(
     columns = recognise.Columns([str(name) for name in raw.columns])
     for i, (given, stem) in enumerate(zip(columns.names, columns.stems, strict=True)):
         unit = columns.unit(i)
-        column = _Column(given, stem, unit)
+        column = _Column(given=given, stem=stem, unit=unit)
         if stem not in (layout.bare if unit is None else layout.of(unit.quantity)):
             left_out[given] = stem
         elif column.stem in found:
@@ -202,7 +198,7 @@ def _recognise(
             )
         else:
             found[column.stem] = column
-    problems += _doubtful(found, left_out, layout, origin)
+    problems += _doubtful(found, left_out, layout, origin=origin)
     if problems:
         raise data_error(problems)
     return found, list(left_out)
@@ -212,6 +208,7 @@ def _doubtful(
     found: dict[str, _Column],
     left_out: dict[str, str],
     layout: Layout,
+    *,
     origin: Origin,
 ) -> Iterator[Problem]:
     """Names that look like a slip, and columns that a table cannot do without."""
@@ -252,7 +249,7 @@ def _common_unit(
 
 
 def _convert(
-    raw: pd.DataFrame, columns: dict[str, _Column], unit: str | None, origin: Origin
+    raw: pd.DataFrame, columns: dict[str, _Column], *, unit: str | None, origin: Origin
 ) -> pd.DataFrame:
     """Canonical names and units; text that should be a number is a problem."""
     converted: dict[str, object] = {}
@@ -262,7 +259,7 @@ def _convert(
         if column.unit is None and stem not in COUNTS:
             converted[stem] = ["" if cell == "nan" else cell for cell in cells]
             continue
-        values = _numbers(cells, column.given, origin, problems)
+        values = _numbers(cells, column.given, origin=origin, problems=problems)
         if column.unit is None:
             converted[stem] = values
         elif column.unit == UNITS["deg"]:
@@ -279,7 +276,7 @@ def _convert(
 
 
 def _numbers(
-    cells: list[str], column: str, origin: Origin, problems: list[Problem]
+    cells: list[str], column: str, *, origin: Origin, problems: list[Problem]
 ) -> Float[np.ndarray, " n"]:
     """Values of cells, NaN where empty; anything else is added to the problems."""
     values = np.full(len(cells), np.nan)

@@ -31,8 +31,6 @@ class GraspRows:
         grasp: Text of the cell that names it.
         sha256: Digest of the cells, not of the file: other grasps may change.
         frame: The rows, without the column of names.
-        origin: Their place in the file, for messages.
-        source: The file.
     """
 
     grasp: str
@@ -43,9 +41,6 @@ class GraspRows:
 
     def table(self) -> PeakTable:
         """The peak table of the grasp.
-
-        Returns:
-            The table, in canonical units.
 
         Raises:
             DataError: A column or a cell breaks a rule.

@@ -11,15 +11,12 @@ from pushfit.errors import DataError
 
 
 def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
-    """Put tables below each other and number pushes and repeats through.
+    """Put tables below each other in order and number pushes and repeats through.
 
     A repeat is a pass through a plan, so that those of another recording are others.
 
     Args:
         tables: At least one; all in one unit and with the same height channels.
-
-    Returns:
-        The pushes in the order given, with the sources and notes of all tables.
 
     Raises:
         DataError: Units or channels differ (`mixed_units`), or two tables come from

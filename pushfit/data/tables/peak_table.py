@@ -46,7 +46,6 @@ class PeakTable:
             `height_tangential`), and where known `baseline_<unit>`, `t_start_s`,
             `t_peak_s`, `t_end_s`, and `flags`, words joined by ";".
         unit: Unit of all heights: `n`, `kpa`, `counts` or `au`.
-        sources: Files behind the rows.
         notes: What was recognised, left out or filled in, for the user.
         traces: Signals that the heights were measured in, where there were any.
         cautions: Notes that the user should not overlook.
@@ -73,9 +72,6 @@ class PeakTable:
         Args:
             frame: Rows; see `PeakTable.frame` for the columns. `push` and `repeat` are
                 numbered where they are absent, other columns are left out with a note.
-
-        Returns:
-            The table, in canonical units.
 
         Raises:
             DataError: A column or a cell breaks a rule.
@@ -220,9 +216,6 @@ def read_table(path: str | Path) -> PeakTable:
     Args:
         path: File with columns `theta_deg`, `alpha_deg` and `height_<unit>`; see
             `PeakTable.frame` for the others.
-
-    Returns:
-        The table, in canonical units.
 
     Raises:
         DataError: The file cannot be read or breaks a rule.

@@ -19,12 +19,10 @@ class Trace:
 
     Args:
         path: Recording as the user named it.
-        name: Channel.
         unit: Unit of the signal, that of the heights.
         time: Sample times [s].
         signal: Samples, pushes going up [unit].
         first_row: First row of the peak table that was measured in it.
-        n_rows: Number of its rows.
         sign: -1 where the channel is turned, so that pushes go up; baselines of the
             table are those of the channel.
     """
@@ -42,13 +40,10 @@ class Trace:
 def envelope(
     time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"], *, max_points: int
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Signal thinned for drawing, with the extremes of every stretch kept.
+    """Signal thinned for drawing with its extremes, unchanged if it is short.
 
     Args:
         time: Sample times [s].
-
-    Returns:
-        Times and samples, unchanged if there are few.
     """
     if time.size <= max_points:
         return time, signal

@@ -79,8 +79,8 @@ def read_cells(
     needed = scan.n_rows * sum(64 if kind == "text" else 8 for kind in kinds.values())
     what = f"{scan.n_rows} rows of {len(kinds)} columns"
     remedy = "split the file, drop columns"
-    refuse_too_large(text.path, what, needed, max_bytes, remedy)
-    values = _parse(body, kinds, tokens, scan.n_rows)
+    refuse_too_large(text.path, what, needed=needed, max_bytes=max_bytes, remedy=remedy)
+    values = _parse(body, kinds=kinds, missing=tokens, n_rows=scan.n_rows)
     if values is None:
         _slow(body, kinds, tokens)
         raise refuse(
@@ -112,6 +112,7 @@ def _slow(body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...]) -> Sc
 
 def _parse(
     body: Body,
+    *,
     kinds: Mapping[int, Kind],
     missing: tuple[str, ...],
     n_rows: int,

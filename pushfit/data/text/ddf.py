@@ -25,11 +25,7 @@ class Preamble:
 
 
 def read_preamble(lines: list[str], names: tuple[str, ...]) -> Preamble | None:
-    """Read what stands above the columns.
-
-    Returns:
-        What they state; None if the file is no such log.
-    """
+    """Read what stands above the columns; None if the file is no such log."""
     if not lines or not lines[0].startswith(_FIRST):
         return None
     in_volts = any(line.startswith(_IN_VOLTS) for line in lines)

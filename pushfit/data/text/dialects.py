@@ -116,7 +116,9 @@ def find_layout(
     columns = _all_columns(columns, lines)
     guess = best_guess(lines, columns, text.path)
     if columns:
-        _refuse_names_above(lines[: guess.data], guess.delimiter, columns, text.path)
+        _refuse_names_above(
+            lines[: guess.data], guess.delimiter, columns, path=text.path
+        )
     header = "" if guess.header is None else uncommented(lines[guess.header])
     names, notes = _clean_names(columns or split_line(header, guess.delimiter))
     doubled = _doubled_names(names, text.path, guess.header)
@@ -125,7 +127,7 @@ def find_layout(
     preamble = lines[: guess.header or 0]
     log = read_preamble(preamble, names) if not columns else None
     unit_row = log.units if log else _unit_row(lines, guess)
-    writer = _writer(names, format, bool(columns), text.path)
+    writer = _writer(names, format, has_columns=bool(columns), path=text.path)
     return Layout(
         writer="ddf" if log else writer,
         delimiter=guess.delimiter,
@@ -181,7 +183,7 @@ def _layout_notes(
 
 
 def _refuse_names_above(
-    lines: list[str], delimiter: str, columns: Sequence[str], path: str
+    lines: list[str], delimiter: str, columns: Sequence[str], *, path: str
 ) -> None:
     """Refuse columns from the user where the file has names of its own."""
     filled = [i for i, line in enumerate(lines) if line.strip()]
@@ -237,7 +239,7 @@ def _doubled_names(
 
 
 def _writer(
-    names: tuple[str, ...], format: Format, has_columns: bool, path: str
+    names: tuple[str, ...], format: Format, *, has_columns: bool, path: str
 ) -> str:
     """Recognise who wrote the file by its column names."""
     fits = {

@@ -48,7 +48,12 @@ def slow_scan(
         The scan and the problems: the first ones of each kind, and how many more.
     """
     layout = body.layout
-    check = _RowCheck(body.text.path, layout, kinds, frozenset(missing_tokens(missing)))
+    check = _RowCheck(
+        path=body.text.path,
+        layout=layout,
+        kinds=kinds,
+        missing=frozenset(missing_tokens(missing)),
+    )
     n_rows = 0
     skips: list[int] = []
     for line, row in _rows(body, check):
@@ -90,7 +95,7 @@ def _rows(body: Body, check: "_RowCheck") -> Iterator[tuple[int, list[str]]]:
         )
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class _RowCheck:
     """Collects the problems of rows, listing the first ones of each kind."""
 
@@ -134,7 +139,9 @@ class _RowCheck:
             self.add("field_count", line, self._miscount(row))
         else:
             for position, kind in self.kinds.items():
-                self._cell(line, names[position], row[position].strip(" \t"), kind)
+                self._cell(
+                    line, names[position], cell=row[position].strip(" \t"), kind=kind
+                )
 
     def _miscount(self, row: list[str]) -> str:
         n = len(self.layout.names)
@@ -154,7 +161,7 @@ class _RowCheck:
             hint = "mend or remove the row"
         return f"{len(row)} fields, but {n} {where}; {hint}"
 
-    def _cell(self, line: int, column: str, cell: str, kind: Kind) -> None:
+    def _cell(self, line: int, column: str, *, cell: str, kind: Kind) -> None:
         if kind == "text" or (kind == "float" and cell in self.missing):
             return
         if kind == "stamp":

@@ -24,10 +24,8 @@ def problem(
     """Put the place in front of what is wrong there.
 
     Args:
-        code: Stable snake_case word.
         text: Value, rule and next step.
         line: Line, counted from 1.
-        column: Column name.
     """
     place = [path]
     if line is not None:
@@ -53,7 +51,7 @@ def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataE
 
 
 def refuse_too_large(
-    path: str, what: str, needed: int, max_bytes: int, remedy: str
+    path: str, what: str, *, needed: int, max_bytes: int, remedy: str
 ) -> None:
     """Refuse samples that need more memory than they may."""
     if needed > max_bytes:

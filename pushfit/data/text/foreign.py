@@ -39,13 +39,10 @@ Table = dict[str, np.ndarray]
 def foreign_table(
     path: str, *, columns: Sequence[str] = ()
 ) -> tuple[Table, str] | None:
-    """Read a log that is no table.
+    """Columns of a log that is no table, and what it is; None for any other.
 
     Args:
         columns: Names of the columns of a bare array.
-
-    Returns:
-        Columns by name, and what was recognised; None if it is none of these logs.
 
     Raises:
         DataError: If it is one that cannot be read.

@@ -85,11 +85,15 @@ def best_guess(lines: list[str], columns: Sequence[str], path: str) -> Guess:
         for delimiter in DELIMITERS
         if columns or any(delimiter in line for line in lines)
         for decimal in (".," if delimiter != "," else ".")
-        if (guess := _guess(lines, delimiter, decimal, columns))
+        if (
+            guess := _guess(
+                lines, delimiter=delimiter, decimal=decimal, columns=columns
+            )
+        )
     ]
     if not guesses:
         # One column has no delimiter; nothing else that has none is a table.
-        one = _guess(lines, ",", ".", columns, least=1)
+        one = _guess(lines, delimiter=",", decimal=".", columns=columns, least=1)
         if one is None or one.score < 1.0:
             raise _no_table(lines, columns, path)
         guesses = [one]
@@ -112,10 +116,10 @@ def best_guess(lines: list[str], columns: Sequence[str], path: str) -> Guess:
 
 def _guess(
     lines: list[str],
+    *,
     delimiter: str,
     decimal: str,
     columns: Sequence[str],
-    *,
     least: int = 2,
 ) -> Guess | None:
     """Try one delimiter and decimal mark; None if they give no table."""
@@ -127,7 +131,9 @@ def _guess(
         data = next((i for i in filled if n_values[i]), None)
         header, n_names = None, len(columns)
     else:
-        header, data = _find_header(split, is_value, filled, least)
+        header, data = _find_header(
+            split, is_value=is_value, filled=filled, least=least
+        )
         n_names = len(split[header]) if header is not None else 0
     if data is None or n_names < least:
         return None
@@ -151,7 +157,7 @@ def _guess(
 
 
 def _find_header(
-    split: list[list[str]], is_value: list[list[bool]], filled: list[int], least: int
+    split: list[list[str]], *, is_value: list[list[bool]], filled: list[int], least: int
 ) -> tuple[int | None, int | None]:
     """Find the line of names and the first line of data below it.
 

@@ -45,8 +45,6 @@ class TextFile:
     Args:
         stamp: Path, size and time of change when it was opened.
         sha256: Digest of the bytes as stored, hexadecimal.
-        encoding: How the text is encoded.
-        is_gzip: Whether the text is compressed.
     """
 
     stamp: FileStamp

@@ -1,7 +1,7 @@
 """What is believed of a grasp: weighted draws of its parameters, whoever made them.
 
 A belief takes in one more push by new weights, which costs microseconds. Excluded:
-where draws come from (`pushfit.explore.belief.believe`), and choosing pushes.
+where draws come from (`pushfit.explore.belief.from_fit`), and choosing pushes.
 """
 
 from collections.abc import Callable, Mapping

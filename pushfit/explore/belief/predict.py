@@ -64,15 +64,12 @@ def predict(
     )
 
 
-def force_of(params: Parameters, grasp: Grasp, theta: float, alpha: float) -> float:
-    """Magnitude of the contact force of one push, the preload included.
+def force_of(params: Parameters, grasp: Grasp, *, theta: float, alpha: float) -> float:
+    """Force of one push, preload included [N, or unit of uncalibrated heights].
 
     Args:
         theta: Elevation [rad].
         alpha: Azimuth [rad].
-
-    Returns:
-        The force [N, or unit of uncalibrated heights].
     """
     found = _one(params, grasp, Pushes(np.array([theta]), np.array([alpha])))
     height = (float(found.height[0]) - float(grasp.offset)) / float(grasp.gain)

@@ -38,11 +38,7 @@ def table_of(told: Sequence[Told], question: Question) -> PeakTable | None:
 
 
 def noise_is_known(told: Sequence[Told], question: Question) -> bool:
-    """Whether the scatter of the heights rests on more than a default prior.
-
-    Returns:
-        True where it is stated in advance, or with every push of full length.
-    """
+    """Whether scatter is stated in advance, or with every push of full length."""
     stated = [row.sd is not None for row in told if not row.is_short]
     return question.sigma is not None or (bool(stated) and all(stated))
 

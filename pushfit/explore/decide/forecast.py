@@ -156,7 +156,6 @@ class _Bins:
     """Bins of an angle.
 
     Args:
-        members: Which draws lie in each bin.
         step: Width of a bin [deg].
     """
 

@@ -96,8 +96,8 @@ def information_gain(
     heights: Float[np.ndarray, "k c n"],
     values: Float[np.ndarray, " n"],
     weights: Float[np.ndarray, " n"],
-    sigma: Float[np.ndarray, " c"],
     *,
+    sigma: Float[np.ndarray, " c"],
     is_coarse: bool = False,
 ) -> Float[np.ndarray, " k"]:
     """Expected information gain about an angle of each candidate push.
@@ -123,7 +123,7 @@ def information_gain(
         Lindley (1956), doi:10.1214/aoms/1177728069; the bias: Miller (1955), for
         weighted and blurred counts.
     """
-    return summed_gain(heights, (values,), weights, sigma, is_coarse=is_coarse)
+    return summed_gain(heights, (values,), weights, sigma=sigma, is_coarse=is_coarse)
 
 
 @one_thread()
@@ -131,17 +131,14 @@ def summed_gain(
     heights: Float[np.ndarray, "k c n"],
     angles: Sequence[Float[np.ndarray, " n"]],
     weights: Float[np.ndarray, " n"],
-    sigma: Float[np.ndarray, " c"],
     *,
+    sigma: Float[np.ndarray, " c"],
     is_coarse: bool = False,
 ) -> Float[np.ndarray, " k"]:
-    """Sum of the expected information gains about several angles, of one count.
+    """Sum of the expected information gains about several angles, of one count [nat].
 
     Args:
         angles: Each angle of every draw; NaN where undefined.
-
-    Returns:
-        Gains, not below 0 [nat].
     """
     own = weights > 0
     if not np.all(own):
@@ -156,8 +153,8 @@ def summed_gain(
     joint = _joint(
         heights,
         np.stack(rows),
-        weights,
-        sigma,
+        weights=weights,
+        sigma=sigma,
         sizes=COARSE if is_coarse else FULL,
         n_labels=ends[-1],
     )
@@ -171,14 +168,11 @@ def summed_gain(
 def outlook(
     heights: Float[np.ndarray, "c n"],
     target: Target,
+    *,
     weights: Float[np.ndarray, " n"],
     sigma: Float[np.ndarray, " c"],
 ) -> Outlook:
-    """What a push is expected to leave of the interval of an angle.
-
-    Args:
-        heights: Noise-free readings by channel and draw.
-    """
+    """What a push is expected to leave of the interval of an angle."""
     own = weights > 0
     heights, values, weights = heights[:, own], target.values[own], weights[own]
     known = np.isfinite(values)
@@ -194,7 +188,12 @@ def outlook(
     fine = np.full(values.size, N_FINE, dtype=np.int64)
     fine[known] = np.clip(bins, 0, N_FINE - 1)
     table = _joint(
-        heights[None], fine[None], weights, sigma, sizes=COARSE, n_labels=N_FINE + 1
+        heights[None],
+        fine[None],
+        weights=weights,
+        sigma=sigma,
+        sizes=COARSE,
+        n_labels=N_FINE + 1,
     ).table[0]
     columns = np.swapaxes(table, 0, 1).reshape(N_FINE + 1, -1).astype(float)
     mass = columns.sum(axis=0)
@@ -237,9 +236,9 @@ class _Joint:
 def _joint(
     heights: Float[np.ndarray, "k c n"],
     found: Int[np.ndarray, "a n"],
+    *,
     weights: Float[np.ndarray, " n"],
     sigma: Float[np.ndarray, " c"],
-    *,
     sizes: tuple[int, int],
     n_labels: int,
 ) -> _Joint:

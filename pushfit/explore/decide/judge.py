@@ -96,13 +96,10 @@ class Judge:
         return interval[1] - interval[0] <= self.width
 
     def moved(self, told: Sequence[Told], belief: Belief, limits: Limits) -> str | None:
-        """Whether the last push, if it repeated the first, says the object has moved.
+        """Sentence that the object has moved, if the last push repeats one and says so.
 
         Args:
             belief: What is believed; corrects for joints that miss by a little.
-
-        Returns:
-            The sentence; None where nothing has moved.
         """
         if not told or told[-1].purpose != Purpose.REFERENCE.value:
             return None

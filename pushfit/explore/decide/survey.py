@@ -32,7 +32,6 @@ class Survey:
         theta: Elevations [rad].
         alpha: Azimuths [rad].
         length_share: Length of the pushes, as a share of the push length.
-        predicted: Heights and forces by every draw.
         gains: Expected information about the asked angles; 0 where not allowed [nat].
         refusals: How many candidates each reason rules out.
     """
@@ -71,15 +70,12 @@ class Surveyor:
         abandoned: Collection[Direction] = (),
         is_full: bool = False,
     ) -> Survey:
-        """What every candidate would tell, at the greatest length that is safe.
+        """What candidates would tell at the greatest length that is safe, if one is.
 
         Args:
             abandoned: Directions never to be asked again [rad].
             is_full: Whether gains of all candidates are wanted to the last digit, as
                 for a picture.
-
-        Returns:
-            The survey; none is allowed where no length is safe.
         """
         directions = self.limits.candidates(
             azimuths=self._azimuths if "alpha_star" in belief.samples else None,
@@ -88,9 +84,9 @@ class Surveyor:
         theta, alpha = directions.T
         refusals: dict[str, int] = {}
         for share in SHARES:
-            predicted = self._predict(belief, theta, alpha, share)
+            predicted = self._predict(belief, theta, alpha, share=share)
             is_allowed, refusals = self._screen(
-                belief, directions, predicted, share, abandoned
+                belief, directions, predicted, share=share, abandoned=abandoned
             )
             if np.any(is_allowed):
                 break
@@ -116,6 +112,7 @@ class Surveyor:
         belief: Belief,
         theta: Float[np.ndarray, " k"],
         alpha: Float[np.ndarray, " k"],
+        *,
         share: float,
     ) -> Predicted:
         """Predictions of the candidates, kept for as long as draws are the same."""
@@ -141,6 +138,7 @@ class Surveyor:
         belief: Belief,
         directions: Float[np.ndarray, "k 2"],
         predicted: Predicted,
+        *,
         share: float,
         abandoned: Collection[Direction],
     ) -> tuple[Bool[np.ndarray, " k"], dict[str, int]]:
@@ -165,11 +163,13 @@ class Surveyor:
         return is_allowed, {why: n for why, n in counts.items() if n}
 
 
-def suggestion(belief: Belief, survey: Survey, row: int, target: Target) -> Suggestion:
+def suggestion(
+    belief: Belief, survey: Survey, row: int, *, target: Target
+) -> Suggestion:
     """One candidate with its outlook."""
     is_whole = survey.length_share == 1.0
     heights = survey.predicted.heights[row]
-    expected = outlook(heights, target, belief.weights, belief.sigma)
+    expected = outlook(heights, target, weights=belief.weights, sigma=belief.sigma)
     return Suggestion(
         number=0,
         theta=float(survey.theta[row]),
@@ -184,12 +184,14 @@ def suggestion(belief: Belief, survey: Survey, row: int, target: Target) -> Sugg
 
 
 def repetition(
-    belief: Belief, survey: Survey, push: Told, target: Target
+    belief: Belief, survey: Survey, push: Told, *, target: Target
 ) -> Suggestion:
     """A push made once more, to see whether it gives the same."""
     theta, alpha = np.array([push.theta]), np.array([push.alpha])
     found = predict(belief, theta, alpha)
-    gains = information_gain(found.heights, target.values, belief.weights, belief.sigma)
+    gains = information_gain(
+        found.heights, target.values, belief.weights, sigma=belief.sigma
+    )
     alone = replace(
         survey,
         theta=theta,
@@ -198,7 +200,9 @@ def repetition(
         is_allowed=np.array([True]),
         gains=gains,
     )
-    return replace(suggestion(belief, alone, 0, target), purpose=Purpose.REFERENCE)
+    return replace(
+        suggestion(belief, alone, 0, target=target), purpose=Purpose.REFERENCE
+    )
 
 
 def _is_among(theta: float, alpha: float, directions: Collection[Direction]) -> bool:
@@ -231,13 +235,13 @@ def _gains(
             heights.take(few, axis=2),
             [values[few] for values in angles],
             np.full(few.size, 1 / few.size),
-            sigma,
+            sigma=sigma,
             is_coarse=True,
         )
         rows = np.argsort(-gains, kind="stable")[:N_FULL]
         # Those left behind stay behind.
         gains = np.minimum(gains, np.sort(gains)[-N_FULL])
-    fine = summed_gain(heights[rows], angles, weights, sigma)
+    fine = summed_gain(heights[rows], angles, weights, sigma=sigma)
     floor = float(np.min(fine))
     gains = np.minimum(gains, floor)
     gains[rows] = fine

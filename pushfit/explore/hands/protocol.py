@@ -47,12 +47,7 @@ class PushOutcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Where the finger can push.
-
-    Args:
-        theta_deg: Lowest and highest elevation.
-        alpha_deg: Lowest and highest azimuth.
-    """
+    """Where the finger can push: lowest and highest elevation and azimuth [deg]."""
 
     theta_deg: tuple[float, float]
     alpha_deg: tuple[float, float]

@@ -79,12 +79,14 @@ class SimulatedHand:
         alpha = float(np.arctan2(displacement[1], displacement[0]))
         share = STALLS_AT if fault == "stall" else 1.0
         status = PushStatus.DONE
-        force = force_of(self._params(), self._grasp(length), theta, alpha)
+        force = force_of(self._params(), self._grasp(length), theta=theta, alpha=alpha)
         if max_force is not None and force > max_force:
             share, status = max_force / force, PushStatus.FORCE_ABORT
         if fault == "slip":
             self._slipped *= SLIP
-        part, t_start, t_end = self._record(theta, alpha, share * length, rng)
+        part, t_start, t_end = self._record(
+            theta, alpha, length=share * length, rng=rng
+        )
         self.is_extended = True
         if fault == "object_lost":
             self.has_object = False
@@ -150,7 +152,7 @@ class SimulatedHand:
         return replace(session, level=session.level + session.drift * self.clock)
 
     def _record(
-        self, theta: float, alpha: float, length: float, rng: np.random.Generator
+        self, theta: float, alpha: float, *, length: float, rng: np.random.Generator
     ) -> tuple[Recording, float, float]:
         """One push on the clock, and when it began and ended."""
         grasp = self._grasp(length)
@@ -171,7 +173,7 @@ class SimulatedHand:
         time = np.arange(1, n + 1) / session.rate
         if not self.has_object:
             session = replace(session, level=0.0)
-        reading = sensed(time, np.zeros(n), session, rng)
+        reading = sensed(time, np.zeros(n), session=session, rng=rng)
         names = ("fx", "fy", "fz") if session.forces else (session.channel,)
         part = Recording(
             time=time + self.clock,
@@ -266,7 +268,6 @@ def simulated_hand(
     """A hand that holds the grasp of a configuration.
 
     Args:
-        config: The truth, a value for every parameter.
         noise: Standard deviation of a sample [unit].
         scatter: Standard deviation of the height of a push, relative to it.
 

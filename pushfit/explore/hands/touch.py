@@ -71,7 +71,7 @@ def feel(
     if table.n_pushes != 1:
         return Felt(table=None, fault="several_pushes")
     # First of all: a lost object would else be called a drift.
-    if not _is_back(recording, outcome, table, limits, sigma):
+    if not _is_back(recording, outcome, table=table, limits=limits, sigma=sigma):
         return Felt(table=None, fault="not_at_rest")
     bad = table.flags[0] & EXCLUDING_FLAGS
     if bad:
@@ -143,6 +143,7 @@ def _with_angles(recording: Recording, outcome: PushOutcome) -> Recording:
 def _is_back(
     recording: Recording,
     outcome: PushOutcome,
+    *,
     table: PeakTable,
     limits: Limits,
     sigma: float | None,

@@ -18,11 +18,7 @@ Event = dict[str, object]
 
 
 class Journal:
-    """A file that events are appended to, each forced to disk.
-
-    Args:
-        path: File to write, or to go on with; None keeps nothing.
-    """
+    """A file that events are appended to, each forced to disk; None keeps nothing."""
 
     def __init__(self, path: Path | None) -> None:
         """Read what there is; a last line that was cut off never happened."""
@@ -32,11 +28,7 @@ class Journal:
             self.events = _read(path)
 
     def write(self, event: Mapping[str, object]) -> None:
-        """Append an event; returns when it is on the disk.
-
-        Args:
-            event: Content, without NaN or infinities.
-        """
+        """Append an event; returns when it is on the disk."""
         if self.path is None:
             return
         is_new = not self.path.exists()

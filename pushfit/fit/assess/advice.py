@@ -16,14 +16,11 @@ def measurements(
     is_calibrated: bool,
     has_direction: bool,
 ) -> tuple[str, ...]:
-    """What other measurements would determine.
+    """What other measurements would determine, the most useful first.
 
     Args:
         is_calibrated: Whether heights convert to newtons.
         has_direction: Whether several azimuths were pushed.
-
-    Returns:
-        Sentences, the most useful first.
     """
     free = set(problem.priors)
     sentences = []

@@ -35,11 +35,7 @@ def prediction_bands(
     *,
     prob: float,
 ) -> tuple[Band, ...]:
-    """Predictions along every sweep with at least three angles, richest first.
-
-    Returns:
-        At most sixteen bands per channel.
-    """
+    """Predictions along up to sixteen sweeps of three angles or more, richest first."""
     bands = []
     for swept, fixed_deg, rows in _sweeps(table):
         angles = table.frame[f"{swept}_deg"].to_numpy(float)[list(rows)]

@@ -78,13 +78,10 @@ def free_parameters(problem: Problem) -> tuple[str, ...]:
 
 
 def power_product(names: tuple[str, ...], direction: Float[np.ndarray, " p"]) -> str:
-    """A direction in the logs as a product of powers.
+    """A direction in the logs as a product of powers, the largest of them 1.
 
     Args:
         direction: Components along their logs (along e1 and e2 themselves).
-
-    Returns:
-        The product with the largest exponent scaled to 1.
     """
     scaled = direction / direction[np.argmax(np.abs(direction))]
     terms = []

@@ -61,7 +61,9 @@ def goodness_of_fit(
     if is_quiet:
         predictive = tuple(c for c in predictive if c.feature != "pattern")
     outliers = np.unique(rows[np.abs(residuals) > OUTLIER_SIGMA])
-    failed = _failed(p_value, lack_of_fit, pattern, predictive)
+    failed = _failed(
+        p_value, lack_of_fit=lack_of_fit, pattern=pattern, predictive=predictive
+    )
     # Repeats or given standard deviations judge a fit better than its share of the
     # variation, which is small for noisy heights of a perfect model too.
     n_directions = np.unique(table.groups[rows]).size
@@ -84,6 +86,7 @@ def goodness_of_fit(
 
 def _failed(
     p_value: float | None,
+    *,
     lack_of_fit: float | None,
     pattern: float | None,
     predictive: tuple[PredictiveCheck, ...],
@@ -173,9 +176,7 @@ class Directions:
     """Directions that were pushed, each with the nearest other one on the sphere.
 
     Args:
-        order: Pushes, sorted by direction.
         first: Where each direction begins in this order.
-        counts: Pushes of each direction.
         nearest: Nearest other direction of each.
     """
 
@@ -185,11 +186,7 @@ class Directions:
     nearest: Int[np.ndarray, " g"]
 
     def pooled(self, residuals: Float[np.ndarray, "*m n"]) -> Float[np.ndarray, "*m g"]:
-        """Residuals of each direction, summed and over the root of their number.
-
-        Returns:
-            Of unit variance where the residuals are.
-        """
+        """Residuals summed by direction over the root of their number, as variable."""
         sums = np.add.reduceat(residuals[..., self.order], self.first, axis=-1)
         return sums / np.sqrt(self.counts)
 
@@ -197,11 +194,7 @@ class Directions:
 def pushed_directions(
     table: PeakTable, rows: Int[np.ndarray, " n"]
 ) -> Directions | None:
-    """Directions of some pushes of a table.
-
-    Returns:
-        Directions; None where they are too few to show a pattern.
-    """
+    """Directions of some pushes; None where they are too few to show a pattern."""
     group, inverse = np.unique(table.groups[rows], return_inverse=True)
     if group.size < MIN_DIRECTIONS:
         return None

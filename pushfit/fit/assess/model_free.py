@@ -52,7 +52,7 @@ def model_free_direction(
     scale = np.sqrt(dof / rng.chisquare(dof, N_DRAWS))
     noise = rng.multivariate_normal(np.zeros(2), spread, N_DRAWS) * scale[:, None]
     draws = _minimum(wave + noise)
-    is_round = _amplitude_may_vanish(wave, spread, dof, prob)
+    is_round = _amplitude_may_vanish(wave, spread, dof=dof, prob=prob)
     interval = equal_tailed_interval(draws, prob, is_axis=True)
     return Quantity(
         name="alpha_star_model_free",
@@ -100,6 +100,7 @@ def _minimum(wave: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
 def _amplitude_may_vanish(
     wave: Float[np.ndarray, " 2"],
     covariance: Float[np.ndarray, "2 2"],
+    *,
     dof: int,
     prob: float,
 ) -> bool:

@@ -100,7 +100,6 @@ def parameter_quantities(
     """The parameters with what the data added to their priors.
 
     Args:
-        unit: Unit of the heights.
         with_sets: Whether to look for highest-density sets, the slowest part.
 
     Returns:
@@ -117,8 +116,8 @@ def parameter_quantities(
             _quantity(
                 name,
                 parameter_unit,
-                posterior,
-                profiles.get(name),
+                posterior=posterior,
+                profile=profiles.get(name),
                 prob=prob,
                 verdict=_parameter_verdict(name, setup, posterior),
                 note="fixed" if prior is None else prior.describe(),
@@ -140,7 +139,6 @@ def combination_quantities(
     """A, B and the shape of B: what linear forces depend on beside C_rr.
 
     Args:
-        unit: Unit of the heights.
         with_sets: Whether to look for highest-density sets, the slowest part.
     """
     newton = "N" if setup.is_calibrated else unit
@@ -156,8 +154,8 @@ def combination_quantities(
             _quantity(
                 name,
                 unit_of(name, newton),
-                posterior,
-                profile,
+                posterior=posterior,
+                profile=profile,
                 prob=prob,
                 verdict=verdict,
                 note=FORMULAS[name],
@@ -170,9 +168,9 @@ def combination_quantities(
 def _quantity(
     name: str,
     unit: str,
+    *,
     posterior: PosteriorResult,
     profile: LikelihoodProfile | None,
-    *,
     prob: float,
     verdict: Verdict,
     note: str,

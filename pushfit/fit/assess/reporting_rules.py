@@ -100,7 +100,6 @@ def within_verdict(quantity: Quantity, *, wanted_width_deg: float) -> Quantity:
     """A quantity of trusted numerics and a model that fits, as its verdict allows.
 
     Args:
-        quantity: With all its numbers.
         wanted_width_deg: Widest interval of an angle that counts as determined [deg].
 
     Returns:
@@ -131,14 +130,7 @@ def _finite(value: float | None) -> float | None:
 
 
 def pieces_for(quantity: Quantity) -> Pieces:
-    """The set that shows the verdict: the credible one, else that of the likelihood.
-
-    Args:
-        quantity: As reported.
-
-    Returns:
-        Pieces; none where a one-sided quantity has no bound at all.
-    """
+    """The set that shows the verdict: credible, else by likelihood; may be empty."""
     if quantity.verdict is Verdict.SEVERAL_MODES and len(quantity.sets) < 2:
         return quantity.likelihood_sets
     if quantity.verdict is Verdict.ONE_SIDED:

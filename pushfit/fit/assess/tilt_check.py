@@ -26,12 +26,7 @@ WORSE = 5.0
 
 
 def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
-    """Largest tilt that a linear solution implies.
-
-    Args:
-        setup: Problem by linear mechanics.
-        posterior: Draws; the tilt is that of their medians.
-    """
+    """Largest tilt that a linear solution implies at the medians of its draws."""
     problem = setup.problem
     names = [n for n in (*SIX, *SIGNED) if n in posterior.samples]
     middle = {n: float(np.median(posterior.samples[n])) for n in names}
@@ -60,12 +55,7 @@ def _worth(interval: tuple[float, float] | None) -> float:
 
 
 def is_tilt_large(setup: Setup, linear: PosteriorResult) -> bool:
-    """Whether draws by the paper's equations imply a tilt that may matter.
-
-    Args:
-        setup: Problem by the paper's equations.
-        linear: Draws by them.
-    """
+    """Whether draws by the paper's equations imply a tilt that may matter."""
     return implied_tilt_deg(setup, linear) >= LARGE_TILT_DEG
 
 

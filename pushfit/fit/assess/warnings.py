@@ -85,11 +85,7 @@ def contact_warning(table: PeakTable, rows: tuple[int, ...]) -> ResultWarning:
 
 
 def scatter_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
-    """Say that given standard deviations do not explain the scatter about the fit.
-
-    Returns:
-        A warning; None where they do, or where sigma was not given.
-    """
+    """Say so where given standard deviations do not explain the scatter."""
     if setup.noise.kind != "given" or fit.degrees_of_freedom < 1:
         return None
     if scipy.special.chdtrc(fit.degrees_of_freedom, fit.chi_square) > LEVEL:
@@ -200,11 +196,7 @@ def bound_warnings(setup: Setup, posterior: PosteriorResult) -> Iterator[ResultW
 
 
 def contradiction_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
-    """Say that fixed parameters cannot give the stiffness that the heights show.
-
-    Returns:
-        A warning; None where they can.
-    """
+    """Say so where fixed parameters cannot give the stiffness that the heights show."""
     fixed = {name: float(value) for name, value in setup.problem.fixed.items()}
     if not {"K_sn", "K_dn", "K_st"} & set(fixed):
         return None

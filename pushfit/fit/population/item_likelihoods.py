@@ -30,7 +30,6 @@ class ItemDraws:
     """Posterior of one item.
 
     Args:
-        name: Name of the item.
         draws: Draws of φ; NaN where it has no value.
         log_prior: Log prior density of each draw, up to a constant.
     """
@@ -46,10 +45,8 @@ class Likelihoods:
 
     Args:
         nodes: Nodes of each item [unit of φ].
-        log_weights: Log of the share of each node.
         kernel: Standard deviation of the kernel of each item.
         mean: Mean of each item, as if the prior of φ were flat.
-        sd: Its standard deviation.
     """
 
     nodes: Float[np.ndarray, "n m"]
@@ -102,11 +99,7 @@ def is_present(item: ItemDraws) -> bool:
 
 
 def likelihoods(items: Sequence[ItemDraws]) -> Likelihoods:
-    """Draws gathered in nodes, moved so that the kernel leaves their variance alone.
-
-    Args:
-        items: Items for which `is_present` holds.
-    """
+    """Draws of present items in nodes, moved so that kernels keep their variance."""
     parts = [_one(*_reweighted(item)) for item in items]
     nodes, log_weights, kernel, mean, sd = (
         np.array(column) for column in zip(*parts, strict=True)
@@ -168,9 +161,5 @@ def effective_draws(
 
 
 def normalised(log_values: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Numbers that sum to one, from their logs.
-
-    Args:
-        log_values: Logs, up to a constant.
-    """
+    """Numbers that sum to one, from their logs up to a constant."""
     return np.exp(log_values - logsumexp(log_values))

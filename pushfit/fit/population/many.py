@@ -40,14 +40,10 @@ def identify_many(
     seeds: Sequence[int],
     engine: str,
 ) -> list[ItemResult | PushfitError]:
-    """Identify tables that share a configuration.
+    """Rows of tables that share a configuration, or the errors against them.
 
     Args:
-        tables: Peak heights, one table for each grasp.
         engine: "auto", "sweep" or "emcee"; see `identify_table`.
-
-    Returns:
-        For each table its row, or the error that stands against it.
     """
     return [
         _identify_one(table, config, seed=seed, engine=engine)

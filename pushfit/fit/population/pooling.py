@@ -52,7 +52,6 @@ class Population:
         spread: Posterior median of its standard deviation; None if it may be zero.
         spread_interval: Interval with 90 %; if the spread may be zero the lower end is
             None, and the spread is below the upper end with 90 %.
-        n_items: Items behind the numbers.
         effective_draws: Fewest draws that count of any of these items.
         outliers: Items that the rest of the population does not predict.
         not_usable: Items that are left out, because too few of their draws lie where
@@ -81,7 +80,6 @@ def pool(items: Sequence[ItemDraws], *, scale: float) -> Population | None:
         p(spread) ∝ exp(-spread² / (2 scale²)),  spread > 0
 
     Args:
-        items: Items, in any order.
         scale: How much items may well differ [unit of φ].
 
     Returns:
@@ -142,7 +140,9 @@ class _Grid:
         low, high = ln_s[kept[0]], ln_s[kept[-1]]
         reach = REACH
         for _ in range(MAX_ROUNDS):
-            grid = cls._within(items, np.linspace(low, high, N_GRID), reach, scale)
+            grid = cls._within(
+                items, np.linspace(low, high, N_GRID), reach=reach, scale=scale
+            )
             if grid.edge < MAX_EDGE:
                 break
             reach *= 2
@@ -155,6 +155,7 @@ class _Grid:
         cls,
         items: Likelihoods,
         ln_spread: Float[np.ndarray, " s"],
+        *,
         reach: float,
         scale: float,
     ) -> "_Grid":
@@ -223,7 +224,6 @@ class _NormalItems:
 
     Args:
         mean: Mean of the population's mean at each spread.
-        sd: Its standard deviation.
         log_density: Log density of ln spread, unnormalised.
     """
 

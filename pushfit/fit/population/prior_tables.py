@@ -22,11 +22,7 @@ Values = tuple[tuple[str, float], ...]
 
 
 def prior_tables(problem: Problem) -> dict[str, Table]:
-    """Densities of ln A, ln B and ln C_rr by name of the number, if it is free.
-
-    Args:
-        problem: Problem with its priors.
-    """
+    """Densities of ln A, ln B and ln C_rr by name of the number, if it is free."""
     priors = {n: p for n, p in problem.priors.items() if n in SIX}
     stiff = [priors.get(name) for name in STIFF]
     can_scale = all(p is not None and p.kind == "lognormal" for p in stiff)

@@ -106,12 +106,7 @@ def pooled_draws(
 def tabulated_prior(
     prior: Table, values: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    """Log density from its table; 20 points per standard deviation need no cubic.
-
-    Args:
-        prior: Table of a prior density.
-        values: Where it is wanted.
-    """
+    """Log density from its table; 20 points per standard deviation need no cubic."""
     heights = np.asarray(prior.values)
     grid = float(prior.start) + float(prior.step) * np.arange(heights.size)
     return np.interp(values, grid, heights)
@@ -120,14 +115,11 @@ def tabulated_prior(
 def prior_of_angle(
     degrees: Float[np.ndarray, " n"], prior_degrees: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, " n"] | None:
-    """Log density of θ_c where the contact rolls, from draws of the prior.
+    """Log density of θ_c per degree where the contact rolls; None if it is fixed.
 
     Args:
         degrees: Where it is wanted; NaN where it never rolls [deg].
         prior_degrees: Draws, likewise [deg].
-
-    Returns:
-        Log density per degree; None if the angle is fixed.
     """
     u = _stretched(prior_degrees[np.isfinite(prior_degrees)])
     if u.size < N_POOLED or np.ptp(u) == 0:

@@ -116,7 +116,8 @@ class Pair(abc.ABC):
     def quantiles(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r s"]]:
         """Values of the combination, and the quantile at each of `SCORES`."""
         density = self.density()
-        assert isinstance(density, LogDensity)
+        if not isinstance(density, LogDensity):
+            raise TypeError("both of the pair are fixed, and have no quantiles")
         table = make_table(density)
         start, step = float(table.start), float(table.step)
         rows = np.linspace(start, start + step * (table.values.size - 1), N_ROWS)
@@ -143,9 +144,14 @@ class Pair(abc.ABC):
         half = np.maximum((high - low) / 2, 1e-300)
         t = ((low + high) / 2)[..., None] + half[..., None] * NODES
         first, second = self.parts(whole[..., None], t)
-        assert isinstance(self.first, LogDensity)
-        assert isinstance(self.second, LogDensity)
-        return t, self.first.log_prob(first) + self.second.log_prob(second), half
+        a, b = self._densities()
+        return t, a.log_prob(first) + b.log_prob(second), half
+
+    def _densities(self) -> tuple[LogDensity, LogDensity]:
+        """Densities of both, of which neither is fixed."""
+        if isinstance(self.first, LogDensity) and isinstance(self.second, LogDensity):
+            return self.first, self.second
+        raise TypeError("one of the pair is fixed, and has no density")
 
 
 class Series(Pair):
@@ -161,9 +167,7 @@ class Series(Pair):
 
     def interval(self, whole: Values) -> tuple[Values, Values]:
         """From r = K_1/X - 1 and 1/r = K_2/X - 1 at the ends of both densities."""
-        a, b = self.first, self.second
-        assert isinstance(a, LogDensity)
-        assert isinstance(b, LogDensity)
+        a, b = self._densities()
         low = np.maximum(_log_excess(a.lower - whole), -_log_excess(b.upper - whole))
         high = np.minimum(_log_excess(a.upper - whole), -_log_excess(b.lower - whole))
         return low, np.maximum(low, high)
@@ -189,9 +193,7 @@ class Quotient(Pair):
 
     def interval(self, whole: Values) -> tuple[Values, Values]:
         """Where L and q L² both have density."""
-        a, b = self.first, self.second
-        assert isinstance(a, LogDensity)
-        assert isinstance(b, LogDensity)
+        a, b = self._densities()
         low = np.maximum(b.lower, (a.lower - whole) / 2)
         high = np.minimum(b.upper, (a.upper - whole) / 2)
         return low, np.maximum(low, high)
@@ -235,8 +237,6 @@ class ConditionalPrior:
         """Draws of the parameters from the prior given A and B.
 
         Args:
-            ln_A: Log of A.
-            ln_B: Log of B.
             scores: Standard normal numbers that pick the draws.
 
         Returns:

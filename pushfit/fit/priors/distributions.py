@@ -64,11 +64,7 @@ class Prior(eqx.Module):
         return density
 
     def sample(self, rng: np.random.Generator, n: int) -> Float[np.ndarray, " n"]:
-        """Independent draws of u.
-
-        Returns:
-            Draws of the log of a positive parameter, or of the value of e1 or e2.
-        """
+        """Independent draws of u: logs of a positive parameter, else values."""
         first, second = float(self.first), float(self.second)
         if self.kind == "lognormal":
             return rng.normal(np.log(first), second, n)
@@ -122,11 +118,7 @@ def default_priors(stiffness_scale: float | None) -> dict[str, Prior]:
 
 @functools.cache
 def default_prior(name: str) -> Prior:
-    """What is known of a parameter of fingers and hand-held boxes.
-
-    Args:
-        name: Parameter that has a default prior in `pushfit.parameters`.
-    """
+    """What is known of a parameter of fingers and hand-held boxes."""
     return Prior(*_shape_of(name), PARAMETERS[name].is_positive)
 
 
@@ -139,12 +131,7 @@ def _shape_of(name: str) -> Shape:
 def priors_from_config(
     config: GraspConfig, defaults: Mapping[str, Prior]
 ) -> tuple[dict[str, Prior], dict[str, float]]:
-    """Priors and fixed values in force.
-
-    Args:
-        config: Configuration with a `parameters` table.
-        defaults: Priors of the parameters that it does not name.
-    """
+    """Priors and fixed values in force, by default those of `defaults`."""
     priors = dict(defaults)
     fixed = {}
     for name, choice in config.parameters.items():

@@ -36,10 +36,7 @@ class LogDensity:
     """Density of the log of a positive number.
 
     Args:
-        lower: Where it begins.
-        upper: Where it ends.
         scale: About the smallest distance over which it changes.
-        log_prob: Log density between the two.
     """
 
     lower: float
@@ -49,15 +46,7 @@ class LogDensity:
 
 
 class Table(eqx.Module):
-    """Log density on a regular grid, for use inside compiled code.
-
-    Args:
-        start: First grid point.
-        step: Distance between grid points.
-        values: Log density on the grid.
-        mean: Mean of the density.
-        sd: Its standard deviation.
-    """
+    """Log density on a regular grid, for use inside compiled code."""
 
     start: Float[Array, ""]
     step: Float[Array, ""]
@@ -93,11 +82,7 @@ class Table(eqx.Module):
 
 
 def prior_density(prior: Prior) -> LogDensity:
-    """Density of the log of a positive parameter.
-
-    Returns:
-        Density with the ends beyond which nothing is left.
-    """
+    """Density of the log of a positive parameter."""
     first, second = float(prior.first), float(prior.second)
     if prior.kind == "lognormal":
         centre, scale = np.log(first), second

@@ -57,11 +57,7 @@ def held_names(problem: Problem) -> tuple[str, ...]:
 def held_values(
     problem: Problem, points: Float[np.ndarray, "k q"]
 ) -> Float[np.ndarray, "k q"]:
-    """The points with every held coordinate where its residual vanishes.
-
-    Args:
-        problem: Problem with its constraints.
-    """
+    """The points with every held coordinate where its residual vanishes."""
     if problem.constraint is None:
         return points
     rows, offsets = (

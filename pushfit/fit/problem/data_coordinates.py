@@ -51,21 +51,13 @@ def data_names(
 
 
 def data_point(y: Values, fixed: Values, grasp: Grasp) -> Contact:
-    """Combinations that forces depend on.
-
-    Args:
-        y: Data coordinates by name.
-    """
+    """Combinations that forces depend on."""
     point = tilting_point if grasp.law.sees_tilt else linear_point
     return point(y, fixed)
 
 
 def linear_point(y: Values, fixed: Values) -> Contact:
-    """Combinations that forces depend on where they know the springs by B alone.
-
-    Args:
-        y: Data coordinates by name.
-    """
+    """Combinations that forces depend on where they know the springs by B alone."""
     zero = jnp.zeros(())
     return Contact(
         A=_series(y, fixed),
@@ -78,11 +70,7 @@ def linear_point(y: Values, fixed: Values) -> Contact:
 
 
 def tilting_point(y: Values, fixed: Values) -> Contact:
-    """Combinations that forces depend on where the object tilts.
-
-    Args:
-        y: Data coordinates by name.
-    """
+    """Combinations that forces depend on where the object tilts."""
     L = jnp.exp(y["ln_L"]) if "ln_L" in y else fixed["L"]
     if "ln_s" in y:
         s = jnp.exp(y["ln_s"])

@@ -44,7 +44,7 @@ def samples_mapping(
         where the contact never rolls.
     """
     x, alpha = as_float(x_samples), as_float(reference_alpha)
-    columns = _quantities(problem, x, alpha, reach)
+    columns = _quantities(problem, x, reference_alpha=alpha, reach=reach)
     return {name: np.asarray(values) for name, values in columns.items()}
 
 
@@ -61,13 +61,10 @@ def critical_angle_at(
     y: Float[Array, " q"],
     reference_alpha: Float[Array, ""],
 ) -> Float[Array, ""]:
-    """θ_c at data coordinates.
+    """θ_c at data coordinates; NaN where the contact never rolls [rad].
 
     Args:
         reference_alpha: Azimuth of θ_c [rad].
-
-    Returns:
-        θ_c; NaN where the contact never rolls [rad].
     """
     state = problem.data_state(y)
     grasp = state.grasp(problem.grasp)
@@ -85,6 +82,7 @@ def _angles(
 def _quantities(
     problem: Problem,
     x_samples: Float[Array, "n p"],
+    *,
     reference_alpha: Float[Array, ""],
     reach: tuple[float, float],
 ) -> dict[str, Float[Array, " n"]]:
@@ -120,14 +118,11 @@ def _middle_elevation(problem: Problem) -> Float[Array, ""]:
 
 
 def median(samples: Float[np.ndarray, " n"], *, is_axis: bool = False) -> float:
-    """Middle of the draws; of an axis, the middle seen from its circular mean.
+    """Middle of the draws, of an axis in [0, 180) by its circular mean; NaN of none.
 
     Args:
         samples: Draws; NaN is left out.
         is_axis: Whether the draws are azimuths of period 180° [deg].
-
-    Returns:
-        Median; in [0, 180) for an axis; NaN without a finite draw.
     """
     finite = samples[np.isfinite(samples)]
     if finite.size == 0:

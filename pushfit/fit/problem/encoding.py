@@ -21,14 +21,11 @@ CHUNK = 1024
 def encode(
     problem: Problem, values: Mapping[str, Float[np.ndarray, " n"]]
 ) -> Float[np.ndarray, "n p"]:
-    """Sampling coordinates of physical values; inverse of `Problem.state`.
+    """Sampling coordinates, by `problem.names`; inverse of `Problem.state`.
 
     Args:
         values: Value of every free parameter, of F_0 and of sigma_<channel> where they
             are sampled [as in `priors.UNITS`, sigma in table units].
-
-    Returns:
-        Points, in the order of `problem.names`.
     """
     n = len(next(iter(values.values())))
     fixed = {name: float(value) for name, value in problem.fixed.items()}
@@ -49,14 +46,7 @@ def encode(
 def prior_x_samples(
     problem: Problem, rng: np.random.Generator, n: int
 ) -> Float[np.ndarray, "n p"]:
-    """Independent draws from the prior, in sampling coordinates.
-
-    Args:
-        problem: Problem with its priors.
-
-    Returns:
-        Points, in the order of `problem.names`.
-    """
+    """Independent draws from the prior, in the order of `problem.names`."""
     return encode(problem, _physical(problem, rng, n))
 
 

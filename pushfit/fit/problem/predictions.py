@@ -33,13 +33,10 @@ N_POINTS, N_PUSHES = 256, 32
 def predict_points(
     problem: Problem, points: Float[np.ndarray, "k q"], pushes: Pushes
 ) -> Channels:
-    """What sensors report at data coordinates.
+    """What sensors report at data coordinates, by point and push.
 
     Args:
         pushes: Directions, of the problem or not.
-
-    Returns:
-        Arrays of NumPy, by point and push.
     """
 
     def states(rows: Int[np.ndarray, " m"]) -> State[Contact]:
@@ -51,14 +48,11 @@ def predict_points(
 def predict_draws(
     problem: Problem, samples: Mapping[str, Float[np.ndarray, " n"]], pushes: Pushes
 ) -> Channels:
-    """What sensors report at draws, or at any values of the parameters.
+    """What sensors report at draws, or any values, by draw and push.
 
     Args:
         samples: Values of all that is unknown by name.
         pushes: Directions, of the problem or not.
-
-    Returns:
-        Arrays of NumPy, by draw and push.
     """
     names = (*Parameters.__dataclass_fields__, *OF_GRASP)
     known = {name: samples[name] for name in names if name in samples}
@@ -70,11 +64,7 @@ def predict_draws(
 
 
 def heights_of(problem: Problem, channels: Channels) -> Float[np.ndarray, "k c n"]:
-    """Heights of the channels of a problem [table unit].
-
-    Args:
-        channels: What `predict_points` and `predict_draws` return.
-    """
+    """Heights of the channels of a problem, of what was predicted [table unit]."""
     return np.stack([getattr(channels, name) for name in problem.channels], axis=1)
 
 

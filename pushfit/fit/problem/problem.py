@@ -73,9 +73,7 @@ class Problem(eqx.Module):
         sd: Known noise of each height, 0 where unknown [table unit].
         reference_sigma: Noise that weights the residuals of least squares.
         mask: Which entries of `observed` are data.
-        grasp: Grasp and sensor.
         priors: Prior of every free parameter and of every sampled sigma.
-        fixed: Values of the fixed parameters.
         channels: Names of the rows of `observed`.
         names: Names of the entries of x.
         data_names: Names of the entries of y.
@@ -229,11 +227,7 @@ class Problem(eqx.Module):
 
 
 def grasp_with(grasp: Grasp, values: Mapping[str, Scalar]) -> Grasp:
-    """A grasp with those of its numbers that a point or a draw names.
-
-    Args:
-        values: Values by name; names that are none of `OF_GRASP` do not matter.
-    """
+    """A grasp with those of its numbers, `OF_GRASP`, that a point or a draw names."""
     known = {field: values[name] for name, field in OF_GRASP.items() if name in values}
     return replace(grasp, **known)
 

@@ -138,11 +138,7 @@ def offsets(
     direction: Int[np.ndarray, " n"],
     repeat: Int[np.ndarray, " n"],
 ) -> Float[np.ndarray, " r"]:
-    """Least squares of an effect of each direction and one of each repeat.
-
-    Returns:
-        Effects of repeats, 0 on average over all heights that are connected.
-    """
+    """Effects of repeats beside directions by least squares, 0 on average over all."""
     n_directions, n_repeats = direction.max() + 1, repeat.max() + 1
     rows = np.arange(heights.size)
     design = np.zeros((heights.size, n_directions + n_repeats))
@@ -158,11 +154,7 @@ def gains(
     direction: Int[np.ndarray, " n"],
     repeat: Int[np.ndarray, " n"],
 ) -> Float[np.ndarray, " r"]:
-    """Least squares of a height of each direction times a gain of each repeat.
-
-    Returns:
-        Gains, 1 on average over all heights that are connected.
-    """
+    """Gains of repeats of the heights of directions, 1 on average over all."""
     gain, n_directions = np.ones(repeat.max() + 1), direction.max() + 1
     rows = np.arange(heights.size)
     design = np.zeros((heights.size, n_directions + len(gain)))

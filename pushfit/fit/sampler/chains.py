@@ -35,7 +35,6 @@ class Run:
 
     Args:
         chain: Points by step and walker, ensembles one after the other.
-        log_prob: Log density of each.
         random: Source of randomness of the next step.
         mixture: Proposal of the independence move.
     """
@@ -51,12 +50,7 @@ class Run:
         moves: Sequence[tuple[Move, float]],
         n_steps: int,
     ) -> None:
-        """Append steps.
-
-        Args:
-            log_prob: Log density of many points.
-            moves: Moves and their shares.
-        """
+        """Append steps."""
         chain, values = advance(
             log_prob,
             self.chain[-1],
@@ -83,7 +77,6 @@ def advance(
     Args:
         log_prob: Log density of many points.
         start: Walkers; left as they are.
-        moves: Moves and their shares.
         random: Source of randomness; its state moves on.
         log_prob_start: Log density of `start`, where it is known.
     """
@@ -100,11 +93,7 @@ def advance(
 
 
 class Densities:
-    """Log prior and log likelihood of many points, by one compiled program.
-
-    Args:
-        problem: Problem that defines them.
-    """
+    """Log prior and log likelihood of many points, by one compiled program."""
 
     def __init__(self, problem: Problem) -> None:
         """Keep the problem."""
@@ -144,11 +133,7 @@ def _log_densities(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n 
 
 
 def keep(run: Run, path: Path, *, question: str) -> None:
-    """Write a run.
-
-    Args:
-        question: Fingerprint of what is sampled.
-    """
+    """Write a run."""
     state = run.random.get_state(legacy=False)
     arrays = {
         "chain": run.chain,
@@ -165,14 +150,7 @@ def keep(run: Run, path: Path, *, question: str) -> None:
 
 
 def resume(path: Path, *, question: str) -> Run | None:
-    """A run as `keep` wrote it.
-
-    Args:
-        question: Fingerprint of what is sampled.
-
-    Returns:
-        The run; None if there is none of this question.
-    """
+    """A run as `keep` wrote it; None if there is none of this question."""
     arrays = checkpoint.load(path, question=question)
     if arrays is None:
         return None

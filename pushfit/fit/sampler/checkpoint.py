@@ -18,7 +18,7 @@ import jax
 import numpy as np
 
 import pushfit
-from pushfit.atomic import atomic_path
+from pushfit.atomic import atomic_path, spare_name
 
 # Raised whenever the meaning of the arrays changes.
 FORMAT = 1
@@ -30,13 +30,10 @@ class CheckpointWarning(UserWarning):
 
 
 def fingerprint(*trees: object) -> str:
-    """Digest of pytrees: every array bit by bit, and every setting.
+    """Digest of pytrees, every array bit by bit and every setting, hexadecimal.
 
     Args:
         trees: Containers of arrays; what is not an array is compared as text.
-
-    Returns:
-        Hexadecimal digest, equal only for equal questions.
     """
     digest = hashlib.sha256()
     leaves, structure = jax.tree.flatten(trees)
@@ -49,11 +46,7 @@ def fingerprint(*trees: object) -> str:
 
 
 def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None:
-    """Replace a checkpoint in one step.
-
-    Args:
-        question: Fingerprint of the question that the arrays belong to.
-    """
+    """Replace a checkpoint in one step."""
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         contents: dict[str, Any] = dict(arrays)
         contents[HEADER] = np.array(json.dumps(_header(question)))
@@ -64,9 +57,6 @@ def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None
 
 def load(path: Path, *, question: str) -> dict[str, np.ndarray] | None:
     """Arrays of a checkpoint of the same question.
-
-    Args:
-        question: Fingerprint of the question asked now.
 
     Returns:
         The arrays; None without a file, and, with a `CheckpointWarning`, for one
@@ -100,11 +90,7 @@ def _header(question: str) -> dict[str, str | int]:
 
 def _set_aside(path: Path, reason: str) -> None:
     """Rename to the first free name with .bad, and say why."""
-    kept = path.with_name(f"{path.name}.bad")
-    count = 1
-    while kept.exists():
-        count += 1
-        kept = path.with_name(f"{path.name}.bad{count}")
+    kept = spare_name(path)
     path.rename(kept)
     warnings.warn(
         f"checkpoint {path} {reason}; it is kept as {kept.name} and sampling starts "

@@ -108,14 +108,10 @@ def acceptance_fraction(
 
 
 def diagnose(chain: Float[np.ndarray, "t e w p"], traces: Traces) -> Diagnostics:
-    """All checks of a chain from which the burn-in has been removed.
+    """Numbers of a chain without burn-in, and the sentences of failed checks.
 
     Args:
         chain: Every kept step, not thinned.
-        traces: The quantities to judge, along the same steps.
-
-    Returns:
-        Numbers and the sentences of the checks that failed.
     """
     times = {name: autocorr_time(trace) for name, trace in traces.items()}
     n_steps, n_ensembles, n_walkers, _ = chain.shape
@@ -149,7 +145,6 @@ def judge(
     Args:
         autocorr_time: By name [steps].
         acceptance_fraction: Per ensemble and walker.
-        n_walkers: Walkers in each.
         chances: p-values of `disagreement` by name.
     """
     problems = []

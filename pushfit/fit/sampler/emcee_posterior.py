@@ -122,12 +122,14 @@ def sample_posterior(
     run = None if checkpoint is None else resume(checkpoint, question=question)
     if run is None:
         report("starting points", 0.0)
-        run = _start(problem, fit, densities, budget, seed)
+        run = _start(problem, fit, densities=densities, budget=budget, seed=seed)
         if checkpoint is not None:
             keep(run, checkpoint, question=question)
     moves = _moves(run, budget)
     while True:
-        n_burn, diagnostics = _look(problem, run, budget, reference_alpha)
+        n_burn, diagnostics = _look(
+            problem, run, budget=budget, reference_alpha=reference_alpha
+        )
         n_more = _steps_to_go(run, diagnostics)
         n_more = min(n_more, budget.max_steps - len(run.chain))
         is_done = not diagnostics.problems or n_more <= 0
@@ -140,8 +142,8 @@ def sample_posterior(
     return _result(
         problem,
         run,
-        n_burn,
-        diagnostics,
+        n_burn=n_burn,
+        diagnostics=diagnostics,
         seed=seed,
         reference_alpha=reference_alpha,
         reach=reach,
@@ -164,7 +166,7 @@ def _theta_c(
 
 
 def _start(
-    problem: Problem, fit: FitResult, densities: Densities, budget: Budget, seed: int
+    problem: Problem, fit: FitResult, *, densities: Densities, budget: Budget, seed: int
 ) -> Run:
     """First block of a run, after the trial steps that its proposal is fitted to."""
     rng = np.random.default_rng(seed)
@@ -212,7 +214,7 @@ def _moves(run: Run, budget: Budget) -> list[tuple[Move, float]]:
 
 
 def _look(
-    problem: Problem, run: Run, budget: Budget, reference_alpha: float
+    problem: Problem, run: Run, *, budget: Budget, reference_alpha: float
 ) -> tuple[int, Diagnostics]:
     """Burn-in of a run, and the checks of what follows it."""
     alpha = as_float(reference_alpha)
@@ -249,9 +251,9 @@ def _share(diagnostics: Diagnostics) -> float:
 def _result(
     problem: Problem,
     run: Run,
+    *,
     n_burn: int,
     diagnostics: Diagnostics,
-    *,
     seed: int,
     reference_alpha: float,
     reach: tuple[float, float],

@@ -42,14 +42,7 @@ class DifferenceMove(Move):
     def propose(
         self, model: Model, state: State
     ) -> tuple[State, Bool[np.ndarray, " k"]]:
-        """Advance every walker once.
-
-        Args:
-            model: Density and source of randomness.
-
-        Returns:
-            The state, changed in place, and which walkers moved.
-        """
+        """Advance every walker once."""
         random = model.random
         n_total, n_dim = state.coords.shape
         n_walkers = n_total // self.n_ensembles
@@ -65,7 +58,13 @@ class DifferenceMove(Move):
             scale = 2.38 / np.sqrt(2 * n_dim) / 10 ** random.rand(rows.size, 1)
             gamma = np.where(is_jump, 1.0, scale)
             proposals = state.coords[rows] + gamma * difference.reshape(-1, n_dim)
-            accepted |= _accept(model, state, rows, proposals, np.zeros(rows.size))
+            accepted |= _accept(
+                model,
+                state,
+                rows=rows,
+                proposals=proposals,
+                log_ratio=np.zeros(rows.size),
+            )
         return state, accepted
 
 
@@ -88,19 +87,14 @@ class IndependenceMove(Move):
     def propose(
         self, model: Model, state: State
     ) -> tuple[State, Bool[np.ndarray, " k"]]:
-        """Advance every walker once.
-
-        Args:
-            model: Density and source of randomness.
-
-        Returns:
-            The state, changed in place, and which walkers moved.
-        """
+        """Advance every walker once."""
         rows = np.arange(len(state.coords))
         proposals = self.mixture.sample(model.random, rows.size)
         log_ratio = self.mixture.log_density(state.coords)
         log_ratio -= self.mixture.log_density(proposals)
-        return state, _accept(model, state, rows, proposals, log_ratio)
+        return state, _accept(
+            model, state, rows=rows, proposals=proposals, log_ratio=log_ratio
+        )
 
 
 def _random_pairs(
@@ -116,6 +110,7 @@ def _random_pairs(
 def _accept(
     model: Model,
     state: State,
+    *,
     rows: Int[np.ndarray, " m"],
     proposals: Float[np.ndarray, "m p"],
     log_ratio: Float[np.ndarray, " m"],

@@ -48,9 +48,7 @@ def starting_points(
     """Independent ensembles of points that resemble draws from the posterior.
 
     Args:
-        fit: Least squares with all its modes.
         log_densities: Log prior and log likelihood of points.
-        n_points: Points in each.
 
     Returns:
         Points, one ensemble after the other; the first of each are at the modes.
@@ -61,7 +59,9 @@ def starting_points(
     points = prior_x_samples(problem, rng, n_ensembles * n_points)
     _check_finite(problem, points, log_densities)
     points = _cool(points, log_densities, n_ensembles=n_ensembles, rng=rng)
-    missed = _missed_modes(problem, fit, log_densities, points, rng)
+    missed = _missed_modes(
+        problem, fit, log_densities=log_densities, points=points, rng=rng
+    )
     # First in line: the caller starts walkers at the first points of each ensemble.
     points.reshape(n_ensembles, n_points, -1)[:, : len(missed)] = missed
     return points
@@ -178,6 +178,7 @@ def _resample(
 def _missed_modes(
     problem: Problem,
     fit: FitResult,
+    *,
     log_densities: LogDensities,
     points: Float[np.ndarray, "k p"],
     rng: np.random.Generator,

@@ -43,6 +43,7 @@ def _draw_residuals(
     axes: "Axes",
     x: Float[np.ndarray, " n"],
     residuals: Float[np.ndarray, " n"],
+    *,
     channels: Sequence[str],
 ) -> None:
     """Residuals in sigmas with the ±2 sigma stripe and outliers marked."""
@@ -96,7 +97,7 @@ def residual_figure(
         ("row of the table", row.astype(float)),
     ]
     for axes, (label, x) in zip(panels.flat[:3], columns, strict=False):
-        _draw_residuals(axes, x, residuals, channels)
+        _draw_residuals(axes, x, residuals, channels=channels)
         axes.set_xlabel(label)
     if len(set(channels)) > 1:
         place_legend(panels[0, 0], loc="best")
@@ -113,11 +114,7 @@ def residual_figure(
 
 
 def autocorrelation(chain: Float[np.ndarray, "e t w"]) -> Float[np.ndarray, " t"]:
-    """Normalised autocorrelation of one coordinate, averaged over walkers.
-
-    Args:
-        chain: Kept states by ensemble, step and walker.
-    """
+    """Normalised autocorrelation of one coordinate by step, averaged over walkers."""
     from emcee.autocorr import function_1d
 
     walkers = np.moveaxis(chain, 1, -1).reshape(-1, chain.shape[1])

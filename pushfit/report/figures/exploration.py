@@ -35,11 +35,7 @@ N_BINS = 90
 def exploration_picture(
     explorer: Explorer, suggestions: Sequence[Suggestion] = ()
 ) -> "Figure":
-    """What is known, what pushes would tell and, if pushes were followed, how it went.
-
-    Args:
-        suggestions: Pushes to mark, the best first.
-    """
+    """What is known, what pushes would tell and, if some were made, how it went."""
     angle, course = explorer.angle, explorer.history.course
     n = 2 if len(course) < 2 else 3
     figure = new_figure(width=PAGE * n / 2.6, height=3.2)
@@ -109,7 +105,7 @@ def _draw_gains(
     if alpha.size == 1:
         axes.bar(theta_deg[allowed], gain[allowed], 3.4, color=ORANGE)
         top = float(np.max(gain, initial=0.0)) or 1.0
-        _mark(axes, theta_deg[~allowed], np.zeros(np.sum(~allowed)), "out")
+        _mark(axes, theta_deg[~allowed], np.zeros(np.sum(~allowed)), label="out")
         axes.plot(made[:, 0], np.full(len(made), -0.06 * top), "|", color=BLACK, ms=7)
         axes.set(ylabel="expected information [nat]", ylim=(-0.12 * top, 1.45 * top))
         for best, _ in following:
@@ -121,7 +117,7 @@ def _draw_gains(
         axes.grid(visible=False)
         bar = axes.figure.colorbar(image, ax=axes)
         bar.set_label("expected information [nat]")
-        _mark(axes, theta_deg[~allowed], alpha_deg[~allowed], "out")
+        _mark(axes, theta_deg[~allowed], alpha_deg[~allowed], label="out")
         axes.plot(*made.T, "o", mfc="none", mec="white", ms=5, label="made")
         for best in following:
             axes.plot(*best, "v", color=VERMILLION, label="next")
@@ -130,7 +126,7 @@ def _draw_gains(
 
 
 def _mark(
-    axes: "Axes", x: Float[np.ndarray, " r"], y: Float[np.ndarray, " r"], label: str
+    axes: "Axes", x: Float[np.ndarray, " r"], y: Float[np.ndarray, " r"], *, label: str
 ) -> None:
     """Candidates that limits rule out."""
     if x.size:

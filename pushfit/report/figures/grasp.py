@@ -118,6 +118,7 @@ def draw_side(axes: "Axes", marker: Marker, theta_deg: Sequence[float]) -> None:
 def draw_top(
     axes: "Axes",
     marker: Marker,
+    *,
     alpha_deg: Sequence[float],
     reach_deg: tuple[float, float],
 ) -> None:
@@ -166,7 +167,7 @@ def grasp_figure(
     figure = new_figure(width=2 * COLUMN, height=0.95 * COLUMN)
     side, top = figure.subplots(1, 2)
     draw_side(side, theta_c, list(theta_deg))
-    draw_top(top, alpha_star, list(alpha_deg), reach_deg)
+    draw_top(top, alpha_star, alpha_deg=list(alpha_deg), reach_deg=reach_deg)
     for axes, marker in ((side, theta_c), (top, alpha_star)):
         axes.set_axis_off()
         axes.set_title(
@@ -201,16 +202,13 @@ class Ellipses:
 def ellipse_points(
     mean: float, e1: float, e2: float, *, n_points: int = 91
 ) -> Float[np.ndarray, "2 k"]:
-    """Closed outline of a stiffness ellipse.
+    """Closed outline of a stiffness ellipse: x and y in the unit of `mean`.
 
     Args:
         mean: Geometric mean of the semi-axes.
         e1: First shape number [-].
         e2: Second shape number [-].
         n_points: Points on the outline, the first one repeated at the end.
-
-    Returns:
-        x and y in the unit of `mean`.
     """
     stretch, azimuth = np.exp(np.hypot(e1, e2) / 2), np.arctan2(e2, e1) / 2
     turn = np.linspace(0, 2 * np.pi, n_points)

@@ -23,7 +23,6 @@ from pushfit.fit.results import (
 )
 from pushfit.parameters import STIFFNESSES
 from pushfit.report.answers import (
-    HALF_TURN,
     alpha_star_answer,
     theta_c_answer,
 )
@@ -43,6 +42,7 @@ from pushfit.report.figures.posterior import (
 )
 from pushfit.report.figures.recording import signal_figure
 from pushfit.report.figures.style import figure_bytes
+from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,13 +129,10 @@ def figure_files(
     *,
     is_wanted: Callable[[str, str], bool],
 ) -> dict[str, bytes]:
-    """Content of the files of all figures.
+    """Content of the files of all figures by name, "main.png" and so on.
 
     Args:
         is_wanted: Whether a figure is wanted as "png" or "svg", both by name.
-
-    Returns:
-        Content by file name, "main.png" and so on.
     """
     files = {}
     for name, make in figure_makers(identification).items():

@@ -12,13 +12,13 @@ import numpy as np
 from pushfit.fit.assess.reporting_rules import Pieces, is_trusted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.report.answers import (
-    HALF_TURN,
     Answer,
     alpha_star_answer,
     theta_c_answer,
 )
 from pushfit.report.figures.style import COLUMN, new_figure, styled
 from pushfit.report.figures.sweeps import (
+    SAME_DEG,
     Marker,
     Sweep,
     alpha_figure,
@@ -26,25 +26,28 @@ from pushfit.report.figures.sweeps import (
     legend_height,
     theta_figure,
 )
+from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# Fewer directions than this are no sweep.
+# Fewer directions than this are no sweep: a line through two shows nothing.
 MIN_DIRECTIONS = 3
-# What the first figure shows at a glance; the others have a figure of their own.
+# What the first figure shows at a glance: more bands cover each other. The others have
+# a figure of their own.
 MAX_SWEEPS = 5
+# Axes with title and ticks, without the legend below them [inch].
+PANEL_HEIGHT = 3.0
+# Widths in columns: of panels in a stack, and at least of those side by side, where a
+# single one may be as wide as a column and a half. Tick labels take the margin [inch].
+STACK_WIDTH, LEAST_WIDTH, TICK_MARGIN = 1.25, 1.5, 0.4
 ANSWERS = {"theta": theta_c_answer, "alpha": alpha_star_answer}
 OTHER = {"theta": "alpha", "alpha": "theta"}
 
 
 def sweeps_of(identification: Identification, swept: str, channel: str) -> list[Sweep]:
-    """Measured and predicted heights along one angle, one entry per other angle.
-
-    Args:
-        swept: "theta" or "alpha".
-    """
+    """Measured and predicted heights along one angle, one entry per other angle."""
     frame = identification.table.frame
     angle = frame[f"{swept}_deg"].to_numpy(dtype=float)
     other = frame[f"{OTHER[swept]}_deg"].to_numpy(dtype=float).round(3)
@@ -69,7 +72,7 @@ def _sweep(
             band
             for band in identification.bands
             if (band.swept, band.channel) == (swept, channel)
-            and abs(band.fixed_deg - fixed) < 1e-2
+            and abs(band.fixed_deg - fixed) < SAME_DEG
         ),
         None,
     )
@@ -125,11 +128,7 @@ def marker_of(answer: Answer, identification: Identification) -> Marker:
 
 
 def within_half_turn(pieces: Pieces) -> Pieces:
-    """Pieces of an axis moved into [0, 180], those across the end cut there.
-
-    Args:
-        pieces: Pieces that may run beyond 180 [deg].
-    """
+    """Pieces of an axis [deg] moved into [0, 180], those across the end cut there."""
     cut = []
     for low, high in pieces:
         if low is None or high is None:
@@ -147,11 +146,7 @@ def within_half_turn(pieces: Pieces) -> Pieces:
 def main_figure(
     identification: Identification, *, is_stacked: bool = False
 ) -> "Figure":
-    """Heights against elevation and against azimuth, with both answers marked.
-
-    Args:
-        is_stacked: Panels below each other, for a narrow page.
-    """
+    """Heights against both angles with the answers; stacked for a narrow page."""
     answers = {swept: answer(identification) for swept, answer in ANSWERS.items()}
     channels = identification.table.channels
     swept = [s for s in answers if sweeps_of(identification, s, channels[0])]
@@ -166,9 +161,9 @@ def main_figure(
     }
     n_columns = 1 if is_stacked else len(swept)
     n_rows = len(panels) // n_columns
-    # One panel alone, or a stack, may be as wide as a column and a half.
-    width = 1.25 * COLUMN if is_stacked else COLUMN * max(1.5, n_columns) + 0.4
-    height = 3.0 + max(legend_height(sweeps) for sweeps in panels.values())
+    width = COLUMN * max(LEAST_WIDTH, n_columns) + TICK_MARGIN
+    width = STACK_WIDTH * COLUMN if is_stacked else width
+    height = PANEL_HEIGHT + max(legend_height(sweeps) for sweeps in panels.values())
     figure = new_figure(width=width, height=height * n_rows)
     grid = figure.subplots(n_rows, n_columns, squeeze=False)
     for axes, ((channel, angle), sweeps) in zip(grid.flat, panels.items(), strict=True):
@@ -187,11 +182,7 @@ def main_figure(
 def sweep_makers(
     identification: Identification,
 ) -> dict[str, Callable[..., "Figure"]]:
-    """What draws heights against each angle that was swept, one figure per channel.
-
-    Returns:
-        Functions of `ax`, by the name of the file.
-    """
+    """What draws heights against each angle that was swept, by the name of the file."""
     makers, table = {}, identification.table
     draw = {"theta": theta_figure, "alpha": alpha_figure}
     for channel in table.channels:

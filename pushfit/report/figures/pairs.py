@@ -95,7 +95,9 @@ def corner_figure(
             axes.set_xlim(*windows[index])
         for axes in grid[index, :index]:
             axes.set_ylim(*windows[index])
-        _draw_margin(grid[index, index], samples[name], prior[name], windows[index])
+        _draw_margin(
+            grid[index, index], samples[name], prior=prior[name], window=windows[index]
+        )
     _label_corner(figure, names, units)
     margin = 0.75 / size
     figure.subplots_adjust(left=margin, bottom=margin, right=0.98, top=0.98)
@@ -111,6 +113,7 @@ def corner_figure(
 def _draw_margin(
     axes: "Axes",
     samples: Float[np.ndarray, " n"],
+    *,
     prior: Float[np.ndarray, " m"],
     window: tuple[float, float],
 ) -> None:

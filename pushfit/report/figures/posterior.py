@@ -58,11 +58,7 @@ def draw_profile(
     prob: float,
     limits: tuple[float, float],
 ) -> None:
-    """Draw a likelihood profile with its level and set.
-
-    Args:
-        level: Δχ² of the set.
-    """
+    """Draw a likelihood profile with its level and set."""
     # A profile is nearly a parabola at every optimum, so its root is what is straight
     # between the points of the grid.
     grid = np.union1d(values, np.linspace(*limits, N_CURVE))
@@ -92,11 +88,7 @@ def draw_posterior(
     marker: Marker,
     limits: tuple[float, float],
 ) -> None:
-    """Draw the density of draws over that of the prior, the set and the estimates.
-
-    Args:
-        samples: Posterior draws; NaN where the quantity does not exist.
-    """
+    """Draw the density of draws over that of the prior, the set and the estimates."""
     bins = list(np.linspace(*limits, N_BINS + 1))
     for draws, colour, label, filled in (
         (prior, PRIOR, "prior", True),

@@ -67,11 +67,7 @@ def direction_labels(marks: pd.DataFrame) -> tuple[list[str], str]:
 
 
 def draw_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
-    """Draw baseline, height and doubt of some pushes.
-
-    Args:
-        axes: Axes with time in seconds along x.
-    """
+    """Draw baseline, height and doubt of some pushes."""
     for mark in marks.to_dict("records"):
         colour = ALARM if mark["flags"] else GREY
         start, end, peak = mark["t_start_s"], mark["t_end_s"], mark["t_peak_s"]
@@ -91,11 +87,7 @@ def draw_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
 
 
 def label_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
-    """Write directions above the pushes, once for consecutive repeats, and the doubts.
-
-    Args:
-        marks: Pushes in the order of time, with their `label`.
-    """
+    """Write directions above pushes in order, once for repeats, and the doubts."""
     repeats = (marks["label"] != marks["label"].shift()).cumsum()
     groups = [group for _, group in marks.groupby(repeats)]
     for group in groups:

@@ -88,12 +88,7 @@ def new_figure(
     height: float,
     layout: Literal["constrained"] | None = "constrained",
 ) -> "Figure":
-    """Empty figure that belongs to no window, and that a notebook shows.
-
-    Args:
-        width: [inch].
-        height: [inch].
-    """
+    """Empty figure [inch] that belongs to no window, and that a notebook shows."""
     return _shown_figure()(figsize=(width, height), layout=layout)
 
 
@@ -138,11 +133,7 @@ def drawable(text: str) -> str:
 
 
 def math_symbol(name: str) -> str:
-    """Letter of a quantity as mathtext; needs `parse_math=True` where it is drawn.
-
-    Args:
-        name: Stable name, perhaps of its logarithm; an unknown one is drawn as it is.
-    """
+    """Letter of a quantity as mathtext; needs `parse_math=True` where it is drawn."""
     if name.startswith("ln_"):
         return f"ln {math_symbol(name.removeprefix('ln_'))}"
     if name in NAMED:
@@ -162,20 +153,12 @@ def series_colours(n: int) -> list[str]:
 
 
 def angle_words(letter: str, value_deg: float) -> str:
-    """Entry of a legend, "θ = −30°".
-
-    Args:
-        letter: θ or α.
-    """
+    """Entry of a legend, "θ = −30°"."""
     return f"{letter} = {value_deg:g}°".replace("-", "\N{MINUS SIGN}")
 
 
 def axis_label(name: str, unit: str) -> str:
-    """Label with its unit in brackets, "height [kPa]".
-
-    Args:
-        unit: As in a table; a pure number gets no bracket.
-    """
+    """Label with its unit in brackets, "height [kPa]"; none for a pure number."""
     label = drawable(unit_label(unit))
     return f"{drawable(name)} [{label}]" if label else drawable(name)
 
@@ -187,11 +170,7 @@ def symbol_label(name: str, unit: str) -> str:
 
 
 def channel_label(channel: str, unit: str) -> str:
-    """Axis label of a height channel, "normal height [N]".
-
-    Args:
-        channel: "height", "height_normal" or "height_tangential".
-    """
+    """Axis label of a height channel, "normal height [N]"."""
     kind = channel.removeprefix("height").strip("_")
     return axis_label(f"{kind} height".strip() if kind else "peak height", unit)
 
@@ -225,11 +204,7 @@ def save_figure(figure: "Figure", path: Path) -> None:
 
 @styled
 def figure_bytes(figure: "Figure", suffix: str) -> bytes:
-    """Content of the file of a figure.
-
-    Args:
-        suffix: "png", "svg" or "pdf".
-    """
+    """Content of the file of a figure as "png", "svg" or "pdf"."""
     if figure.get_layout_engine() is not None:
         # Solved once and by one renderer: faster, and no picture depends on the format
         # that came before it.

@@ -40,6 +40,16 @@ Pieces = Sequence[tuple[float | None, float | None]]
 LEGEND_COLUMNS = 4
 # Opacity of a set that is a hundredth of the axis wide, and must still be seen.
 SHADE = 0.16
+# Opacity of a band: two that cross are still told apart from one. And of a set in polar
+# axes, where it is drawn on both ends of the axis.
+BAND, POLAR_SHADE = 0.18, 0.09
+# A legend below a panel: its frame, and each of its rows [inch].
+LEGEND_FRAME, LEGEND_ROW = 0.25, 0.17
+# Height of a figure without its legend, alone and beside polar axes [inch].
+ALONE, BESIDE = 3.4, 3.2
+# Points of a curve that is drawn thicker along a set: no corner is seen.
+N_CURVE = 60
+# Where people push, and as many ticks as have room in a column.
 TICKS = {"theta": (15, 30, 45, 90), "alpha": (30, 60, 90)}
 MAX_TICKS = 10
 # Angles that differ by less are one [deg].
@@ -111,7 +121,7 @@ def draw_sweep(
         grid = scale(sweep.grid_deg)
         if sweep.lower.size:
             axes.fill_between(
-                grid, sweep.lower, sweep.upper, color=colour, alpha=0.18, lw=0
+                grid, sweep.lower, sweep.upper, color=colour, alpha=BAND, lw=0
             )
         axes.plot(grid, sweep.best_fit, color=colour, ls=dashes)
     used = sweep.is_used
@@ -155,7 +165,7 @@ def draw_marker(
         if left < right:
             axes.axvspan(left, right, color=colour, alpha=SHADE, lw=0, zorder=0)
             if sweep is not None:
-                inside = np.linspace(left, right, 60)
+                inside = np.linspace(left, right, N_CURVE)
                 curve = np.interp(inside, sweep.grid_deg, sweep.best_fit)
                 axes.plot(inside, curve, color=colour, lw=6, alpha=0.4, zorder=2.5)
     for value in marker.estimates:
@@ -177,12 +187,7 @@ def draw_marker(
 
 
 def set_angle_ticks(axes: "Axes", swept: str) -> None:
-    """Ticks where people push: at multiples of 15° and 30°.
-
-    Args:
-        axes: Cartesian axes with the angle in degrees along x, limits already set.
-        swept: "theta" or "alpha".
-    """
+    """Ticks of an angle in degrees where people push: at multiples of 15° and 30°."""
     from matplotlib.ticker import MultipleLocator
 
     low, high = axes.get_xlim()
@@ -193,7 +198,7 @@ def set_angle_ticks(axes: "Axes", swept: str) -> None:
 
 def legend_height(sweeps: Sequence[Sweep]) -> float:
     """Room that the legend below a panel takes [inch]."""
-    return 0.25 + 0.17 * -(-len(sweeps) // LEGEND_COLUMNS)
+    return LEGEND_FRAME + LEGEND_ROW * -(-len(sweeps) // LEGEND_COLUMNS)
 
 
 def draw_panel(
@@ -206,12 +211,7 @@ def draw_panel(
     marker: Marker | None,
     prob: float,
 ) -> None:
-    """Draw all sweeps of one angle into cartesian axes.
-
-    Args:
-        sweeps: One per value of the other angle.
-        prob: Probability of the bands.
-    """
+    """Draw all sweeps of one angle into cartesian axes."""
     letter = {"theta": "α", "alpha": "θ"}[swept]
     colours = series_colours(len(sweeps))
     for index, sweep in enumerate(sweeps):
@@ -273,12 +273,8 @@ def theta_figure(
     marker: Marker | None = None,
     ax: "Axes | None" = None,
 ) -> "Figure":
-    """Peak height against elevation, one series per azimuth.
-
-    Args:
-        sweeps: One per azimuth.
-    """
-    height = 3.4 + legend_height(sweeps)
+    """Peak height against elevation, one series per azimuth."""
+    height = ALONE + legend_height(sweeps)
     figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)
     draw_panel(
         axes,
@@ -310,7 +306,7 @@ def draw_polar(axes: "Axes", sweeps: Sequence[Sweep], marker: Marker) -> None:
             [0.0 if start is None else start, 180.0 if end is None else end]
         )
         for turn in (0.0, np.pi):
-            axes.fill_between(ends + turn, 0, top, color=BLACK, alpha=0.09, lw=0)
+            axes.fill_between(ends + turn, 0, top, color=BLACK, alpha=POLAR_SHADE, lw=0)
     for value in np.radians(marker.estimates):
         for turn in (0.0, np.pi):
             axes.plot([value + turn] * 2, [0, top], color=BLACK, lw=1.1, ls=DASHED)
@@ -352,7 +348,7 @@ def alpha_figure(
         figure, axes = canvas(ax, width=PAGE, height=PAGE)
         draw_panel(axes, sweeps, marker=marker, **panel)
         return figure
-    figure = new_figure(width=PAGE, height=3.2 + legend_height(sweeps))
+    figure = new_figure(width=PAGE, height=BESIDE + legend_height(sweeps))
     # Apart, so that the legend of the one takes no room from the other.
     grid = figure.add_gridspec(1, 2)
     left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])

@@ -55,11 +55,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """Common scale of the pictures of one quantity.
-
-    Args:
-        is_log: Whether equal steps are equal ratios.
-    """
+    """Common scale of the pictures of one quantity; of a log equal steps are ratios."""
 
     low: float
     high: float

@@ -72,11 +72,7 @@ def _latex(text: str) -> str:
 
 
 def card_html(identification: Identification) -> str:
-    """The answers, the warnings, the main figure and all numbers, for a notebook.
-
-    Returns:
-        One element without scripts, style sheets or addresses.
-    """
+    """Answers, warnings, main figure and all numbers, as one element for a notebook."""
     status, quality = identification.status, identification.goodness_of_fit
     answers = (theta_c_answer(identification), alpha_star_answer(identification))
     parts = []

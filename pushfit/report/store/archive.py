@@ -75,13 +75,10 @@ def posterior_tree(identification: Identification) -> "DataTree":
 
 
 def chains_tree(identification: Identification) -> "DataTree":
-    """The same for ArviZ, with the walkers of emcee as the chains of `posterior`.
+    """The same for ArviZ, with the walkers of emcee, if any, as chains.
 
     Draws of the reported quantities are a shuffled part of these chains, whose R-hat
     would always be 1; they are in the group `draws`.
-
-    Returns:
-        Groups as in `posterior_tree`. Without a chain it is that.
     """
     from xarray import Dataset, DataTree
 

@@ -151,11 +151,7 @@ class Summary:
 
 
 def made_of(kind: type[T], source: object, **own: object) -> T:
-    """A record with what another has under the same names, and with parts of its own.
-
-    Args:
-        kind: A dataclass.
-    """
+    """A record with what another has under the same names, and parts of its own."""
     names = [field.name for field in fields(kind)]  # pyright: ignore
     shared = {n: getattr(source, n) for n in names if hasattr(source, n)}
     return kind(**shared | own)

@@ -58,7 +58,7 @@ def write_result_folder(
     fresh = out.with_name(f".{out.name}.{token}.partial")
     fresh.mkdir()
     with unfinished(fresh):
-        _write_content(identification, fresh, pictures, extra)
+        _write_content(identification, fresh, pictures=pictures, extra=extra)
         _sync_tree(fresh)
         with whole():
             _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
@@ -68,6 +68,7 @@ def write_result_folder(
 def _write_content(
     identification: Identification,
     folder: Path,
+    *,
     pictures: str | None,
     extra: Mapping[str, bytes],
 ) -> None:

@@ -20,6 +20,7 @@ from pushfit.report.plain import Json, json_safe
 from pushfit.report.store.archive import posterior_tree
 from pushfit.report.store.read import BROKEN, not_whole
 from pushfit.report.store.summary import summary_dict
+from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -38,7 +39,6 @@ NOT_COMPARED = frozenset({"config", "seed", "inputs", "recipe", "versions", "not
 OF_ONE_CHAIN = frozenset(
     {"posterior", "correlations", "identifiability", "sentences", "warnings"}
 )
-HALF_TURN = 180.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,13 +90,10 @@ class Reproduction:
 def compare_result(
     folder: Path, summary: Mapping[str, Json], again: Identification
 ) -> Reproduction:
-    """Compare every number of a result folder with the same computed again.
+    """Compare every number of a result folder, all files, with the same anew.
 
     Args:
         again: Identification of the same inputs with the same config, seed and engine.
-
-    Returns:
-        Differences in `summary.json`, `result.nc` and `peaks.csv`.
 
     Raises:
         DataError: A file of the folder is missing or broken.
@@ -117,7 +114,9 @@ def compare_result(
         old, new = recorded.get(where, nothing), found.get(where, nothing)
         if not _is_same(old.value, new.value):
             allowed = max(old.allowed, new.allowed) if environment else 0.0
-            differences.append(_difference(where, old.value, new.value, allowed))
+            differences.append(
+                _difference(where, recorded=old.value, found=new.value, allowed=allowed)
+            )
     differences.sort(key=lambda d: (d.is_tolerated, -d.relative))
     return Reproduction(
         n_numbers=sum(_n_numbers(entry.value) for entry in recorded.values()),
@@ -207,7 +206,9 @@ def _is_number(leaf: Leaf) -> TypeGuard[float]:
     return isinstance(leaf, int | float) and not isinstance(leaf, bool)
 
 
-def _difference(where: str, recorded: Leaf, found: Leaf, allowed: float) -> Difference:
+def _difference(
+    where: str, *, recorded: Leaf, found: Leaf, allowed: float
+) -> Difference:
     """The difference in one place, of arrays that at the worst element."""
     if isinstance(recorded, np.ndarray) and isinstance(found, np.ndarray):
         if recorded.shape == found.shape:

@@ -23,11 +23,7 @@ ANGLES = ("theta_c", "alpha_star", "alpha_star_model_free")
 
 
 def summary_dict(identification: Identification) -> dict[str, Json]:
-    """All that an identification says, ready for `json.dumps`.
-
-    Returns:
-        Dictionary of the form of `summary_schema`.
-    """
+    """All that an identification says, of the form of `summary_schema`."""
     content: Any = json_safe(_summary(identification))
     for _, entry in quantities_in(content):
         del entry["name"]  # the key says it

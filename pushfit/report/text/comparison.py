@@ -16,11 +16,7 @@ PLAIN_FACTOR = 1e4
 
 
 def comparison_text(comparison: Comparison) -> str:
-    """Scores, and in plain words what they tell.
-
-    Returns:
-        Lines of at most 80 columns.
-    """
+    """Scores, and in plain words what they tell, in lines of at most 80 columns."""
     header = (
         f"{'':<14}{'describes':>9}{'ln evidence':>13}{'to best':>10}"
         f"{'elpd (LOO)':>18}{'to best':>16}"

@@ -68,10 +68,7 @@ class Comparison:
 
 
 def compare_results(first: Identification, second: Identification) -> Comparison:
-    """Subtract two results.
-
-    Returns:
-        Differences of θ_c, α*, the combinations and the parameters.
+    """Subtract angles, combinations and parameters of two results.
 
     Raises:
         DataError: One of them is not to be trusted (`untrusted_result`), or both are of

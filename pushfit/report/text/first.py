@@ -26,11 +26,7 @@ def look_line(search: Search) -> str | None:
 
 
 def fit_line(fit: FitResult, reference_alpha_deg: float, mechanics: str) -> str:
-    """θ_c of the best fit, and of others that fit nearly as well.
-
-    Args:
-        reference_alpha_deg: Azimuth of θ_c [deg].
-    """
+    """θ_c [deg] of the best fit, and of others that fit nearly as well."""
     best, *others = fit.modes
     if best.theta_c_deg is None:
         return f"best fit by {mechanics} mechanics: no θ_c, the contact never rolls"

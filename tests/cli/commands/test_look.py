@@ -53,7 +53,7 @@ def robot(place):
 
 def decided(place, path):
     """The last push clicked away, and the others named."""
-    look = read_look(QUIET, path, None, read_config(None))
+    look = read_look(QUIET, path, schedule=None, settings=read_config(None))
     look.toggle(look.pushes[-1])
     look.fill("10:80:10", "90", 1)
     return look
@@ -84,7 +84,9 @@ def test_the_command_it_tells_runs_to_the_end(robot, place, capsys):
 
 def test_names_with_blanks_survive_the_shell(place):
     (place / "a.csv").rename(place / "my run.csv")
-    look = read_look(QUIET, place / "my run.csv", None, read_config(None))
+    look = read_look(
+        QUIET, place / "my run.csv", schedule=None, settings=read_config(None)
+    )
     look.fill("0", "90", 1)
     words = next_command(Saver(QUIET, place / "my run.csv", place, force=False)(look))
     assert main(["validate", words[1], words[3]]) == 0
@@ -92,7 +94,9 @@ def test_names_with_blanks_survive_the_shell(place):
 
 def test_the_settings_in_force_are_saved_with_the_windows(place):
     (place / "mine.toml").write_text("[push]\nlength_mm = 4.0\n[peaks]\nsplit = 0.3\n")
-    look = read_look(QUIET, place / "a.csv", None, read_config("mine.toml"))
+    look = read_look(
+        QUIET, place / "a.csv", schedule=None, settings=read_config("mine.toml")
+    )
     look.toggle(look.pushes[0])
     look.fill("0", "90", 1)
     save = Saver(QUIET, place / "a.csv", place, force=False)
@@ -108,7 +112,7 @@ def test_files_that_are_there_are_not_replaced_unasked(place, taken, capsys):
     (place / taken).write_text("precious")
     assert main(["look", "a.csv", "--no-browser"]) == 2
     assert f"{taken}: exists already" in capsys.readouterr().err
-    look = read_look(QUIET, place / "a.csv", None, read_config(None))
+    look = read_look(QUIET, place / "a.csv", schedule=None, settings=read_config(None))
     look.fill("0", "90", 1)
     with pytest.raises(ConfigError, match="exists already"):
         Saver(QUIET, place / "a.csv", place, force=False)(look)
@@ -119,7 +123,7 @@ def test_files_that_are_there_are_not_replaced_unasked(place, taken, capsys):
 
 
 def test_what_was_saved_a_moment_ago_is_replaced(place):
-    look = read_look(QUIET, place / "a.csv", None, read_config(None))
+    look = read_look(QUIET, place / "a.csv", schedule=None, settings=read_config(None))
     look.fill("0", "90", 1)
     save = Saver(QUIET, place / "a.csv", place, force=False)
     save(look)
@@ -129,7 +133,7 @@ def test_what_was_saved_a_moment_ago_is_replaced(place):
 
 
 def test_nothing_is_saved_while_an_angle_is_missing(place):
-    look = read_look(QUIET, place / "a.csv", None, read_config(None))
+    look = read_look(QUIET, place / "a.csv", schedule=None, settings=read_config(None))
     with pytest.raises(Exception, match="have no angles"):
         Saver(QUIET, place / "a.csv", place, force=False)(look)
     assert [path.name for path in place.iterdir()] == ["a.csv"]

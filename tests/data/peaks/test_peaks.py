@@ -12,8 +12,8 @@ from pushfit.data.peaks.extract import extract_peaks, find_pushes
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.chosen import Found
 from pushfit.data.pushes.course import Course
-from pushfit.data.pushes.found import Found
 from pushfit.data.recordings.records import Recording, Source
 from pushfit.data.simulate import (
     ALPHA_SWEEP,
@@ -191,7 +191,7 @@ def test_only_heights_for_a_fit_are_told_to_be_mixed():
             "flags": ["", "clipped"],
         }
     )
-    nothing = Found((), Course.of(np.arange(3.0), np.zeros(3)))
+    nothing = Found(extents=(), course=Course.of(np.arange(3.0), np.zeros(3)))
     paired = pair(nothing, None, PeakSettings(), span=(0.0, 2.0))
     notes, cautions = extraction_notes(paired, frame)
     assert "heights are those of the apex of each push" in notes

@@ -13,6 +13,8 @@ from tests.problems import CASES
 THETA_DEG = np.arange(10.0, 86.0, 15.0)
 # Far below the slopes that bend, far above the noise.
 OFF_DEG, NOISE = 0.2, 1e-3
+# Slopes at 0° against differences over 0.2°, and means of thousands of draws.
+CURVATURE = 0.1
 WORD = "elevations_taken_as_exact"
 
 
@@ -53,7 +55,7 @@ def test_predicted_shift_is_that_of_elevations_that_are_off(found):
     expected = COMMON_SD_DEG / OFF_DEG * np.linalg.norm(moved)
     setup = fit_table(table(), config()).setup
     shifts = angle_error_shifts(setup, found, ("theta_c",))
-    assert shifts[0, 0] == pytest.approx(expected, rel=0.1)
+    assert shifts[0, 0] == pytest.approx(expected, rel=CURVATURE)
 
 
 def test_what_hangs_on_exact_elevations_is_said(found):

@@ -10,6 +10,10 @@ from tests.problems import CASES
 
 FACTOR = 250.0
 N_DRAWS = 4000
+# Equal on paper: rounding of numbers near 10, with ample room.
+SHIFT_TOL = 1e-9
+# N normal draws tell a standard deviation to 1 / sqrt(2 N) = 1.1 %; these have tails.
+SD_TOL = 0.06
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +40,9 @@ def test_another_unit_shifts_the_densities_of_stiffnesses_alone(problems):
     for name, table in one.items():
         shift = 0.0 if name == "C_rr" else np.log(FACTOR)
         assert np.array_equal(table.values, other[name].values)
-        assert float(other[name].start - table.start) == pytest.approx(shift, abs=1e-9)
+        assert float(other[name].start - table.start) == pytest.approx(
+            shift, abs=SHIFT_TOL
+        )
 
 
 def test_tables_are_densities_of_draws_of_the_parameters(problems):
@@ -56,4 +62,4 @@ def test_tables_are_densities_of_draws_of_the_parameters(problems):
         assert np.mean(logs) == pytest.approx(
             float(table.mean), abs=4 * float(table.sd) / np.sqrt(N_DRAWS)
         )
-        assert np.std(logs) == pytest.approx(float(table.sd), rel=0.06)
+        assert np.std(logs) == pytest.approx(float(table.sd), rel=SD_TOL)

@@ -15,7 +15,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.grasp import make_grasp
 from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
-from pushfit.explore.belief.believe import belief_from
+from pushfit.explore.belief.from_fit import belief_from
 from pushfit.explore.belief.predict import predict
 from pushfit.fit.assess.bands import predicted_heights
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise

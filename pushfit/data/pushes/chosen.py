@@ -26,13 +26,12 @@ DEFAULTS = PeakSettings()
 _MINOR = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
     """Humps of a recording, and what is left aside.
 
     Args:
         extents: The humps in order; brushes are marked.
-        course: Running means of the samples.
         dips: Dips that are not asked for; only where all humps go up.
         excluded: Humps that the user left out, by their time or their height.
         idle: Windows of the user's in which no hump is at its highest [s].
@@ -53,10 +52,7 @@ class Found:
 def find_pushes(
     recording: Recording, *, settings: PeakSettings = DEFAULTS
 ) -> tuple[Extent, ...]:
-    """Find the pushes of a recording without measuring them.
-
-    Returns:
-        Their extents in order; none where the signal only rests.
+    """Find the pushes of a recording, in order, without measuring them.
 
     Raises:
         ConfigError: The channel to look in is not named, or not there.
@@ -79,7 +75,6 @@ def find(
 
     Args:
         time: Sample times [s].
-        signal: Samples, pushes going up.
     """
     # Of the samples as they are: in a picture of them equal readings differ by
     # rounding, and the finest step would be that.
@@ -102,7 +97,7 @@ def find(
 
     if not signed:
         # A return from a dip to rest would look like a hump.
-        filled, dips = without_dips(time, signal, noise, deep_enough)
+        filled, dips = without_dips(time, signal, noise=noise, extents_of=deep_enough)
         extents = [_beside(dips, hump) for hump in extents_of(filled)]
     else:
         dips = ()
@@ -119,7 +114,7 @@ def find(
             replace(hump, is_low=abs(own.height) < settings.min_height)
             for hump, own in zip(extents, heights, strict=True)
         ]
-    return _as_told(Found(tuple(extents), course, dips), settings)
+    return _as_told(Found(extents=tuple(extents), course=course, dips=dips), settings)
 
 
 def _as_told(found: Found, settings: PeakSettings) -> Found:

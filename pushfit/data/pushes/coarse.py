@@ -32,7 +32,7 @@ _NORMAL_THIRD = 0.861
 _GRAIN = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Trace:
     """A signal averaged on an even grid."""
 
@@ -122,10 +122,10 @@ def _reduce(view: View, tau: float) -> _Trace:
     smooth = uniform_filter1d(y - signal[0], 3, mode="nearest")
     grain = _GRAIN * noise.sigma
     return _Trace(
-        float(time[0]),
-        step,
-        grain * np.round(smooth / grain),
-        noise.of_mean(3 * float(np.median(counts[filled]))),
+        t0=float(time[0]),
+        step=step,
+        y=grain * np.round(smooth / grain),
+        noise=noise.of_mean(3 * float(np.median(counts[filled]))),
     )
 
 

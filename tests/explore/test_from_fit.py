@@ -6,7 +6,7 @@ import pytest
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.explore.belief.belief import Question
-from pushfit.explore.belief.believe import believe
+from pushfit.explore.belief.from_fit import believe
 from pushfit.fit.assess.tilt_check import do_draws_tilt
 from pushfit.fit.identify import identify_table
 from pushfit.fit.results import FitStatus, PosteriorResult

@@ -43,11 +43,7 @@ class Value(Quantity):
 
     @classmethod
     def of(cls, quantity: Quantity) -> "Value":
-        """The same quantity as a value.
-
-        Args:
-            quantity: As reported.
-        """
+        """The same quantity as a value."""
         return cls(**{f.name: getattr(quantity, f.name) for f in fields(quantity)})
 
     def __float__(self) -> float:
@@ -90,11 +86,7 @@ class Result(Identification):
 
     @classmethod
     def of(cls, identification: Identification) -> "Result":
-        """Result of an identification.
-
-        Args:
-            identification: What was found.
-        """
+        """Result of an identification."""
         if isinstance(identification, cls):
             return identification
 
@@ -153,9 +145,6 @@ class Result(Identification):
             name: As the file in `figures` is called, for example "theta_c".
             ax: Where to draw, for a figure of a single panel; None makes a figure.
 
-        Returns:
-            The figure, which a notebook shows.
-
         Raises:
             ConfigError: This result has no such figure, or it has several panels.
         """
@@ -167,12 +156,7 @@ class Result(Identification):
         """Write the folder that `pushfit identify --out` writes.
 
         Args:
-            folder: Folder to create.
-            force: Replace a result that stands there.
             pictures: "png" or "svg" for every figure also in this format.
-
-        Returns:
-            The folder.
 
         Raises:
             ConfigError: Something stands there, or the parent does not exist.
@@ -197,9 +181,6 @@ class Result(Identification):
 
 def load(folder: str | Path) -> Result:
     """A result that `save` or `--out` wrote.
-
-    Args:
-        folder: Result folder.
 
     Raises:
         DataError: The folder is no result, lacks a part, or is of another schema.
