@@ -175,5 +175,6 @@ def _where_it_was_to_be(
         height=float(np.median([e.height for e in others])),
         moved=0.0,
         step=others[0].feet.step,
+        sigma=others[0].feet.sigma,
     )
     return Extent(start=0, end=1, feet=feet, is_brush=False, is_cut=False)

@@ -74,7 +74,7 @@ def search(
     pushes = replace(humps)
     pushes.drop_below(smallest)
     return (
-        _coarse(humps, trace),
+        _coarse(humps, trace, view.noise.sigma),
         ~np.isin(humps.peaks, pushes.peaks),
         np.isin(humps.valleys[1:], list(rests)),
         wander,
@@ -181,7 +181,7 @@ def _feet(
     return int(start), int(end)
 
 
-def _coarse(humps: Humps, trace: _Trace) -> Feet[np.ndarray]:
+def _coarse(humps: Humps, trace: _Trace, sigma: float) -> Feet[np.ndarray]:
     """Feet of humps on the grid, each over the higher of its valleys."""
     y, heights = trace.y, humps.heights
     rests = (y[humps.peaks] - np.maximum(heights, 0.0)).tolist()
@@ -204,4 +204,5 @@ def _coarse(humps: Humps, trace: _Trace) -> Feet[np.ndarray]:
         height=heights,
         moved=np.zeros(len(heights)),
         step=np.full(len(heights), trace.step),
+        sigma=np.full(len(heights), sigma),
     )

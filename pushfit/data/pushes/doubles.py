@@ -34,7 +34,7 @@ def join_one(
     """
     places = np.arange(len(feet.start))
     tau = feet.averaging(view)
-    noise = feet.noise(view.noise.sigma, tau)
+    noise = feet.noise(tau)
     is_clear = feet.height > CLEAR * noise
     gap = feet.start[1:] - feet.end[:-1]
     is_near = gap < np.maximum(feet.width[:-1], feet.width[1:])
@@ -67,7 +67,7 @@ def join_one(
     fine = np.maximum(_FINE * usual, right.step) if view.smoothing is None else usual
     moved = np.abs(both.moved) / 2
     shares = [
-        _valleys(view.course, both, room, tau=own, sigma=0.0, moved=moved)[2].min(
+        _valleys(view.course, both, room, tau=own, sigmas=0.0, moved=moved)[2].min(
             axis=1
         )
         for own in (usual, fine)
@@ -94,7 +94,7 @@ def part_doubles(
         feet,
         feet.room(view.time),
         tau=feet.averaging(view),
-        sigma=view.noise.sigma,
+        sigmas=_SIGNIFICANT,
         moved=np.abs(feet.moved),
     )
     parts = []
@@ -115,7 +115,7 @@ def _valleys(
     room: tuple[Numbers, Numbers],
     *,
     tau: Numbers,
-    sigma: float,
+    sigmas: float,
     moved: Numbers,
 ) -> tuple[
     Float[np.ndarray, "p m"], Float[np.ndarray, "p m"], Float[np.ndarray, "p m"]
@@ -126,7 +126,7 @@ def _valleys(
         course: Running means of the samples [unit].
         room: Times between which each is alone [s].
         tau: Averaging times [s].
-        sigma: Noise of a sample [unit].
+        sigmas: So many times the noise is no valley.
         moved: How far below the higher of the rests heights are counted from [unit].
 
     Returns:
@@ -143,7 +143,7 @@ def _valleys(
         np.maximum.accumulate(y, axis=1),
         np.maximum.accumulate(y[:, ::-1], axis=1)[:, ::-1],
     )
-    noise = _SIGNIFICANT * feet.noise(sigma, tau)
+    noise = sigmas * feet.noise(tau)
     share = (y - base) / np.maximum(tops - base, 1e-300)
     return when, y, np.where(tops - y > noise[:, None], share, 1.0)
 

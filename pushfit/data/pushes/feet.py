@@ -59,6 +59,7 @@ class Feet(Generic[Number]):
         height: Smoothed top over the higher of the two rests [unit].
         moved: Rest after it over the rest before it, where both are seen [unit].
         step: Usual sampling step around it [s].
+        sigma: Noise of a sample in it [unit].
     """
 
     start: Number
@@ -69,6 +70,7 @@ class Feet(Generic[Number]):
     height: Number
     moved: Number
     step: Number
+    sigma: Number
 
     @staticmethod
     def together(feet: "Sequence[Feet[float]]") -> "Feet[np.ndarray]":
@@ -108,15 +110,13 @@ class Feet(Generic[Number]):
         """
         if view.smoothing is not None:
             return np.full(len(self.start), view.smoothing)
-        blurred = np.minimum(
-            CLEAR * view.noise.sigma / np.maximum(self.height, 1e-300), 1e6
-        )
+        blurred = np.minimum(CLEAR * self.sigma / np.maximum(self.height, 1e-300), 1e6)
         least = np.minimum(self.step * blurred**2, self.width / _MOST_SMOOTHING)
         return np.maximum.reduce([self.width / WIDTH_PER_SMOOTHING, least, self.step])
 
-    def noise(self: "Feet[np.ndarray]", sigma: float, tau: Numbers) -> Numbers:
-        """Noise of means over times [s] beside pushes, by that of a sample [unit]."""
-        return sigma * np.sqrt(np.minimum(1.0, self.step / tau))
+    def noise(self: "Feet[np.ndarray]", tau: Numbers) -> Numbers:
+        """Noise of means over times [s] [unit]."""
+        return self.sigma * np.sqrt(np.minimum(1.0, self.step / tau))
 
     def room(
         self: "Feet[np.ndarray]", time: Float[np.ndarray, " n"]
@@ -185,7 +185,7 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     """
     time = view.time
     # Noise hides more of a flank than what lies below the foot.
-    noise = SIGMAS * feet.noise(view.noise.sigma, feet.averaging(view))
+    noise = SIGMAS * feet.noise(feet.averaging(view))
     hidden = np.clip(noise / np.maximum(feet.height, 1e-300), FOOT, _MOST_HIDDEN)
     more = (hidden - FOOT) / (1 - hidden)
     early = feet.start - _BEGINS * (feet.half_up - feet.start)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 # Samples that the noise is judged by; more would only cost time.
 _NOISE_SAMPLES = 20_000
@@ -38,20 +38,13 @@ class Noise:
     ) -> "Noise":
         """Judge a signal by its steps from sample to sample."""
         stride = max(1, (len(signal) - 2) // _NOISE_SAMPLES)
-        parts = [slice(k, len(signal) - 2 + k, stride) for k in range(3)]
-        before, own, after = (signal[part] for part in parts)
-        t_before, t_own, t_after = (time[part] for part in parts)
-        steps = np.abs(own - before)
-        whole = np.maximum(t_after - t_before, 1e-300)
-        share = (t_own - t_before) / whole
-        chord = before + share * (after - before)
-        spread = np.sqrt(1 + share**2 + (1 - share) ** 2)
-        bends = np.abs(own - chord) / spread
+        size, is_moving = bends(time, signal, stride=stride)
         # Of uneven steps the long ones show the course more than the noise.
-        is_short = whole <= _EQUAL * np.median(whole)
-        moving = bends[(steps > 0) & is_short]
+        whole = time[2::stride] - time[:-2:stride]
+        moving = size[is_moving & (whole <= _EQUAL * np.median(whole))]
         if moving.size == 0:
             return cls(sigma=0.0, quantum=0.0)
+        steps = np.abs(signal[1:-1:stride] - signal[:-2:stride])
         quantum = float(steps[steps > 0].min())
         # A median of steps in counts would be 1 or 2, by what else is in the file.
         ordered = np.sort(moving)
@@ -62,3 +55,31 @@ class Noise:
     def of_mean(self, n_samples: float) -> float:
         """Standard deviation of a mean; what lies below the resolution stays."""
         return max(self.sigma / max(1.0, n_samples) ** 0.5, self.quantum / 2)
+
+
+def bends(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    quantum: float = 0.0,
+    *,
+    stride: int = 1,
+) -> tuple[Float[np.ndarray, " m"], Bool[np.ndarray, " m"]]:
+    """How far samples are off the line between their neighbours, as noise of one.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples [unit].
+        quantum: Smallest step between readings [unit].
+        stride: Of all that many samples one is looked at.
+
+    Returns:
+        Sizes [unit]; and at which of them the signal moves.
+    """
+    parts = [slice(k, len(signal) - 2 + k, stride) for k in range(3)]
+    before, own, after = (signal[part] for part in parts)
+    t_before, t_own, t_after = (time[part] for part in parts)
+    whole = np.maximum(t_after - t_before, 1e-300)
+    share = (t_own - t_before) / whole
+    chord = before + share * (after - before)
+    spread = np.sqrt(1 + share**2 + (1 - share) ** 2)
+    return np.abs(own - chord) / spread, np.abs(own - before) > quantum / 2

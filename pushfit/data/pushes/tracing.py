@@ -26,6 +26,7 @@ from pushfit.data.pushes.feet import (
     Numbers,
     likeness,
 )
+from pushfit.data.pushes.noise import bends
 
 # A hump that is lower than this share of the step below it is an overshoot.
 ON_STEP = 0.33
@@ -37,6 +38,12 @@ _KNOTS, _STEPS = 16, 250
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 # Height over the noise of a mean that makes a top.
 _SEEN = 6.0
+
+# Noise is of no effect on the feet of a push that is so many times as high. What
+# moves for less than a share of its time tells nothing of it.
+_ANY_NOISE, _LEAST_MOVING = 100.0, 0.1
+# Standard deviation of a normal distribution over the mean size of its values.
+_OF_MEAN = 1.2533
 
 Smooth = Callable[[Float[np.ndarray, "p m"]], Float[np.ndarray, "p m"]]
 
@@ -50,7 +57,7 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
     Args:
         coarse: Where all of the pushes are, in order, roughly.
     """
-    time, sigma = view.time, view.noise.sigma
+    time, noise_of = view.time, _noise_by_feet(view, coarse)
     reach = 2 * _reach(coarse)
     lowest, highest = coarse.room(time)
     lowest = np.maximum(lowest, coarse.start - reach)
@@ -59,10 +66,11 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
     feet = replace(coarse, step=_usual_steps(time, ends))
     course = knots_for(feet, view)
     for _ in range(_ROUNDS):
-        tau = feet.averaging(view)
         was = feet
-        seen = _trace(course, feet, feet.room(time), tau=tau, sigma=sigma)
-        noise = feet.noise(sigma, tau)
+        feet = replace(feet, sigma=noise_of(feet))
+        tau = feet.averaging(view)
+        seen = _trace(course, feet, feet.room(time), tau=tau)
+        noise = feet.noise(tau)
         # A clear push is not left where it still is, or is again, half as high.
         is_clear = seen.height > CLEAR * noise
         seen = replace(
@@ -84,6 +92,30 @@ def knots_for(feet: Feet[np.ndarray], view: View) -> Course:
     """A course, known no finer than it takes to average over pushes."""
     finest = view.smoothing or feet.width.min() / WIDTH_PER_SMOOTHING
     return view.course.thinned(max(1, int(finest / _KNOTS / feet.step.max())))
+
+
+def _noise_by_feet(
+    view: View, feet: Feet[np.ndarray]
+) -> Callable[[Feet[np.ndarray]], Numbers]:
+    """Noise within pushes by their feet; of the file where it has no effect on them.
+
+        σ = 1.253 mean|bend|
+
+    over the samples between the feet: those of one push and of no other.
+    """
+    whole = view.noise.sigma
+    if np.all(feet.height > _ANY_NOISE * whole):
+        return lambda feet: np.full(len(feet.start), whole)
+    size, is_moving = bends(view.time, view.signal, view.noise.quantum)
+    over = Course.of(view.time[1:-1], np.where(is_moving, size, 0.0))
+    count = Course.of(view.time[1:-1], is_moving.astype(float))
+
+    def noise(feet: Feet[np.ndarray]) -> Numbers:
+        share = count.mean(feet.start, feet.end)
+        own = _OF_MEAN * over.mean(feet.start, feet.end) / np.maximum(share, 1e-300)
+        return np.where(share > _LEAST_MOVING, own, whole)
+
+    return noise
 
 
 def _usual_steps(
@@ -110,7 +142,6 @@ def _trace(
     ends: tuple[Numbers, Numbers],
     *,
     tau: Numbers,
-    sigma: float,
 ) -> Feet[np.ndarray]:
     """One round: levels of the rests by the feet, then the feet by the levels."""
     reach = _reach(feet)
@@ -129,9 +160,9 @@ def _trace(
     inside = off <= np.maximum((feet.end - feet.start) / 2, off.min(axis=1))[:, None]
     peak = np.argmax(np.where(inside, y, -np.inf), axis=1)
     t_peak, top = _tops(smooth, when, peak)
-    before, after = _rests(course, feet, ends, y=y, peak=peak, top=top, sigma=sigma)
+    before, after = _rests(course, feet, ends, y=y, peak=peak, top=top)
     rises = [np.maximum(top - rest, 1e-300) for rest in (before, after)]
-    noise = SIGMAS * feet.noise(sigma, tau)
+    noise = SIGMAS * feet.noise(tau)
     feet_up, feet_down = (np.maximum(FOOT * rise, noise) for rise in rises)
     is_up, is_down = index <= peak[:, None], index >= peak[:, None]
     back = when[:, ::-1], y[:, ::-1]
@@ -154,6 +185,7 @@ def _trace(
         height=np.minimum(*rises),
         moved=after - before,
         step=feet.step,
+        sigma=feet.sigma,
     )
 
 
@@ -165,12 +197,11 @@ def _rests(
     y: Float[np.ndarray, "p m"],
     peak: Int[np.ndarray, " p"],
     top: Numbers,
-    sigma: float,
 ) -> tuple[Numbers, Numbers]:
     """Levels before and after pushes, each in place of the other if that is unseen."""
     first, last = feet.before(ends[0])
     part = np.minimum(LEAST * feet.span, last - first)
-    noise = sigma * np.sqrt(feet.step / np.maximum(part, feet.step))
+    noise = feet.noise(np.maximum(part, feet.step))
     far = np.maximum(FOOT * feet.height, SIGMAS * noise)
     before = _level(
         course, (first, last), part=(last - part, last), span=feet.span, far=far

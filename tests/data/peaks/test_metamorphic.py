@@ -394,3 +394,15 @@ def test_a_poke_in_a_bare_log_is_found_once_and_read_at_its_hold(real_data):
     assert frame["definition"].tolist() == ["plateau"]
     assert 7.45 < frame["t_peak_s"][0] < 7.95
     assert abs(frame["height_n"][0] - hold) < 2 * frame["height_sd_n"][0] < 0.3
+
+
+@SHAPES
+@pytest.mark.parametrize("louder", [0.3, 3.0])
+def test_noise_elsewhere_changes_no_low_push(shape, louder):
+    """Feet that lie in noise are found by the noise of their own push."""
+    time, y = simulated((15.0, 20.0, 17.0, 18.0), shape=shape)
+    other = louder * np.random.default_rng(RNG + 1).standard_normal(2 * y.size)
+    both = np.concatenate([y, other])
+    whole = measured(time, y)
+    assert len(whole) == 4
+    assert_same(measured(np.arange(both.size) * 0.01, both)[:4], whole)
