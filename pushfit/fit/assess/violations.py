@@ -75,7 +75,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
     free = residuals - basis @ (basis.T @ residuals)
     slope = angle_slopes(problem, fit.estimate)[0][mask]
-    found = [_steep(free, slope / fit.sigma), _tall(free, fit.predicted)]
+    found = [_steep(free, slope / fit.sigma), _tall(free, fit.predicted / fit.sigma)]
     found.append(_repeat_by_repeat(table, fit, residuals))
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):

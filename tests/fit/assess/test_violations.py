@@ -110,3 +110,41 @@ def test_a_rejected_model_asks_less_of_an_explanation():
     assert violation_warnings(weak, is_adequate=True) == ()
     (warning,) = violation_warnings(weak, is_adequate=False)
     assert warning.code == "looks_soft"
+
+
+COMPONENTS = ("height_normal", "height_tangential")
+
+
+def components(share: float, seed: int) -> PeakTable:
+    """Both components at the same elevations, with noise in proportion beside a hum."""
+    case, rng = CASES["firm"], np.random.default_rng(seed)
+    theta = np.radians(np.repeat(np.arange(5.0, 86.0, 5.0), 6))
+    clean = simulate_table(
+        case.params,
+        case.grasp,
+        theta=theta,
+        alpha=np.full(theta.size, np.pi / 2),
+        repeats=1,
+        noise=0.0,
+        rng=rng,
+        channels=COMPONENTS,
+    )
+    heights = {}
+    for name in COMPONENTS:
+        height = clean.heights(name)
+        sd = np.hypot(NOISE * np.max(height) / 10, share * height)
+        heights[name] = height + sd * rng.standard_normal(theta.size)
+    return PeakTable.from_arrays(
+        theta=theta, alpha=np.full(theta.size, np.pi / 2), heights=heights, unit="n"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("share", "is_named"), [(0.05, True), (0.0, False)])
+def test_heights_are_tall_in_units_of_the_noise_of_their_component(share, is_named):
+    """One component scatters by a fraction of what the other does."""
+    normal = config('[noise]\nlikelihood = "normal"\n')
+    fitted = [fit_table(components(share, seed), normal) for seed in range(N_TABLES)]
+    each = [violations(one.table, one.setup, one.fit) for one in fitted]
+    named = [found[0].code for found in each if found[0].p_value < LEVEL]
+    assert (named.count("looks_proportional") > N_TABLES / 2) is is_named
