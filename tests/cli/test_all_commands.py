@@ -117,8 +117,8 @@ def test_compare_finds_that_the_object_rolls(place, capsys, monkeypatch):
     """Of the rivals two, as each takes seconds; of all there are slow tests."""
     rivals = comparison.rival_configs
 
-    def two_of(config):
-        return {n: rivals(config)[n] for n in ("hard", "no_rolling")}
+    def two_of(config, **words):
+        return {n: rivals(config, **words)[n] for n in ("hard", "no_rolling")}
 
     monkeypatch.setattr(comparison, "rival_configs", two_of)
     found = said(capsys, "compare", "result/peaks.csv", "-c", "grasp.toml")
