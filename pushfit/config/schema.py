@@ -164,10 +164,11 @@ class NoiseSection(Section):
         "whichever has the higher evidence",
         default="auto",
     )
-    height_share: NotNegative | Estimate = setting(
+    height_share: NotNegative | Literal["estimate", "auto"] = setting(
         "noise in proportion to the height beside the constant one, 1 sd "
-        'as a share of it, or "estimate": as the residuals have it',
-        default=0.0,
+        'as a share of it, "estimate": as the residuals have it, or "auto": '
+        "the same where they speak for it, else 0",
+        default="auto",
     )
     repeats: Literal["alike", "offset", "gain"] = setting(
         '"alike", or each repeat of all directions has an "offset" or a '
@@ -196,7 +197,7 @@ class NoiseSection(Section):
                 'angle_errors = "shared" says what repeats share, and no error is '
                 "stated; set theta_sd_deg or alpha_sd_deg"
             )
-        if self.height_share != 0:
+        if self.height_share not in (0, "auto"):
             raise ValueError(
                 'angle_errors = "shared" averages repeats, whose noise in proportion '
                 "to the height would be averaged, too; leave height_share out"

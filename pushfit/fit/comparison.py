@@ -22,7 +22,7 @@ from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
 from pushfit.fit.assess.predictive import noise_at
-from pushfit.fit.fitted import Fitted, draw_posterior, fit_table, with_likelihood
+from pushfit.fit.fitted import Fitted, draw_posterior, fit_table, with_noise
 from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.problem import Problem
@@ -194,9 +194,11 @@ def compare_models(
         ConfigError: If the configuration does not fit the table.
         FitError: If no start gives finite residuals, or nothing is free.
     """
+    # Other noise is one of the models, not what all of them have.
     if config.noise.likelihood == "auto":
-        # Student-t noise is one of the models, not what all of them have.
-        config = with_likelihood(config, "normal")
+        config = with_noise(config, likelihood="normal")
+    if config.noise.height_share == "auto":
+        config = with_noise(config, height_share=0.0)
     fitted = fit_table(table, config)
     noise = fitted.setup.noise.kind
     noise = "sampled" if noise == "pooled" else noise

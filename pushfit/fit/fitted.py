@@ -3,13 +3,19 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.assess.violations import HEAVY_TAILED, LEVEL, violations
+from pushfit.fit.assess.violations import (
+    HEAVY_TAILED,
+    LEVEL,
+    PROPORTIONAL,
+    violations,
+)
 from pushfit.fit.assess.warnings import (
     contact_warning,
     contradiction_warning,
@@ -99,6 +105,8 @@ def fit_table(
     """
     if config.noise.likelihood == "auto":
         return _more_evident(table, config, searching)
+    if config.noise.height_share == "auto":
+        return _with_share_if_shown(table, config, searching)
     config, warnings = prepared(table, config)
     kind = config.noise.repeats
     if kind != "alike":
@@ -109,7 +117,7 @@ def fit_table(
         before, table = table, averaged(table, stated)
         if table is not before:
             warnings = (*warnings, averaging_warning(before, table))
-            config = with_sigma(config, "given" if stated == "pooled" else stated)
+            config = with_noise(config, sigma="given" if stated == "pooled" else stated)
     reference_alpha = reference_azimuth(table, config)
     setup = searched(build_problem(table, config), reference_alpha)
     if searching is not None:
@@ -122,7 +130,7 @@ def fit_table(
         setup, fit = _fit(build_problem(table, config), reference_alpha)
     excess = scatter_warning(setup, fit) if config.noise.sigma == "auto" else None
     if excess is not None:
-        config = with_sigma(config, "sampled")
+        config = with_noise(config, sigma="sampled")
         warnings = (*warnings, excess)
         setup, fit = _fit(build_problem(table, config), reference_alpha)
     sigma = setup.noise.kind
@@ -131,12 +139,28 @@ def fit_table(
         sigma = stated
     return Fitted(
         table=table,
-        config=with_sigma(config, sigma),
+        config=with_noise(config, sigma=sigma),
         setup=setup,
         fit=fit,
         reference_alpha=reference_alpha,
         warnings=(*warnings, *fit_warnings(setup, fit)),
     )
+
+
+def _with_share_if_shown(
+    table: PeakTable,
+    config: GraspConfig,
+    searching: Callable[[Setup], None] | None,
+) -> Fitted:
+    """The fit by noise in proportion to the height where its residuals ask for it."""
+    even = fit_table(table, with_noise(config, height_share=0.0), searching=searching)
+    # The scatter of repeats holds the share already, and stated errors of angles, if
+    # they are wrong, look like one.
+    noise = config.noise
+    is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
+    if is_held or not _is_named(even, PROPORTIONAL):
+        return even
+    return fit_table(table, with_noise(config, height_share="estimate"))
 
 
 def _more_evident(
@@ -145,7 +169,10 @@ def _more_evident(
     searching: Callable[[Setup], None] | None,
 ) -> Fitted:
     """The fit by normal or by Student-t noise, whichever has the higher evidence."""
-    normal = fit_table(table, with_likelihood(config, "normal"), searching=searching)
+    normal = fit_table(
+        table, with_noise(config, likelihood="normal"), searching=searching
+    )
+    config = with_noise(config, height_share=normal.config.noise.height_share)
     kind = normal.setup.noise.kind
     gain = tail_gain(normal.setup.problem, normal.fit, kind)
     if not gain > MIN_TAIL_GAIN or _is_explained(normal):
@@ -153,9 +180,9 @@ def _more_evident(
     rival = normal
     if kind == "pooled":
         # The scatter of repeats is no scale of a Student-t distribution.
-        config = with_sigma(config, "sampled")
-        rival = fit_table(table, with_likelihood(config, "normal"))
-    student = fit_table(table, with_likelihood(config, "student_t"))
+        config = with_noise(config, sigma="sampled")
+        rival = fit_table(table, with_noise(config, likelihood="normal"))
+    student = fit_table(table, with_noise(config, likelihood="student_t"))
     swept = [sweep(fitted, CHOOSING_SEED) for fitted in (rival, student)]
     first, second = (
         np.nan if s.log_evidence is None else s.log_evidence for s in swept
@@ -183,6 +210,12 @@ def _is_explained(fitted: Fitted) -> bool:
     return not found or (found[0].p_value < LEVEL and found[0].code != HEAVY_TAILED)
 
 
+def _is_named(fitted: Fitted, code: str) -> bool:
+    """Whether it is this that the residuals speak against most, and clearly."""
+    found = violations(fitted.table, fitted.setup, fitted.fit)
+    return bool(found) and found[0].code == code and found[0].p_value < LEVEL
+
+
 def prepared(
     table: PeakTable, config: GraspConfig
 ) -> tuple[GraspConfig, tuple[ResultWarning, ...]]:
@@ -190,7 +223,7 @@ def prepared(
     warnings = tuple(table_warnings(table, config))
     if not config.push.length_known and config.noise.sigma == "auto":
         # Unequal pushes scatter by more than any sensor noise.
-        config = with_sigma(config, "sampled")
+        config = with_noise(config, sigma="sampled")
     return config, warnings
 
 
@@ -290,13 +323,7 @@ def reach_of(config: GraspConfig) -> tuple[float, float]:
     return float(np.radians(low)), float(np.radians(high))
 
 
-def with_sigma(config: GraspConfig, sigma: str) -> GraspConfig:
-    """The configuration with another `[noise] sigma`."""
-    noise = config.noise.model_copy(update={"sigma": sigma})
-    return config.model_copy(update={"noise": noise})
-
-
-def with_likelihood(config: GraspConfig, likelihood: str) -> GraspConfig:
-    """The configuration with another `[noise] likelihood`."""
-    noise = config.noise.model_copy(update={"likelihood": likelihood})
+def with_noise(config: GraspConfig, **keys: Any) -> GraspConfig:
+    """The configuration with other keys of `[noise]`."""
+    noise = config.noise.model_copy(update=keys)
     return config.model_copy(update={"noise": noise})

@@ -18,6 +18,8 @@ from tests.fit.tables import FRICTION_ONLY, HARD, case_table, config
 from tests.problems import CASES
 
 LOW_DEG = np.arange(5.0, 61.0, 5.0)
+# Noise that is the same for all heights, whatever their residuals show.
+CONSTANT = "[noise]\nheight_share = 0.0\n"
 
 
 @pytest.fixture(scope="module")
@@ -296,11 +298,37 @@ def proportional(seed: int) -> PeakTable:
     )
 
 
+@pytest.mark.parametrize(
+    ("share", "stated"), [("estimate", "proportional"), (0.0, "constant")]
+)
+def test_noise_is_in_proportion_where_residuals_ask_for_it(share, stated):
+    """By default as if it were stated, to the last digit."""
+    table = proportional(0)
+    if stated == "constant":
+        table = case_table(CASES["paper"], noise=0.02)
+    fitted = fit_table(table, config(FRICTION_ONLY))
+    text = f"[noise]\nheight_share = {share!r}\n" + FRICTION_ONLY
+    known = fit_table(table, config(text))
+    assert fitted.config.noise == known.config.noise
+    assert fitted.config.noise.height_share == share
+    np.testing.assert_array_equal(fitted.fit.estimate, known.fit.estimate)
+    codes = [warning.code for warning in fitted.warnings]
+    assert ("height_share" in codes) == (share == "estimate")
+
+
+@pytest.mark.parametrize(
+    "text", ['sigma = "pooled"\n', "theta_sd_deg = 1.0\n", "alpha_sd_deg = 1.0\n"]
+)
+def test_noise_stays_constant_where_its_size_is_stated_otherwise(text):
+    fitted = fit_table(proportional(0), config(f"[noise]\n{text}" + FRICTION_ONLY))
+    assert fitted.config.noise.height_share == 0.0
+
+
 def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
     """Noise of several sizes has them, too; it is named, and not hidden by them."""
-    table, settings = proportional(0), config(FRICTION_ONLY)
-    student = config('[noise]\nlikelihood = "student_t"\n' + FRICTION_ONLY)
-    normal = '[noise]\nsigma = "sampled"\nlikelihood = "normal"\n'
+    table, settings = proportional(0), config(CONSTANT + FRICTION_ONLY)
+    student = config(CONSTANT + 'likelihood = "student_t"\n' + FRICTION_ONLY)
+    normal = CONSTANT + 'sigma = "sampled"\nlikelihood = "normal"\n'
     sampled = config(normal + FRICTION_ONLY)
     evidence = [sweep(fit_table(table, c), 0).log_evidence for c in (student, sampled)]
     assert evidence[0] > evidence[1] + 1
@@ -311,7 +339,7 @@ def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
 
 def test_draws_that_noise_was_chosen_by_are_those_of_the_sweep(monkeypatch):
     monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
-    fitted = fit_table(proportional(0), config(FRICTION_ONLY))
+    fitted = fit_table(proportional(0), config(CONSTANT + FRICTION_ONLY))
     (known,) = fitted.swept.values()
     anew = sweep(replace(fitted, swept={}), 0)
     np.testing.assert_array_equal(known.samples["theta_c"], anew.samples["theta_c"])

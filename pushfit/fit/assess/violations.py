@@ -25,7 +25,7 @@ from pushfit.fit.problem.repeat_effects import repeat_p_value
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.fit.setup import Setup
 
-HEAVY_TAILED = "looks_heavy_tailed"
+HEAVY_TAILED, PROPORTIONAL = "looks_heavy_tailed", "looks_proportional"
 # Chance of naming an assumption that holds, per alternative.
 LEVEL = 1e-3
 # The same where the model is rejected, so that something does not hold.
@@ -156,7 +156,7 @@ def _tall(
     if excess <= 0:
         return None
     return Violation(
-        code="looks_proportional",
+        code=PROPORTIONAL,
         p_value=p_value,
         text="tall heights scatter more than low ones: set [noise] height_share = "
         '"estimate", or compare by `pushfit compare`',

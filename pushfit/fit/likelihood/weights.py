@@ -152,7 +152,8 @@ def share_warning(share: float) -> ResultWarning:
     return ResultWarning(
         code="height_share",
         text=f"beside a constant part heights scatter by {share:.2g} of their size, as "
-        f"their residuals have it; [noise] height_share = {share:.2g} keeps it",
+        f"their residuals have it; [noise] height_share = {share:.2g} keeps it, and 0 "
+        "has noise alone that is the same for all",
     )
 
 

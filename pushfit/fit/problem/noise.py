@@ -72,6 +72,8 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     stated = (config.noise.theta_sd_deg, config.noise.alpha_sd_deg)
     angle_sd = (math.radians(stated[0] or 0.0), math.radians(stated[1] or 0.0))
     share = config.noise.height_share
+    if share == "auto":  # nothing speaks for it yet
+        share = 0.0
     height_share = None if share == "estimate" else float(share)
     # Both make repeats scatter beyond the sd of their heights, and unequally.
     is_uneven = any(angle_sd) or height_share != 0

@@ -19,6 +19,7 @@ from tests.problems import CASES
 
 NOISE = 0.01
 N_TABLES = 12
+CONSTANT = '[noise]\nlikelihood = "normal"\nheight_share = 0.0\n'
 
 
 def pushes(kind: str, seed: int) -> PeakTable:
@@ -57,7 +58,7 @@ def pushes(kind: str, seed: int) -> PeakTable:
 
 def found(kind: str) -> list[tuple[Violation, ...]]:
     """Alternatives of tables of one world."""
-    normal = config('[noise]\nlikelihood = "normal"\n')
+    normal = config(CONSTANT)
     fitted = [fit_table(pushes(kind, seed), normal) for seed in range(N_TABLES)]
     return [violations(one.table, one.setup, one.fit) for one in fitted]
 
@@ -143,7 +144,7 @@ def components(share: float, seed: int) -> PeakTable:
 @pytest.mark.parametrize(("share", "is_named"), [(0.05, True), (0.0, False)])
 def test_heights_are_tall_in_units_of_the_noise_of_their_component(share, is_named):
     """One component scatters by a fraction of what the other does."""
-    normal = config('[noise]\nlikelihood = "normal"\n')
+    normal = config(CONSTANT)
     fitted = [fit_table(components(share, seed), normal) for seed in range(N_TABLES)]
     each = [violations(one.table, one.setup, one.fit) for one in fitted]
     named = [found[0].code for found in each if found[0].p_value < LEVEL]
