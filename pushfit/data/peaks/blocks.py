@@ -6,20 +6,28 @@ from jaxtyping import Float, Int
 # Variances of blocks seldom exceed so many times their median.
 _HIGHEST = 4.0
 _BLOCK, _SMALL_BLOCK = 16, 8
-MAX_SAMPLES = 1024
+MAX_SAMPLES = 256
 _FEWEST_BLOCKS = 4
 
 
 def _blocks(
-    signal: Float[np.ndarray, " n"], windows: Int[np.ndarray, "w 2"], length: int
+    signal: Float[np.ndarray, " n"],
+    windows: Int[np.ndarray, "w 2"],
+    *,
+    length: int,
+    n_pushes: int,
 ) -> tuple[Float[np.ndarray, "m b"], Int[np.ndarray, " b"]]:
-    """Samples of rests in blocks, those nearest to their ends; and whose they are."""
+    """Samples of rests in blocks, counted from the pushes outward; whose they are."""
     first, last = windows.T
     n_blocks = np.clip(last - first, 0, MAX_SAMPLES) // length
-    # Blocks of a window are counted from its end.
-    back = np.repeat(np.cumsum(n_blocks), n_blocks) - np.arange(n_blocks.sum())
-    begin = np.repeat(last, n_blocks) - length * back
     whose = np.repeat(np.arange(len(windows)), n_blocks)
+    place = np.arange(n_blocks.sum()) - np.repeat(
+        np.cumsum(n_blocks) - n_blocks, n_blocks
+    )
+    is_before = whose < n_pushes
+    begin = np.where(
+        is_before, last[whose] - length * (place + 1), first[whose] + length * place
+    )
     return signal[begin + np.arange(length)[:, None]], whose
 
 
@@ -33,11 +41,12 @@ def scatter(
 
     Args:
         signal: Samples [unit].
-        windows: Rests, first and one past the last sample.
-        n_pushes: Pushes; their rests follow each other in `windows`.
+        windows: Rests, first and one past the last sample: those before all pushes,
+            then those after them.
+        n_pushes: Number of pushes.
         floor: Smallest variance [unit²].
     """
-    blocks, whose = _blocks(signal, windows, _SMALL_BLOCK)
+    blocks, whose = _blocks(signal, windows, length=_SMALL_BLOCK, n_pushes=n_pushes)
     variance, _ = _means(blocks.var(axis=0, ddof=1), whose % n_pushes, n_pushes)
     return np.sqrt(np.maximum(variance, floor))
 
@@ -48,24 +57,19 @@ def correlation_of(
     n_pushes: int,
     floor: float,
 ) -> Float[np.ndarray, " p"]:
-    """Variances of means over those of independent samples; of all for too few.
+    """Variances of means over those of independent samples; 1 where too few tell.
 
     Of the same rests as `scatter`.
     """
-    blocks, whose = _blocks(signal, windows, _BLOCK)
+    blocks, whose = _blocks(signal, windows, length=_BLOCK, n_pushes=n_pushes)
     variance, push = blocks.var(axis=0, ddof=1), whose % n_pushes
     steps, is_step = np.diff(blocks.mean(axis=0)) ** 2 / 2, np.diff(whose) == 0
-
-    def beside(push: Int[np.ndarray, " b"], n: int) -> Float[np.ndarray, " n"]:
-        between, n_steps = _means(steps[is_step], push[1:][is_step], n)
-        within, _ = _means(variance, push, n)
-        correlation = between * _BLOCK / np.maximum(within, floor)
-        # Beyond chance only: the ratio itself scatters by sqrt(2/n).
-        by_chance = 1 + 3 * np.sqrt(2 / np.maximum(n_steps, 1))
-        return np.where(correlation < by_chance, 1.0, correlation)
-
-    own, everywhere = beside(push, n_pushes), beside(np.zeros_like(push), 1)
-    return np.where(np.isnan(own), np.nan_to_num(everywhere, nan=1.0), own)
+    between, n_steps = _means(steps[is_step], push[1:][is_step], n_pushes)
+    within, _ = _means(variance, push, n_pushes)
+    correlation = between * _BLOCK / np.maximum(within, floor)
+    # Beyond chance only: the ratio itself scatters by sqrt(2/n).
+    by_chance = 1 + 3 * np.sqrt(2 / np.maximum(n_steps, 1))
+    return np.where(correlation >= by_chance, correlation, 1.0)
 
 
 def _means(

@@ -5,7 +5,7 @@ is then looked at by itself. Excluded: baselines and heights
 (`pushfit.data.peaks.heights`) and which push is which (`pushfit.data.plans.alignment`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -26,6 +26,8 @@ _BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 5.0
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
 # A jerk is so many times briefer than the push, and nearer to it.
 _BRIEFER = 10.0
+# Share of the width by which feet of one push may lie elsewhere.
+_SAME_PUSH = 0.1
 # Times that pushes are joined, and parted, by their own course.
 _MOST_ONE, _MOST_TWO = 8, 2
 
@@ -112,6 +114,8 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     is_jerk = _are_jerks(feet)
     heights = feet.height[is_push & ~is_jerk]
     smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
+    is_brush = (feet.height < smallest) | is_jerk
+    feet = _from_within(view, feet).where(~is_cut, feet)
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
     last = np.maximum(last, first + 1)
@@ -120,7 +124,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
             start=int(first[k]),
             end=int(last[k]),
             feet=own,
-            is_brush=bool(own.height < smallest or is_jerk[k]),
+            is_brush=bool(is_brush[k]),
             is_cut=bool(is_cut[k]),
             is_low=bool(is_low[k]),
         )
@@ -152,6 +156,27 @@ def _resolved(
             break
         whose, feet = whose[own], trace_feet(view, found)
     return feet, whose
+
+
+def _from_within(view: View, feet: Feet[np.ndarray]) -> Feet[np.ndarray]:
+    """Feet that pushes reach from half of their heights, if they are the same pushes.
+
+    Where the course beside a push is not clear of noise, or has a bump, feet found in
+    turns with the levels of the rests may lie in several places, by where the search
+    began. Half of the height is passed in the same place whatever else there is.
+    """
+    within = replace(
+        feet, start=feet.half_up, end=feet.half_down, moved=np.zeros_like(feet.moved)
+    )
+    found = trace_feet(view, within)
+    off = np.max(
+        [
+            np.abs(getattr(found, name) - getattr(feet, name))
+            for name in ("start", "half_up", "half_down", "end")
+        ],
+        axis=0,
+    )
+    return found.where(off <= _SAME_PUSH * feet.width, feet)
 
 
 def _are_trends(

@@ -22,6 +22,8 @@ from pushfit.errors import DataError
 # What rounding and the judgement of the noise may change.
 SAME = 0.1
 RNG = 7
+# Share of heights that may move by more: 0.01 do, and 0.05 where feet are found once only.
+FEW = 0.03
 
 
 def simulated(heights=(100.0, 160.0, 130.0, 90.0, 150.0, 120.0), *, shape="triangle"):
@@ -344,6 +346,14 @@ def test_a_cut_where_little_is_seen_of_a_push_loses_none(real_data, part, when):
     (own,) = (r for name, r in recordings(real_data) if part in name)
     cuts = count(own, [int(np.abs(own.time - when).argmin())])
     assert (cuts.lost, cuts.unflagged) == ((), ())
+
+
+@pytest.mark.parametrize("part", ["p0_Pa", "soft_skin/grid_r0.20"])
+def test_cuts_far_from_bumpy_pushes_leave_their_heights(real_data, part):
+    """So many that their feet lie elsewhere by where the search began."""
+    (own,) = (r for name, r in recordings(real_data) if part in name)
+    moves = np.abs(count(own, evenly(own, 12)).moves)
+    assert np.count_nonzero(moves > SAME) <= FEW * len(moves)
 
 
 @pytest.mark.slow
