@@ -22,7 +22,7 @@ from pushfit.errors import DataError
 # What rounding and the judgement of the noise may change.
 SAME = 0.1
 RNG = 7
-# Share of heights that may move by more: 0.01 do, and 0.05 where feet are found once only.
+# Share of heights that may move by more: .01 do, and .05 where feet are found once.
 FEW = 0.03
 
 
