@@ -14,6 +14,8 @@ from pushfit.fit.assess.violations import (
     HEAVY_TAILED,
     LEVEL,
     PROPORTIONAL,
+    Violation,
+    violation_warnings,
     violations,
 )
 from pushfit.fit.assess.warnings import (
@@ -158,7 +160,8 @@ def _with_share_if_shown(
     # they are wrong, look like one.
     noise = config.noise
     is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
-    if is_held or not _is_named(even, PROPORTIONAL):
+    shown = [v.code for v in _shown(even)[:1] if v.p_value < LEVEL]
+    if is_held or shown != [PROPORTIONAL]:
         return even
     return fit_table(table, with_noise(config, height_share="estimate"))
 
@@ -175,7 +178,8 @@ def _more_evident(
     config = with_noise(config, height_share=normal.config.noise.height_share)
     kind = normal.setup.noise.kind
     gain = tail_gain(normal.setup.problem, normal.fit, kind)
-    if not gain > MIN_TAIL_GAIN or _is_explained(normal):
+    found = _shown(normal)
+    if not gain > MIN_TAIL_GAIN or _is_explained(found):
         return normal
     rival = normal
     if kind == "pooled":
@@ -197,23 +201,24 @@ def _more_evident(
         "probable as normal noise and was taken, so that outlying heights count less; "
         '[noise] likelihood = "normal" has them count in full',
     )
+    # What residuals by normal noise show more than tails stays to be said.
+    told = violation_warnings(found, is_adequate=False)
+    others = [one for one in told if one.code != HEAVY_TAILED]
     return replace(
         student,
-        warnings=(*student.warnings, warning),
+        warnings=(*student.warnings, warning, *others),
         swept={CHOOSING_SEED: swept[1]},
     )
 
 
-def _is_explained(fitted: Fitted) -> bool:
+def _shown(fitted: Fitted) -> tuple[Violation, ...]:
+    """What the residuals speak against."""
+    return violations(fitted.table, fitted.setup, fitted.fit)
+
+
+def _is_explained(found: tuple[Violation, ...]) -> bool:
     """Whether large residuals have another cause, or there is none to explain."""
-    found = violations(fitted.table, fitted.setup, fitted.fit)
     return not found or (found[0].p_value < LEVEL and found[0].code != HEAVY_TAILED)
-
-
-def _is_named(fitted: Fitted, code: str) -> bool:
-    """Whether it is this that the residuals speak against most, and clearly."""
-    found = violations(fitted.table, fitted.setup, fitted.fit)
-    return bool(found) and found[0].code == code and found[0].p_value < LEVEL
 
 
 def prepared(

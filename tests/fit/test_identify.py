@@ -11,6 +11,7 @@ from pushfit.errors import ConfigError, DataError
 from pushfit.fit import fitted as fitted_module
 from pushfit.fit.assess.quantities import angle_quantity
 from pushfit.fit.assess.reporting_rules import reported
+from pushfit.fit.assess.violations import Violation
 from pushfit.fit.fitted import fit_table, sweep
 from pushfit.fit.identify import identify_table
 from pushfit.fit.results import FitStatus, Verdict
@@ -263,26 +264,50 @@ def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data
     assert "model_inadequate" in warning_codes(result)
 
 
+def heavy_tailed() -> PeakTable:
+    """51 heights with noise of Student's t of 2 degrees of freedom."""
+    clean = case_table(CASES["paper"])
+    noise = 0.02 * np.random.default_rng(4).standard_t(2.0, 51)
+    return PeakTable.from_arrays(
+        theta=clean.theta,
+        alpha=clean.alpha,
+        heights={"height": clean.heights("height") + noise},
+        unit="n",
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "chosen"), [("normal", "normal"), ("heavy", "student_t")]
 )
 def test_noise_is_chosen_by_its_evidence(noise, chosen):
     """51 heights with tails of Student's t of 2 degrees of freedom, or without."""
-    clean = case_table(CASES["paper"])
-    rng = np.random.default_rng(4)
-    draws = rng.standard_normal(51) if noise == "normal" else rng.standard_t(2.0, 51)
-    table = PeakTable.from_arrays(
-        theta=clean.theta,
-        alpha=clean.alpha,
-        heights={"height": clean.heights("height") + 0.02 * draws},
-        unit="n",
+    table = (
+        heavy_tailed() if noise == "heavy" else case_table(CASES["paper"], noise=0.02)
     )
     fitted = fit_table(table, config('[noise]\nlikelihood = "auto"\n' + FRICTION_ONLY))
     assert fitted.setup.problem.likelihood == chosen
     assert fitted.config.noise.likelihood == chosen
     codes = [warning.code for warning in fitted.warnings]
     assert ("student_t_chosen" in codes) == (chosen == "student_t")
+
+
+@pytest.mark.parametrize(
+    ("code", "p_value", "is_told"),
+    [
+        ("looks_like_angle_errors", 0.01, True),
+        ("looks_like_angle_errors", 0.2, False),
+        ("looks_heavy_tailed", 0.01, False),
+    ],
+)
+def test_heavy_tails_hide_nothing_that_shows_more(monkeypatch, code, p_value, is_told):
+    """Of noise that is not normal less is asked, as where a model is rejected."""
+    shown = (Violation(code=code, p_value=p_value, text=""),)
+    monkeypatch.setattr(fitted_module, "violations", lambda *fitted: shown)
+    fitted = fit_table(heavy_tailed(), config(CONSTANT + FRICTION_ONLY))
+    codes = [warning.code for warning in fitted.warnings]
+    assert "student_t_chosen" in codes
+    assert (code in codes) == is_told
 
 
 def proportional(seed: int) -> PeakTable:
