@@ -178,8 +178,8 @@ def _more_evident(
     config = with_noise(config, height_share=normal.config.noise.height_share)
     kind = normal.setup.noise.kind
     gain = tail_gain(normal.setup.problem, normal.fit, kind)
-    found = _shown(normal)
-    if not gain > MIN_TAIL_GAIN or _is_explained(found):
+    found = _shown(normal) if gain > MIN_TAIL_GAIN else ()
+    if _is_explained(found):
         return normal
     rival = normal
     if kind == "pooled":
