@@ -156,12 +156,13 @@ def _with_share_if_shown(
 ) -> Fitted:
     """The fit by noise in proportion to the height where its residuals ask for it."""
     even = fit_table(table, with_noise(config, height_share=0.0), searching=searching)
+    noise = config.noise
     # The scatter of repeats holds the share already, and stated errors of angles, if
     # they are wrong, look like one.
-    noise = config.noise
-    is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
+    if noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg:
+        return even
     shown = [v.code for v in _shown(even)[:1] if v.p_value < LEVEL]
-    if is_held or shown != [PROPORTIONAL]:
+    if shown != [PROPORTIONAL]:
         return even
     return fit_table(table, with_noise(config, height_share="estimate"))
 

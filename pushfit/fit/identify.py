@@ -64,8 +64,6 @@ from pushfit.fit.results import (
 from pushfit.fit.stages import Stages, stages_of
 from pushfit.parameters import ANGLES
 
-# What one row of a table says of likelihood sets.
-
 
 def identify_table(
     table: PeakTable,
