@@ -64,6 +64,7 @@ class Fitted:
         fit: Least squares.
         reference_alpha: Azimuth at which θ_c is quoted [rad].
         warnings: What came up on the way.
+        shown: What residuals speak against, the most telling first, where it was asked.
         swept: Draws of the sweep that are known already, by seed.
     """
 
@@ -73,6 +74,7 @@ class Fitted:
     fit: FitResult
     reference_alpha: float
     warnings: tuple[ResultWarning, ...]
+    shown: tuple[Violation, ...] = ()
     swept: Mapping[int, PosteriorResult] = field(default_factory=dict)
 
 
@@ -146,6 +148,7 @@ def fit_table(
         fit=fit,
         reference_alpha=reference_alpha,
         warnings=(*warnings, *fit_warnings(setup, fit)),
+        shown=violations(table, setup, fit),
     )
 
 
@@ -159,10 +162,9 @@ def _with_share_if_shown(
     noise = config.noise
     # The scatter of repeats holds the share already, and stated errors of angles, if
     # they are wrong, look like one.
-    if noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg:
-        return even
-    shown = [v.code for v in _shown(even)[:1] if v.p_value < LEVEL]
-    if shown != [PROPORTIONAL]:
+    is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
+    found = [v.code for v in even.shown[:1] if v.p_value < LEVEL]
+    if is_held or found != [PROPORTIONAL]:
         return even
     return fit_table(table, with_noise(config, height_share="estimate"))
 
@@ -179,8 +181,7 @@ def _more_evident(
     config = with_noise(config, height_share=normal.config.noise.height_share)
     kind = normal.setup.noise.kind
     gain = tail_gain(normal.setup.problem, normal.fit, kind)
-    found = _shown(normal) if gain > MIN_TAIL_GAIN else ()
-    if _is_explained(found):
+    if not gain > MIN_TAIL_GAIN or _is_explained(normal.shown):
         return normal
     rival = normal
     if kind == "pooled":
@@ -203,18 +204,13 @@ def _more_evident(
         '[noise] likelihood = "normal" has them count in full',
     )
     # What residuals by normal noise show more than tails stays to be said.
-    told = violation_warnings(found, is_adequate=False)
+    told = violation_warnings(normal.shown, is_adequate=False)
     others = [one for one in told if one.code != HEAVY_TAILED]
     return replace(
         student,
         warnings=(*student.warnings, warning, *others),
         swept={CHOOSING_SEED: swept[1]},
     )
-
-
-def _shown(fitted: Fitted) -> tuple[Violation, ...]:
-    """What the residuals speak against."""
-    return violations(fitted.table, fitted.setup, fitted.fit)
 
 
 def _is_explained(found: tuple[Violation, ...]) -> bool:

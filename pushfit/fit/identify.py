@@ -36,7 +36,7 @@ from pushfit.fit.assess.tilt_check import (
     is_worse,
     tilt_warning,
 )
-from pushfit.fit.assess.violations import violation_warnings, violations
+from pushfit.fit.assess.violations import violation_warnings
 from pushfit.fit.assess.warnings import (
     handover_warnings,
     result_warnings,
@@ -208,7 +208,7 @@ def _with_words(
             *found.warnings,
             *result_warnings(setup, found),
             *violation_warnings(
-                violations(fitted.table, setup, fitted.fit),
+                fitted.shown,
                 is_adequate=found.goodness_of_fit.is_adequate,
             ),
             *angle_error_warnings(setup, found),
