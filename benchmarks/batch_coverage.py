@@ -1,16 +1,21 @@
 """Many tables through `pushfit batch`: time, memory, and what its answers are worth.
 
     python -m benchmarks.batch_coverage [--tables 10000] [--workers 2] [--seed 1]
+    python -m benchmarks.batch_coverage --kind paper --tables 1000 [--kill 120]
 
 Truths are drawn from the default priors and pushed in one sweep of 17 elevations with
-three repeats, as in `benchmarks.coverage_one_sweep`. All tables go into one long table
-and through the command line; what is counted are the intervals and sets of θ_c that its
-results.csv quotes, and how often it quotes none.
+three repeats, as in `benchmarks.coverage_one_sweep`, or by the pushes and settings of a
+kind of the tests' registry, the transition open. All tables go into one long table
+and through the command line, killed on the way if that is asked for, and begun again;
+what is counted are the intervals and sets of θ_c that its results.csv quotes, and how
+often it quotes none.
 """
 
 import argparse
 import json
+import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -23,31 +28,47 @@ from scipy import stats
 
 from benchmarks.coverage_one_sweep import LIMITS_PROB, PUSH_LENGTH, is_held, pushes
 from benchmarks.tables import HARD
+from pushfit.config import parse_config
 from pushfit.fit.coverage import simulate_tables
+from pushfit.fit.fitted import fit_table
+from tests.fit.kinds import KINDS
 
 PROB = 0.9
+PUSH = f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n"
 
 
-def write_tables(folder: Path, n_tables: int, seed: int) -> pd.Series:
+def write_tables(folder: Path, kind: str | None, n_tables: int, seed: int) -> pd.Series:
     """One long table and its settings; true θ_c by the name of the item."""
-    simulation = simulate_tables(pushes(), n_tables, np.random.default_rng(seed))
+    fitted, settings = pushes(), PUSH + HARD
+    if kind is not None:
+        settings = PUSH + KINDS[kind].text
+        # Truths are of the hard switch.
+        hard = parse_config(settings + HARD, path="grasp.toml")
+        fitted = fit_table(KINDS[kind].table(0), hard)
+    simulation = simulate_tables(fitted, n_tables, np.random.default_rng(seed))
     frames = [
         table.frame.assign(grasp=f"{index:06d}")
         for index, table in enumerate(simulation.tables)
     ]
     path = folder / "tables.parquet"
     pd.concat(frames, ignore_index=True).to_parquet(path)
-    settings = f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n{HARD}"
     (folder / "grasp.toml").write_text(settings, encoding="utf-8")
     names = [f"{index:06d}" for index in range(n_tables)]
     return pd.Series(simulation.truths["theta_c"], index=names)
 
 
-def identified(folder: Path, n_workers: int) -> tuple[pd.DataFrame, float, float]:
+def identified(
+    folder: Path, n_workers: int, kill_after: float | None
+) -> tuple[pd.DataFrame, float, float]:
     """Results of the command, its seconds, and the memory of its largest process."""
     command = [sys.executable, "-m", "pushfit", "batch", str(folder / "tables.parquet")]
     command += ["--out", str(folder / "out"), "--workers", str(n_workers)]
     start = time.perf_counter()
+    if kill_after is not None:
+        # With its workers, which have the same group.
+        with subprocess.Popen(command, start_new_session=True) as process:
+            time.sleep(kill_after)
+            os.killpg(process.pid, signal.SIGKILL)
     subprocess.run(command, check=True)
     seconds = time.perf_counter() - start
     megabytes = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
@@ -90,10 +111,13 @@ def main() -> None:
     parser.add_argument("--tables", type=int, default=10_000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kind", choices=KINDS)
+    parser.add_argument("--kill", type=float, help="seconds after which to kill it")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        truth = write_tables(Path(folder), options.tables, options.seed)
-        rows, seconds, megabytes = identified(Path(folder), options.workers)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        truth = write_tables(folder, options.kind, options.tables, options.seed)
+        rows, seconds, megabytes = identified(folder, options.workers, options.kill)
     print(
         f"{options.tables} tables, {options.workers} workers: {seconds:.0f} s, "
         f"largest process {megabytes:.0f} MB"
