@@ -17,7 +17,7 @@ import hashlib
 import inspect
 import io
 import threading
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future
 from importlib import metadata
 from pathlib import Path
@@ -56,6 +56,10 @@ ARRAYS = (jax.Array, np.ndarray)
 # What names a function only within one process.
 ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
+# Programs that one process holds, those used last. Each may take 20 MB, and a hundred
+# mappings of memory, of which Linux has 65 530 for a process: one that met many kinds
+# of tables died of it.
+MAX_PROGRAMS = 128
 # Files of arrays that are kept; another one replaces the oldest.
 MAX_ARRAYS = 64
 # Files of programs that this process has used, in order, and those that are loaded
@@ -92,8 +96,6 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         The same function. Inside of another one, or of `jax.vmap` and `jax.grad`, it is
         a part of what is traced there.
     """
-    plain: Callable[..., R] = function
-    programs: dict[Hashable, Callable[..., R]] = {}
     _make_storable(inspect.get_annotations(function, eval_str=True).get("return"))
 
     @functools.wraps(function)
@@ -105,19 +107,8 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         # No leaf is None, so that None can stand for an array; 1 is not True.
         constants = tuple(None if isinstance(x, ARRAYS) else x for x in leaves)
         shapes = tuple((array.shape, array.dtype) for array in arrays)
-        folder = programs_folder()
-        key = (folder, structure, constants, tuple(map(type, constants)), shapes)
-        if key not in programs:
-
-            def flat(*arrays: jax.Array) -> R:
-                values = iter(arrays)
-                filled = [next(values) if c is None else c for c in constants]
-                args, kwargs = jax.tree.unflatten(structure, filled)
-                return plain(*args, **kwargs)
-
-            text = f"{function.__module__}.{function.__qualname__}{key[1:]}"
-            programs[key] = _program(flat, arrays, folder, text)
-        return programs[key](*arrays)
+        form = (structure, constants, tuple(map(type, constants)), shapes)
+        return _program(function, programs_folder(), form)(*arrays)
 
     return call
 
@@ -143,19 +134,33 @@ def _make_storable(returned: object) -> None:
         )
 
 
+@functools.lru_cache(MAX_PROGRAMS)
 def _program(
-    function: Callable[..., R],
-    arrays: list[jax.Array | np.ndarray],
-    folder: Path | None,
-    text: str,
-) -> Callable[..., R]:
-    """A function of arrays compiled, from its file if there is one."""
+    function: Callable[..., Any], folder: Path | None, form: tuple[Any, ...]
+) -> Callable[..., Any]:
+    """A function compiled for arguments of one form, from its file if there is one.
+
+    Args:
+        form: Structure of the arguments, what is no array in it, and shapes of arrays.
+
+    Returns:
+        Function of the arrays alone.
+    """
+    structure, constants, _, shapes = form
+
+    def flat(*arrays: jax.Array) -> Any:
+        values = iter(arrays)
+        filled = [next(values) if c is None else c for c in constants]
+        args, kwargs = jax.tree.unflatten(structure, filled)
+        return function(*args, **kwargs)
+
+    text = f"{function.__module__}.{function.__qualname__}{form}"
     if folder is None or ADDRESS in text or has_foreign():
-        return jit(function)
+        return jit(flat)
     path = folder / f"{_fingerprint(text)}-traced"
     _used[path.name] = None
     ahead = _ahead.pop(path, None)
-    return (ahead and ahead.result()) or _load(path) or _trace(function, arrays, path)
+    return (ahead and ahead.result()) or _load(path) or _trace(flat, shapes, path)
 
 
 def _fingerprint(text: str) -> str:
@@ -193,13 +198,13 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _trace(
-    function: Callable[..., R], arrays: list[jax.Array | np.ndarray], path: Path
+    function: Callable[..., R], shapes: Iterable[tuple[Any, Any]], path: Path
 ) -> Callable[..., R]:
     """Trace a function of arrays and keep the program, if it can be."""
     jitted = jit(function)
-    shapes = [jax.ShapeDtypeStruct(array.shape, array.dtype) for array in arrays]
+    arrays = [jax.ShapeDtypeStruct(*one) for one in shapes]
     try:
-        traced = export.export(jitted, disabled_checks=UNGUARANTEED)(*shapes)
+        traced = export.export(jitted, disabled_checks=UNGUARANTEED)(*arrays)
     except NotImplementedError:  # it calls back to Python
         return jitted
     except ValueError as error:

@@ -1,6 +1,7 @@
 """Traced programs outlive the process, and never stand in for another one."""
 
 import dataclasses
+import functools
 import os
 import shutil
 from threading import current_thread, main_thread
@@ -98,6 +99,17 @@ def test_another_question_has_another_program(folder, line, x):
     found = later(line, x)
     np.testing.assert_array_equal(found.value, 3 * np.asarray(x) ** line.power)
     assert len(traced) == 1
+
+
+def test_a_process_holds_the_programs_that_it_used_last(monkeypatch):
+    """One that held all would run out of mappings of memory."""
+    assert programs._program.cache_info().maxsize is not None
+    held = functools.lru_cache(2)(programs._program.__wrapped__)
+    monkeypatch.setattr(programs, "_program", held)
+    line_at, traces = counted()
+    for n in (1, 2, 1, 3, 1, 2):
+        line_at(LINE, jnp.arange(n, dtype=float))
+    assert traces == [(1,), (2,), (3,), (2,)]
 
 
 def test_another_source_has_another_program(folder, monkeypatch):
