@@ -56,9 +56,9 @@ ARRAYS = (jax.Array, np.ndarray)
 # What names a function only within one process.
 ADDRESS = " at 0x"
 DIGEST_SIZE = hashlib.sha256().digest_size
-# Programs that one process holds, those used last. Each may take 20 MB, and a hundred
-# mappings of memory, of which Linux has 65 530 for a process: one that met many kinds
-# of tables died of it.
+# Programs that one process holds, those used last. Each takes some 200 mappings of
+# memory, of which Linux has 65 530 for a process: one that met many kinds of tables
+# died of it.
 MAX_PROGRAMS = 128
 # Files of arrays that are kept; another one replaces the oldest.
 MAX_ARRAYS = 64
