@@ -269,7 +269,7 @@ def test_the_demo_finds_what_was_simulated(tmp_path, capsys):
         margin = (upper - lower) / 2
         assert lower - margin < truth < upper + margin
     assert json.loads((out / "summary.json").read_text(encoding="utf-8")) == summary
-    assert (out / "figures" / "main.png").stat().st_size > 0
+    assert (out / "figures" / "main.svg").stat().st_size > 0
     assert main(["verify", str(out)]) == 0
     assert "reproduced exactly" in capsys.readouterr().out
     assert main(["demo", "--out", str(out)]) == 2
