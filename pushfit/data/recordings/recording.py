@@ -184,10 +184,8 @@ def _kinds(layout: Layout, roles: Roles) -> dict[int, Kind]:
     """Give what the cells of each needed column must be."""
     kinds: dict[int, Kind] = {}
     for clock in roles.clocks:
-        kind: Kind = "stamp" if clock.is_stamp else "float"
         # Nanoseconds since 1970 have 19 digits, three more than a float64 holds.
-        if clock.unit.name == "ns" and not clock.is_stamp:
-            kind = "int"
+        kind: Kind = clock.stamp or ("int" if clock.unit.name == "ns" else "float")
         kinds |= dict.fromkeys(clock.columns, kind)
     for role in (*roles.channels, *roles.angles):
         kinds[role.columns[0]] = "float"

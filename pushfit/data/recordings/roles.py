@@ -19,7 +19,7 @@ from pushfit.data.recordings.units import (
 )
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import data_error, did_you_mean, listed, problem
-from pushfit.data.text.guess import STAMP
+from pushfit.data.text.guess import Stamp, stamp_of
 from pushfit.errors import ConfigError, Problem
 
 # Names that no example should take for a signal.
@@ -45,13 +45,13 @@ class Role:
         name: `time`, a channel, `theta` or `alpha`.
         columns: Position of the column; two of them for seconds with nanoseconds.
         unit: Unit of its cells.
-        is_stamp: Whether the cells are RFC 3339 times instead of numbers.
+        stamp: What ISO 8601 times the cells are; None where they are numbers.
     """
 
     name: str
     columns: tuple[int, ...]
     unit: Unit
-    is_stamp: bool = False
+    stamp: Stamp | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,8 +204,9 @@ def _clock(
     if name not in columns.position:
         return None
     i = columns.position[name]
-    if i < len(columns.first_row) and STAMP.fullmatch(columns.first_row[i]):
-        return Role(name="time", columns=(i,), unit=_NANOSECONDS, is_stamp=True)
+    stamp = stamp_of(columns.first_row[i]) if i < len(columns.first_row) else None
+    if stamp:
+        return Role(name="time", columns=(i,), unit=_NANOSECONDS, stamp=stamp)
     unit = columns.unit(i, key) or (UNITS[dialect_unit] if dialect_unit else None)
     return _checked(columns, "time", i, unit, "time", "s")
 

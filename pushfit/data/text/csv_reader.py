@@ -22,7 +22,7 @@ from pushfit.data.recordings.records import Source
 from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
 from pushfit.data.text.faults import data_error, refuse, refuse_too_large
-from pushfit.data.text.guess import STAMP
+from pushfit.data.text.guess import STAMPS, Stamp
 from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile, open_text
 from pushfit.errors import DataError, Problem
@@ -31,8 +31,16 @@ MAX_BYTES = 1 << 30
 # The parser holds all fields of a chunk, also those that are not needed.
 _CHUNK_CELLS = 1 << 18
 # Types that pandas parses to, and that the result keeps.
-_PARSED = {"float": np.float64, "int": np.int64, "stamp": str, "text": str}
-_STORED = {"float": np.float64, "int": np.int64, "stamp": np.int64, "text": object}
+_PARSED = {
+    "float": np.float64,
+    "int": np.int64,
+    "text": str,
+    **dict.fromkeys(STAMPS, str),
+}
+_STORED = {
+    **{"float": np.float64, "int": np.int64, "text": object},
+    **dict.fromkeys(STAMPS, np.int64),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,8 +136,8 @@ def _parse(
                 return None
             for i, kind in kinds.items():
                 values = np.asarray(frame[i])
-                if kind == "stamp":
-                    values = _nanoseconds(values.tolist())
+                if kind in STAMPS:
+                    values = _nanoseconds(values.tolist(), kind)
                 if kind == "float" and np.isinf(values).any():
                     return None
                 if kind == "float" and _may_be_words(values):
@@ -177,12 +185,13 @@ def _chunks(
         yield from frames
 
 
-def _nanoseconds(texts: list[str]) -> Int[np.ndarray, " n"]:
-    """Read RFC 3339 times as nanoseconds since 1970, exactly."""
-    # pandas alone would also take a date without time or zone.
-    if not all(map(STAMP.fullmatch, texts)):
-        raise ValueError("not an RFC 3339 time")
-    times = pd.DatetimeIndex(pd.to_datetime(texts, utc=True, format="ISO8601"))
+def _nanoseconds(texts: list[str], kind: Stamp) -> Int[np.ndarray, " n"]:
+    """Read ISO 8601 times as nanoseconds since 1970, exactly; as UTC without a zone."""
+    # pandas alone would also take a date without time, but no decimal comma.
+    if not all(map(STAMPS[kind].fullmatch, texts)):
+        raise ValueError("not an ISO 8601 time")
+    points = [text.replace(",", ".") for text in texts]
+    times = pd.DatetimeIndex(pd.to_datetime(points, utc=True, format="ISO8601"))
     return times.as_unit("ns").asi8
 
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import problem
-from pushfit.data.text.guess import NUMBER, STAMP, split_line
+from pushfit.data.text.guess import NUMBER, STAMPS, Stamp, split_line
 from pushfit.data.text.scan import Body, Scan, whole_lines
 from pushfit.errors import Problem
 
-Kind = Literal["float", "int", "stamp", "text"]
+Kind = Stamp | Literal["float", "int", "text"]
 
 # Problems listed per kind; the rest are counted.
 _MAX_LISTED = 10
@@ -30,7 +30,8 @@ _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _EXPECTED = {
     "float": "a decimal number",
     "int": "a whole number",
-    "stamp": "an RFC 3339 time such as 2024-05-01T12:00:00.25Z",
+    "zoned": "an ISO 8601 time such as 2024-05-01T12:00:00.25Z",
+    "local": "an ISO 8601 time such as 2024-05-01T12:00:00.25, here without a zone",
 }
 
 
@@ -164,8 +165,8 @@ class _RowCheck:
     def _cell(self, line: int, column: str, *, cell: str, kind: Kind) -> None:
         if kind == "text" or (kind == "float" and cell in self.missing):
             return
-        if kind == "stamp":
-            is_good = STAMP.fullmatch(cell)
+        if kind in STAMPS:
+            is_good = STAMPS[kind].fullmatch(cell)
         elif kind == "int":
             is_good = _WHOLE.fullmatch(cell) and abs(int(cell)) < 2**63
         else:
@@ -177,7 +178,7 @@ class _RowCheck:
             text = f"{shown} is not finite; mend the cell, or leave it blank if missing"
             self.add("not_finite", line, text, column=column, value=cell)
         elif not is_good:
-            what = "number" if kind != "stamp" else "time"
+            what = "time" if kind in STAMPS else "number"
             text = (
                 f"{shown} is not a {what}; {_EXPECTED[kind]} is expected; "
                 "mend the cell or remove the row"

@@ -8,7 +8,9 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
+from pushfit.data.recordings.units import find_unit
 from pushfit.data.text.faults import STATE_COLUMNS, refuse
 from pushfit.errors import ConfigError, DataError
 
@@ -21,9 +23,12 @@ NUMBER = {
     )
     for mark in ".,"
 }
-STAMP = re.compile(
-    r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?(?:Z|[+-]\d\d:\d\d)", re.ASCII
-)
+_DATE = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d{1,9})?"
+Stamp = Literal["zoned", "local"]
+STAMPS: dict[Stamp, re.Pattern[str]] = {
+    "zoned": re.compile(rf"{_DATE}(?:Z|[+-]\d\d:\d\d)", re.ASCII),
+    "local": re.compile(_DATE, re.ASCII),
+}
 _NAN = ("nan", "inf", "-inf")
 
 
@@ -67,9 +72,14 @@ def uncommented(line: str) -> str:
     return re.sub(r"^ *#+", "", line)
 
 
+def stamp_of(cell: str) -> Stamp | None:
+    """Which kind of time a cell holds, with its zone or without; None if no time."""
+    return next((kind for kind, form in STAMPS.items() if form.fullmatch(cell)), None)
+
+
 def _is_value(cell: str, decimal: str) -> bool:
     return bool(
-        NUMBER[decimal].fullmatch(cell) or STAMP.fullmatch(cell) or cell.lower() in _NAN
+        NUMBER[decimal].fullmatch(cell) or stamp_of(cell) or cell.lower() in _NAN
     )
 
 
@@ -186,13 +196,9 @@ def _find_header(
     return header, data
 
 
-_UNIT_WORD = re.compile(
-    r"[\[(]?(?:n|mn|kpa|pa|counts|au|s|ms|us|ns|min|rad|deg|m|mm|-|)[\])]?", re.I
-)
-
-
 def _is_unit_row(cells: list[str]) -> bool:
-    return any(cells) and all(_UNIT_WORD.fullmatch(cell) for cell in cells)
+    words = [cell.strip("[]()") for cell in cells]
+    return any(cells) and all(word in ("", "-") or find_unit(word) for word in words)
 
 
 def _no_table(

@@ -76,6 +76,10 @@ SAME_NUMBERS = {
     "pascals": "time_ms,pressure_pa\n0,1500\n10,1250\n20,-300\n",
     "rfc_3339": "time,pressure_kpa\n1970-01-01T00:00:00Z,1.5\n"
     "1970-01-01T00:00:00.01Z,1.25\n1970-01-01T01:00:00.020+01:00,-0.3\n",
+    "stamps_of_pandas": "time,pressure_kpa\n1970-01-01 00:00:00,1.5\n"
+    "1970-01-01 00:00:00.010000,1.25\n1970-01-01 00:00:00.020000,-0.3\n",
+    "stamps_of_a_log": "time;pressure_kpa\n1970-01-01 00:00:00,000;1.5\n"
+    "1970-01-01 00:00:00,010;1.25\n1970-01-01 00:00:00,020;-0.3\n",
     "control_byte_in_a_name": GOOD.replace("time_s", "time_s\x07"),
     "text_that_is_not_needed": "time_s,label,pressure_kpa\n0,NA,1.5\n0.01,007,1.25\n"
     '0.02,"grün, ""x""\nnext",-0.3\n',
@@ -86,6 +90,13 @@ SAME_NUMBERS = {
 def test_the_same_numbers_come_from_every_form(form, write):
     """The forms of one table met in the wild hold the same samples."""
     assert_good(read_recording(write(SAME_NUMBERS[form])))
+
+
+def test_a_row_of_units_may_hold_every_unit_that_a_name_may(write):
+    path = write("time,force\nms,[µN]\n0,1500000\n10,1250000\n20,-300000\n")
+    recording = read_recording(path, mapping={"force": "force"})
+    assert recording.units == {"force": "n"}
+    np.testing.assert_array_equal(recording.channels["force"], PRESSURE)
 
 
 REFUSED = {
