@@ -11,7 +11,7 @@ import logging
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from inspect import Parameter
@@ -26,6 +26,7 @@ from pushfit.cli.progress import Course, shown_bar
 from pushfit.cli.stop import keep, kept
 from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
+from pushfit.report.store.target import refuse_inputs
 
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 # Arguments and options that name files to read. Loading what reads them takes seconds.
@@ -33,6 +34,9 @@ INPUTS = (
     *("recordings", "recording", "table", "files", "folder"),
     *("schedules", "schedule", "config", "profile"),
 )
+# Folders of results, which are not read like files; and what is written by --force.
+RESULTS = ("result", "first", "second")
+OUTPUTS = ("out", "output", "plot", "export")
 # XLA logs as an error that a program takes minutes to compile. Failures are raised.
 XLA_LOG, NOTHING_BUT_FATAL = "TF_CPP_MIN_LOG_LEVEL", "3"
 ERROR_SCHEMA = "pushfit.error/1"
@@ -165,7 +169,12 @@ def command(
             )
 
             def work() -> int | None:
-                existing_files(_inputs(arguments))
+                inputs = _paths(arguments, INPUTS)
+                # Said at once, before what reads them is loaded.
+                existing_files(inputs)
+                if arguments.get("force"):
+                    inputs += _paths(arguments, RESULTS)
+                    refuse_inputs(_paths(arguments, OUTPUTS), inputs)
                 # Before JAX is imported, which reads the settings once.
                 if not debug:
                     os.environ.setdefault(XLA_LOG, NOTHING_BUT_FATAL)
@@ -214,9 +223,9 @@ def _grouped(
     return arguments
 
 
-def _inputs(arguments: Mapping[str, object]) -> list[Path]:
-    """Files that a command is going to read, so that a missing one is said at once."""
-    given = [arguments.get(name) for name in INPUTS]
+def _paths(arguments: Mapping[str, object], names: Iterable[str]) -> list[Path]:
+    """Paths that were given under some names."""
+    given = [arguments.get(name) for name in names]
     several = [one if isinstance(one, list) else [one] for one in given]
     return [path for one in several for path in one if isinstance(path, Path)]
 

@@ -1,6 +1,7 @@
 """What the command line and files of settings say about recordings."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +146,36 @@ def test_all_missing_inputs_are_named_before_any_work(capsys):
     message = capsys.readouterr().err
     assert "nowhere.csv: no such file" in message
     assert "nothing.csv: no such file" in message
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["peaks", "push.csv", "-s", "plan.csv", "-o", "push.csv"],
+        ["peaks", "push.csv", "-s", "plan.csv", "-o", "./link.csv"],
+        ["peaks", "push.csv", "-s", "plan.csv", "--plot", "plan.png"],
+        ["fit", "result/peaks.csv", "--out", "result"],
+        ["report", "result", "-o", "result/summary.json"],
+    ],
+    ids=" ".join,
+)
+def test_no_input_is_replaced_by_force(command, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(EXAMPLE / "theta_sweep.csv", "push.csv")
+    shutil.copy(EXAMPLE / "theta_schedule.csv", "plan.csv")
+    Path("link.csv").symlink_to("push.csv")
+    Path("plan.png").symlink_to("plan.csv")
+    Path("result").mkdir()
+    for name in ("peaks.csv", "summary.json"):
+        Path("result", name).write_text("kept")
+    before = contents(tmp_path)
+    assert main([*command, "--force"]) == 2
+    assert "inputs are never replaced" in capsys.readouterr().err
+    assert contents(tmp_path) == before
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 def test_a_recording_named_twice_is_not_counted_twice(capsys):

@@ -1,22 +1,34 @@
-"""Where a result folder may be written: checked before anything is computed for it."""
+"""Where results may be written: checked before anything is computed for them."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
+from pushfit.atomic import is_stream
 from pushfit.errors import ConfigError
 
-CONTENT = frozenset(
-    {
-        "peaks.csv",
-        "result.nc",
-        "summary.json",
-        "report.txt",
-        "report.html",
-        "figures",
-        # Of an explored grasp.
-        "journal.jsonl",
-        "exploration.png",
-    }
-)
+# What is read back from a result, a journal from that of an explored grasp.
+KEPT = frozenset({"peaks.csv", "result.nc", "summary.json", "journal.jsonl"})
+CONTENT = KEPT | {"report.txt", "report.html", "figures", "exploration.png"}
+
+
+def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Protect what a command reads, even from --force.
+
+    Raises:
+        ConfigError: An output is an input, holds one, or is what one is read back from.
+    """
+    read = [path.resolve() for path in inputs]
+    for path in outputs:
+        own = path.resolve()
+        is_part = own.parent in read and own.name in KEPT
+        if not is_stream(path) and (
+            is_part or any(own == one or own in one.parents for one in read)
+        ):
+            raise ConfigError(
+                f"{path}: this command reads it, and inputs are never replaced, not "
+                "even by --force; name another",
+                code="output_is_input",
+            )
 
 
 def check_target(out: Path, *, force: bool) -> None:
