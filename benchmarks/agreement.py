@@ -21,9 +21,9 @@ from jaxtyping import Float
 
 from benchmarks.tables import prior_problems
 from pushfit.cache import enable_compile_cache
-from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.programs import in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.sampler.emcee_posterior import sample_posterior

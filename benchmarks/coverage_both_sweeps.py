@@ -18,9 +18,9 @@ from scipy import stats
 from benchmarks.tables import HARD
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.priors.distributions import default_priors
 from pushfit.fit.problem.derived import equal_tailed_interval
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
 from pushfit.fit.setup import build_problem

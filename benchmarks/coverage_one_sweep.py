@@ -25,8 +25,8 @@ from pushfit.data.simulate import simulate_table
 from pushfit.fit.coverage import LEVELS, simulate_tables
 from pushfit.fit.fitted import Fitted, fit_table
 from pushfit.fit.identify import identify_table
-from pushfit.fit.likelihood.profile_sets import profile_set
 from pushfit.fit.problem.derived import equal_tailed_interval
+from pushfit.fit.profiles.profile_sets import profile_set
 from pushfit.fit.results import FitStatus, Identification, Piece
 from pushfit.model import Grasp, Parameters
 

@@ -19,8 +19,8 @@ import numpy as np
 from benchmarks.tables import HARD
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.problem.encoding import encode
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.programs import in_chunks
 from pushfit.fit.sampler.chains import Densities, advance
 from pushfit.fit.sampler.diagnostics import autocorr_time

@@ -32,8 +32,8 @@ from pushfit.explore.belief.belief import ANGLES, Belief, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, weighed
 from pushfit.explore.belief.predict import predict
-from pushfit.explore.decide.judge import HOPELESS, IN_A_ROW, MIN_FORECAST, Judge
-from pushfit.explore.decide.survey import Surveyor
+from pushfit.explore.decide.next_push import Surveyor
+from pushfit.explore.decide.stopping import HOPELESS, IN_A_ROW, MIN_FORECAST, Judge
 from pushfit.explore.explorer import KEPT_SHARE
 from pushfit.explore.records import Answer, Told
 

@@ -18,9 +18,9 @@ from jaxtyping import Array, Float
 
 from benchmarks.tables import prior_problems
 from pushfit.cache import enable_compile_cache
-from pushfit.fit.likelihood.least_squares import fit_least_squares, polish
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.profiles.least_squares import fit_least_squares, polish
 from pushfit.model import contact
 from tests.fit.kinds import KINDS
 

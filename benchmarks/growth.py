@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks import tables
 from pushfit.cache import enable_compile_cache
 from pushfit.data.tables.peak_table import PeakTable, write_table
-from pushfit.fit.likelihood.least_squares import fit_least_squares
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Elevations and repeats: 17, 51 and 204 rows of the same directions, then 204 of more.

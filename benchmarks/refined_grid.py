@@ -11,8 +11,8 @@ import argparse
 import numpy as np
 
 from benchmarks import tables
-from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.problem.derived import samples_mapping
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.posterior import weighted_draws
 from pushfit.fit.sweep.prior import make_target

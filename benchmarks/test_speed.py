@@ -17,9 +17,9 @@ from jax.experimental.compilation_cache import compilation_cache
 from benchmarks import peers, recording_scale, tables, tilting_cost
 from pushfit.cache import PROGRAMS
 from pushfit.fit.fitted import fit_table, reach_of
-from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.population.many import identify_many
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.sampler.emcee_posterior import sample_posterior
 from pushfit.fit.sweep.posterior import N_RETURNED, sweep_posterior
 from tests.fit.kinds import KINDS

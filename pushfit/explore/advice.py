@@ -12,7 +12,7 @@ from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.from_fit import belief_from
 from pushfit.explore.decide.gain import outlook
 from pushfit.explore.decide.intervals import Target
-from pushfit.explore.decide.survey import Surveyor
+from pushfit.explore.decide.next_push import Surveyor
 from pushfit.explore.limits import Limits
 from pushfit.fit.results import Identification, Verdict
 from pushfit.fit.setup import build_problem

@@ -21,8 +21,8 @@ from pushfit.explore.belief.belief import ANGLES, Belief, BeliefSource, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, reference_due, weighed
 from pushfit.explore.belief.tables import by_channel, check_sensor, table_of, told_rows
-from pushfit.explore.decide.judge import Judge
-from pushfit.explore.decide.survey import Survey, Surveyor, repetition, suggestion
+from pushfit.explore.decide.next_push import Survey, Surveyor, repetition, suggestion
+from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.journal.events import (
     INTERRUPTED,
     History,

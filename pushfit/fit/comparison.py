@@ -23,7 +23,6 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
 from pushfit.fit.assess.predictive import noise_at
 from pushfit.fit.fitted import Fitted, draw_posterior, fit_table, with_noise
-from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeat_effects import (
@@ -32,6 +31,7 @@ from pushfit.fit.problem.repeat_effects import (
     is_crossed,
     without_repeat_effects,
 )
+from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import build_problem

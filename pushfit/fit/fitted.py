@@ -25,14 +25,14 @@ from pushfit.fit.assess.warnings import (
     scatter_warning,
     table_warnings,
 )
-from pushfit.fit.likelihood.least_squares import (
+from pushfit.fit.problem.averaging import averaged, averaging_warning
+from pushfit.fit.problem.repeat_effects import repeat_warning, without_repeat_effects
+from pushfit.fit.profiles.least_squares import (
     fit_least_squares,
     searched,
     settle_noise,
 )
-from pushfit.fit.likelihood.weights import tail_gain
-from pushfit.fit.problem.averaging import averaged, averaging_warning
-from pushfit.fit.problem.repeat_effects import repeat_warning, without_repeat_effects
+from pushfit.fit.profiles.weights import tail_gain
 from pushfit.fit.results import (
     FitResult,
     FitStatus,

@@ -19,11 +19,6 @@ from pushfit.fit.assess.identifiability import identifiability
 from pushfit.fit.assess.model_checking import goodness_of_fit
 from pushfit.fit.assess.model_free import model_free_direction
 from pushfit.fit.assess.predictive import predictive_checks
-from pushfit.fit.assess.quantities import (
-    angle_quantity,
-    combination_quantities,
-    parameter_quantities,
-)
 from pushfit.fit.assess.reporting_rules import (
     reported,
     unknown,
@@ -35,6 +30,11 @@ from pushfit.fit.assess.tilt_check import (
     implied_tilt_deg,
     is_worse,
     tilt_warning,
+)
+from pushfit.fit.assess.verdicts import (
+    angle_quantity,
+    combination_quantities,
+    parameter_quantities,
 )
 from pushfit.fit.assess.violations import violation_warnings
 from pushfit.fit.assess.warnings import (
@@ -51,7 +51,7 @@ from pushfit.fit.fitted import (
     reach_of,
     sweep,
 )
-from pushfit.fit.likelihood.profiles import likelihood_profiles
+from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import (
     FitStatus,
     Identification,

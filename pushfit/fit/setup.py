@@ -14,7 +14,6 @@ from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
-from pushfit.fit.likelihood.curve import Search
 from pushfit.fit.priors.distributions import (
     Prior,
     default_prior,
@@ -26,6 +25,7 @@ from pushfit.fit.problem.data_coordinates import data_names
 from pushfit.fit.problem.noise import Noise, choose_noise
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.uninformative import check_informative
+from pushfit.fit.profiles.curve import Search
 from pushfit.model import Grasp, Pushes, as_float
 from pushfit.parameters import SIGNED
 

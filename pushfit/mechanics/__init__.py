@@ -1,1 +1,4 @@
-"""What the model is made of: contacts, equilibria, directions, branch points."""
+"""What the model is made of: contacts, equilibria, directions, branch points.
+
+Which mechanics there are, by name, is in `pushfit.registry`.
+"""

@@ -7,7 +7,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.coverage import simulate_tables
 from pushfit.fit.fitted import fit_table
-from pushfit.fit.likelihood.least_squares import settle_noise
+from pushfit.fit.profiles.least_squares import settle_noise
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.model import Parameters
 from tests.problems import CASES

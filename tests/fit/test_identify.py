@@ -9,8 +9,8 @@ from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit import fitted as fitted_module
-from pushfit.fit.assess.quantities import angle_quantity
 from pushfit.fit.assess.reporting_rules import reported
+from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.assess.violations import Violation
 from pushfit.fit.fitted import fit_table, sweep
 from pushfit.fit.identify import identify_table

@@ -11,8 +11,8 @@ import pytest
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
 from pushfit.fit import setup as setups
-from pushfit.fit.likelihood.least_squares import fit_least_squares
-from pushfit.fit.likelihood.profiles import likelihood_profiles
+from pushfit.fit.profiles.least_squares import fit_least_squares
+from pushfit.fit.profiles.profiles import likelihood_profiles
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES
 

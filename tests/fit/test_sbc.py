@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import STUDENT_DOF
+from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
 from pushfit.fit.setup import Setup, build_problem

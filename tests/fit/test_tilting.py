@@ -14,10 +14,10 @@ from pushfit.fit.assess.advice import measurements
 from pushfit.fit.comparison import rival_configs
 from pushfit.fit.fitted import fit_table, reach_of
 from pushfit.fit.identify import identify_table
-from pushfit.fit.likelihood.profiles import likelihood_profiles
 from pushfit.fit.problem.constraint_terms import held_names, held_values
 from pushfit.fit.problem.data_coordinates import tilting_point
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import FitStatus, Verdict
 from pushfit.fit.setup import build_problem
 from pushfit.mechanics.directions import critical_angle

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pushfit.fit.likelihood.least_squares import fit_least_squares
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.exact import exact_grid, exact_posterior

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pushfit.fit.likelihood.curve import Curve, Search
+from pushfit.fit.profiles.curve import Curve, Search
 from pushfit.fit.results import FitResult, LikelihoodProfile, Mode, Verdict
 from pushfit.report.text.first import fit_line, look_line, set_line
 

@@ -10,7 +10,7 @@ import numpy as np
 from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.units import UNITS, Unit, parse_unit, split_unit
 from pushfit.data.text.faults import listed, refuse
-from pushfit.data.text.guess import NUMBER
+from pushfit.data.text.layout_guess import NUMBER
 from pushfit.errors import ConfigError, DataError
 
 # What messages of known types hold, in units that their definitions fix.

@@ -15,15 +15,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.apex import N_BINS, fit_apex
-from pushfit.data.peaks.rests import RestNoise, rests_of
-from pushfit.data.peaks.saturation import saturated_pushes
-from pushfit.data.peaks.shape import (
+from pushfit.data.peaks.apex_or_plateau import (
     PROFILE_BINS,
     are_held,
     bin_means,
     calmed,
     held_window,
 )
+from pushfit.data.peaks.rests import RestNoise, rests_of
+from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING

@@ -19,7 +19,7 @@ from pushfit.data.recordings.units import (
 )
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import data_error, did_you_mean, listed, problem
-from pushfit.data.text.guess import Stamp, stamp_of
+from pushfit.data.text.layout_guess import Stamp, stamp_of
 from pushfit.errors import ConfigError, Problem
 
 # Names that no example should take for a signal.

@@ -22,7 +22,7 @@ from pushfit.data.recordings.records import Source
 from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
 from pushfit.data.text.faults import data_error, refuse, refuse_too_large
-from pushfit.data.text.guess import STAMPS, Stamp
+from pushfit.data.text.layout_guess import STAMPS, Stamp
 from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile, open_text
 from pushfit.errors import DataError, Problem

@@ -12,7 +12,7 @@ from typing import Literal
 
 from pushfit.data.text.ddf import read_preamble
 from pushfit.data.text.faults import data_error, problem, refuse
-from pushfit.data.text.guess import (
+from pushfit.data.text.layout_guess import (
     DELIMITERS,
     Guess,
     best_guess,

@@ -16,7 +16,7 @@ import numpy as np
 
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import problem
-from pushfit.data.text.guess import NUMBER, STAMPS, Stamp, split_line
+from pushfit.data.text.layout_guess import NUMBER, STAMPS, Stamp, split_line
 from pushfit.data.text.scan import Body, Scan, whole_lines
 from pushfit.errors import Problem
 

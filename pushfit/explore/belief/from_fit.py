@@ -21,9 +21,9 @@ from pushfit.fit.fitted import (
     reach_of,
     reference_azimuth,
 )
-from pushfit.fit.likelihood.least_squares import settle_noise
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.profiles.least_squares import settle_noise
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup, build_problem, n_azimuths
 from pushfit.fit.sweep.posterior import sweep_posterior

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from pushfit.explore.belief.belief import Question
-from pushfit.explore.decide.judge import Judge
+from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.journal.file import SCHEMA, Event
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Failure, State, Suggestion, Told

@@ -19,9 +19,9 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.likelihood.angle_errors import angle_slopes
 from pushfit.fit.problem.derived import unwrapped
 from pushfit.fit.problem.predictions import heights_of, predict_draws
+from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.results import FitStatus, Identification, ResultWarning
 from pushfit.fit.setup import Setup
 

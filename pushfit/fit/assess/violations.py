@@ -19,9 +19,9 @@ from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
-from pushfit.fit.likelihood.angle_errors import angle_slopes
 from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.repeat_effects import repeat_p_value
+from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.fit.setup import Setup
 

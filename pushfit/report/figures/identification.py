@@ -13,7 +13,7 @@ import numpy as np
 
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.reporting_rules import is_trusted
-from pushfit.fit.likelihood.profile_sets import threshold
+from pushfit.fit.profiles.profile_sets import threshold
 from pushfit.fit.results import (
     FitStatus,
     Identification,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pushfit.fit.fitted import Fitted, Listener
-from pushfit.fit.likelihood.curve import Search
+from pushfit.fit.profiles.curve import Search
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.setup import Setup
 from pushfit.report.strings import format_angle, format_range, join_or

@@ -5,7 +5,7 @@ import pytest
 
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.text.dialects import find_layout
-from pushfit.data.text.guess import split_line
+from pushfit.data.text.layout_guess import split_line
 from pushfit.data.text.textfile import open_text
 from pushfit.errors import ConfigError, DataError
 

@@ -122,7 +122,7 @@ WHERE = {
     "29 constant": ((PEAKS, "test_a_signal_without_pushes_is_refused"),),
     "30 too few pushes": (
         ("data/text/test_faults", "test_too_few_elevations_are_told_with_the_way_out"),
-        ("fit/likelihood/test_profiles", "test_one_elevation_determines_no_angle"),
+        ("fit/profiles/test_profiles", "test_one_elevation_determines_no_angle"),
         ("fit/test_identify", "test_one_azimuth_gives_no_direction"),
     ),
     "31 outlying push": (

@@ -9,10 +9,10 @@ import pytest
 from scipy import stats
 
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.assess.quantities import angle_quantity
 from pushfit.fit.assess.reporting_rules import within_verdict
-from pushfit.fit.likelihood.least_squares import fit_least_squares
-from pushfit.fit.likelihood.profiles import likelihood_profiles
+from pushfit.fit.assess.verdicts import angle_quantity
+from pushfit.fit.profiles.least_squares import fit_least_squares
+from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
 from tests.fit.tables import setup_of
 from tests.problems import PLAIN, paper_parameters

@@ -18,11 +18,11 @@ from pushfit.errors import ConfigError
 from pushfit.explore.belief.from_fit import belief_from
 from pushfit.explore.belief.predict import predict
 from pushfit.fit.assess.bands import predicted_heights
-from pushfit.fit.likelihood.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.problem.constraint_terms import N_DRAWS
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import encode, prior_x_samples
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import sweep_posterior
 from pushfit.model import Pushes, as_float

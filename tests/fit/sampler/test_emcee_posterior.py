@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pushfit.errors import FitError
-from pushfit.fit.likelihood.least_squares import fit_least_squares
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler import emcee_posterior as posterior
 from pushfit.fit.sampler.checkpoint import CheckpointWarning

@@ -9,7 +9,7 @@ Monte-Carlo error the chain is wrong. One table is in
 import numpy as np
 import pytest
 
-from pushfit.fit.likelihood.least_squares import fit_least_squares
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler.emcee_posterior import sample_posterior
 from tests.fit.agreement import z_values

@@ -10,8 +10,8 @@ import pytest
 from scipy import stats
 
 from pushfit.errors import FitError
-from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.problem.encoding import encode, prior_x_samples
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import Mode
 from pushfit.fit.sampler.chains import Densities
 from pushfit.fit.sampler.starts import starting_points

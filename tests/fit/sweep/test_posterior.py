@@ -13,8 +13,8 @@ from benchmarks.agreement import compared
 from benchmarks.tables import prior_problems
 from pushfit import cache
 from pushfit.fit import identify
-from pushfit.fit.likelihood.least_squares import fit_least_squares
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sweep import posterior as engine
 from pushfit.fit.sweep import prior

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from pushfit.fit.likelihood.guesses import guesses
-from pushfit.fit.likelihood.held import Likelihood, imposable
 from pushfit.fit.problem.derived import critical_angle_at, critical_angles
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.profiles.guesses import guesses
+from pushfit.fit.profiles.held import Likelihood, imposable
 from pushfit.fit.programs import compiled
 from pushfit.fit.sweep.outer import follow, tempered
 from pushfit.fit.sweep.repeats import pool_repeats

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.fit.likelihood.least_squares import fit_least_squares
-from pushfit.fit.likelihood.profile_sets import profile_set, threshold
-from pushfit.fit.likelihood.profiles import likelihood_profiles
+from pushfit.fit.profiles.least_squares import fit_least_squares
+from pushfit.fit.profiles.profile_sets import profile_set, threshold
+from pushfit.fit.profiles.profiles import likelihood_profiles
 from tests.fit.tables import case_table, log_contact, setup_of
 from tests.problems import CASES
 

@@ -10,14 +10,14 @@ from scipy import optimize, stats
 
 from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.likelihood.least_squares import fit_least_squares
-from pushfit.fit.likelihood.profile_sets import (
+from pushfit.fit.profiles.least_squares import fit_least_squares
+from pushfit.fit.profiles.profile_sets import (
     pieces_below,
     profile_set,
     threshold,
     verdict_of,
 )
-from pushfit.fit.likelihood.profiles import likelihood_profiles
+from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import Verdict
 from pushfit.fit.setup import build_problem
 from tests.fit.kinds import KINDS

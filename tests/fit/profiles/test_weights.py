@@ -9,7 +9,7 @@ from scipy import stats
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.fitted import fit_table
-from pushfit.fit.likelihood.weights import height_share, tail_gain
+from pushfit.fit.profiles.weights import height_share, tail_gain
 from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, config
 from tests.problems import CASES

@@ -13,18 +13,18 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.errors import FitError
-from pushfit.fit.likelihood.angle_errors import angle_scatter
-from pushfit.fit.likelihood.curve import search
-from pushfit.fit.likelihood.weights import (
+from pushfit.fit.problem.derived import critical_angles
+from pushfit.fit.problem.predictions import heights_of, predict_points
+from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.slopes import linearised, residuals_at
+from pushfit.fit.profiles.angle_errors import angle_scatter
+from pushfit.fit.profiles.curve import search
+from pushfit.fit.profiles.weights import (
     height_share,
     share_warning,
     with_known_noise,
     with_noise_of,
 )
-from pushfit.fit.problem.derived import critical_angles
-from pushfit.fit.problem.predictions import heights_of, predict_points
-from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.slopes import linearised, residuals_at
 from pushfit.fit.programs import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
 from pushfit.fit.setup import Setup

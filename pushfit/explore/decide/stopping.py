@@ -16,7 +16,7 @@ from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known
 from pushfit.explore.decide.forecast import UNLIMITED, imagine, p_decided
 from pushfit.explore.decide.intervals import Target, shortest_interval
-from pushfit.explore.decide.survey import Survey
+from pushfit.explore.decide.next_push import Survey
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import (
     Answer,

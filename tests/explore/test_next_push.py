@@ -7,7 +7,7 @@ from pushfit.explore.belief.belief import N_DRAWS, Question
 from pushfit.explore.decide.forecast import imagine, p_decided
 from pushfit.explore.decide.gain import information_gain, summed_gain
 from pushfit.explore.decide.intervals import Target, shortest_interval
-from pushfit.explore.decide.survey import Surveyor
+from pushfit.explore.decide.next_push import Surveyor
 from pushfit.explore.limits import Limits
 from tests.explore.beliefs import belief_of
 from tests.explore.test_gain import after_pushes

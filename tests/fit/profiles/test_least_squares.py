@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from pushfit.fit.likelihood.guesses import guesses
-from pushfit.fit.likelihood.least_squares import (
+from pushfit.fit.profiles.guesses import guesses
+from pushfit.fit.profiles.least_squares import (
     MAX_ROUNDS,
     STALLED_DELTA_CHI_SQUARE,
     costs_at,

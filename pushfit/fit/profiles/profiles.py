@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.likelihood.curve import Curve, first_values, profile_curve
-from pushfit.fit.likelihood.derived_profiles import implied_profiles
-from pushfit.fit.likelihood.held import imposable
-from pushfit.fit.likelihood.least_squares import costs_at, searched
-from pushfit.fit.likelihood.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.profiles.curve import Curve, first_values, profile_curve
+from pushfit.fit.profiles.derived_profiles import implied_profiles
+from pushfit.fit.profiles.held import imposable
+from pushfit.fit.profiles.least_squares import costs_at, searched
+from pushfit.fit.profiles.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.setup import Setup
 from pushfit.parameters import unit_of

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.likelihood.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.profiles.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.results import LikelihoodProfile
 from pushfit.parameters import unit_of
 

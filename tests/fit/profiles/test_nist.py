@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pushfit.fit.likelihood.least_squares import minimise, restarted
+from pushfit.fit.profiles.least_squares import minimise, restarted
 
 SETS = json.loads(Path(__file__).with_name("nist.json").read_text())
 N_STARTS = 16
