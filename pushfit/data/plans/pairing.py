@@ -77,11 +77,17 @@ class Paired:
         return notes
 
     def cautions(self, unit: str) -> list[str]:
-        """What is missing, too many, or so small that it may be no push."""
+        """What is missing, too many, out of order, or so small as to be no push."""
         if self.schedule is None or self.alignment is None:
             return []
         error = mismatch_error(self.schedule, self.alignment, self.found.extents)
         lines = [problem.message for problem in error.problems]
+        if not self.schedule.is_numbered_in_order and self.schedule.time is None:
+            lines.append(
+                "the rows of the schedule are not in the order of their push numbers; "
+                "pushes are paired in the order of the rows: sort them by push if they "
+                "were made in that order, or state time_s"
+            )
         plan = self.schedule.repeated(self.alignment.n_cycles)
         for i, j in enumerate(self.alignment.hump):
             if j >= 0 and self.found.extents[j].is_brush:

@@ -45,6 +45,11 @@ class PushSchedule:
         """Number of planned pushes."""
         return len(self.push)
 
+    @property
+    def is_numbered_in_order(self) -> bool:
+        """Whether the numbers of the pushes rise from row to row."""
+        return bool(np.all(np.diff(self.push) > 0))
+
     @classmethod
     def planned(
         cls,

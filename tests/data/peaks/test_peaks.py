@@ -492,3 +492,16 @@ def test_cut_real_pushes_are_flagged(real_data):
     ends = real(real_data, "biotac_hand_pushes/short_dropouts", "pdc")
     assert "clipped" in extract_peaks(starts).flags[0]
     assert "clipped" in extract_peaks(ends).flags[4]
+
+
+@pytest.mark.parametrize(
+    ("push", "is_in_order"), [([1, 2, 5, 6], True), ([2, 4, 3, 1], False)]
+)
+def test_rows_sorted_by_anything_but_their_order_are_told_of(push, is_in_order):
+    theta = np.radians([10.0, 30.0, 50.0, 70.0])
+    schedule = dataclasses.replace(
+        PushSchedule.in_order(theta, 0 * theta), push=np.array(push)
+    )
+    table = extract_peaks(simulated(schedule).recording, schedule)
+    told = [text for text in table.cautions if "push numbers" in text]
+    assert bool(told) is not is_in_order
