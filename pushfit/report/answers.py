@@ -176,6 +176,12 @@ def _reason(identification: Identification, quantity: Quantity) -> str:
             f"the pushes have only {n_different} {few}{plural}, "
             f"and at least {MIN_DIRECTIONS} are needed"
         )
+    profile = identification.profiles.get(quantity.name)
+    if profile is not None and profile.degrees_of_freedom < 1:
+        return (
+            "as many unknowns as heights leave nothing to tell the noise by; push more "
+            "directions, or each of them twice"
+        )
     return many
 
 

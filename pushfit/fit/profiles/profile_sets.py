@@ -25,11 +25,14 @@ def threshold(prob: float, degrees_of_freedom: float) -> float:
             infinite where sigma is known.
 
     Returns:
-        Quantile of chi-square with one degree of freedom, or of F(1, dof).
+        Quantile of chi-square with one degree of freedom, or of F(1, dof): infinite
+        without any, where the residuals tell nothing of sigma.
     """
     if math.isinf(degrees_of_freedom):
         return float(scipy.special.chdtri(1, 1 - prob))
-    return float(scipy.special.fdtri(1, max(degrees_of_freedom, 1.0), prob))
+    if degrees_of_freedom < 1.0:
+        return math.inf
+    return float(scipy.special.fdtri(1, degrees_of_freedom, prob))
 
 
 def pieces_below(

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.profiles.curve import Curve, first_values, profile_curve
+from pushfit.fit.profiles.curve import LEVEL, Curve, first_values, profile_curve
 from pushfit.fit.profiles.derived_profiles import implied_profiles
 from pushfit.fit.profiles.held import imposable
 from pushfit.fit.profiles.least_squares import costs_at, searched
@@ -84,7 +84,7 @@ def likelihood_profiles(
 def degrees_of_freedom(setup: Setup, fit: FitResult) -> float:
     """Degrees of freedom of the sigma behind Δχ²; infinite where it was given."""
     if setup.noise.kind == "sampled":
-        return float(max(fit.degrees_of_freedom, 1))
+        return float(max(fit.degrees_of_freedom, 0))
     return float(setup.noise.degrees_of_freedom)
 
 
@@ -118,7 +118,7 @@ def _curves(
                 first_values(problem, name, at_modes),
                 pool,
                 reference_alpha=reference_alpha,
-                level=level,
+                level=LEVEL if np.isinf(level) else level,
             )
         # Of the other modes most lie above the profile.
         around = np.interp(at_modes, curve.values, curve.chi_square)

@@ -210,7 +210,8 @@ def _angle(identification: Identification, name: str, *, ax: "Axes | None") -> "
     prior = posterior.prior_samples.get(answer.name, np.empty(0))
     profile = identification.profiles.get(answer.name)
     curve, pieces, freedom = None, (), np.inf
-    if profile is not None:
+    # Without a degree of freedom it is that of no noise at all.
+    if profile is not None and profile.degrees_of_freedom >= 1:
         curve = (profile.values, profile.delta_chi_square)
         pieces, freedom = profile.pieces, profile.degrees_of_freedom
     modes = [m.theta_c_deg for m in identification.fit.modes if m.theta_c_deg]

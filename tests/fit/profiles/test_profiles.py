@@ -262,6 +262,18 @@ def test_threshold_is_that_of_one_parameter():
     assert threshold(0.95, 5.0) == pytest.approx(2.570581835636197**2)
 
 
+def test_as_many_unknowns_as_heights_bound_nothing():
+    """Residuals of an exact fit would show any noise as none, and sets as points."""
+    heights, theta = np.array([1.2, 2.1, 2.7]), np.radians([20.0, 45.0, 70.0])
+    table = PeakTable.from_arrays(
+        theta=theta, alpha=np.full(3, np.pi / 2), heights={"height": heights}, unit="n"
+    )
+    profiles = profiles_of(setup_of(table, "[parameters.L]\nfixed = 0.04\n"))
+    for name in ("theta_c", "A", "B"):
+        assert profiles[name].verdict is Verdict.NOT_DETERMINED
+        assert profiles[name].pieces == ((None, None),)
+
+
 N_TABLES = 120
 # Binomial bounds of 99.9 % around the nominal level; θ_c may be over-covered where the
 # set is open, so only the lower bound is that tight.
