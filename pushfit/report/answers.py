@@ -158,6 +158,9 @@ def _angle_answer(
     )
 
 
+ANSWERS = {"theta_c": theta_c_answer, "alpha_star": alpha_star_answer}
+
+
 def _reason(identification: Identification, quantity: Quantity) -> str:
     """Why an angle is not determined."""
     if quantity.verdict is Verdict.PROVISIONAL:

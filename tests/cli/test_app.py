@@ -211,6 +211,15 @@ def test_validate_lists_all_problems_of_all_files(tmp_path, capsys):
     assert captured.err.count("\n") == len(problems)
 
 
+def test_validate_says_what_the_files_are_that_are_not_refused(tmp_path, capsys):
+    (tmp_path / "a.csv").write_text("time_s,force_n\n0.0,1.0\n0.1,x\n0.2,2.0\n")
+    good = str(EXAMPLE / "alpha_schedule.csv")
+    assert main(["validate", str(tmp_path / "a.csv"), good]) == 3
+    captured = capsys.readouterr()
+    assert "line 3, column force_n" in captured.err
+    assert good in captured.out
+
+
 def test_a_missing_input_is_a_usage_error(tmp_path, capsys):
     assert main(["validate", str(tmp_path / "none.csv")]) == 2
     assert "no such file" in capsys.readouterr().err

@@ -231,6 +231,7 @@ def _run(
     from pushfit.explore.loop import explore as run
     from pushfit.fit.identify import identify_table
     from pushfit.fit.results import FitStatus
+    from pushfit.report.answers import ANSWERS
     from pushfit.report.figures import figure_bytes
     from pushfit.report.figures.exploration import exploration_picture
     from pushfit.report.store.folder import write_result_folder
@@ -262,6 +263,8 @@ def _run(
         session.print_json({**summary_dict(found), "exploration": state_dict(state)})
     else:
         print(state.sentence)
+        for name in explorer.question.ask:
+            print(f"Identified from all pushes: {ANSWERS[name](found).sentence}")
     return 0 if found.status is FitStatus.OK else FitError.exit_code
 
 

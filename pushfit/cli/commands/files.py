@@ -57,8 +57,9 @@ def validate(
 
     settings = read_settings(layout, rate=rate)
     existing_files(files)
-    problems = check_files(files, **reader_options(settings))
-    found = [] if problems else [describe(path, settings) for path in files]
+    checked = {path: check_files([path], **reader_options(settings)) for path in files}
+    problems = [problem for of_file in checked.values() for problem in of_file]
+    found = [describe(path, settings) for path, faults in checked.items() if not faults]
     for problem in problems:
         session.complain(problem.message)
     if json:
@@ -70,7 +71,7 @@ def validate(
                 "files": found,
             }
         )
-    elif found:
+    else:
         print("\n\n".join(as_text(facts) for facts in found))
     return DataError.exit_code if problems else 0
 

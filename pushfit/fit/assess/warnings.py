@@ -105,9 +105,10 @@ def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarni
     if not goodness.is_adequate:
         yield ResultWarning(code="model_inadequate", text=goodness.sentence)
     elif goodness.degrees_of_freedom < MIN_TESTED:
+        excess = max(goodness.degrees_of_freedom, 0)
         yield ResultWarning(
             code="model_untested",
-            text=f"heights exceed unknowns by {goodness.degrees_of_freedom} only, "
+            text=f"heights exceed unknowns by {excess} only, "
             "which would not show an outlier or a wrong model, and intervals take "
             "both for absent; push more directions, or each of them twice",
         )

@@ -23,8 +23,8 @@ from pushfit.fit.results import (
 )
 from pushfit.parameters import STIFFNESSES
 from pushfit.report.answers import (
+    ANSWERS,
     alpha_star_answer,
-    theta_c_answer,
 )
 from pushfit.report.facts import verdict_word
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ANSWERS = {"theta_c": theta_c_answer, "alpha_star": alpha_star_answer}
 INFORMED = frozenset({Verdict.LEARNED, Verdict.PARTLY, Verdict.DETERMINED})
 
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from pushfit.errors import DataError
 from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.results import Identification, Quantity, Verdict
+from pushfit.registry import mechanics_named
 from pushfit.report.facts import quantity_cells, verdict_word
 from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import (
@@ -61,10 +62,12 @@ class Comparison:
     Args:
         differences: One for each quantity that both determine.
         left_out: Sentences on what could not be compared.
+        notes: Sentences on what else differs.
     """
 
     differences: tuple[Difference, ...]
     left_out: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def compare_results(first: Identification, second: Identification) -> Comparison:
@@ -83,9 +86,12 @@ def compare_results(first: Identification, second: Identification) -> Comparison
             )
     digests = {source.sha256 for source in first.table.sources}
     shared = [s.path for s in second.table.sources if s.sha256 in digests]
-    if shared:
+    # A table made in memory, such as that of an exploration, has no file.
+    is_same = not digests and first.table.frame.equals(second.table.frame)
+    if shared or is_same:
+        rows = join_and(shared) or "equal rows"
         raise DataError(
-            f"both results are made of {join_and(shared)}, so they are not "
+            f"both results are made of {rows}, so they are not "
             "independent; compare results of different pushes, and models of the same "
             "pushes by `pushfit compare`",
             code="same_inputs",
@@ -97,7 +103,15 @@ def compare_results(first: Identification, second: Identification) -> Comparison
             left_out.append(f"{symbol(name)}: {reason}")
         else:
             found.append(_difference(name, first, second))
-    return Comparison(differences=tuple(found), left_out=tuple(left_out))
+    titles = [mechanics_named(one.mechanics).title for one in (first, second)]
+    notes = (
+        [f"the first is by {titles[0]}, the second by {titles[1]}, which differ, too"]
+        if titles[0] != titles[1]
+        else []
+    )
+    return Comparison(
+        differences=tuple(found), left_out=tuple(left_out), notes=tuple(notes)
+    )
 
 
 def _quantities(result: Identification) -> tuple[Quantity, ...]:
@@ -182,6 +196,7 @@ def difference_text(comparison: Comparison) -> str:
         lines.append(f"{symbol(one.name)}: {first}, then {second}")
         lines.append(f"    {sentence(one)}")
     lines += [f"left out, {text}" for text in comparison.left_out]
+    lines += comparison.notes
     return "\n".join(lines)
 
 
@@ -227,6 +242,7 @@ def difference_dict(comparison: Comparison) -> dict[str, Json]:
         "status": "ok",
         "differences": json_safe(content),
         "left_out": json_safe(comparison.left_out),
+        "notes": json_safe(comparison.notes),
     }
 
 

@@ -64,6 +64,17 @@ def test_what_changed_is_clear_and_what_did_not_is_not(determined, later):
 def test_results_of_the_same_pushes_are_refused(determined):
     with pytest.raises(DataError, match="not independent"):
         compare_results(determined, determined)
+    explored = replace(determined, table=replace(determined.table, sources=()))
+    with pytest.raises(DataError, match="equal rows, so they are not independent"):
+        compare_results(explored, explored)
+
+
+def test_results_by_other_mechanics_are_told_of(determined, later):
+    assert not compare_results(determined, later).notes
+    (own, *_) = later.by_mechanics
+    tilted = replace(later, by_mechanics=(replace(own, mechanics="tilting"),))
+    text = difference_text(compare_results(determined, tilted))
+    assert "by paper's equations, the second by tilting mechanics" in text
 
 
 def test_what_cannot_be_compared_is_said(determined, later, not_converged):
