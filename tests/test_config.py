@@ -107,7 +107,15 @@ def test_every_example_of_the_template_is_valid(section, line):
     [
         ("[push]\nlenght_mm = 5.0", "push.lenght_mm = 5.0: unknown key; did you mean"),
         ("[pushh]", "pushh: unknown key; did you mean push?"),
-        ("[push]\nlength_mm = -5", "push.length_mm = -5: must be greater than 0"),
+        ("[push]\nlength_mm = -5", "push.length_mm = -5: must be greater than or"),
+        ("[push]\nlength_mm = 0.005", "length_mm = 0.005: must be greater than or"),
+        ("[push]\nlength_mm = 5000", "length_mm = 5000: must be less than or"),
+        ("[parameters.L]\nfixed = 40", "L: fixed = 40 m is no length in an object"),
+        (
+            "[parameters.L]\nnormal = { mean = 40, sd = 1 }",
+            "mean = 40 m is no length in an object",
+        ),
+        ("[peaks]\nexclude = [12, 13]", "must be a list of pairs, such as [["),
         ('[push]\nlength_mm = "5"', 'push.length_mm = "5": must be a number'),
         ("[push]\nlength_mm = nan", "push.length_mm = nan: must be a finite number"),
         ("[push]\nlength_mm = true", "push.length_mm = true: must be a number"),
@@ -158,7 +166,7 @@ def test_every_example_of_the_template_is_valid(section, line):
             "[peaks]\nexclude = [[9, 0]]",
             "peaks.exclude = [[9, 0]]: [9, 0] ends before it",
         ),
-        ("[reach]\nalpha_deg = [9, 0]", "reach: give [low, high] with low < high"),
+        ("[reach]\nalpha_deg = [9, 0]", "reach: alpha_deg = [9, 0]: give [low, high]"),
         ('[grasp]\nmechanics = "tilting"', "set push.length_mm"),
         ('[grasp]\nmechanics = "rigid"', "mechanics"),
         (

@@ -210,6 +210,10 @@ def _rule(detail: ErrorDetails, key: tuple[str, ...], found: object) -> str:
             return "is missing; add it" if found is None else "has too few values"
         case "value_error":
             return str(detail.get("ctx", {})["error"])
+        case "tuple_type":
+            is_item = isinstance(detail["loc"][-1], int)
+            pairs = "of pairs, such as [[12.0, 13.5]]"
+            return f"must be a list {pairs if is_item else 'in brackets'}"
         case "model_type" | "dict_type":
             return "must be a table, { key = value }"
         case _:

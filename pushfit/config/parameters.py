@@ -8,6 +8,9 @@ from pydantic import Field, create_model, model_validator
 from pushfit.config.section import Number, Positive, Section
 from pushfit.parameters import PARAMETERS, Parameter
 
+# Of an object in a hand [m].
+LONGEST = 1.0
+
 
 class Normal(Section):
     """Normal distribution."""
@@ -71,6 +74,27 @@ class PositivePrior(Prior):
         return self
 
 
+class LengthPrior(PositivePrior):
+    """What is known of a length in an object that a hand holds."""
+
+    @model_validator(mode="after")
+    def check_size(self) -> "LengthPrior":
+        """Refuse what must be in millimetres."""
+        stated = {
+            "fixed": self.fixed,
+            "mean": self.normal and self.normal.mean,
+            "median": self.lognormal and self.lognormal.median,
+            "low": self.uniform and self.uniform.low,
+        }
+        for word, value in stated.items():
+            if value and value > LONGEST:
+                raise ValueError(
+                    f"{word} = {value:g} m is no length in an object that a hand "
+                    "holds; state it in metres, 40 mm as 0.04"
+                )
+        return self
+
+
 class SignedPrior(Prior):
     """What is known of a number of any sign."""
 
@@ -84,6 +108,7 @@ class SignedPrior(Prior):
 
 def _key(parameter: Parameter) -> tuple[Any, Any]:
     kind = PositivePrior if parameter.is_positive else SignedPrior
+    kind = LengthPrior if parameter.unit == "m" else kind
     unit = "-" if parameter.unit == "1" else parameter.unit
     description = f"{parameter.meaning} [{unit}]"
     return kind | None, Field(

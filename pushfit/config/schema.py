@@ -15,6 +15,7 @@ from pydantic import AfterValidator, model_validator
 from pushfit.config.inputs import PeakSettings, RecordingSection
 from pushfit.config.parameters import ParametersSection
 from pushfit.config.section import (
+    Millimetres,
     NotNegative,
     Number,
     Positive,
@@ -34,7 +35,7 @@ Preload = NotNegative | Estimate | None
 class PushSection(Section):
     """How far the finger pushes."""
 
-    length_mm: Positive = setting(
+    length_mm: Millimetres = setting(
         "length of the push vector; absent: unknown, and stiffness is not quoted",
         default=5.0,
         example=5.0,
@@ -137,7 +138,10 @@ class ReachSection(Section):
         """Refuse a range that is empty or goes round more than once."""
         low, high = self.alpha_deg
         if not low < high <= low + 360:
-            raise ValueError("give [low, high] with low < high <= low + 360")
+            raise ValueError(
+                f"alpha_deg = [{low:g}, {high:g}]: give [low, high] with "
+                "low < high <= low + 360"
+            )
         return self
 
 

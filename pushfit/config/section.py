@@ -7,6 +7,10 @@ from pydantic import BaseModel, ConfigDict, Field
 # TOML tells numbers, strings and booleans apart, so "5" and true are no numbers here.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+# Of a push by a hand: metres or micrometres would lie outside.
+Millimetres = Annotated[
+    float, Field(strict=True, allow_inf_nan=False, ge=0.01, le=1000.0)
+]
 NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
 Sharpness = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1)]
 Probability = Annotated[float, Field(strict=True, gt=0, lt=1)]

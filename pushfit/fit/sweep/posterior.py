@@ -212,7 +212,9 @@ def _weighed(
 
         # It takes minus the log of the weights, as it would take log likelihoods, and
         # differences of them: impossible draws stay out.
-        tail, k = array_stats.psislw(-log_weight[is_possible])
+        # Of a tail without spread it is not a number, which no draws are trusted by.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            tail, k = array_stats.psislw(-log_weight[is_possible])
         smoothed[is_possible], pareto_k = tail, float(k)
     return WeightedDraws(
         x=x,
