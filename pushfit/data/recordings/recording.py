@@ -204,6 +204,7 @@ def _samples(
         clock, time = _first_filled_clock(roles, cells)
         unit = clock.unit
         origin = " and ".join(layout.names[i] for i in clock.columns)
+        origin += f", not from the rate of {rate:g}" if rate else ""
     else:
         time, unit = np.arange(cells.scan.n_rows) / (rate or 1.0), UNITS["s"]
         origin = f"the rate of {rate:g} samples a second"

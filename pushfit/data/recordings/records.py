@@ -72,7 +72,7 @@ class Recording:
             bounds = [f"{word} {t:g} s" for word, t in stated if t is not None]
             raise DataError(
                 f"no samples {' '.join(bounds)}: the recording runs from "
-                f"{self.time[0]:g} to {self.time[-1]:g} s; state times within it",
+                f"{self.time[0]:.2f} to {self.time[-1]:.2f} s; state times within it",
                 code="no_rows",
             )
         note = f"took {last - first} of {len(self.time)} samples"

@@ -23,7 +23,7 @@ from pushfit.data.text.layout_guess import Stamp, stamp_of
 from pushfit.errors import ConfigError, Problem
 
 # Names that no example should take for a signal.
-NO_SIGNAL = re.compile(r"(seq|time|stamp|n?secs?|frame_id|index)$")
+NO_SIGNAL = re.compile(r"(^t|seq|time|stamp|n?secs?|frame_id|index)$")
 
 _NANOSECONDS = UNITS["ns"]
 _CLOCK_STEMS = ("time", "t", "timestamp", "stamp", "elapsed", "time_stamp")

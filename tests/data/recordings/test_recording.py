@@ -99,6 +99,17 @@ def test_a_row_of_units_may_hold_every_unit_that_a_name_may(write):
     np.testing.assert_array_equal(recording.channels["force"], PRESSURE)
 
 
+def test_a_rate_beside_a_time_is_said_to_be_of_no_use(write):
+    recording = read_recording(write(GOOD), rate=1000.0)
+    assert_good(recording)
+    assert "time from time_s, not from the rate of 1000" in recording.notes[0]
+
+
+def test_a_clock_is_no_example_of_a_signal(write):
+    error = refusal(write("t,force\n0,1\n1,2\n2,1\n"))
+    assert "--map pressure=force" in "".join(p.message for p in error.problems)
+
+
 REFUSED = {
     # what the file is
     "empty": ("", {}, "empty_file", ["0 data rows"]),
