@@ -16,7 +16,7 @@ from pushfit.errors import FitError
 from pushfit.fit.assess.advice import measurements
 from pushfit.fit.assess.bands import prediction_bands
 from pushfit.fit.assess.identifiability import identifiability
-from pushfit.fit.assess.model_checking import goodness_of_fit
+from pushfit.fit.assess.model_checking import contradicted_quantities, goodness_of_fit
 from pushfit.fit.assess.model_free import model_free_direction
 from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.reporting_rules import (
@@ -151,6 +151,7 @@ def _conclude(
         fitted.setup.noise,
         seed=seed,
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
+        contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
     )
     found = Identification(
         table=fitted.table,

@@ -254,6 +254,19 @@ def test_a_model_that_is_rejected_gives_no_interval():
     )
 
 
+def test_a_prior_far_from_the_heights_rejects_the_model():
+    """Heights of friction 0.5, and a lab that is sure of 0.1."""
+    channels = ("height_normal", "height_tangential")
+    table = case_table(CASES["firm"], noise=0.03, seed=1, channels=channels)
+    sure = "[parameters.C_rr]\nlognormal = { median = 0.1, sd_log = 0.05 }\n"
+    result = identify_table(table, config(sure), seed=1, engine="auto")
+    assert result.status is FitStatus.OK
+    assert "keeps θ_c and C_rr from where the heights" in (
+        result.goodness_of_fit.sentence
+    )
+    assert reported(result).theta_c.interval is None
+
+
 @pytest.mark.slow
 def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data):
     table = read_table(real_data / "probing" / "probingRAL2018_T1_height_table.csv")

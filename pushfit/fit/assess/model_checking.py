@@ -5,6 +5,7 @@ residuals follow their neighbours in direction, and does the fit explain the hei
 The same is asked of heights simulated from the posterior (`predictive`).
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,13 +14,22 @@ from jaxtyping import Float, Int
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.noise import Noise
-from pushfit.fit.results import FitResult, GoodnessOfFit, PredictiveCheck
+from pushfit.fit.profiles.profile_sets import profile_set
+from pushfit.fit.results import (
+    FitResult,
+    GoodnessOfFit,
+    LikelihoodProfile,
+    PredictiveCheck,
+)
+from pushfit.parameters import NAMED
 
 # Chance of faulting a model that is right, per test.
 LEVEL = 1e-3
 # A fit that explains less of the heights' variance than this describes them badly
 # whatever sigma is assumed.
 MIN_R_SQUARED = 0.8
+# Quantities that posterior and likelihood are compared by.
+CONTRADICTABLE = ("theta_c", "A", "B", "C_rr")
 OUTLIER_SIGMA = 5.0
 N_PERMUTATIONS = 4999
 # With fewer directions a pattern cannot be told from chance.
@@ -45,8 +55,13 @@ def goodness_of_fit(
     *,
     seed: int,
     predictive: tuple[PredictiveCheck, ...] = (),
+    contradicted: Sequence[str] = (),
 ) -> GoodnessOfFit:
-    """Compare the residuals of a fit with noise, with repeats and with each other."""
+    """Compare the residuals of a fit with noise, with repeats and with each other.
+
+    Args:
+        contradicted: Letters of the quantities of which priors and heights disagree.
+    """
     rows = np.asarray(fit.row)
     heights = {name: table.heights(name) for name in table.channels}
     observed = np.array(
@@ -64,6 +79,11 @@ def goodness_of_fit(
     failed = _failed(
         p_value, lack_of_fit=lack_of_fit, pattern=pattern, predictive=predictive
     )
+    if contradicted:
+        names = " and ".join(contradicted)
+        failed.append(
+            f"what is known beforehand keeps {names} from where the heights have them"
+        )
     # Repeats or given standard deviations judge a fit better than its share of the
     # variation, which is small for noisy heights of a perfect model too.
     n_directions = np.unique(table.groups[rows]).size
@@ -82,6 +102,38 @@ def goodness_of_fit(
         sentence=_sentence(failed, r_squared, fit.degrees_of_freedom),
         predictive=predictive,
     )
+
+
+def contradicted_quantities(
+    samples: Mapping[str, Float[np.ndarray, " d"]],
+    profiles: Mapping[str, LikelihoodProfile],
+    *,
+    prob: float,
+) -> tuple[str, ...]:
+    """Letters of the quantities that priors keep from where the heights have them.
+
+    The interval of the posterior then lies beside the likelihood set, even beside that
+    which a right model leaves once in 1 / LEVEL.
+
+    Args:
+        samples: Draws of the posterior.
+        prob: Probability of its interval.
+    """
+    tails = (0.5 - prob / 2, 0.5 + prob / 2)
+    found = []
+    for name in CONTRADICTABLE:
+        draws = samples.get(name, np.empty(0))
+        if name not in profiles or not np.mean(np.isfinite(draws)) > prob:
+            continue
+        low, high = np.nanquantile(draws, tails)
+        pieces = profile_set(profiles[name], 1 - LEVEL)
+        is_beside = [
+            (end is not None and high < end) or (top is not None and low > top)
+            for end, top in pieces
+        ]
+        if pieces and all(is_beside):
+            found.append(NAMED[name].prose)
+    return tuple(found)
 
 
 def _failed(

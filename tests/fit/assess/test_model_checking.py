@@ -5,9 +5,20 @@ import pytest
 from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, goodness_of_fit
+from pushfit.fit.assess.model_checking import (
+    LEVEL,
+    MIN_TESTED,
+    contradicted_quantities,
+    goodness_of_fit,
+)
 from pushfit.fit.problem.noise import Noise
-from pushfit.fit.results import FitResult, FitStatus, PredictiveCheck
+from pushfit.fit.results import (
+    FitResult,
+    FitStatus,
+    LikelihoodProfile,
+    PredictiveCheck,
+    Verdict,
+)
 
 SIGMA = 0.1
 THETA_DEG = np.repeat(np.linspace(5.0, 85.0, 17), 3)
@@ -42,6 +53,31 @@ def criticise(predicted, observed, *, kind="given", theta_deg=THETA_DEG, **check
     sd = {"height": np.full(n, SIGMA)}
     noise = Noise(kind=kind, sd=sd, sigma=sd, degrees_of_freedom=np.inf)
     return goodness_of_fit(table, fit, noise, seed=0, **checks)
+
+
+@pytest.mark.parametrize(
+    ("centre", "is_open", "found"),
+    [(40.0, False, ()), (52.0, False, ("θ_c",)), (52.0, True, ())],
+    ids=["inside", "beside", "open"],
+)
+def test_a_posterior_beside_the_likelihood_is_told_of(centre, is_open, found):
+    """Δχ² = ((θ - 40°) / 2°)² leaves 33.4° to 46.6° with 999 in 1000."""
+    values = np.linspace(20.0, 60.0, 81)
+    delta = ((values - 40.0) / 2.0) ** 2
+    delta[values > 40.0] *= not is_open
+    profile = LikelihoodProfile(
+        name="theta_c",
+        unit="deg",
+        values=values,
+        delta_chi_square=delta,
+        pieces=(),
+        verdict=Verdict.DETERMINED,
+        prob=0.9,
+    )
+    # Normal draws, from 5 to 95 %: 3.3° either side.
+    draws = stats.norm.ppf((np.arange(1000) + 0.5) / 1000, centre, 2.0)
+    samples, profiles = {"theta_c": draws}, {"theta_c": profile}
+    assert contradicted_quantities(samples, profiles, prob=0.9) == found
 
 
 def curve() -> np.ndarray:
