@@ -72,6 +72,31 @@ def test_a_sharp_profile_determines_nothing_where_the_draws_are_those_of_the_pri
     assert shown.sets == ()
 
 
+@pytest.mark.parametrize(
+    ("centres", "sd", "verdict"),
+    [
+        ((100.0,), 5.0, Verdict.DETERMINED),
+        ((40.0, 130.0), 5.0, Verdict.SEVERAL_MODES),
+        ((100.0,), 500.0, Verdict.NOT_DETERMINED),
+    ],
+)
+def test_draws_alone_tell_of_a_direction_without_a_profile(
+    determined, centres, sd, verdict
+):
+    """As on two supports, where the best direction is not the soft axis."""
+    posterior, rng = determined.posterior, np.random.default_rng(0)
+    n = posterior.log_prob.size
+    draws = (rng.choice(centres, n) + sd * rng.standard_normal(n)) % 180.0
+    anything = rng.uniform(0.0, 180.0, posterior.prior_samples["theta_c"].size)
+    posterior = replace(
+        posterior,
+        samples={"alpha_star": draws},
+        prior_samples={"alpha_star": anything},
+    )
+    found = angle_quantity("alpha_star", posterior, None, prob=0.9)
+    assert found.verdict is verdict
+
+
 def test_a_result_is_made_as_it_is_reported(determined, one_sided):
     """A one-sided B has a bound, and neither a middle nor an interval."""
     for result in (determined, one_sided):

@@ -16,6 +16,7 @@ from pushfit.fit.problem.derived import (
     highest_density_set,
     median,
 )
+from pushfit.fit.profiles.profile_sets import verdict_of
 from pushfit.fit.results import (
     LikelihoodProfile,
     Piece,
@@ -49,7 +50,8 @@ def angle_quantity(
 
     Args:
         name: "theta_c" or "alpha_star".
-        profile: Likelihood profile; None where the question was not asked.
+        profile: Likelihood profile; None where there is none, as for the best
+            direction on two supports: then the draws alone tell.
 
     Returns:
         The quantity, without numbers where a good part of the draws has no such angle.
@@ -64,6 +66,8 @@ def angle_quantity(
     if draws is not None:
         found = highest_density_set(draws, prob, is_axis=is_axis)
         before = _width_before(posterior.prior_samples[name].tobytes(), prob, is_axis)
+        if profile is None and before > 0:
+            verdict = verdict_of(found)
         if before > 0 and 1 - _width(found) / before < ASSUMED:
             verdict = Verdict.NOT_DETERMINED
         never = float(np.mean(np.isnan(draws)))
