@@ -236,8 +236,8 @@ class Judge:
                     ""
                     if state.p_budget is None
                     else (
-                        "; the chance to decide with the pushes that are left is "
-                        f"{_percent(state.p_budget)}"
+                        f"; the chance to decide to {half} with the {state.n_left} "
+                        f"pushes that are left is {_percent(state.p_budget)}"
                     )
                 )
                 text = f"after {n} pushes {known}{chance}."

@@ -44,7 +44,7 @@ def exploration_picture(
     _draw_gains(axes[1], explorer, suggestions)
     if n == 3:
         _draw_course(axes[2], course, angle)
-    figure.suptitle(explorer.state.sentence, x=0.01, ha="left", fontsize=9)
+    figure.suptitle(explorer.state.sentence, x=0.01, ha="left", fontsize=9, wrap=True)
     return figure
 
 

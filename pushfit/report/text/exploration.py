@@ -36,7 +36,7 @@ def next_text(explorer: Explorer, suggestions: Sequence[Suggestion]) -> str:
             f"{push.force_q99:11.3g}"
         )
     law = explorer.belief.grasp.law
-    if law.sees_tilt:
+    if law.sees_tilt and explorer.question.config.grasp.mechanics == "auto":
         lines += ["", f"The object tilts so far that {law.title} are believed."]
     if suggestions and suggestions[0].length_share < 1:
         share = suggestions[0].length_share
