@@ -42,7 +42,8 @@ def check_target(out: Path, *, force: bool) -> None:
         return
     if not force:
         raise ConfigError(
-            f"{out}: exists and is not overwritten; choose another name or use --force",
+            f"{out}: exists and is not overwritten; choose another name or use --force "
+            "(force=True in Python)",
             code="output_exists",
         )
     strange = _strange_content(out)
