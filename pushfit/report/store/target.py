@@ -15,15 +15,16 @@ def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
     """Protect what a command reads, even from --force.
 
     Raises:
-        ConfigError: An output is an input, holds one, or is what one is read back from.
+        ConfigError: An output is an input, or one is a result and the other is what it
+            is read back from.
     """
-    read = [path.resolve() for path in inputs]
+    read = {path.resolve() for path in inputs}
+    # A result may only replace a folder that holds nothing else.
+    read |= {path.parent for path in read if path.name in KEPT}
     for path in outputs:
         own = path.resolve()
         is_part = own.parent in read and own.name in KEPT
-        if not is_stream(path) and (
-            is_part or any(own == one or own in one.parents for one in read)
-        ):
+        if not is_stream(path) and (own in read or is_part):
             raise ConfigError(
                 f"{path}: this command reads it, and inputs are never replaced, not "
                 "even by --force; name another",
