@@ -63,7 +63,8 @@ def find_inputs(
     if recipe is None:
         raise ConfigError(
             f"{result}: does not say which files became its table, which was made in "
-            "Python or by `explore`; only results of `identify` and `fit` can be verified",
+            "Python or by `explore`; only results of `identify` and `fit` can be "
+            "verified",
             code="no_recipe",
         )
     found = {}
