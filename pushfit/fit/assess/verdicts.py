@@ -16,6 +16,7 @@ from pushfit.fit.problem.derived import (
     highest_density_set,
     median,
 )
+from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.profiles.profile_sets import verdict_of
 from pushfit.fit.results import (
     LikelihoodProfile,
@@ -30,6 +31,8 @@ from pushfit.parameters import COMBINATIONS, OF_GRASP, POSITIVE, SIGNED, SIX, un
 # Contraction above the first is learned from the data, below the second assumed: the
 # data then shrink the prior's standard deviation by less than a tenth.
 LEARNED, ASSUMED = 0.8, 0.2
+# Standard deviation of Student-t noise of unit scale.
+STUDENT_SD = (STUDENT_DOF / (STUDENT_DOF - 2)) ** 0.5
 FORMULAS = {
     "A": "K_sn K_dn/(K_sn + K_dn)",
     "B": "K_st C_d/(L² K_st + C_d)",
@@ -116,6 +119,9 @@ def parameter_quantities(
     for name in names:
         parameter_unit = unit if name.startswith("sigma_") else unit_of(name, newton)
         prior = setup.problem.priors.get(name)
+        note = "fixed" if prior is None else prior.describe()
+        if name.startswith("sigma_") and setup.problem.likelihood == "student_t":
+            note += f"; scale of Student-t noise, the sd is {STUDENT_SD:.3g} times it"
         quantities.append(
             _quantity(
                 name,
@@ -124,7 +130,7 @@ def parameter_quantities(
                 profile=profiles.get(name),
                 prob=prob,
                 verdict=_parameter_verdict(name, setup, posterior),
-                note="fixed" if prior is None else prior.describe(),
+                note=note,
                 with_sets=with_sets,
             )
         )
