@@ -51,6 +51,7 @@ from pushfit.fit.fitted import (
     reach_of,
     sweep,
 )
+from pushfit.fit.profiles.held import imposable
 from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import (
     FitStatus,
@@ -163,7 +164,12 @@ def _conclude(
         theta_c=theta_c,
         reference_alpha_deg=float(np.degrees(fitted.reference_alpha)),
         alpha_star=angle_quantity(
-            "alpha_star", posterior, profiles.get("alpha_star"), prob=prob
+            "alpha_star",
+            posterior,
+            profiles.get("alpha_star"),
+            prob=prob,
+            by_draws="f1" in problem.data_names
+            and "alpha_star" not in imposable(problem),
         ),
         alpha_star_model_free=model_free_direction(fitted.table, prob=prob, seed=seed),
         parameters=parameter_quantities(fitted.setup, posterior, profiles, **words),

@@ -94,8 +94,10 @@ def test_draws_alone_tell_of_a_direction_without_a_profile(
         samples={"alpha_star": draws},
         prior_samples={"alpha_star": anything},
     )
-    found = angle_quantity("alpha_star", posterior, None, prob=0.9)
+    found = angle_quantity("alpha_star", posterior, None, prob=0.9, by_draws=True)
     assert found.verdict is verdict
+    unasked = angle_quantity("alpha_star", posterior, None, prob=0.9)
+    assert unasked.verdict is Verdict.NOT_DETERMINED
 
 
 def test_a_result_is_made_as_it_is_reported(determined, one_sided):

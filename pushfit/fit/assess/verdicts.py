@@ -48,13 +48,15 @@ def angle_quantity(
     profile: LikelihoodProfile | None,
     *,
     prob: float,
+    by_draws: bool = False,
 ) -> Quantity:
     """θ_c or α*, as far as the data determine it.
 
     Args:
         name: "theta_c" or "alpha_star".
-        profile: Likelihood profile; None where there is none, as for the best
-            direction on two supports: then the draws alone tell.
+        profile: Likelihood profile; None where the question was not asked.
+        by_draws: Whether there is no profile to be had, as of the best direction on two
+            supports: then the draws alone tell.
 
     Returns:
         The quantity, without numbers where a good part of the draws has no such angle.
@@ -69,7 +71,7 @@ def angle_quantity(
     if draws is not None:
         found = highest_density_set(draws, prob, is_axis=is_axis)
         before = _width_before(posterior.prior_samples[name].tobytes(), prob, is_axis)
-        if profile is None and before > 0:
+        if by_draws and before > 0:
             verdict = verdict_of(found)
         if before > 0 and 1 - _width(found) / before < ASSUMED:
             verdict = Verdict.NOT_DETERMINED
