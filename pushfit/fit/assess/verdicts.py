@@ -1,7 +1,8 @@
 """What is known of each quantity: its draws and its profile, with a verdict.
 
-An end that the likelihood leaves open is open in every set of an angle. Excluded: which
-of these numbers may be quoted (`reporting_rules`).
+An end that the likelihood leaves open is open in every set of an angle. The word for
+the shape of a set is that of `pushfit.fit.profiles.profile_sets`. Excluded: which of
+these numbers may be quoted (`reporting_rules`).
 """
 
 import functools

@@ -1,7 +1,8 @@
-"""One table with its grasp, noise model and priors: the only place of its densities.
+"""One table with its grasp, noise model and priors: its log likelihood and prior.
 
 Least squares, profiles, quadrature and emcee all take residuals and log densities from
-`Problem`, so they cannot disagree about the noise model. Two coordinate systems meet
+`Problem`. The sweep takes its predictions and priors, and has the same likelihood with
+sigma integrated out (`pushfit.fit.sweep.likelihood`). Two coordinate systems meet
 here: `y`, the few combinations that the data see, and `x`, all that is sampled.
 Excluded: searching and sampling.
 """

@@ -21,7 +21,7 @@ from pushfit.fit.sweep.cholesky import (
     solve,
     squared_length,
 )
-from pushfit.fit.sweep.noise import sigma_density
+from pushfit.fit.sweep.likelihood import sigma_density
 from pushfit.fit.sweep.segments import draw_segment
 from pushfit.fit.sweep.sheet import (
     N_STRATA,

@@ -1,7 +1,8 @@
 """The posterior of one table in the coordinates of the sweep.
 
-Densities are those of `Problem`, with repeats pooled and sampled noise apart; what is
-added here serves only to find where they are large.
+Predictions and priors are those of `Problem`, the likelihood is its own with repeats
+pooled and sampled noise apart (`pushfit.fit.sweep.likelihood`); what is added here
+serves only to find where the density is large.
 """
 
 from collections.abc import Mapping
@@ -13,7 +14,7 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import State
 from pushfit.fit.problem.slopes import with_slopes
-from pushfit.fit.sweep.noise import log_likelihood, noise_terms
+from pushfit.fit.sweep.likelihood import log_likelihood, noise_terms
 from pushfit.fit.sweep.repeats import Pooled
 from pushfit.fit.sweep.roles import Roles
 from pushfit.mechanics.containers import contact, tangential_stiffness, unit_vector
