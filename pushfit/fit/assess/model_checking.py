@@ -13,6 +13,7 @@ import scipy
 from jaxtyping import Float, Int
 
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.problem.noise import Noise
 from pushfit.fit.profiles.profile_sets import profile_set
 from pushfit.fit.results import (
@@ -119,13 +120,12 @@ def contradicted_quantities(
         samples: Draws of the posterior.
         prob: Probability of its interval.
     """
-    tails = (0.5 - prob / 2, 0.5 + prob / 2)
     found = []
     for name in CONTRADICTABLE:
         draws = samples.get(name, np.empty(0))
         if name not in profiles or not np.mean(np.isfinite(draws)) > prob:
             continue
-        low, high = np.nanquantile(draws, tails)
+        low, high = equal_tailed_interval(draws, prob)
         pieces = profile_set(profiles[name], 1 - LEVEL)
         is_beside = [
             (end is not None and high < end) or (top is not None and low > top)
