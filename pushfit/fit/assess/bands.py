@@ -7,7 +7,7 @@ believes the curve lies, not where the next height will fall.
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.predictions import (
@@ -21,8 +21,8 @@ from pushfit.model import Pushes
 
 MIN_ANGLES = 3
 MAX_BANDS = 16
-N_GRID = 121
-N_DRAWS = 400
+N_GRID = 96
+N_DRAWS = 256
 # A sweep is drawn this far past its ends [deg].
 MARGIN_DEG = 5.0
 
@@ -36,6 +36,9 @@ def prediction_bands(
     prob: float,
 ) -> tuple[Band, ...]:
     """Predictions along up to sixteen sweeps of three angles or more, richest first."""
+    n = samples["A"].size
+    index = np.unique(np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int))
+    draws = {name: values[index] for name, values in samples.items()}
     bands = []
     for swept, fixed_deg, rows in _sweeps(table):
         angles = table.frame[f"{swept}_deg"].to_numpy(float)[list(rows)]
@@ -46,7 +49,7 @@ def prediction_bands(
         other = np.full(N_GRID, fixed_deg)
         theta, alpha = (grid, other) if swept == "theta" else (other, grid)
         pushes = Pushes(np.radians(theta), np.radians(alpha))
-        _, curves = predicted_heights(problem, samples, pushes)
+        curves = heights_of(problem, predict_draws(problem, draws, pushes))
         found = predict_points(problem, fit.estimate[None], pushes)
         best = heights_of(problem, found)[0]
         quantiles = np.quantile(curves, [(1 - prob) / 2, 0.5, (1 + prob) / 2], axis=0)
@@ -85,17 +88,3 @@ def _sweeps(table: PeakTable) -> list[tuple[str, float, tuple[int, ...]]]:
     found.sort(key=lambda sweep: (-sweep[0], sweep[1], sweep[2]))
     kept = found[:MAX_BANDS]
     return [(swept, value, rows) for _, swept, value, rows in kept]
-
-
-def predicted_heights(
-    problem: Problem, samples: Mapping[str, Float[np.ndarray, " n"]], pushes: Pushes
-) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, "m c g"]]:
-    """Noise-free heights of given pushes for evenly spaced posterior draws.
-
-    Returns:
-        Index of each draw used, and its heights by channel and push [table unit].
-    """
-    n = samples["A"].size
-    index = np.unique(np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int))
-    draws = {name: values[index] for name, values in samples.items()}
-    return index, heights_of(problem, predict_draws(problem, draws, pushes))

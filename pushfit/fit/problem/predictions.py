@@ -27,7 +27,7 @@ from pushfit.parameters import OF_GRASP
 # Programs take numbers of NumPy as they are.
 Numbers = Array | np.ndarray
 # Points and directions of one call.
-N_POINTS, N_PUSHES = 256, 32
+N_POINTS, N_PUSHES = 64, 32
 
 
 def predict_points(

@@ -17,10 +17,10 @@ from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
 from pushfit.explore.belief.from_fit import belief_from
 from pushfit.explore.belief.predict import predict
-from pushfit.fit.assess.bands import predicted_heights
 from pushfit.fit.problem.constraint_terms import N_DRAWS
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import encode, prior_x_samples
+from pushfit.fit.problem.predictions import heights_of, predict_draws
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.setup import Setup, build_problem
@@ -129,7 +129,8 @@ def test_bands_and_beliefs_predict_what_the_problem_does(setup):
             for row in x
         ]
     )
-    _, bands = predicted_heights(problem, samples, Pushes(theta, alpha))
+    predicted = predict_draws(problem, samples, Pushes(theta, alpha))
+    bands = heights_of(problem, predicted)
     np.testing.assert_allclose(bands, expected, rtol=1e-9)
     belief = belief_from(setup, samples, seed=0)
     # Draws of a belief are shuffled: K_sn tells which is which.
