@@ -17,6 +17,7 @@ from pushfit.fit.profiles.held import Likelihood, imposable
 from pushfit.fit.programs import compiled
 from pushfit.fit.sweep.outer import follow, tempered
 from pushfit.fit.sweep.repeats import pool_repeats
+from pushfit.fit.sweep.search import descend
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion
 from pushfit.model import as_float
 
@@ -36,6 +37,12 @@ N_POOL, N_PLAIN_POOL = 24, 8
 # gathers where it crosses the level, within so many standard deviations.
 TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
 CROSSING, AT_CROSSING = 0.15, 0.35
+# The curve sees no fit that has no θ_c, and on the hard switch a node may halt above
+# one that has: from every second of its points, and from those that it began with, so
+# many steps lead down with nothing held. The lowest so many ends are kept, unless they
+# are one valley: of the same sum of squares, and near each other [log units].
+EVERY, N_DOWN, N_VALLEYS = 2, 12, 8
+SAME_COST, SAME_VALLEY = 0.01, 1.0
 # Sharpness of the transition in each round, for points of the pool in turn and
 # afterwards. Across the hard switch the other branch has no slope: a soft one leads
 # there, and sharpens round by round. Its own valley may be another one, and so half of
@@ -85,7 +92,7 @@ class Search:
         is_thorough: Whether the fits began with those of a search, or guesses are many
             beside the shapes of a problem without an ellipse.
         curve: The fits.
-        optima: Best fits of all valleys, where they are known.
+        valleys: Points at the bottom of the lowest valleys, or near it, lowest first.
     """
 
     observed: Float[np.ndarray, "c n"]
@@ -93,30 +100,31 @@ class Search:
     reference_alpha: float
     is_thorough: bool
     curve: Curve
-    optima: Float[np.ndarray, "k q"] | None = None
+    valleys: Float[np.ndarray, "k q"]
 
 
 def search(
     problem: Problem,
     reference_alpha: float | None = None,
-    pool: Float[np.ndarray, "p q"] | None = None,
+    before: Search | None = None,
 ) -> Search:
     """Look at the whole likelihood before any solver starts, so that no mode is missed.
 
     Args:
         reference_alpha: Azimuth of θ_c [rad]; None for that of the first push, since
             any will do to tell valleys apart.
-        pool: Data coordinates to begin with; None for guesses.
+        before: Search under other weights, to begin with; None for guesses.
     """
     if reference_alpha is None:
         reference_alpha = float(np.asarray(problem.pushes.alpha)[0])
     quantities, guessed = imposable(problem), guesses(problem)
     name = "theta_c" if "theta_c" in quantities else quantities[0]
+    others = guessed if before is None else np.resize(before.valleys, guessed.shape)
     curve = profile_curve(
         problem,
         quantities.index(name),
         first_values(problem, name, guessed[:, 0]),
-        guessed if pool is None else pool,
+        guessed if before is None else before.curve.points,
         reference_alpha=reference_alpha,
         level=LEVEL,
     )
@@ -124,8 +132,9 @@ def search(
         observed=np.asarray(problem.observed),
         quantity=name,
         reference_alpha=reference_alpha,
-        is_thorough=pool is not None or "f1" not in problem.data_names,
+        is_thorough=before is not None or "f1" not in problem.data_names,
         curve=curve,
+        valleys=_valleys(problem, np.concatenate([curve.points[::EVERY], others])),
     )
 
 
@@ -169,18 +178,13 @@ def profile_curve(
         reference_alpha: Azimuth of θ_c [rad].
         level: Δχ² at the ends of the set that is wanted.
     """
-    pooled = pool_repeats(problem)
-    means = pooled.problem
-    mask, sigma = np.asarray(means.mask), np.array(means.reference_sigma)
-    # What repeats scatter about their mean, no fit can change.
-    scatter = float(np.sum((np.asarray(pooled.scatter) / sigma**2)[mask]))
-    sigma[mask] /= np.sqrt(np.asarray(pooled.count)[mask])
+    means, scatter = _of_means(problem)
     n_pool = N_POOL if "f1" in problem.data_names else N_PLAIN_POOL
     rows = np.linspace(0, len(pool) - 1, n_pool).round().astype(int)
     at, points, cost = (
         np.asarray(a)
         for a in _curve(
-            replace(means, reference_sigma=as_float(sigma)),
+            means,
             jax.device_put(np.asarray(index)),
             as_float(values),
             as_float(pool[rows]),
@@ -194,6 +198,48 @@ def profile_curve(
         is_other = ~(np.abs(angles - at) < SAME_ANGLE)
         chi_square = np.where(is_other, np.inf, chi_square)
     return Curve(values=at, points=points, chi_square=chi_square)
+
+
+def _of_means(problem: Problem) -> tuple[Problem, float]:
+    """The problem of the means of repeats, and what they scatter: no fit changes it."""
+    pooled = pool_repeats(problem)
+    means = pooled.problem
+    mask, sigma = np.asarray(means.mask), np.array(means.reference_sigma)
+    scatter = float(np.sum((np.asarray(pooled.scatter) / sigma**2)[mask]))
+    sigma[mask] /= np.sqrt(np.asarray(pooled.count)[mask])
+    return replace(means, reference_sigma=as_float(sigma)), scatter
+
+
+def _valleys(
+    problem: Problem, points: Float[np.ndarray, "n q"]
+) -> Float[np.ndarray, "k q"]:
+    """Ends of the ways down, the lowest first; always as many, repeated if need be."""
+    ends, costs = (
+        np.asarray(a) for a in _descended(_of_means(problem)[0], as_float(points))
+    )
+    kept: list[int] = []
+    for i in np.argsort(costs, kind="stable"):
+        is_other = np.abs(costs[kept] - costs[i]) > SAME_COST
+        is_other |= np.max(np.abs(ends[kept] - ends[i]), axis=1) > SAME_VALLEY
+        if np.all(is_other):
+            kept.append(int(i))
+    return ends[np.resize(kept[:N_VALLEYS], N_VALLEYS)]
+
+
+@compiled
+def _descended(
+    problem: Problem, points: Float[Array, "n q"]
+) -> tuple[Float[Array, "n q"], Float[Array, " n"]]:
+    # With its value free, too, whichever is held holds nothing.
+    target = Likelihood(problem, jnp.asarray(0), jnp.zeros(()))
+    is_free = target.is_free.at[0].set(True)
+
+    def one(y: Float[Array, " q"]) -> tuple[Array, Array]:
+        start = target.at(y[0], y)
+        end = descend(target, start[None], is_free, N_DOWN)
+        return target.point(end.y), end.cost
+
+    return jax.vmap(one)(points)
 
 
 @compiled

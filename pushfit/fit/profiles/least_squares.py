@@ -38,8 +38,6 @@ Optima = tuple[
 # Far below any standard error that real heights allow, and above rounding.
 RTOL = ATOL = 1e-10
 MAX_STEPS = 200
-# Valleys that are followed to their bottom.
-N_STARTS = 8
 # On a kink of the hard switch steps shrink to nothing short of the optimum; started
 # again from there with a full step, the solver mostly gets across.
 MAX_ROUNDS = 6
@@ -145,18 +143,8 @@ def searched(setup: Setup, reference_alpha: float | None = None) -> Setup:
 
 
 def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
-    """The lowest valleys of the search; always as many, the lowest repeated."""
-    if setup.search is None:
-        return np.zeros((N_STARTS, 0))
-    if setup.search.optima is not None:
-        return setup.search.optima
-    pool = setup.search.curve.points
-    costs = costs_at(setup.problem, pool)
-    padded = np.r_[np.inf, np.where(np.isfinite(costs), costs, np.inf), np.inf]
-    is_low = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])
-    valleys = np.flatnonzero(is_low)
-    valleys = valleys[np.argsort(padded[1:-1][valleys], kind="stable")]
-    return pool[np.resize(valleys[:N_STARTS], N_STARTS)]
+    """The lowest valleys of the search; one point of no coordinates without any."""
+    return np.zeros((1, 0)) if setup.search is None else setup.search.valleys
 
 
 def polish(
@@ -244,13 +232,10 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         if is_sampled:
             problem = with_noise_of(problem, predicted)
     if setup.search is not None:
-        # Other weights have other best fits, near the first ones.
-        pool = setup.search.curve.points
-        found = (
-            search(problem, reference_alpha, pool)
-            if has_weights
-            else replace(setup.search, optima=points)
-        )
+        found = replace(setup.search, valleys=points)
+        if has_weights:
+            # Other weights have other best fits, near the first ones.
+            found = search(problem, reference_alpha, found)
         setup = replace(setup, search=found)
     if noise.height_share is None:
         noise = replace(noise, warnings=(*noise.warnings, share_warning(share)))

@@ -1,5 +1,7 @@
 """Least squares against truth, against SciPy, and where there is no answer."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +18,7 @@ from pushfit.fit.profiles.least_squares import (
     restarted,
 )
 from pushfit.fit.setup import build_problem
+from tests.fit.kinds import KINDS
 from tests.fit.tables import (
     case_table,
     config,
@@ -29,6 +32,8 @@ from tests.problems import CASES
 EXACT_DATA = 1e-9
 # Both solvers stop at a gradient of rounding; SciPy at its ftol of 1e-12.
 TWO_SOLVERS = 1e-6
+# Far below what anybody would notice, and far above where solvers stop.
+SAME_OPTIMUM = 0.01
 COMPONENTS = ("height_normal", "height_tangential")
 ISOTROPIC = ("paper", "firm", "soft", "preload", "blind_magnitude")
 
@@ -97,6 +102,28 @@ def test_scipy_finds_the_same_optimum(name, channels):
     other = min(runs, key=lambda run: run.cost)
     np.testing.assert_allclose(fit.chi_square, 2 * other.cost, rtol=TWO_SOLVERS)
     np.testing.assert_allclose(fit.estimate, other.x, atol=100 * TWO_SOLVERS, rtol=0)
+
+
+# A grasp that rolls at every elevation of its first sweep, so that it has no θ_c there.
+ROLLING = {
+    **{"ln_A": 5.04, "ln_B": 4.8, "f1": 0.69, "f2": -0.14, "ln_C_rr": -0.31},
+    **{"ln_r": -1.06, "ln_s": 0.37, "ln_L": -3.28},
+}
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_the_best_fit_is_found_where_no_critical_angle_is(seed):
+    """The valley of the truth is deeper than those of a search along θ_c."""
+    setup = KINDS["paper"].setup(0)
+    problem = setup.problem
+    state = problem.state(jnp.asarray([ROLLING[name] for name in problem.names]))
+    noise = np.random.default_rng(seed).standard_normal(problem.observed.shape)
+    observed = problem.predict(state) + problem.reference_sigma * noise
+    problem = eqx.tree_at(lambda p: p.observed, problem, observed)
+    truth = np.array([[ROLLING[name] for name in problem.data_names]])
+    _, costs, _ = polish(problem, truth)
+    fit = fit_least_squares(replace(setup, problem=problem), reference_alpha=np.pi / 2)
+    assert fit.chi_square <= costs[0] + SAME_OPTIMUM
 
 
 @pytest.mark.slow
