@@ -11,6 +11,7 @@ from pushfit.cli.app import main
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import read_table, write_table
 from pushfit.model import Grasp
+from pushfit.report.answers import ANSWERS
 from pushfit.report.store.read import read_result
 from tests.explore.test_ros import TRUTH as TRUTH_FILE
 from tests.explore.worlds import COMPONENTS, SIGMA, TRUTH
@@ -63,6 +64,8 @@ def test_next_plans_the_first_push_of_all(grasp, capsys):
     assert main(["next", "--config", str(grasp), "--sigma", "0.05"]) == 0
     out = capsys.readouterr().out
     assert out.startswith("after 0 pushes θ_c in ")
+    # ± 3° and 60 pushes by default.
+    assert "to ± 3° with the 60 pushes that are left" in " ".join(out.split())
     assert "theta_deg" in out
 
 
@@ -92,3 +95,10 @@ def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth):
         "truth.toml",
     ]
     assert subprocess.run(command, capture_output=True).returncode == 2
+    again = subprocess.run(
+        [*command, *EXPLORE, "--force"], capture_output=True, text=True
+    )
+    # The last word has the table's identification, which read_result returns.
+    *_, last = again.stdout.splitlines()
+    told = ANSWERS["theta_c"](read_result(out)).sentence
+    assert last == f"Identified from all pushes: {told}"
