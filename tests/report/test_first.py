@@ -53,8 +53,9 @@ def test_the_first_look_says_where_the_fit_is_best(quantity, costs, said):
         observed=np.zeros((1, 0)),
         quantity=quantity,
         reference_alpha=np.pi / 2,
-        curve=curve,
         is_thorough=True,
+        curve=curve,
+        valleys=curve.points,
     )
     assert look_line(search) == said
 
