@@ -47,16 +47,18 @@ class Imagined:
         n_each: float,
         columns: Int[np.ndarray, " r"],
     ) -> Float32[np.ndarray, "n r"]:
-        """Weights after the mean of `n_each` pushes in every direction."""
+        """Weights after the mean of `n_each` pushes in every direction, up to a factor.
+
+        The truth keeps its weight. A draw gains exp(z²/2) at most, where z is standard
+        normal, and so none exceeds what can be represented.
+        """
         distance, noise = self.distance, self.noise
         if columns.size < distance.shape[1]:
             distance, noise = (a.take(columns, axis=1) for a in (distance, noise))
         change = np.float32(-n_each / 2) * distance
         change -= np.float32(np.sqrt(n_each)) * noise
-        change -= change.max(axis=0)
         after = np.exp(change, out=change)
         after *= weights[:, None]
-        after /= after.sum(axis=0)
         return after
 
 
@@ -180,9 +182,11 @@ class _Bins:
         members = csr_array((ones, (found, known)), shape=(n, target.values.size))
         return cls(members=members, step=span / n, target=target)
 
-    def narrowest(self, after: Float32[np.ndarray, "n t"]) -> Float[np.ndarray, " t"]:
+    def narrowest(
+        self, after: Float32[np.ndarray, "n t"], total: Float32[np.ndarray, " t"]
+    ) -> Float[np.ndarray, " t"]:
         """Width of the shortest interval of each posterior [deg]."""
-        table = np.asarray(self.members @ after, dtype=float)
+        table = np.asarray(self.members @ after, dtype=float) / total
         return column_widths(
             table, self.target.prob, step=self.step, is_axis=self.target.is_axis
         )
@@ -206,7 +210,7 @@ def _widths(
     columns, n = np.arange(n_truths), n_each
     for attempt in range(MAX_ROUNDS):
         after = imagined.after(weights, n, columns)
-        is_enough = 1 / np.einsum("nt,nt->t", after, after) >= ENOUGH
+        is_enough = _sums(after) ** 2 / _sums(after**2) >= ENOUGH
         if attempt == MAX_ROUNDS - 1:
             is_enough[:] = True
         own = columns[is_enough]
@@ -230,4 +234,10 @@ def _narrowest(
     bins: tuple[_Bins, ...], after: Float32[np.ndarray, "n t"]
 ) -> Float[np.ndarray, "a t"]:
     """Width of the shortest interval of every angle and posterior [deg]."""
-    return np.stack([each.narrowest(after) for each in bins])
+    total = _sums(after)
+    return np.stack([each.narrowest(after, total) for each in bins])
+
+
+def _sums(table: Float32[np.ndarray, "n t"]) -> Float32[np.ndarray, " t"]:
+    """Sum of every column; by a product of matrices, which takes a fifth as long."""
+    return np.ones(table.shape[0], table.dtype) @ table

@@ -23,6 +23,8 @@ from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
 # screening hundreds of candidates, and for means over readings.
 N_LABELS, N_FEW_LABELS = 16, 8
 FULL, COARSE = (64, 12), (32, 6)
+# Readings that are counted at once: arrays of more are slow to make.
+N_AT_ONCE = 2**17
 # Half width of the table: standard deviations of the prediction, and of the noise.
 REACH, MARGIN = 3.0, 3.0
 # Bins of the angle for its interval after a push.
@@ -150,13 +152,26 @@ def summed_gain(
         counts = np.unique(bins, return_inverse=True)[1]
         rows.append(ends[-1] + counts)
         ends.append(ends[-1] + int(counts.max()) + 1)
+    sizes = COARSE if is_coarse else FULL
+    found = [
+        _of_block(block, np.stack(rows), weights, sigma=sigma, sizes=sizes, ends=ends)
+        for block in np.array_split(heights, -(-heights[:, 0].size // N_AT_ONCE))
+    ]
+    return np.concatenate(found)
+
+
+def _of_block(
+    heights: Float[np.ndarray, "k c n"],
+    found: Int[np.ndarray, "a n"],
+    weights: Float[np.ndarray, " n"],
+    *,
+    sigma: Float[np.ndarray, " c"],
+    sizes: tuple[int, int],
+    ends: Sequence[int],
+) -> Float[np.ndarray, " k"]:
+    """Sum of the gains about several angles, whose bins are between the ends."""
     joint = _joint(
-        heights,
-        np.stack(rows),
-        weights=weights,
-        sigma=sigma,
-        sizes=COARSE if is_coarse else FULL,
-        n_labels=ends[-1],
+        heights, found, weights=weights, sigma=sigma, sizes=sizes, n_labels=ends[-1]
     )
     parts = [joint.of_labels(*pair) for pair in itertools.pairwise(ends)]
     # Each by itself: what one is short of nothing is no loss to the other.
@@ -250,24 +265,26 @@ def _joint(
         _binned(scaled[:, axis], weights, sizes[axis]) for axis in range(n_axes)
     )
     # Readings outermost and innermost: both are then blurred by products of matrices.
-    cell = (first.index + sizes[0] * np.arange(k)[:, None])[:, None] * n_labels + found
+    cell = (first.index + sizes[0] * np.arange(k)[:, None]) * (n_labels * sizes[1])
     if kernels:
-        cell = cell * sizes[1] + kernels[0].index[:, None]
+        cell += kernels[0].index
     shape = (k, sizes[0], n_labels, sizes[1])
-    cell, n_cells = cell.ravel(), int(np.prod(shape))
-    squares = n * weights**2
+    cell = (cell[:, None] + found * sizes[1]).ravel()
+    n_cells, squares = int(np.prod(shape)), n * weights**2
+    # Draws of one weight, as those for screening are, are their own squares.
+    is_even = np.allclose(squares, weights, rtol=1e-9, atol=0)
     counted = [
         np.bincount(
             cell, np.broadcast_to(w, (k * len(found), n)).ravel(), minlength=n_cells
         )
         .reshape(shape)
         .astype(np.float32)
-        for w in (weights, squares)
+        for w in ((weights,) if is_even else (weights, squares))
     ]
     profiles = [first.kernel, *(other.kernel for other in kernels)]
     return _Joint(
         table=_blurred(counted[0], profiles),
-        variance=_blurred(counted[1], [kernel**2 for kernel in profiles]),
+        variance=_blurred(counted[-1], [kernel**2 for kernel in profiles]),
         label_variance=np.bincount(
             found.ravel(), np.tile(squares, len(found)), minlength=n_labels
         ),
