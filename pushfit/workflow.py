@@ -23,7 +23,7 @@ from pushfit.data.recordings.load import configured_recording, reader_options
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, PushfitError
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
 from pushfit.fit.programs import loaded_ahead
@@ -37,6 +37,8 @@ Named = str | Path
 Source = Named | pd.DataFrame | Recording | PeakTable
 Plan = Named | pd.DataFrame | PushSchedule
 Settings = GraspConfig | Named | Mapping[str, object]
+# What a frame is called in messages of its reader.
+FRAME = "DataFrame"
 
 
 def identify(
@@ -145,19 +147,24 @@ def as_config(config: Settings | None) -> GraspConfig:
 
 
 def gather(
-    sources: Sequence[Source], plans: Sequence[Plan], config: GraspConfig
+    sources: Sequence[object], plans: Sequence[object], config: GraspConfig
 ) -> PeakTable:
     """Peak heights of one grasp.
 
     Args:
-        sources: Recordings, or one table.
-        plans: A schedule for each recording, or none.
+        sources: Recordings, or one table: each a `Source`.
+        plans: A schedule for each recording, or none: each a `Plan`.
 
     Raises:
-        ConfigError: Schedules and recordings do not go together.
+        ConfigError: Schedules and recordings do not go together, or are none.
         DataError: An input breaks a rule.
     """
     loaded = [_load(source, config) for source in sources]
+    if not loaded:
+        raise ConfigError(
+            "nothing to identify; give recordings, or a table of peak heights",
+            code="no_input",
+        )
     tables = [one for one in loaded if isinstance(one, PeakTable)]
     if tables:
         _check_tables(tables, loaded, plans)
@@ -181,7 +188,7 @@ def gather(
 def _check_tables(
     tables: Sequence[PeakTable],
     loaded: Sequence[Recording | PeakTable],
-    plans: Sequence[Plan],
+    plans: Sequence[object],
 ) -> None:
     """Refuse a table together with what it makes no sense with."""
     if len(loaded) > 1:
@@ -199,10 +206,17 @@ def _check_tables(
         )
 
 
-def _load(source: Source, config: GraspConfig) -> Recording | PeakTable:
+def _load(source: object, config: GraspConfig) -> Recording | PeakTable:
     """A recording or a table, whatever it is given as."""
     if isinstance(source, Recording | PeakTable):
         return source
+    if not isinstance(source, Named | pd.DataFrame):
+        raise ConfigError(
+            f"{type(source).__name__}: holds no pushes that can be read; give a path, "
+            "a DataFrame whose columns state their units, or what read_recording or "
+            "read_table gives",
+            code="input_type",
+        )
     if isinstance(source, pd.DataFrame):
         if any(str(name).startswith("height") for name in source.columns):
             return PeakTable.from_frame(source)
@@ -214,11 +228,17 @@ def _load(source: Source, config: GraspConfig) -> Recording | PeakTable:
     return configured_recording(source, config)
 
 
-def _load_plan(plan: Plan) -> PushSchedule:
+def _load_plan(plan: object) -> PushSchedule:
     if isinstance(plan, PushSchedule):
         return plan
     if isinstance(plan, pd.DataFrame):
         return _from_frame(plan, read_schedule)
+    if not isinstance(plan, Named):
+        raise ConfigError(
+            f"{type(plan).__name__}: is no schedule; give a path, a DataFrame or what "
+            "read_schedule gives",
+            code="input_type",
+        )
     return read_schedule(plan)
 
 
@@ -227,7 +247,19 @@ def _from_frame(frame: pd.DataFrame, read: Callable[[Path], Read]) -> Read:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frame.csv"
         frame.to_csv(path, index=False)
-        return read(path)
+        try:
+            return read(path)
+        except PushfitError as error:
+            raise type(error)(
+                str(error).replace(str(path), FRAME),
+                code=error.code,
+                problems=tuple(
+                    replace(
+                        one, path=FRAME, message=one.message.replace(str(path), FRAME)
+                    )
+                    for one in error.problems
+                ),
+            ) from None
 
 
 def recipe_of(

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -173,3 +174,27 @@ def test_a_frame_becomes_a_result(table):
     assert isinstance(result, pushfit.Result)
     assert isinstance(result, Identification)
     assert "6 pushes, 6 used" in str(result)
+
+
+@pytest.mark.parametrize("given", [np.zeros((3, 2)), 3, {"theta_deg": [10.0]}])
+def test_what_holds_no_pushes_is_refused_with_what_would(given):
+    config = workflow.as_config(None)
+    with pytest.raises(ConfigError, match="give a path, a DataFrame"):
+        workflow.gather([given], [], config)
+    with pytest.raises(ConfigError, match="is no schedule; give a path"):
+        workflow.gather([SWEEP], [given], config)
+
+
+def test_nothing_is_nothing_to_identify():
+    with pytest.raises(ConfigError, match="nothing to identify"):
+        pushfit.identify([])
+
+
+def test_errors_of_a_frame_name_no_file():
+    frame = pd.DataFrame({"a": [10, 20, 30], "b": [0, 0, 0]})
+    with pytest.raises(DataError, match=r"^DataFrame, line 1: no time") as caught:
+        pushfit.identify(frame)
+    assert {one.path for one in caught.value.problems} == {"DataFrame"}
+    plan = pd.DataFrame({"theta_deg": ["x"], "alpha_deg": [0.0]})
+    with pytest.raises(DataError, match=r"^DataFrame, line 2, column theta_deg"):
+        pushfit.identify(SWEEP, plan)

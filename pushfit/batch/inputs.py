@@ -25,11 +25,11 @@ class Inputs:
 
     Args:
         paths: Files and bag folders as the user named them, sorted, each once.
-        n_left_out: Schedules, settings and files of other kinds among them.
+        left_out: Schedules, settings and files of other kinds among them, sorted.
     """
 
     paths: tuple[str, ...]
-    n_left_out: int
+    left_out: tuple[str, ...]
 
 
 def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
@@ -54,7 +54,8 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
     }
     kept = exact | {path for path in below if _is_data(path)}
     wanted = {path for path in kept if not _is_companion(path)}
-    return Inputs(paths=tuple(sorted(wanted)), n_left_out=len((exact | below) - wanted))
+    left_out = (exact | below) - wanted
+    return Inputs(paths=tuple(sorted(wanted)), left_out=tuple(sorted(left_out)))
 
 
 def settings_for(path: str, common: Path | None) -> Path | None:

@@ -33,7 +33,7 @@ class Batch:
         rows: One row for each item, sorted by name; see `results.csv`.
         population: One row for each quantity that was pooled; see `population.csv`.
         failures: Items without a result, sorted by name; see `failures.csv`.
-        n_left_out: Schedules, settings and other files among the inputs.
+        left_out: Schedules, settings and other files among the inputs.
         notice: What the user should know about the store; empty if nothing.
     """
 
@@ -43,7 +43,7 @@ class Batch:
     files: tuple[Path, ...]
     n_computed: int
     n_kept: int
-    n_left_out: int
+    left_out: tuple[str, ...]
     notice: str
 
 
@@ -127,7 +127,7 @@ def identify_batch(
         files=files,
         n_computed=len(missing) - n_failed,
         n_kept=len(unique) - len(missing),
-        n_left_out=found.n_left_out,
+        left_out=found.left_out,
         notice=notice,
     )
 

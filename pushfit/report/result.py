@@ -7,7 +7,6 @@ not in it, whether it is fresh or read back from a folder.
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -75,6 +74,16 @@ class Value(Quantity):
         return f"<{self.name}: {self}, {verdict_word(self.verdict)}>"
 
 
+class _Named(dict[str, Value]):
+    """Values by name, which says what there is when asked for what is not."""
+
+    def __missing__(self, name: str) -> Value:
+        raise KeyError(
+            f"no parameter is called {name}; there are {', '.join(self)}, and the "
+            "angles are theta_c and alpha_star of the result"
+        )
+
+
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class Result(Identification):
     """What one table told, with all ways to look at it.
@@ -104,7 +113,7 @@ class Result(Identification):
     def params(self) -> Mapping[str, Value]:
         """Parameters and combinations by name, for example `params["K_sn"]`."""
         both = (*self.parameters, *self.combinations)
-        return MappingProxyType({q.name: Value.of(q) for q in both})
+        return _Named({q.name: Value.of(q) for q in both})
 
     def summary(self) -> str:
         """The two answers and the warnings, a sentence each."""

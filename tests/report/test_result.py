@@ -48,6 +48,12 @@ def test_a_parameter_is_a_number_with_a_format(result, determined):
     assert float(result.theta_c) == pytest.approx(40.123)
 
 
+def test_a_name_that_no_parameter_has_is_answered_by_those_there_are(result):
+    with pytest.raises(KeyError, match="is called K_sm; there are K_sn, K_dn"):
+        result.params["K_sm"]
+    assert "K_sm" not in result.params
+
+
 def test_what_may_not_be_quoted_is_no_number(two_modes, unknown_length):
     with pytest.raises(ValueError, match="several modes"):
         float(Result.of(two_modes).theta_c)

@@ -74,6 +74,9 @@ def report(session: Session, found: "Batch", *, is_json: bool) -> None:
     if len(found.failures) > N_SHOWN:
         n_more = len(found.failures) - N_SHOWN
         session.complain(f"and {n_more} more; failures.csv lists all")
+    from pushfit.data.text.faults import listed
+    from pushfit.report.strings import printable
+
     facts = counts(found)
     if is_json:
         status = "some_failed" if found.failures else "ok"
@@ -83,7 +86,8 @@ def report(session: Session, found: "Batch", *, is_json: bool) -> None:
         )
         return
     for name, number in facts.items():
-        print(f"{name:<12} {number}")
+        which = f" ({listed(found.left_out)})" if name == "left_out" and number else ""
+        print(printable(f"{name:<12} {number}{which}"))
     for path in found.files:
         session.wrote(path)
 
@@ -99,5 +103,5 @@ def counts(found: "Batch") -> dict[str, int]:
         "duplicates": len(duplicates),
         "failed": len(found.failures),
         "not_trusted": sum(s not in ("ok", "failed") for s in statuses),
-        "left_out": found.n_left_out,
+        "left_out": len(found.left_out),
     }

@@ -31,6 +31,13 @@ def document(capsys, *arguments: str):
     return code, json.loads(capsys.readouterr().out)
 
 
+def test_what_a_batch_left_out_is_named(runs, capsys):
+    Path("runs", "notes.md").touch()
+    assert main(["batch", "runs", "--out", "out"]) == 0
+    shown = capsys.readouterr().out
+    assert f"left_out     1 ({Path('runs', 'notes.md')})" in shown
+
+
 def test_a_batch_counts_what_it_did(runs, capsys):
     code, first = document(capsys, "runs", "--out", "out")
     assert (code, first["schema"], first["status"]) == (0, "pushfit.batch/1", "ok")

@@ -34,7 +34,7 @@ def batches(runs, monkeypatch):
             files=(),
             n_computed=1,
             n_kept=0,
-            n_left_out=0,
+            left_out=(),
             notice="",
         )
 
