@@ -26,6 +26,8 @@ from pushfit.errors import ConfigError, Problem
 NO_SIGNAL = re.compile(r"(^t|seq|time|stamp|n?secs?|frame_id|index)$")
 
 _NANOSECONDS = UNITS["ns"]
+# A volt is no unit of a push, until a gain makes one of it.
+_IN_VOLTS = re.compile(r"(\b|_)m?v(olts?)?\W*$")
 _CLOCK_STEMS = ("time", "t", "timestamp", "stamp", "elapsed", "time_stamp")
 # Clocks that a dialect defines, the better one first: the sensor's own stamp tells when
 # a sample was taken, the other when it was received.
@@ -126,11 +128,14 @@ def assign_roles(
     if not channels and not any(p.code == "missing_column" for p in columns.problems):
         signals = [name for name in ignored if not NO_SIGNAL.search(name.lower())]
         first = signals[0] if signals else "pdc"
+        channel, unit, how = "pressure", "counts", ""
+        if _IN_VOLTS.search(first.lower()):
+            channel, unit, how = "force", "500mN/V", ", with the gain of the sensor"
         columns.add(
             "no_channel",
             f"no column states a signal unit: {listed(columns.names)}; rename one, "
-            f"such as pressure_kpa, or state --map {shlex.quote(f'pressure={first}')} "
-            "--unit pressure=counts",
+            f"such as pressure_kpa, or state --map {shlex.quote(f'{channel}={first}')} "
+            f"--unit {channel}={unit}{how}",
         )
     if columns.problems:
         raise data_error(columns.problems)

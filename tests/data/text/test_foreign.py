@@ -87,7 +87,9 @@ def test_a_file_of_one_column_has_a_rate(tmp_path, name):
 def test_what_to_type_is_quoted_for_a_shell(tmp_path):
     path = tmp_path / "volts.csv"
     path.write_text("time_s,AI1 (V)\n" + "".join(f"{k / 10},{k}\n" for k in range(9)))
-    with pytest.raises(DataError, match=r"--map 'pressure=AI1 \(V\)' --unit"):
+    with pytest.raises(
+        DataError, match=r"--map 'force=AI1 \(V\)' --unit force=500mN/V, with the gain"
+    ):
         read_recording(path)
 
 
