@@ -228,7 +228,7 @@ def _mechanics_row(answer: MechanicsAnswer) -> tuple[str, str]:
         text = f"{number} ({interval})"
     parts = [text, f"chi-square {format_number(answer.chi_square)}"]
     if answer.log_evidence is not None:
-        parts.append(f"ln evidence {answer.log_evidence:.1f}")
+        parts.append(f"ln evidence {answer.log_evidence:z.1f}")
     title = mechanics_named(answer.mechanics).title
     return f"θ_c, {title}", "; ".join(parts)
 

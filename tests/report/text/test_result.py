@@ -72,6 +72,14 @@ def test_what_both_mechanics_say_stands_side_by_side(make_identification):
     assert "tilting" not in alone
 
 
+def test_an_evidence_that_rounds_to_nothing_has_no_sign(make_identification):
+    both = tuple(
+        make_answer(name, log_evidence=-0.02) for name in ("tilting", "linear")
+    )
+    text = render_text(make_identification(by_mechanics=both), width=120)
+    assert text.count("ln evidence 0.0") == 2
+
+
 def test_two_modes_are_named_both_and_never_their_hull(two_modes):
     sentence = sentence_theta_c(two_modes)
     assert "40° or 56°" in sentence
