@@ -26,8 +26,10 @@ from pushfit.parameters import OF_GRASP
 
 # Programs take numbers of NumPy as they are.
 Numbers = Array | np.ndarray
-# Points and directions of one call.
-N_POINTS, N_PUSHES = 64, 32
+# Points and directions of one call, and points that are computed together: a call is
+# sent off once for many, and computes no more than are asked for.
+N_POINTS, N_PUSHES = 1024, 32
+N_TOGETHER = 64
 
 
 def predict_points(
@@ -82,9 +84,10 @@ def _predict(
     parts = [unique[:, rows] for rows in blocks]
     # All calls are sent off before the first is waited for.
     calls = []
-    for rows in _padded_rows(n_points, N_POINTS):
+    for i, rows in enumerate(_padded_rows(n_points, N_POINTS)):
         at = states(rows)
-        calls.append([_channels(at, part, grasp) for part in parts])
+        n_left = jnp.asarray(n_points - i * N_POINTS)
+        calls.append([_channels(at, part, grasp, n_left) for part in parts])
     found = [jax.tree.map(lambda *a: np.concatenate(a, axis=1), *row) for row in calls]
     return jax.tree.map(
         lambda *a: np.concatenate(a)[:n_points, inverse.ravel()], *found
@@ -119,11 +122,31 @@ def _of_draws(
 
 @compiled
 def _channels(
-    states: State[Contact], angles: Float[Numbers, "2 n"], grasp: Grasp
+    states: State[Contact],
+    angles: Float[Numbers, "2 n"],
+    grasp: Grasp,
+    n_points: Int[Array, ""],
 ) -> Channels:
+    """Channels of the first points; beyond them anything."""
     pushes = Pushes(*angles)
 
     def one(state: State[Contact]) -> Channels:
         return forward(state.params, pushes, state.grasp(grasp))
 
-    return jax.vmap(one)(states)
+    def part(i: Int[Array, ""], found: Channels) -> Channels:
+        start = i * N_TOGETHER
+        some = jax.tree.map(
+            lambda a: jax.lax.dynamic_slice_in_dim(a, start, N_TOGETHER), states
+        )
+        return jax.tree.map(
+            lambda all_, own: jax.lax.dynamic_update_slice_in_dim(
+                all_, own, start, axis=0
+            ),
+            found,
+            jax.vmap(one)(some),
+        )
+
+    shapes = jax.eval_shape(jax.vmap(one), states)
+    nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)
+    n_parts = jnp.minimum(-(-n_points // N_TOGETHER), N_POINTS // N_TOGETHER)
+    return jax.lax.fori_loop(0, n_parts, part, nothing)

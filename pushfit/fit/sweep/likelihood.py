@@ -10,7 +10,6 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.scipy.special import logsumexp
 from jax.scipy.stats import t as student_t
 from jaxtyping import Array, Float
 
@@ -111,10 +110,10 @@ def log_likelihood(
     return total
 
 
-def sigma_density(
+def sigma_nodes(
     pooled: Pooled, channel: int, difference: Float[Array, " n"]
-) -> tuple[Float[Array, " k"], Segments]:
-    """Nodes of ln σ and the unnormalised posterior over them."""
+) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """Nodes of ln σ and the unnormalised log posterior density at them."""
     problem = pooled.problem
     prior = problem.priors[f"sigma_{problem.channels[channel]}"]
     median, spread = jnp.log(prior.first), REACH * prior.second
@@ -130,7 +129,15 @@ def sigma_density(
     stretch = jnp.where(share < 0, below, above)
     ln_sigma = centre + width * jnp.sinh(stretch * share)
     level = log_likelihood_of_sigma(pooled, channel, difference, ln_sigma)
-    return ln_sigma, make_segments(ln_sigma, level + prior.log_prob(ln_sigma))
+    return ln_sigma, level + prior.log_prob(ln_sigma)
+
+
+def sigma_density(
+    pooled: Pooled, channel: int, difference: Float[Array, " n"]
+) -> tuple[Float[Array, " k"], Segments]:
+    """Nodes of ln σ and the unnormalised posterior over them."""
+    ln_sigma, level = sigma_nodes(pooled, channel, difference)
+    return ln_sigma, make_segments(ln_sigma, level)
 
 
 def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
@@ -143,11 +150,13 @@ def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
     for channel in range(len(pooled.problem.channels)):
         own = difference[channel]
         if is_sampled(pooled, channel):
-            ln_sigma, density = sigma_density(pooled, channel, own)
-            total = total + density.log_integral
-            level = density.log_density + jnp.log(_gaps(ln_sigma))
-            shares = jnp.exp(level - logsumexp(level))
-            rows = shares @ _sampled_weights(pooled, channel, own, ln_sigma)
+            ln_sigma, level = sigma_nodes(pooled, channel, own)
+            highest = jnp.max(level)
+            masses = jnp.exp(level - highest) * _gaps(ln_sigma)
+            mass = jnp.sum(masses)
+            total = total + highest + jnp.log(mass)
+            weights_of = _sampled_weights(pooled, channel, own, ln_sigma)
+            rows = masses @ weights_of / mass
         else:
             variance = pooled.problem.reference_sigma[channel] ** 2
             rows = _weights(pooled, channel, own, variance)

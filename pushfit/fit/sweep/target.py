@@ -137,18 +137,18 @@ class Target(eqx.Module):
         difference, jacobian = with_slopes(self.differences, y)
         terms = noise_terms(self.pooled, difference)
         misfit = finite(-terms.log_likelihood)
+        weighted = jacobian * terms.weights[None]
+        gradient = jnp.einsum("qcn,cn->q", weighted, difference)
+        hessian = jnp.einsum("qcn,rcn->qr", weighted, jacobian)
         # Where no push can be predicted nothing is known of the slope either, and one
         # such node must not spoil the sums over all.
-        is_known = (misfit < IMPOSSIBLE) & jnp.all(jnp.isfinite(jacobian))
-        jacobian = jnp.where(is_known, jacobian, 0.0)
-        difference = jnp.where(is_known, difference, 0.0)
-        weighted = jnp.where(is_known, jacobian * terms.weights[None], 0.0)
+        is_known = (misfit < IMPOSSIBLE) & jnp.all(jnp.isfinite(hessian))
         return Expansion(
             y=y,
             misfit=misfit,
             cost=misfit + self.half_square(y),
-            gradient=jnp.sum(weighted * difference[None], axis=(1, 2)),
-            hessian=jnp.sum(weighted[:, None] * jacobian[None], axis=(2, 3)),
+            gradient=jnp.where(is_known, gradient, 0.0),
+            hessian=jnp.where(is_known, hessian, 0.0),
         )
 
 

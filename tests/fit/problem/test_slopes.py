@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from pushfit.fit.problem.slopes import linearised, with_slopes
 from pushfit.mechanics.roots import falling_root
@@ -15,28 +16,32 @@ def curved(y):
     return jnp.stack([y[0] * y[1], jnp.sin(y[2]), jnp.exp(y[0]), y @ y])
 
 
-def test_the_jacobian_is_that_of_jax():
+@pytest.mark.parametrize("in_turn", [False, True])
+def test_the_jacobian_is_that_of_jax(in_turn):
     expected = jax.jacrev(curved)(POINT)
-    values, slopes = with_slopes(curved, POINT)
+    values, slopes = with_slopes(curved, POINT, in_turn=in_turn)
     np.testing.assert_allclose(values, curved(POINT), rtol=EXACT)
     np.testing.assert_allclose(slopes.T, expected, rtol=EXACT)
 
 
-def test_what_is_searched_is_searched_once():
-    """The search of a root is no part of the loop over the coordinates."""
+@pytest.mark.parametrize(
+    ("in_turn", "expected"), [(False, ["while"]), (True, ["while", "scan"])]
+)
+def test_what_is_searched_is_searched_once(in_turn, expected):
+    """The search of a root is no part of what is done for every coordinate."""
 
     def cube_root(y):
         bracket = jnp.zeros_like(y), jnp.full_like(y, 10.0)
         return falling_root(lambda c, x: c - x**3, y, bracket, jnp.ones_like(y))
 
     y = jnp.array([2.0, 27.0, 64.0])
-    values, slopes = with_slopes(cube_root, y)
+    values, slopes = with_slopes(cube_root, y, in_turn=in_turn)
     np.testing.assert_allclose(values, np.cbrt(y), rtol=EXACT)
     np.testing.assert_allclose(slopes, np.diag(np.cbrt(y) / (3 * y)), rtol=1e-7)
-    program = jax.make_jaxpr(lambda y: with_slopes(cube_root, y))(y)
+    program = jax.make_jaxpr(lambda y: with_slopes(cube_root, y, in_turn=in_turn))(y)
     loops = [e for e in program.eqns if e.primitive.name in ("scan", "while")]
-    assert [e.primitive.name for e in loops] == ["while", "scan"]
-    assert "while" not in str(loops[1].params["jaxpr"])
+    assert [e.primitive.name for e in loops] == expected
+    assert "while" not in str([loop.params.get("jaxpr") for loop in loops[1:]])
 
 
 def test_a_linearised_function_keeps_its_values_and_slopes():
