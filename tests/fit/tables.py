@@ -16,8 +16,10 @@ TOML = """
 [push]
 length_mm = 5.0
 """
-# The switch of the paper, wherever a test does not ask for another transition.
+# The switch of the paper, wherever a test does not ask for another transition, and
+# normal noise: what chooses between kinds of noise compiles the programs of each.
 HARD = '[transition]\nsharpness = "hard"\n'
+NORMAL = '[noise]\nlikelihood = "normal"\n'
 
 FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
 # With the truth of the case "paper" for all but C_rr, the tangential height of a push
@@ -27,8 +29,14 @@ FRICTION_ONLY += "[parameters.C_rr]\nnormal = { mean = 0.24, sd = 0.01 }\n"
 
 
 def config(text: str = "") -> GraspConfig:
-    """A push of 5 mm, a transition that is hard unless stated, and more text."""
+    """A push of 5 mm, and more text.
+
+    The transition is hard and the noise is normal unless the text says otherwise.
+    """
     transition = "" if "[transition]" in text else HARD
+    if "likelihood =" not in text:
+        noise = "[noise]\n"
+        text = text.replace(noise, NORMAL) if noise in text else f"{text}\n{NORMAL}"
     return parse_config(TOML + transition + text, path="grasp.toml")
 
 

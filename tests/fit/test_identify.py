@@ -22,6 +22,8 @@ from tests.problems import CASES
 LOW_DEG = np.arange(5.0, 61.0, 5.0)
 # Noise that is the same for all heights, whatever their residuals show.
 CONSTANT = "[noise]\nheight_share = 0.0\n"
+# The same, normal or heavy-tailed as the heights have it.
+CHOSEN = CONSTANT + 'likelihood = "auto"\n'
 
 
 @pytest.fixture(scope="module")
@@ -356,7 +358,7 @@ def test_heavy_tails_hide_nothing_that_shows_more(monkeypatch, code, p_value, is
     """Of noise that is not normal less is asked, as where a model is rejected."""
     shown = (Violation(code=code, p_value=p_value, text=""),)
     monkeypatch.setattr(fitted_module, "violations", lambda *fitted: shown)
-    fitted = fit_table(heavy_tailed(), config(CONSTANT + FRICTION_ONLY))
+    fitted = fit_table(heavy_tailed(), config(CHOSEN + FRICTION_ONLY))
     codes = [warning.code for warning in fitted.warnings]
     assert "student_t_chosen" in codes
     assert (code in codes) == is_told
@@ -403,7 +405,7 @@ def test_noise_stays_constant_where_its_size_is_stated_otherwise(text):
 
 def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
     """Noise of several sizes has them, too; it is named, and not hidden by them."""
-    table, settings = proportional(0), config(CONSTANT + FRICTION_ONLY)
+    table, settings = proportional(0), config(CHOSEN + FRICTION_ONLY)
     student = config(CONSTANT + 'likelihood = "student_t"\n' + FRICTION_ONLY)
     normal = CONSTANT + 'sigma = "sampled"\nlikelihood = "normal"\n'
     sampled = config(normal + FRICTION_ONLY)
@@ -416,7 +418,7 @@ def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
 
 def test_draws_that_noise_was_chosen_by_are_those_of_the_sweep(monkeypatch):
     monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
-    fitted = fit_table(proportional(0), config(CONSTANT + FRICTION_ONLY))
+    fitted = fit_table(proportional(0), config(CHOSEN + FRICTION_ONLY))
     (known,) = fitted.swept.values()
     anew = sweep(replace(fitted, swept={}), 0)
     np.testing.assert_array_equal(known.samples["theta_c"], anew.samples["theta_c"])
