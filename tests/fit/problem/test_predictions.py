@@ -9,6 +9,7 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.predictions import (
     N_POINTS,
     N_PUSHES,
+    N_TOGETHER,
     heights_of,
     predict_draws,
     predict_points,
@@ -41,7 +42,7 @@ def test_points_are_predicted_as_one_by_one(problem, pushes):
     points = rng.normal(0.0, 0.3, (N_POINTS + 5, len(problem.data_names)))
     found = predict_points(problem, points, pushes)
     assert found.height.shape == (len(points), pushes.theta.size)
-    for i in (0, N_POINTS - 1, N_POINTS, len(points) - 1):
+    for i in (0, N_TOGETHER, N_POINTS - 1, N_POINTS, len(points) - 1):
         state = problem.data_state(jnp.asarray(points[i]))
         one = forward(state.params, pushes, state.grasp(problem.grasp))
         np.testing.assert_allclose(found.height[i], one.height, rtol=EXACT)
