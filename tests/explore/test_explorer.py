@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from pushfit.data.simulate import simulate_table
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer, Purpose
+from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters
+from tests.explore.beliefs import PLAIN
 from tests.explore.worlds import (
     COMPONENTS,
     CONFIG,
@@ -141,6 +144,36 @@ def test_what_lies_out_of_reach_cannot_be_decided():
     assert last.answer is Answer.CANNOT
     assert {before.answer, second.answer} == {Answer.DECIDING}
     assert before.p_unlimited is not None
+
+
+# Two grasps of which three pushes feel the same, but for noise.
+ALIKE = (
+    Parameters(K_sn=769, K_dn=536, K_st=253, C_rr=0.948, C_d=0.252, L=0.062),
+    Parameters(K_sn=413, K_dn=1400, K_st=626, C_rr=0.124, C_d=0.264, L=0.0338),
+)
+
+
+@pytest.mark.parametrize("truth", [0, 1])
+def test_of_two_hills_the_own_one_is_left(truth):
+    sigma, channels = 0.0463, ("height",)
+    table = PeakTable.from_arrays(
+        theta=np.radians([10.0, 45.0, 80.0]),
+        alpha=np.full(3, np.pi / 2),
+        heights={"height": np.array([0.370, 1.114, 1.577])},
+        unit="n",
+    )
+    own = explorer(width_deg=30.0, budget=40, sigma=sigma, channels=channels)
+    own.attach(table)
+    values = own.belief.samples["theta_c"]
+    below, between, above = np.histogram(values, bins=[0, 30, 60, 90])[0]
+    assert min(below, above) > 1.4 * between
+    angles = [np.degrees(critical_angle(one, PLAIN, np.pi / 2)) for one in ALIKE]
+    low, high = own.state.intervals["theta_c"]
+    assert low < min(angles) < max(angles) < high
+    run(own, params=ALIKE[truth], sigma=sigma, channels=channels)
+    low, high = own.state.intervals["theta_c"]
+    assert low < angles[truth] < high
+    assert not low < angles[1 - truth] < high
 
 
 def test_a_table_that_is_hopeless_needs_no_further_push():
