@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pushfit import Explorer, read_config
 from pushfit.config.inputs import PeakSettings
-from pushfit.explore.hands.simulated import simulated_hand
+from pushfit.explore.hands.simulated import joints_stated, simulated_hand
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import Step, explore
 from pushfit.report.figures import save_figure
@@ -23,8 +23,8 @@ STEPS = {2: "exploration_begin", 5: "exploration_middle"}
 def main() -> None:
     """Explore the example grasp and draw it."""
     explorer = Explorer(
-        read_config(EXAMPLE / "grasp.toml"),
-        sigma=0.2,
+        joints_stated(read_config(EXAMPLE / "grasp.toml")),
+        sigma=0.1,
         limits=Limits(theta_deg=THETA_DEG),
         unit="kpa",
     )

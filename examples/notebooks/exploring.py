@@ -23,7 +23,7 @@ from pathlib import Path
 
 import pushfit
 from pushfit.config.inputs import PeakSettings
-from pushfit.explore.hands.simulated import simulated_hand
+from pushfit.explore.hands.simulated import joints_stated, simulated_hand
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
 from pushfit.report.figures.exploration import exploration_picture
@@ -35,15 +35,15 @@ folder = ROOT / "examples" / "foam_box"
 # %% [markdown]
 # ## The question
 #
-# The critical angle θ_c to ± 3°, by heights that scatter by 0.2 kPa, with a finger that
-# goes from −60° to 60°.
+# The critical angle θ_c to ± 3°, by heights that scatter by 0.1 kPa, with a finger that
+# goes from −60° to 60°. Its joints miss by up to half a degree, as the settings say.
 
 # %%
 explorer = pushfit.Explorer(
-    pushfit.read_config(folder / "grasp.toml"),
+    joints_stated(pushfit.read_config(folder / "grasp.toml")),
     ask="theta_c",
     width_deg=6.0,
-    sigma=0.2,
+    sigma=0.1,
     limits=Limits(theta_deg=(-60.0, 60.0)),
     unit="kpa",
 )

@@ -7,8 +7,10 @@ import pytest
 
 from pushfit.config import parse_config
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.simulate import Session
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.simulate import Session, simulate_recording
 from pushfit.explore.explorer import Explorer
+from pushfit.explore.hands import simulated
 from pushfit.explore.hands.protocol import Reach
 from pushfit.explore.hands.simulated import SimulatedHand, World
 from pushfit.explore.limits import Limits
@@ -72,6 +74,20 @@ def test_a_hand_explores_to_the_end():
     assert reasons(own) == []
     # Directions are those reached: whole degrees of the joints.
     np.testing.assert_allclose(np.degrees(own.table.theta) % 1.0, 0.0, atol=1e-6)
+
+
+def test_settings_say_how_far_joints_miss():
+    plan = PushSchedule.planned(np.full(1000, 0.5), np.pi / 2, repeats=1)
+    made = simulate_recording(
+        TRUTH, PLAIN, plan, session=simulated.SESSION, rng=np.random.default_rng(0)
+    )
+    missed = np.degrees([made.theta - plan.theta, made.alpha - plan.alpha])
+    stated = simulated.joints_stated(CONFIG).noise
+    # Three standard errors of the sd of a thousand uniform numbers.
+    assert stated.theta_sd_deg == pytest.approx(np.std(missed[0]), rel=0.045)
+    assert stated.alpha_sd_deg == pytest.approx(np.std(missed[1]), rel=0.045)
+    own = parse_config("[noise]\ntheta_sd_deg = 0.0\n", path="grasp.toml")
+    assert simulated.joints_stated(own).noise.theta_sd_deg == 0.0
 
 
 @pytest.mark.parametrize(

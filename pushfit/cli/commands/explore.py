@@ -175,6 +175,10 @@ def explore(
 
     check_target(out, force=force)
     settings = read_config(asked.config)
+    if hand == "simulated":
+        from pushfit.explore.hands.simulated import joints_stated, simulated_hand
+
+        settings = joints_stated(settings)
     journal = out.with_name(f"{out.name}.journal.jsonl")
     explorer = asked.explorer(
         settings,
@@ -188,7 +192,6 @@ def explore(
         session.say(f"going on with {journal}: {len(known.told)} pushes are known")
     if hand == "simulated":
         from pushfit.cli.commands.analysis import example_folder
-        from pushfit.explore.hands.simulated import simulated_hand
 
         finger: Hand = simulated_hand(
             read_config(truth or example_folder() / "truth.toml"),

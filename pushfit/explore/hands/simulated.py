@@ -255,6 +255,19 @@ SPOILS: Mapping[str, Callable[[Recording, float, float], Recording]] = {
 FAULTS = (*SPOILS, "stall", "slip")
 
 
+def joints_stated(config: GraspConfig) -> GraspConfig:
+    """Settings that say how far the joints of this hand miss, unless they do already.
+
+        sd = w / √12
+
+    An angle is anywhere within half a step w of what the joints report.
+    """
+    sd = float(np.degrees(SESSION.angle_resolution)) / np.sqrt(12)
+    noise, names = config.noise, ("theta_sd_deg", "alpha_sd_deg")
+    missing = {name: sd for name in names if getattr(noise, name) is None}
+    return config.model_copy(update={"noise": noise.model_copy(update=missing)})
+
+
 def simulated_hand(
     config: GraspConfig,
     *,
