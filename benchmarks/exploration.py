@@ -8,8 +8,9 @@ Truths are drawn from the default priors, as normals in the logs; noise is 3 % o
 median height. A decision is a shortest 90 % posterior interval of θ_c no wider than
 asked. The posterior is a grid of its own over θ_c and ln C_rr with ln A by Laplace, so
 that the rule is judged apart from the engine; gains and intervals are pushfit's. With
---control, two rows that must lose coverage: noise believed 1.5 times too small, and
-stopping on likelihood sets. With
+--control, rows that must lose coverage: noise believed 1.5 times too small, and
+stopping on likelihood sets, with pushes chosen by gain and with pushes in passes; of
+the latter also the coverage after fixed numbers of pushes, which must not be lost. With
 --explorer, `pushfit.Explorer` itself runs on draws from that grid, with its forecasts.
 """
 
@@ -39,6 +40,8 @@ N_GAIN = 2048
 N_THETA_C, N_C = 360, 48
 # Label of a control: stopping on likelihood sets.
 BY_SETS = "likelihood sets"
+# Numbers of pushes after which such sets are looked at whatever their width.
+FIXED = (3, 6, 12, 24, 40)
 COMPONENTS = ("height_normal", "height_tangential")
 CHANNELS = {"height": ("height",), "components": COMPONENTS}
 
@@ -282,6 +285,26 @@ def stops(
     return found
 
 
+def sets_in_passes(truth, channels, widths, cap, *, seed):
+    """Stops on likelihood sets, and whether θ_c is in them after fixed numbers."""
+    noise = truth.sigma * np.random.default_rng([seed, 2]).standard_normal(
+        (cap, len(channels))
+    )
+    sets = LikelihoodSets(truth.sigma, channels)
+    found, fixed = dict.fromkeys(widths), {}
+    for n in range(cap):
+        theta = float(THETA[n % THETA.size])
+        sets.add(theta, truth.feel(theta, channels, noise[n]))
+        low, high = sets.hull()
+        is_in = bool(low <= np.degrees(truth.theta_c) <= high)
+        for width in widths:
+            if found[width] is None and high - low <= width:
+                found[width] = (n + 1, is_in)
+        if n + 1 in FIXED:
+            fixed[n + 1] = is_in
+    return found, fixed
+
+
 def describe(results: Sequence, cap: int) -> str:
     """Share decided / median pushes / coverage at the stop, ± its standard error."""
     decided = [r for r in results if r is not None]
@@ -323,9 +346,25 @@ def compare(args) -> None:
             for k, world in enumerate(worlds)
         ]
         columns = [describe([f[w] for f in found], args.cap) for w in args.widths]
-        took = time.perf_counter() - start
-        cells = (column.rjust(22) for column in columns)
-        print(label.ljust(16), *cells, f"{took:6.0f} s", flush=True)
+        print_row(label, columns, start)
+    if args.control:
+        start = time.perf_counter()
+        both = [
+            sets_in_passes(world, channels, args.widths, args.cap, seed=k)
+            for k, world in enumerate(worlds)
+        ]
+        columns = [describe([f[w] for f, _ in both], args.cap) for w in args.widths]
+        print_row("sets in passes", columns, start)
+        for n in both[0][1]:
+            share = np.mean([fixed[n] for _, fixed in both])
+            print(f"  after {n} pushes, however wide: coverage {share:.3f}")
+
+
+def print_row(label: str, columns: Sequence[str], start: float) -> None:
+    """One line of the table, with the time that it took."""
+    cells = (column.rjust(22) for column in columns)
+    took = time.perf_counter() - start
+    print(label.ljust(16), *cells, f"{took:6.0f} s", flush=True)
 
 
 def source(table, question, seed) -> Belief:
