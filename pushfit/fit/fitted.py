@@ -32,7 +32,7 @@ from pushfit.fit.profiles.least_squares import (
     searched,
     settle_noise,
 )
-from pushfit.fit.profiles.weights import tail_gain
+from pushfit.fit.profiles.weights import share_gain, tail_gain
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -49,6 +49,9 @@ ENGINES = ("auto", "sweep", "emcee")
 # Student-t noise is lower than by this, its evidence is hardly ever the higher one, and
 # is not looked at.
 MIN_TAIL_GAIN = -0.5
+# The same of noise in proportion to the height, above which it is taken: twice it is
+# exceeded once in 1000 tables without, half of a chi-square of one degree of freedom.
+MIN_SHARE_GAIN = 4.8
 # Of the draws that noise is chosen by: whatever the seed, the same noise.
 CHOOSING_SEED = 0
 
@@ -163,10 +166,15 @@ def _with_share_if_shown(
     # The scatter of repeats holds the share already, and stated errors of angles, if
     # they are wrong, look like one.
     is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
-    found = [v.code for v in even.shown[:1] if v.p_value < LEVEL]
-    if is_held or found != [PROPORTIONAL]:
+    others = [v for v in even.shown if v.code not in (PROPORTIONAL, HEAVY_TAILED)]
+    if is_held or not even.shown or any(v.p_value < LEVEL for v in others):
         return even
-    return fit_table(table, with_noise(config, height_share="estimate"))
+    problem = even.setup.problem
+    gain = share_gain(problem, even.fit)
+    # Noise of several sizes has heavy tails, and these make a share likelier.
+    if gain > MIN_SHARE_GAIN and gain > tail_gain(problem, even.fit, "sampled"):
+        return fit_table(table, with_noise(config, height_share="estimate"))
+    return even
 
 
 def _more_evident(

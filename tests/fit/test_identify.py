@@ -366,9 +366,19 @@ def test_heavy_tails_hide_nothing_that_shows_more(monkeypatch, code, p_value, is
 
 def proportional(seed: int) -> PeakTable:
     """51 heights that scatter by a share of their own."""
-    clean = case_table(CASES["paper"])
+    return scattering("proportional", seed)
+
+
+def scattering(kind: str, seed: int) -> PeakTable:
+    """The same, or heights that scatter evenly, or evenly with heavy tails."""
+    clean, rng = case_table(CASES["paper"]), np.random.default_rng(seed)
     heights = clean.heights("height")
-    scatter = 0.05 * heights * np.random.default_rng(seed).standard_normal(51)
+    even = 0.02 * np.max(heights)
+    scatter = {
+        "proportional": lambda: 0.05 * heights * rng.standard_normal(51),
+        "even": lambda: even * rng.standard_normal(51),
+        "heavy": lambda: even * rng.standard_t(2.5, 51),
+    }[kind]()
     return PeakTable.from_arrays(
         theta=clean.theta,
         alpha=clean.alpha,
@@ -393,6 +403,16 @@ def test_noise_is_in_proportion_where_residuals_ask_for_it(share, stated):
     np.testing.assert_array_equal(fitted.fit.estimate, known.fit.estimate)
     codes = [warning.code for warning in fitted.warnings]
     assert ("height_share" in codes) == (share == "estimate")
+
+
+@pytest.mark.parametrize(
+    ("kind", "share"), [("proportional", "estimate"), ("even", 0.0), ("heavy", 0.0)]
+)
+def test_fifty_pushes_tell_noise_in_proportion_from_other_noise(kind, share):
+    """Of tables of six seeds in a row each shows its own."""
+    settings = config(FRICTION_ONLY)
+    fitted = [fit_table(scattering(kind, seed), settings) for seed in range(6)]
+    assert [one.config.noise.height_share for one in fitted] == 6 * [share]
 
 
 @pytest.mark.parametrize(

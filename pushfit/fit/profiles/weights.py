@@ -18,6 +18,9 @@ from pushfit.model import as_float
 # Largest variance of a component, in mean squares of the errors, and where it is sought
 # from.
 MOST, HALF = 10.0, 0.5
+# Fewer residuals beyond the unknowns show no share: the fit takes most of what low
+# heights scatter.
+MIN_FREEDOM = 20
 
 
 def with_known_noise(problem: Problem, added: Float[np.ndarray, "c n"]) -> Problem:
@@ -48,13 +51,44 @@ def height_share(
         predicted: Heights of the fit [table unit].
         is_sampled: Whether each channel has a sigma beside its sd.
     """
+    heights = predicted[np.asarray(problem.mask)]
+    return _likeliest_share(problem, heights, is_sampled=is_sampled)[0]
+
+
+def share_gain(problem: Problem, fit: FitResult) -> float:
+    """How much likelier noise in proportion makes the residuals of a fit by even noise.
+
+    Returns:
+        Log ratio of the largest likelihoods at the same heights, with and without a
+        share, each channel with a sigma beside its sd; 0 where hardly a residual is
+        free.
+    """
+    if fit.degrees_of_freedom < MIN_FREEDOM:
+        return 0.0
+    _, with_share = _likeliest_share(problem, fit.predicted, is_sampled=True)
+    _, without = _likeliest_share(problem, fit.predicted, is_sampled=True, most=0.0)
+    return with_share - without
+
+
+def _likeliest_share(
+    problem: Problem,
+    heights: Float[np.ndarray, " m"],
+    *,
+    is_sampled: bool,
+    most: float = MOST,
+) -> tuple[float, float]:
+    """The share of `height_share`, and the log likelihood with it up to a constant.
+
+    Args:
+        heights: Of the fit, those of padding left out [table unit].
+        most: Largest variance in proportion, in mean squares of the errors.
+    """
     mask = np.asarray(problem.mask)
-    squares = (predicted - np.asarray(problem.observed))[mask] ** 2 / _share_left(
-        problem
-    )
+    errors = heights - np.asarray(problem.observed)[mask]
+    squares = errors**2 / _share_left(problem)
     known = np.asarray(problem.sd)[mask] ** 2
     channel = np.nonzero(mask)[0]
-    columns = [predicted[mask] ** 2]
+    columns = [heights**2]
     if is_sampled:
         columns += [(channel == c).astype(float) for c in range(mask.shape[0])]
     scale = max(float(np.mean(squares)), 1e-300)
@@ -68,14 +102,16 @@ def height_share(
         value = float(np.sum(np.log(variance) + squares / variance))
         return value, scale * (design.T @ slope)
 
+    bounds = [(0.0, most)] + [(0.0, MOST)] * (design.shape[1] - 1)
     found = scipy.optimize.minimize(
         cost,
-        np.full(design.shape[1], HALF),
+        np.minimum(HALF, [top for _, top in bounds]),
         jac=True,
-        bounds=[(0.0, MOST)] * design.shape[1],
+        bounds=bounds,
         method="L-BFGS-B",
     )
-    return float(np.sqrt(scale * found.x[0] / np.mean(columns[0])))
+    share = float(np.sqrt(scale * found.x[0] / np.mean(columns[0])))
+    return share, -float(found.fun) / 2
 
 
 def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Problem:

@@ -8,12 +8,13 @@ from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.fitted import fit_table
-from pushfit.fit.profiles.weights import height_share, tail_gain
+from pushfit.fit.fitted import MIN_SHARE_GAIN, fit_table
+from pushfit.fit.profiles.weights import height_share, share_gain, tail_gain
 from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
+CONSTANT = '[noise]\nheight_share = 0.0\nlikelihood = "normal"\n'
 ESTIMATED = '[noise]\nheight_share = "estimate"\n'
 # The share of 204 heights is known to 1/sqrt(2 · 204) of it where all noise is in
 # proportion: a false alarm once in 10^4.
@@ -107,3 +108,33 @@ def test_tails_gain_the_ratio_of_the_likelihoods(kind):
     expected = np.max(student + change) - np.max(normal + change)
     found = tail_gain(fitted.setup.problem, fitted.fit, kind)
     np.testing.assert_allclose(found, expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05])
+def test_a_share_gains_the_ratio_of_the_likelihoods(share):
+    """By densities written out, and the likeliest of a fine grid of both parts."""
+    table = scattered(share=share, constant=0.02, seed=4, repeats=3)
+    fitted = fit_table(table, config(CONSTANT))
+    heights, n, p = fitted.fit.predicted, 51, fitted.fit.n_free
+    squares = (table.heights("height") - heights) ** 2 / (1 - p / n)
+    sigmas = np.geomspace(0.002, 0.3, 801)[:, None, None]
+    shares = np.r_[0.0, np.geomspace(1e-4, 0.3, 800)][:, None]
+    variance = sigmas**2 + (shares * heights) ** 2
+    levels = -np.sum(np.log(variance) + squares / variance, axis=2) / 2
+    expected = np.max(levels) - np.max(levels[:, 0])
+    assert (expected > MIN_SHARE_GAIN) == (share > 0)
+    found = share_gain(fitted.setup.problem, fitted.fit)
+    np.testing.assert_allclose(found, expected, atol=2e-3)
+
+
+def test_few_pushes_show_no_share():
+    """Three pushes beyond the unknowns, and low ones that the fit goes through."""
+    table = scattered(share=0.5, constant=0.0, seed=0, repeats=1).frame.iloc[:6]
+    few = PeakTable.from_arrays(
+        theta=np.radians(table["theta_deg"].to_numpy()),
+        alpha=np.radians(table["alpha_deg"].to_numpy()),
+        heights={"height": table["height_n"].to_numpy()},
+        unit="n",
+    )
+    fitted = fit_table(few, config(CONSTANT))
+    assert share_gain(fitted.setup.problem, fitted.fit) == 0.0
