@@ -8,10 +8,11 @@ scatter by a share of the tallest; without repeats their sd is stated. Each cell
 one assumption. A 90 % interval that means it holds the truth in 90 % of the tables; of
 those that miss it, a warning or a withheld interval should tell. Widths are compared
 table by table with those under the first setting.
-Interrupted, the run prints what it has.
+Interrupted or told to end, the run prints what it has.
 """
 
 import argparse
+import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -227,6 +228,9 @@ def main() -> None:
     parser.add_argument("--cells", nargs="*", choices=REMEDIES, default=list(REMEDIES))
     options = parser.parse_args()
     enable_compile_cache()
+    # In the background a run is not told of interrupts unless it asks.
+    for name in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(name, signal.default_int_handler)
     channels = ("height_normal", "height_tangential") if options.components else ()
     cells = [c for c in options.cells if options.plan != 6 or c not in REPEATED]
     configs = {cell: settings(cell, options.settings) for cell in cells}

@@ -409,9 +409,9 @@ def test_noise_is_in_proportion_where_residuals_ask_for_it(share, stated):
     ("kind", "share"), [("proportional", "estimate"), ("even", 0.0), ("heavy", 0.0)]
 )
 def test_fifty_pushes_tell_noise_in_proportion_from_other_noise(kind, share):
-    """Of tables of six seeds in a row each shows its own."""
+    """Of six seeds in a row each shows its own; tails of seed 16 look like a share."""
     settings = config(FRICTION_ONLY)
-    fitted = [fit_table(scattering(kind, seed), settings) for seed in range(6)]
+    fitted = [fit_table(scattering(kind, seed), settings) for seed in range(12, 18)]
     assert [one.config.noise.height_share for one in fitted] == 6 * [share]
 
 
