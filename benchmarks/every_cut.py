@@ -4,7 +4,8 @@ A cut leaves all pushes whole but the one that it goes through. Printed per chan
 whole pushes beside all cuts and how many of them are lost, and the pushes that were cut
 and how many of these carry no flag that keeps them out of a fit. Both are to be 0. Then
 how many heights of whole pushes without a flag move by more than a tenth of their
-standard deviation, and the largest move: a cut inside a rest leaves less of it. The
+standard deviation, and the largest move: where the cut is beyond the rests that a push
+is measured by, and where it is inside of one, of which it leaves less. The
 recordings are those of `benchmarks.real_recordings` and of its folder; pushes that the
 recording itself cuts are left aside.
 """
@@ -18,6 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.real_recordings import CASES, CHANNEL, load, measured
+from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.extract import find_pushes
+from pushfit.data.pushes.feet import Feet
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
@@ -37,7 +41,9 @@ class Count:
         lost: Times of the cuts that lose one, one for each [s].
         cut: Pushes that a cut goes through, one for each side that shows them.
         unflagged: Times of the cuts that leave one without a flag [s].
-        moves: By how much each whole push without a flag is higher [sd].
+        moves: By how much each whole push without a flag is higher where the cut is
+            beyond its rests [sd].
+        shortened: The same where the cut is inside one of its rests [sd].
     """
 
     whole: int
@@ -45,6 +51,7 @@ class Count:
     cut: int
     unflagged: tuple[float, ...]
     moves: tuple[float, ...]
+    shortened: tuple[float, ...]
 
 
 def recordings(folder: Path) -> Iterator[tuple[str, Recording]]:
@@ -116,6 +123,29 @@ def found(recording: Recording, part: slice) -> list[Push]:
     ]
 
 
+def rests(recording: Recording, pushes: Sequence[Push]) -> list[tuple[float, float]]:
+    """Where the rests begin and end that pushes are measured by, or a neighbour [s]."""
+    own = {
+        push.t_start: Feet.together([push.feet])
+        for push in find_pushes(recording, settings=PeakSettings(channel=CHANNEL))
+    }
+    feet = [own[push.start] for push in pushes]
+    edges = (
+        [-np.inf, *(push.end for push in pushes[:-1])],
+        [
+            *(push.start for push in pushes[1:]),
+            np.inf,
+        ],
+    )
+    return [
+        (
+            max(float(one.before(np.array([-np.inf]))[0][0]), last),
+            min(float(one.after(np.array([np.inf]))[1][0]), first),
+        )
+        for one, last, first in zip(feet, *edges, strict=True)
+    ]
+
+
 def evenly(recording: Recording, n_cuts: int) -> list[int]:
     """So many places, evenly spread over the samples of a recording."""
     n = len(recording.time)
@@ -125,27 +155,33 @@ def evenly(recording: Recording, n_cuts: int) -> list[int]:
 def count(recording: Recording, cuts: Sequence[int]) -> Count:
     """Cut a recording before each of some samples."""
     time = recording.time
-    pushes = [own for own in found(recording, slice(None)) if not own.is_cut]
+    every = found(recording, slice(None))
+    beside = rests(recording, every)
     whole = cut = 0
-    lost, unflagged, moves = [], [], []
+    lost, unflagged, moves, shortened = [], [], [], []
     for k in cuts:
         for part in (slice(0, k), slice(k, None)):
             first, last = time[part][[0, -1]]
             parts = found(recording, part)
-            for push in pushes:
+            for push, (begin, end) in zip(every, beside, strict=True):
+                if push.is_cut:
+                    continue
                 if first <= push.start and push.end <= last:
                     whole += 1
                     same = [own for own in parts if own.start < push.peak < own.end]
                     if not same:
                         lost.append(float(time[k]))
                     elif not (push.is_out or same[0].is_out):
-                        moves.append((same[0].height - push.height) / push.sd)
+                        is_inside = begin < time[k] < end
+                        (shortened if is_inside else moves).append(
+                            (same[0].height - push.height) / push.sd
+                        )
                 elif push.start < last and first < push.end:
-                    beside = [
+                    is_out = [
                         own.is_out for own in parts if push.start < own.peak < push.end
                     ]
-                    cut += bool(beside)
-                    if not all(beside):
+                    cut += bool(is_out)
+                    if not all(is_out):
                         unflagged.append(float(time[k]))
     return Count(
         whole=whole,
@@ -153,6 +189,7 @@ def count(recording: Recording, cuts: Sequence[int]) -> Count:
         cut=cut,
         unflagged=tuple(unflagged),
         moves=tuple(moves),
+        shortened=tuple(shortened),
     )
 
 
@@ -166,15 +203,17 @@ def main() -> None:
     options = parser.parse_args()
     print(
         "recording | whole pushes | lost | cut pushes | unflagged | cuts of these [s] "
-        "| heights that move | largest move [sd]"
+        "| heights that move, cut beyond their rests | largest move [sd] "
+        "| cut inside a rest | largest move [sd]"
     )
-    print("|".join(["---"] * 8))
+    print("|".join(["---"] * 10))
     for name, recording in recordings(Path(options.folder)):
         c = count(recording, evenly(recording, options.cuts))
         where = ", ".join(f"{t:.2f}" for t in sorted({*c.lost, *c.unflagged})[:6])
         cells = [name, c.whole, len(c.lost), c.cut, len(c.unflagged), where or "-"]
-        moves = np.abs(c.moves) if c.moves else np.zeros(1)
-        cells += [np.count_nonzero(moves > MOVED), f"{moves.max():.2f}"]
+        for moves in (c.moves, c.shortened):
+            size = np.abs([0.0, *moves])
+            cells += [np.count_nonzero(size > MOVED), f"{size.max():.2f}"]
         print(" | ".join(map(str, cells)), flush=True)
 
 
