@@ -130,19 +130,14 @@ def rests(recording: Recording, pushes: Sequence[Push]) -> list[tuple[float, flo
         for push in find_pushes(recording, settings=PeakSettings(channel=CHANNEL))
     }
     feet = [own[push.start] for push in pushes]
-    edges = (
-        [-np.inf, *(push.end for push in pushes[:-1])],
-        [
-            *(push.start for push in pushes[1:]),
-            np.inf,
-        ],
-    )
+    lasts = [-np.inf, *(push.end for push in pushes[:-1])]
+    firsts = [*(push.start for push in pushes[1:]), np.inf]
     return [
         (
             max(float(one.before(np.array([-np.inf]))[0][0]), last),
             min(float(one.after(np.array([np.inf]))[1][0]), first),
         )
-        for one, last, first in zip(feet, *edges, strict=True)
+        for one, last, first in zip(feet, lasts, firsts, strict=True)
     ]
 
 
