@@ -7,16 +7,11 @@ processes they start; PUSHFIT_CACHE=off turns it off.
 
 import os
 import stat
-import sys
 from pathlib import Path
 
 SWITCH = "PUSHFIT_CACHE"
-# Where traced programs are, handed on to child processes.
+# Where programs are, handed on to child processes.
 PROGRAMS = "PUSHFIT_PROGRAMS"
-# Setting of JAX: where it keeps compiled programs.
-COMPILED = "JAX_COMPILATION_CACHE_DIR"
-# The same for programs that compile faster than so many seconds.
-SMALLEST = "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"
 
 
 def cache_folder() -> Path:
@@ -27,10 +22,7 @@ def cache_folder() -> Path:
 
 
 def enable_compile_cache() -> str:
-    """Keep programs, tell JAX so before it is imported, and say what was decided.
-
-    A folder that the user gave to JAX stays the one of compiled programs.
-    """
+    """Keep programs, and say what was decided."""
     os.environ.pop(PROGRAMS, None)
     if os.environ.get(SWITCH) == "off":
         return f"off ({SWITCH}=off)"
@@ -42,23 +34,11 @@ def enable_compile_cache() -> str:
     if not is_private(folder):
         return f"off ({folder} is open to others; chmod 700 it)"
     os.environ[PROGRAMS] = str(folder)
-    os.environ.setdefault(COMPILED, str(folder))
-    # Small programs are many.
-    os.environ.setdefault(SMALLEST, "0")
-    _tell_loaded_jax()
     return str(folder)
 
 
-def _tell_loaded_jax() -> None:
-    """Repeat the settings to a JAX that has read the environment already."""
-    jax = sys.modules.get("jax")
-    if jax is not None and jax.config.jax_compilation_cache_dir is None:
-        for name, kind in ((COMPILED, str), (SMALLEST, float)):
-            jax.config.update(name.lower(), kind(os.environ[name]))
-
-
 def programs_folder() -> Path | None:
-    """Folder of traced programs; None where none are kept."""
+    """Folder where programs are kept; None where none are."""
     folder = os.environ.get(PROGRAMS)
     return Path(folder) if folder else None
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import pushfit
-from pushfit import cache, workflow
+from pushfit import workflow
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.results import Identification, Recipe
 from tests.batch.makers import table_text
@@ -115,27 +115,6 @@ def test_only_files_can_be_verified_later(table):
         config=given, recordings=(str(SWEEP),), schedules=(str(PLAN),)
     )
     assert workflow.recipe_of([pd.DataFrame()], [], config) is None
-
-
-def test_compiled_programs_are_kept_although_jax_is_loaded(monkeypatch, tmp_path):
-    """JAX reads the environment once; after that only its own settings count."""
-    settings = {}
-
-    class Config:
-        jax_compilation_cache_dir = None
-
-        def update(self, name, value):
-            settings[name] = value
-
-    loaded = ModuleType("jax")
-    monkeypatch.setattr(loaded, "config", Config(), raising=False)
-    monkeypatch.setitem(sys.modules, "jax", loaded)
-    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
-    for name in (cache.SWITCH, cache.COMPILED):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv(cache.PROGRAMS, "")
-    cache.enable_compile_cache()
-    assert settings["jax_compilation_cache_dir"] == str(tmp_path / "compiled")
 
 
 def test_a_notebook_shows_what_is_known_and_the_stage(monkeypatch):

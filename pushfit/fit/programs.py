@@ -1,33 +1,34 @@
-"""Compiled functions whose traced programs outlive the process.
+"""Compiled functions that outlive the process.
 
-Tracing and lowering a program takes longer than loading the machine code that JAX keeps
-of it. Where the compile cache is on, `compiled` therefore keeps the traced program too,
-in the portable form of `jax.export`, under a fingerprint of the source of pushfit, the
-versions of the packages that trace, the kind of processor, and the arguments but for
-the numbers in arrays; none where mechanics from outside the package are in use, whose
-source may change. Loading one takes long, too, but leaves Python free: `loaded_ahead`
-has a thread load what an analysis used the last time. `kept_arrays` keeps what follows
-from settings alone. A file that is damaged, or cannot be written, is as good as none.
+Where the compile cache is on, `compiled` keeps machine code under a digest of what was
+lowered, as JAX would. Tracing and lowering take longer than loading; so that digest is
+kept, too, under a fingerprint of the source of pushfit, the versions of the packages
+that trace, the kind of processor, and the arguments but for the numbers in arrays;
+nothing where mechanics from outside the package are in use, whose source may change.
+Loading takes long as well, but leaves Python free: `loaded_ahead` has threads
+load what an analysis used the last time. `kept_arrays` keeps what follows from settings
+alone. A file that is damaged, or cannot be written, is as good as none.
 """
 
 import contextlib
-import dataclasses
 import functools
 import hashlib
-import inspect
 import io
+import os
+import pickle
 import threading
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, get_args, get_origin
+from typing import Any, ParamSpec, TypeVar
 
-import equinox as eqx
 import jax
 import numpy as np
-from jax import export
 from jax.core import Tracer
+from jax.experimental import serialize_executable
 from jaxtyping import Array, Float
 
 from pushfit.atomic import atomic_path
@@ -37,11 +38,8 @@ from pushfit.registry import has_foreign
 
 P = ParamSpec("P")
 R = TypeVar("R")
-# What takes part in tracing.
+# What takes part in tracing and compiling.
 TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
-# Calls whose form may change with the version of jaxlib, which is part of the
-# fingerprint: LAPACK's solver by QR.
-UNGUARANTEED = (export.DisabledSafetyCheck.custom_call("lapack_dormqr_ffi"),)
 # XLA's newer code for fused loops takes twice as long to make and is no faster here,
 # and nor is what LLVM takes longer to make of it beyond its first level.
 jit = functools.partial(
@@ -55,17 +53,37 @@ jit = functools.partial(
 ARRAYS = (jax.Array, np.ndarray)
 # What names a function only within one process.
 ADDRESS = " at 0x"
+# In programs that call back to Python, by an address of one process.
+CALLBACK = "callback"
+# What JAX says of a program that it finds.
+FOUND = "/jax/compilation_cache/cache_hits"
+# Changes with what is in a file of machine code, which any version of pushfit may read.
+FORMAT = "compressed"
 DIGEST_SIZE = hashlib.sha256().digest_size
 # Programs that one process holds, those used last. Each takes some 200 mappings of
 # memory, of which Linux has 65 530 for a process: one that met many kinds of tables
 # died of it.
 MAX_PROGRAMS = 128
-# Files of arrays that are kept; another one replaces the oldest.
-MAX_ARRAYS = 64
+# Files of each kind that are kept, by their endings; another one replaces the oldest.
+MAX_FILES = {"program": 512, "traced": 4096, "arrays": 64, "run": 512}
+# Threads that load programs, nearly all of it without Python: one core is left to it.
+N_LOADERS = max(1, min(os.cpu_count() or 1, 4) - 1)
 # Files of programs that this process has used, in order, and those that are loaded
 # before they are used.
 _used: dict[str, None] = {}
 _ahead: dict[Path, "Future[Callable[..., Any] | None]"] = {}
+# Threads whose last program JAX found in a cache of its own, if the user has one: what
+# it serializes of such a program lacks parts.
+_found: set[int] = set()
+
+
+def _hear(event: str, **_: str | int) -> None:
+    """Listen to JAX."""
+    if event == FOUND:
+        _found.add(threading.get_ident())
+
+
+jax.monitoring.register_event_listener(_hear)
 
 
 def _origin(package: Path) -> str:
@@ -84,19 +102,34 @@ PACKAGE = Path(__file__).parents[1]
 ORIGIN = _origin(PACKAGE)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trace:
+    """What is kept of a function that was traced.
+
+    Args:
+        name: Name of the file of its machine code.
+        n: Arrays that it takes.
+        returned: What it returns, with numbers in place of arrays: modules are known by
+            their names, unlike the structure of them.
+    """
+
+    name: str
+    n: int
+    returned: Any
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays, as `eqx.filter_jit` does.
 
     Args:
         function: Pure function of a module, of arrays, modules of arrays, and constants
-            that their `repr` tells. It returns arrays, containers of them, or a module
-            that holds nothing but arrays, named in its annotation.
+            that their `repr` tells. It returns arrays, or containers and modules of
+            nothing else.
 
     Returns:
         The same function. Inside of another one, or of `jax.vmap` and `jax.grad`, it is
         a part of what is traced there.
     """
-    _make_storable(inspect.get_annotations(function, eval_str=True).get("return"))
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -111,27 +144,6 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         return _program(function, programs_folder(), form)(*arrays)
 
     return call
-
-
-def _make_storable(returned: object) -> None:
-    """Let programs be kept that return a module of arrays."""
-    for part in get_args(returned):
-        _make_storable(part)
-    returned = get_origin(returned) or returned
-    if not (isinstance(returned, type) and issubclass(returned, eqx.Module)):
-        return
-    example = object.__new__(returned)
-    for field in dataclasses.fields(returned):
-        object.__setattr__(example, field.name, 0)
-        _make_storable(field.type)
-    _, constants = jax.tree.structure(example).node_data()
-    with contextlib.suppress(ValueError):  # another function has seen to it
-        export.register_pytree_node_serialization(
-            returned,
-            serialized_name=f"{returned.__module__}.{returned.__qualname__}",
-            serialize_auxdata=lambda _: b"",
-            deserialize_auxdata=lambda _: constants,
-        )
 
 
 @functools.lru_cache(MAX_PROGRAMS)
@@ -157,26 +169,54 @@ def _program(
     text = f"{function.__module__}.{function.__qualname__}{form}"
     if folder is None or ADDRESS in text or has_foreign():
         return jit(flat)
-    path = folder / f"{_fingerprint(text)}-traced"
+    path = folder / f"{_fingerprint(ORIGIN, text)}-traced"
     _used[path.name] = None
     ahead = _ahead.pop(path, None)
-    return (ahead and ahead.result()) or _load(path) or _trace(flat, shapes, path)
+    return (ahead and ahead.result()) or _load(path) or _compile(flat, shapes, path)
 
 
-def _fingerprint(text: str) -> str:
-    """Name of a program: where it comes from, where it runs, and what it is given."""
-    parts = (ORIGIN, jax.default_backend(), text)
+def _fingerprint(*parts: str) -> str:
+    """Digest of texts, and of where machine code made from them runs."""
+    parts = (*_processor(), os.environ.get("XLA_FLAGS", ""), *parts)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
+@functools.cache
+def _processor() -> tuple[str, ...]:
+    """What machine code depends on; another processor may lack some instructions."""
+    features = np.show_config(mode="dicts")["SIMD Extensions"]
+    device = jax.devices()[0]
+    version = metadata.version("jaxlib")
+    return (jax.default_backend(), device.device_kind, version, str(features))
+
+
 def _load(path: Path) -> Callable[..., Any] | None:
-    """A program from its file; None where there is none, or a damaged one."""
+    """A program from what is kept of its trace; None where some of it is missing."""
     content = _read(path)
     if content is None:
         return None
-    program = export.deserialize(bytearray(content))
-    shapes = [jax.ShapeDtypeStruct(a.shape, a.dtype) for a in program.in_avals]
-    return jit(program.call).lower(*shapes).compile()
+    trace = pickle.loads(content)
+    return _loaded(path.with_name(trace.name), trace)
+
+
+def _loaded(path: Path, trace: Trace) -> Callable[..., Any] | None:
+    """A program from its machine code; None where there is none, or a damaged one."""
+    content = _read(path)
+    if content is None:
+        return None
+    _bind_lapack()
+    return serialize_executable.deserialize_and_load(
+        zlib.decompress(content),
+        jax.tree.structure((tuple(range(trace.n)), {})),
+        jax.tree.structure(trace.returned),
+        execution_devices=jax.devices()[:1],
+    )
+
+
+@functools.cache
+def _bind_lapack() -> None:
+    """Have JAX hand its linear algebra to XLA, as lowering any of it does."""
+    jax.jit(jax.numpy.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), float))
 
 
 def _read(path: Path) -> bytes | None:
@@ -192,28 +232,46 @@ def _read(path: Path) -> bytes | None:
 def _write(path: Path, content: bytes) -> None:
     """Keep something that follows from the source, if it can be."""
     # Source that was edited since would put this under another's name.
-    if _origin(PACKAGE) == ORIGIN:
-        with contextlib.suppress(OSError), atomic_path(path) as temporary:
-            temporary.write_bytes(hashlib.sha256(content).digest() + content)
+    if _origin(PACKAGE) != ORIGIN:
+        return
+    with contextlib.suppress(OSError), atomic_path(path) as temporary:
+        temporary.write_bytes(hashlib.sha256(content).digest() + content)
+    kind = path.name.rpartition("-")[2]
+    with contextlib.suppress(OSError):  # others may tidy up at the same time
+        alike = sorted(path.parent.glob(f"*-{kind}"), key=lambda p: p.stat().st_mtime)
+        for old in alike[: -MAX_FILES[kind]]:
+            old.unlink()
 
 
-def _trace(
+def _compile(
     function: Callable[..., R], shapes: Iterable[tuple[Any, Any]], path: Path
 ) -> Callable[..., R]:
-    """Trace a function of arrays and keep the program, if it can be."""
-    jitted = jit(function)
+    """Trace a function of arrays and compile it, unless its program is there.
+
+    Args:
+        path: Where its trace is kept.
+    """
     arrays = [jax.ShapeDtypeStruct(*one) for one in shapes]
-    try:
-        traced = export.export(jitted, disabled_checks=UNGUARANTEED)(*arrays)
-    except NotImplementedError:  # it calls back to Python
-        return jitted
-    except ValueError as error:
-        # Other processors have linear algebra of their own.
-        if "custom calls" not in str(error):
-            raise
-        return jitted
-    _write(path, bytes(traced.serialize()))
-    return jit(traced.call)
+    lowered = jit(function).lower(*arrays)
+    text, outputs = lowered.as_text(), lowered.out_tree
+    if CALLBACK in text:
+        return lowered.compile()
+    trace = Trace(
+        name=f"{_fingerprint(FORMAT, text)}-program",
+        n=len(arrays),
+        returned=jax.tree.unflatten(outputs, range(outputs.num_leaves)),
+    )
+    own = path.with_name(trace.name)
+    program = _loaded(own, trace)
+    if program is None:
+        _found.discard(threading.get_ident())
+        program = lowered.compile()
+        if threading.get_ident() in _found:
+            return program
+        code, _, _ = serialize_executable.serialize(program)
+        _write(own, zlib.compress(code, level=1))
+    _write(path, pickle.dumps(trace))
+    return program
 
 
 def kept_arrays(
@@ -227,7 +285,7 @@ def kept_arrays(
     folder = programs_folder()
     if folder is None or has_foreign():
         return make()
-    path = folder / f"{_fingerprint(text)}-arrays"
+    path = folder / f"{_fingerprint(ORIGIN, text)}-arrays"
     content = _read(path)
     if content is not None:
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
@@ -235,10 +293,6 @@ def kept_arrays(
     made, buffer = make(), io.BytesIO()
     np.savez(buffer, allow_pickle=False, **made)
     _write(path, buffer.getvalue())
-    with contextlib.suppress(OSError):  # others may tidy up at the same time
-        others = sorted(folder.glob("*-arrays"), key=lambda p: p.stat().st_mtime)
-        for old in others[:-MAX_ARRAYS]:
-            old.unlink()
     return made
 
 
@@ -264,25 +318,22 @@ def loaded_ahead(analysis: str) -> Iterator[bool]:
 
 
 def _load_ahead(paths: list[Path]) -> None:
-    """Load programs in turn, on a thread."""
-    _ahead.update({path: Future() for path in paths})
-    futures = [(path, _ahead[path]) for path in paths]
+    """Load programs in turn, on threads."""
 
-    def load() -> None:
-        for path, future in futures:
-            program = None
-            # What a program returns may be known only to the module that uses it, which
-            # loads it then; so does who meets another error.
-            with contextlib.suppress(Exception):
-                if threading.main_thread().is_alive():
-                    program = _load(path)
-            future.set_result(program)
+    def load(path: Path) -> Callable[..., Any] | None:
+        # Who meets an error loads it when it is used.
+        with contextlib.suppress(Exception):
+            if threading.main_thread().is_alive():
+                return _load(path)
+        return None
 
-    threading.Thread(target=load).start()
+    pool = ThreadPoolExecutor(N_LOADERS)
+    _ahead.update({path: pool.submit(load, path) for path in paths})
+    pool.shutdown(wait=False)
 
 
 def _mark(folder: Path, name: str) -> Path:
-    return folder / f"{_fingerprint(name)}-run"
+    return folder / f"{_fingerprint(ORIGIN, name)}-run"
 
 
 def in_chunks(

@@ -139,14 +139,28 @@ def test_doctor_prints_one_document(capsys):
     assert document["versions"]["jax"]
 
 
+LAST = """
+import atexit, sys
+import pushfit.__main__, pushfit.cli
+pushfit.cli.main = lambda: atexit.register(print, "last words") and 3
+sys.exit(pushfit.__main__.main())
+"""
+
+
+def test_a_process_ends_with_its_code_and_all_that_was_to_be_said():
+    """It frees nothing, but what was registered on the way runs, and is printed."""
+    ended = subprocess.run(
+        [sys.executable, "-c", LAST], capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, ended.stdout) == (3, "last words\n")
+
+
 @pytest.fixture
 def no_cache_set(monkeypatch, tmp_path):
     """Environment without a compile cache, in a home of its own."""
-    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
     monkeypatch.delenv(cache.SWITCH, raising=False)
     # Set, so that what the command sets is taken back.
     monkeypatch.setenv(cache.PROGRAMS, "")
-    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "1")
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
     return tmp_path / "compiled"
 
@@ -154,13 +168,13 @@ def no_cache_set(monkeypatch, tmp_path):
 def test_the_compile_cache_belongs_to_the_user_alone(no_cache_set):
     assert cache.enable_compile_cache() == str(no_cache_set)
     assert stat.S_IMODE(no_cache_set.stat().st_mode) == 0o700
-    assert os.environ["JAX_COMPILATION_CACHE_DIR"] == str(no_cache_set)
+    assert os.environ[cache.PROGRAMS] == str(no_cache_set)
 
 
 def test_a_cache_open_to_others_is_not_used(no_cache_set):
     no_cache_set.mkdir(mode=0o755)
     assert "open to others" in cache.enable_compile_cache()
-    assert "JAX_COMPILATION_CACHE_DIR" not in os.environ
+    assert cache.programs_folder() is None
 
 
 def test_a_cache_that_is_a_link_is_not_used(no_cache_set, tmp_path):

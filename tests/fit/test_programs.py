@@ -1,9 +1,11 @@
-"""Traced programs outlive the process, and never stand in for another one."""
+"""Programs outlive the process, and never stand in for another one."""
 
 import dataclasses
 import functools
 import os
 import shutil
+import subprocess
+import sys
 from threading import current_thread, main_thread
 
 import equinox as eqx
@@ -12,6 +14,7 @@ import jax.numpy as jnp
 import lineax as lx
 import numpy as np
 import pytest
+from jax.experimental.compilation_cache import compilation_cache
 from jaxtyping import Array, Float
 
 from pushfit import cache
@@ -41,10 +44,29 @@ class Pair(eqx.Module):
 
 
 @pytest.fixture
-def folder(monkeypatch, tmp_path):
-    """Folder in which programs are kept."""
+def jax_keeps():
+    """Where JAX keeps what it compiles from now on; None if it keeps nothing."""
+    before = jax.config.jax_compilation_cache_dir
+
+    def keep(place):
+        jax.config.update("jax_compilation_cache_dir", place)
+        compilation_cache.reset_cache()
+
+    yield keep
+    keep(before)
+
+
+@pytest.fixture
+def folder(monkeypatch, tmp_path, jax_keeps):
+    """Folder in which programs are kept, by pushfit alone."""
+    jax_keeps(None)
     monkeypatch.setenv(cache.PROGRAMS, str(tmp_path))
     return tmp_path
+
+
+def kept(folder):
+    """Names of what is kept, but for the digest, in order."""
+    return sorted(path.name.rpartition("-")[2] for path in folder.iterdir())
 
 
 def counted():
@@ -71,7 +93,51 @@ def test_a_later_process_does_not_trace_again(folder):
     assert isinstance(found, Pair)
     np.testing.assert_array_equal(found.double, 6 * np.arange(4.0) ** 2)
     assert (len(traced), len(traced_later)) == (1, 0)
-    assert len(list(folder.iterdir())) == 1
+    assert kept(folder) == ["program", "traced"]
+
+
+def test_other_source_of_the_same_program_is_traced_but_not_compiled(
+    folder, monkeypatch
+):
+    function, _ = counted()
+    function(LINE, X)
+    monkeypatch.setattr(programs, "ORIGIN", "edited")
+    monkeypatch.setattr(programs, "_origin", lambda package: "edited")
+    monkeypatch.setattr(jax.stages.Lowered, "compile", None)
+    later, traced = counted()
+    np.testing.assert_array_equal(later(LINE, X).value, 3 * np.arange(4.0) ** 2)
+    assert len(traced) == 1
+    assert kept(folder) == ["program", "traced", "traced"]
+
+
+def test_what_returns_something_else_has_another_program(folder):
+    def pair(x: Float[Array, " n"]):
+        return Pair(x, 2 * x)
+
+    def two(x: Float[Array, " n"]):
+        return x, 2 * x
+
+    assert isinstance(compiled(pair)(X), Pair)
+    programs._program.cache_clear()
+    assert isinstance(compiled(two)(X), tuple)
+    assert isinstance(compiled(pair)(X), Pair)
+
+
+def test_what_jax_found_in_a_cache_of_its_own_is_not_kept(folder, jax_keeps):
+    """What JAX serializes of it lacks parts, and fails when it runs."""
+    jax_keeps(str(folder / "jax"))
+
+    def tall(x: Float[Array, " n"]) -> Float[Array, " n"]:
+        return jnp.cumsum(jnp.sort(jnp.sin(x))) + jnp.linalg.norm(x)
+
+    expected = np.asarray(compiled(tall)(X))
+    for path in folder.glob("*-*"):
+        path.unlink()
+    jax.clear_caches()
+    for _ in range(3):
+        programs._program.cache_clear()
+        np.testing.assert_array_equal(compiled(tall)(X), expected)
+    assert not list(folder.glob("*-*"))
 
 
 def test_other_numbers_run_through_the_same_program(folder):
@@ -121,6 +187,7 @@ def test_another_source_has_another_program(folder, monkeypatch):
     assert len(traced) == 1
 
 
+@pytest.mark.parametrize("kind", ["traced", "program"])
 @pytest.mark.parametrize(
     "damage",
     [
@@ -130,10 +197,10 @@ def test_another_source_has_another_program(folder, monkeypatch):
     ],
     ids=["empty", "cut", "flipped bit"],
 )
-def test_a_damaged_program_is_made_again(folder, damage):
+def test_a_damaged_program_is_made_again(folder, damage, kind):
     function, _ = counted()
     function(LINE, X)
-    (path,) = folder.iterdir()
+    (path,) = folder.glob(f"*-{kind}")
     content = path.read_bytes()
     path.write_bytes(damage(content))
     later, traced = counted()
@@ -166,18 +233,40 @@ def test_a_function_among_the_arguments_is_not_kept(folder):
     assert not list(folder.iterdir())
 
 
-@pytest.mark.parametrize("throw", [False, True], ids=["LAPACK", "Python"])
-def test_a_program_that_calls_elsewhere_is_not_kept(folder, monkeypatch, throw):
-    # LAPACK in a form without guarantee, or Python to raise an error.
-    monkeypatch.setattr(programs, "UNGUARANTEED", ())
+def solution(matrix: Float[Array, "n k"], x: Float[Array, " n"], *, throw: bool):
+    """By LAPACK, and where it may throw an error, by Python as well."""
+    operator = lx.MatrixLinearOperator(matrix)
+    return lx.linear_solve(operator, x, lx.QR(), throw=throw).value
 
-    def solve(matrix: Float[Array, "n k"], x: Float[Array, " n"]) -> Float[Array, " k"]:
-        operator = lx.MatrixLinearOperator(matrix)
-        return lx.linear_solve(operator, x, lx.QR(), throw=throw).value
 
-    found = compiled(solve)(jnp.eye(4)[:, :2] * 2, X)
-    np.testing.assert_allclose(found, [0.0, 0.5])
+MATRIX = np.eye(4)[:, :2] * 2
+
+
+def test_a_program_that_calls_python_is_not_kept(folder):
+    np.testing.assert_allclose(compiled(solution)(MATRIX, X, throw=True), [0.0, 0.5])
     assert not list(folder.iterdir())
+
+
+LATER = """
+import jax
+jax.config.update("jax_enable_x64", True)
+import numpy as np
+from pushfit.fit import programs
+from tests.fit.test_programs import MATRIX, solution
+programs._compile = None
+x = np.arange(4.0)
+print(np.asarray(programs.compiled(solution)(MATRIX, x, throw=False)).tolist())
+"""
+
+
+def test_a_program_that_calls_lapack_runs_in_another_process(folder):
+    x = np.arange(4.0)
+    expected = np.asarray(compiled(solution)(MATRIX, x, throw=False)).tolist()
+    assert kept(folder) == ["program", "traced"]
+    found = subprocess.run(
+        [sys.executable, "-c", LATER], capture_output=True, text=True, check=True
+    )
+    assert found.stdout == f"{expected}\n"
 
 
 def test_an_error_of_the_function_is_not_hidden(folder):
@@ -209,7 +298,7 @@ def test_a_fit_is_the_same_to_the_last_bit(folder, monkeypatch):
     traced = fit_table(table, FRICTION).fit
     # From another folder programs are read again instead of remembered.
     monkeypatch.setenv(cache.PROGRAMS, str(shutil.copytree(folder, folder / "copy")))
-    monkeypatch.setattr(programs, "_trace", None)
+    monkeypatch.setattr(programs, "_compile", None)
     loaded = fit_table(table, FRICTION).fit
     monkeypatch.delenv(cache.PROGRAMS)
     plain = fit_table(table, FRICTION).fit
@@ -250,7 +339,7 @@ def test_what_the_engines_return_can_be_kept(folder, returned):
 
     filled.__annotations__["return"] = returned
     compiled(filled)(X)
-    (path,) = folder.iterdir()
+    (path,) = folder.glob("*-traced")
     found = programs._load(path)(X)
     assert isinstance(found, returned)
     np.testing.assert_array_equal(jax.tree.leaves(found)[0], X)
@@ -276,7 +365,7 @@ def test_damaged_arrays_are_made_again(folder):
 
 
 def test_of_many_arrays_the_latest_are_kept(folder, monkeypatch):
-    monkeypatch.setattr(programs, "MAX_ARRAYS", 2)
+    monkeypatch.setitem(programs.MAX_FILES, "arrays", 2)
     for number in range(4):
         programs.kept_arrays(f"prior {number}", lambda: {"mean": np.ones(1)})
         for path in folder.iterdir():
@@ -287,15 +376,12 @@ def test_of_many_arrays_the_latest_are_kept(folder, monkeypatch):
 
 def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
     monkeypatch.setenv(cache.SWITCH, "on")
-    monkeypatch.setenv(cache.COMPILED, "chosen by the user")
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
     monkeypatch.setenv(cache.PROGRAMS, "")
-    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "1")
     assert cache.programs_folder() is None
     cache.enable_compile_cache()
     assert os.environ[cache.PROGRAMS] == str(tmp_path / "compiled")
     assert cache.programs_folder() == tmp_path / "compiled"
-    assert os.environ[cache.COMPILED] == "chosen by the user"
 
 
 def is_known(analysis):
@@ -335,7 +421,6 @@ def test_what_an_analysis_used_is_loaded_before_it_is_asked_for(folder, monkeypa
 def test_a_program_that_cannot_be_loaded_ahead_is_loaded_when_asked_for(
     folder, monkeypatch
 ):
-    """What it returns may be registered by a module that is not imported yet."""
     monkeypatch.setattr(programs, "_used", {})
     first, _ = counted()
     with programs.loaded_ahead("lines"):
@@ -345,7 +430,7 @@ def test_a_program_that_cannot_be_loaded_ahead_is_loaded_when_asked_for(
 
     def only_in_time(path):
         if current_thread() is not main_thread():
-            raise ValueError("unregistered type")
+            raise ValueError("not now")
         return load(path)
 
     monkeypatch.setattr(programs, "_load", only_in_time)

@@ -107,13 +107,14 @@ def next(
     """Which push would tell most, after those made so far."""
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
-    from pushfit.data.tables.peak_table import read_table
     from pushfit.fit.programs import loaded_ahead
     from pushfit.fit.stages import stages_of
-    from pushfit.report.text.exploration import next_dict, next_text
 
     settings = read_config(asked.config)
     with loaded_ahead("; ".join(("next push", *stages_of(settings, "sweep")))):
+        from pushfit.data.tables.peak_table import read_table
+        from pushfit.report.text.exploration import next_dict, next_text
+
         made = None if table is None else read_table(table)
         explorer = asked.explorer(
             settings,
