@@ -19,6 +19,9 @@ _WAITED = 2 / 3
 _UNSETTLED = 4.0
 # So many sd may parts of a rest differ by.
 _UNLIKE = 3.0
+# Noise is judged by as much of a rest as the push is wide, by this part of `MAX_SAMPLES`
+# at least: a cut further off takes nothing.
+_PATCHES = 8
 # The mean of the middle half scatters by 9 % more than the mean.
 _MIDDLE = 1.09
 
@@ -127,7 +130,8 @@ class _Beside:
         before = np.stack(feet.before(lowest), axis=1)
         after = np.stack(feet.after(highest, waited=_WAITED), axis=1)
         if is_long:
-            reach = MAX_SAMPLES * feet.step
+            most = MAX_SAMPLES * feet.step
+            reach = np.clip(feet.width, most / _PATCHES, most)
             before[:, 0] = np.maximum(before[:, 0] - reach, lowest)
             after[:, 1] = np.minimum(after[:, 1] + reach, highest)
             after = np.maximum(after, after[:, :1])
@@ -201,7 +205,7 @@ class _Beside:
         whole = np.array([self._rest(own, _middle_mean) for own in windows]).T
         near = np.array([self._rest(own, np.mean) for own in parts]).T
         height = np.maximum(self.feet.height, 1e-300)
-        far = np.maximum(FOOT * height, _UNLIKE * noise.of_mean(n))
+        far = np.maximum(FOOT * height, _UNLIKE * noise.of_part(n))
         level, when, n = near + likeness(whole[0] - near[0], far) * (whole - near)
         return np.stack([level, when, np.nan_to_num(n)])
 

@@ -202,8 +202,8 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
     is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
-    begins = (shown[0] < _SHOWN) | is_high[0]
-    ends = (len(time) - shown[1] < _SHOWN) | is_high[1]
+    begins = (shown[0] < _SHOWN) | is_high[0] | (feet.start >= feet.half_up)
+    ends = (len(time) - shown[1] < _SHOWN) | is_high[1] | (feet.end <= feet.half_down)
     return (is_first & begins) | (is_last & ends)
 
 
