@@ -19,7 +19,7 @@ _WAITED = 2 / 3
 _UNSETTLED = 4.0
 # So many sd may parts of a rest differ by.
 _UNLIKE = 3.0
-# Noise is judged by as much of a rest as the push is wide, by this part of `MAX_SAMPLES`
+# Noise is judged by as much of a rest as a push is wide, by this part of `MAX_SAMPLES`
 # at least: a cut further off takes nothing.
 _PATCHES = 8
 # The mean of the middle half scatters by 9 % more than the mean.
