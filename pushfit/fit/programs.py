@@ -3,11 +3,11 @@
 Where the compile cache is on, `compiled` keeps machine code under a digest of what was
 lowered, as JAX would. Tracing and lowering take longer than loading; so that digest is
 kept, too, under a fingerprint of the source of pushfit, the versions of the packages
-that trace, the kind of processor, and the arguments but for the numbers in arrays;
-nothing where mechanics from outside the package are in use, whose source may change.
-Loading takes long as well, but leaves Python free: `loaded_ahead` has threads
-load what an analysis used the last time. `kept_arrays` keeps what follows from settings
-alone. A file that is damaged, or cannot be written, is as good as none.
+that trace, the kind of processor, and the arguments but for the numbers in arrays; not
+where these, or the source of mechanics from outside the package, say too little.
+Loading takes long as well, but leaves Python free: `loaded_ahead` has threads load what
+an analysis used the last time. `kept_arrays` keeps what follows from settings alone. A
+file that is damaged, or cannot be written, is as good as none.
 """
 
 import contextlib
@@ -42,13 +42,8 @@ R = TypeVar("R")
 TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
 # XLA's newer code for fused loops takes twice as long to make and is no faster here,
 # and nor is what LLVM takes longer to make of it beyond its first level.
-jit = functools.partial(
-    jax.jit,
-    compiler_options={
-        "xla_cpu_use_fusion_emitters": False,
-        "xla_backend_optimization_level": 1,
-    },
-)
+OPTIONS = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+jit = functools.partial(jax.jit, compiler_options=OPTIONS)
 # Those of NumPy are handed over as they are, which takes less than an array of JAX.
 ARRAYS = (jax.Array, np.ndarray)
 # What names a function only within one process.
@@ -167,12 +162,19 @@ def _program(
         return function(*args, **kwargs)
 
     text = f"{function.__module__}.{function.__qualname__}{form}"
-    if folder is None or ADDRESS in text or has_foreign():
+    if folder is None:
         return jit(flat)
+    if ADDRESS in text or has_foreign():
+        return _compile(flat, shapes, folder)[0]
     path = folder / f"{_fingerprint(ORIGIN, text)}-traced"
     _used[path.name] = None
     ahead = _ahead.pop(path, None)
-    return (ahead and ahead.result()) or _load(path) or _compile(flat, shapes, path)
+    program = (ahead and ahead.result()) or _load(path)
+    if program is None:
+        program, trace = _compile(flat, shapes, folder)
+        if trace is not None:
+            _write(path, pickle.dumps(trace))
+    return program
 
 
 def _fingerprint(*parts: str) -> str:
@@ -244,34 +246,34 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _compile(
-    function: Callable[..., R], shapes: Iterable[tuple[Any, Any]], path: Path
-) -> Callable[..., R]:
-    """Trace a function of arrays and compile it, unless its program is there.
+    function: Callable[..., R], shapes: Iterable[tuple[Any, Any]], folder: Path
+) -> tuple[Callable[..., R], Trace | None]:
+    """Trace a function of arrays, and compile it unless its machine code is kept.
 
-    Args:
-        path: Where its trace is kept.
+    Returns:
+        The program, and what to keep of its trace; None where no machine code is kept.
     """
     arrays = [jax.ShapeDtypeStruct(*one) for one in shapes]
     lowered = jit(function).lower(*arrays)
     text, outputs = lowered.as_text(), lowered.out_tree
     if CALLBACK in text:
-        return lowered.compile()
+        return lowered.compile(), None
     trace = Trace(
-        name=f"{_fingerprint(FORMAT, text)}-program",
+        name=f"{_fingerprint(FORMAT, str(OPTIONS), text)}-program",
         n=len(arrays),
         returned=jax.tree.unflatten(outputs, range(outputs.num_leaves)),
     )
-    own = path.with_name(trace.name)
-    program = _loaded(own, trace)
-    if program is None:
-        _found.discard(threading.get_ident())
-        program = lowered.compile()
-        if threading.get_ident() in _found:
-            return program
-        code, _, _ = serialize_executable.serialize(program)
-        _write(own, zlib.compress(code, level=1))
-    _write(path, pickle.dumps(trace))
-    return program
+    path = folder / trace.name
+    kept = _loaded(path, trace)
+    if kept is not None:
+        return kept, trace
+    _found.discard(threading.get_ident())
+    program = lowered.compile()
+    if threading.get_ident() in _found:
+        return program, None
+    code, _, _ = serialize_executable.serialize(program)
+    _write(path, zlib.compress(code, level=1))
+    return program, trace
 
 
 def kept_arrays(

@@ -149,8 +149,13 @@ sys.exit(pushfit.__main__.main())
 
 def test_a_process_ends_with_its_code_and_all_that_was_to_be_said():
     """It frees nothing, but what was registered on the way runs, and is printed."""
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
     ended = subprocess.run(
-        [sys.executable, "-c", LAST], capture_output=True, text=True, check=False
+        [sys.executable, "-c", LAST],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert (ended.returncode, ended.stdout) == (3, "last words\n")
 

@@ -19,9 +19,9 @@ _WAITED = 2 / 3
 _UNSETTLED = 4.0
 # So many sd may parts of a rest differ by.
 _UNLIKE = 3.0
-# Noise is judged by as much of a rest as a push is wide, by this part of `MAX_SAMPLES`
-# at least: a cut further off takes nothing.
-_PATCHES = 8
+# Noise is judged by as much of a rest as a push is wide, and by this share of
+# `MAX_SAMPLES` at least: a cut further off takes nothing.
+_LEAST_JUDGED = 1 / 8
 # The mean of the middle half scatters by 9 % more than the mean.
 _MIDDLE = 1.09
 
@@ -122,8 +122,8 @@ class _Beside:
         """Samples of the rests before and after pushes, first and one past the last.
 
         They are measured from the feet of the push, so that a neighbour or an end of
-        the recording can only cut them short, never move them. `is_long` takes all that
-        is settled, to judge the noise.
+        the recording can only cut them short, never move them. `is_long` takes more of
+        what is settled, to judge the noise.
         """
         feet = self.feet
         lowest, highest = feet.room(self.time)
@@ -131,7 +131,7 @@ class _Beside:
         after = np.stack(feet.after(highest, waited=_WAITED), axis=1)
         if is_long:
             most = MAX_SAMPLES * feet.step
-            reach = np.clip(feet.width, most / _PATCHES, most)
+            reach = np.clip(feet.width, _LEAST_JUDGED * most, most)
             before[:, 0] = np.maximum(before[:, 0] - reach, lowest)
             after[:, 1] = np.minimum(after[:, 1] + reach, highest)
             after = np.maximum(after, after[:, :1])

@@ -1,11 +1,16 @@
 """What counts as a push, a rest or noise, on courses drawn by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import find_pushes
 from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.peaks.rests import rests_of
+from pushfit.data.pushes.course import Course, View
+from pushfit.data.pushes.feet import Feet, are_cut
 from pushfit.data.pushes.noise import Noise
 from pushfit.data.recordings.records import Recording
 
@@ -132,3 +137,34 @@ def test_a_small_push_is_found_beside_the_edge_of_a_large_one():
     """Where nothing else shows how the rest wanders."""
     corners = (*push(1.0, height=600.0), *push(4.0, height=80.0), (6.3, 0), (6.8, 120))
     assert 5 in tops(*course((0, 0), *corners))
+
+
+def test_noise_further_from_a_push_than_it_is_wide_is_not_its_own():
+    """The rest between is thirty widths at half height long."""
+    time, y = course((0, 0), *push(3.0, width=0.6), *push(14.0, width=0.6), (18.0, 0))
+    extents = found(time, y)
+    assert len(extents) == 2
+    noise, _ = rests_of(time, y, extents)
+    is_far = (time > 4.4) & (time < 13.3)
+    slow = np.repeat(y[::20], 20)[: y.size]
+    slower, _ = rests_of(time, np.where(is_far, slow, y), extents)
+    np.testing.assert_array_equal(slower.sigma, noise.sigma)
+    np.testing.assert_array_equal(slower.correlation, noise.correlation)
+
+
+@pytest.mark.parametrize(("start", "is_cut"), [(3.4, False), (3.5, True)])
+def test_a_push_that_begins_at_half_of_its_height_is_cut(start, is_cut):
+    """However long the signal seems to rest before it."""
+    time, y = course((0, 0), *push(3.0), (8.0, 0))
+    (extent,) = found(time, y)
+    feet = Feet.together([replace(extent.feet, start=start, half_up=3.5)])
+    view = View(
+        time=time,
+        signal=y,
+        course=Course.of(time, y),
+        noise=Noise.of(time, y),
+        min_height=None,
+        smoothing=None,
+        split=0.5,
+    )
+    assert are_cut(view, feet).tolist() == [is_cut]
