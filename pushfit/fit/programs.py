@@ -43,7 +43,9 @@ TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
 # XLA's newer code for fused loops takes twice as long to make and is no faster here,
 # and nor is what LLVM takes longer to make of it beyond its first level.
 OPTIONS = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
-jit = functools.partial(jax.jit, compiler_options=OPTIONS)
+# An argument that is not used stands in the text, too: without it, functions of other
+# arguments have the same one.
+jit = functools.partial(jax.jit, compiler_options=OPTIONS, keep_unused=True)
 # Those of NumPy are handed over as they are, which takes less than an array of JAX.
 ARRAYS = (jax.Array, np.ndarray)
 # What names a function only within one process.
@@ -53,7 +55,7 @@ CALLBACK = "callback"
 # What JAX says of a program that it finds.
 FOUND = "/jax/compilation_cache/cache_hits"
 # Changes with what is in a file of machine code, which any version of pushfit may read.
-FORMAT = "compressed"
+FORMAT = "compressed, every argument"
 DIGEST_SIZE = hashlib.sha256().digest_size
 # Programs that one process holds, those used last. Each takes some 200 mappings of
 # memory, of which Linux has 65 530 for a process: one that met many kinds of tables

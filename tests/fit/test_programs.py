@@ -123,6 +123,25 @@ def test_what_returns_something_else_has_another_program(folder):
     assert isinstance(compiled(pair)(X), Pair)
 
 
+def test_what_uses_another_argument_has_another_program(folder):
+    def first(x: Float[Array, " n"], y: Float[Array, " n"]) -> Float[Array, " n"]:
+        return 2 * x
+
+    def second(x: Float[Array, " n"], y: Float[Array, " n"]) -> Float[Array, " n"]:
+        return 2 * y
+
+    def third(
+        x: Float[Array, " n"], y: Float[Array, " m"], z: Float[Array, " n"]
+    ) -> Float[Array, " n"]:
+        return 2 * z
+
+    x, y, z = np.arange(3.0), np.arange(3.0, 6.0), np.arange(6.0, 9.0)
+    np.testing.assert_array_equal(compiled(first)(x, y), 2 * x)
+    np.testing.assert_array_equal(compiled(second)(x, y), 2 * y)
+    for few in (y, y[:2]):
+        np.testing.assert_array_equal(compiled(third)(x, few, z), 2 * z)
+
+
 def test_what_jax_found_in_a_cache_of_its_own_is_not_kept(folder, jax_keeps):
     """What JAX serializes of it lacks parts, and fails when it runs."""
     jax_keeps(str(folder / "jax"))
