@@ -68,6 +68,7 @@ class Uniforms:
     def __init__(self, values: Float[Array, " d"]) -> None:
         """Begin with the first."""
         self.values, self.used = values, 0
+        self.scores = _score(values)
 
     def one(self) -> Scalar:
         """The next number."""
@@ -76,7 +77,13 @@ class Uniforms:
 
     def score(self) -> Scalar:
         """The next number as a standard normal score."""
-        return ndtri(jnp.clip(self.one(), SMALLEST, 1 - SMALLEST))
+        self.used += 1
+        return self.scores[self.used - 1]
+
+
+def _score(share: Array) -> Array:
+    """Standard normal score below which a share lies."""
+    return ndtri(jnp.clip(share, SMALLEST, 1 - SMALLEST))
 
 
 def n_uniforms(target: Target) -> int:
@@ -105,9 +112,10 @@ def draw(target: Target, sheet: Sheet, uniform: Float[Array, " d"]) -> Draw:
         y, log_q = jnp.concatenate([held, rest]), log_q + log_rest
     z = target.seen(y)
     log_q = log_q + _conditional(target, z, score, numbers)
-    log_q = log_q + _noise(target, z, numbers)
+    difference = target.differences_at(z)
+    log_q = log_q + _noise(target, z, difference, numbers)
     x = target.vector(z)
-    log_prob = target.log_prob(x)
+    log_prob = target.log_prob_of(x, difference)
     log_weight = log_prob + _stand_ins(target, y) - log_q
     return Draw(
         x=x,
@@ -130,7 +138,8 @@ def _swept(
     across = draw_segment(jax.tree.map(lambda a: a[j], sheet.inner), numbers.one())
     t = jnp.asarray(T)
     step = t[across.segment + 1] - t[across.segment]
-    inner, log_slope = sheet.inner_at(j, t[across.segment] + across.share * step)
+    scale = jax.tree.map(lambda a: a[j], sheet.scale)
+    inner, log_slope = scale.at(t[across.segment] + across.share * step)
     k: Int[Array, ""] = across.segment + (across.share >= 0.5)
     slope, limit = sheet.ridge[j, k]
     inner = inner + jnp.clip(slope * (outer - u[j]), -limit, limit)
@@ -145,8 +154,7 @@ def _score_of_s(shares: Float[Array, " s"], numbers: Uniforms) -> tuple[Scalar, 
     i = jnp.minimum(jnp.sum(ends < wanted), N_STRATA - 1)
     own = jnp.maximum(shares[i], 1e-300)
     part = jnp.clip((wanted - (ends[i] - shares[i])) / own, 0.0, 1.0)
-    score = ndtri(jnp.clip((i + part) / N_STRATA, SMALLEST, 1 - SMALLEST))
-    return score, jnp.log(own * N_STRATA)
+    return _score((i + part) / N_STRATA), jnp.log(own * N_STRATA)
 
 
 def _rest(
@@ -227,12 +235,16 @@ def _ln_s(target: Target, z: dict[str, Scalar], score: Scalar) -> tuple[Scalar, 
     return ln_s, norm.logpdf(score) - jnp.log(jnp.maximum(jnp.abs(slope), 1e-12))
 
 
-def _noise(target: Target, z: dict[str, Scalar], numbers: Uniforms) -> Scalar:
+def _noise(
+    target: Target,
+    z: dict[str, Scalar],
+    difference: Float[Array, "c n"],
+    numbers: Uniforms,
+) -> Scalar:
     """Fill in every sampled noise; the log density of it all."""
     log_q = jnp.zeros(())
     if not target.roles.sigmas:
         return log_q
-    difference = target.differences_at(z)
     for channel, name in enumerate(target.pooled.problem.channels):
         nodes, density = sigma_density(target.pooled, channel, difference[channel])
         drawn = draw_segment(density, numbers.one())

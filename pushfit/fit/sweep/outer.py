@@ -19,7 +19,7 @@ from pushfit.fit.sweep.cholesky import (
     log_diagonal,
     solve,
 )
-from pushfit.fit.sweep.search import Objective, descend
+from pushfit.fit.sweep.search import Objective, Round, in_rounds
 from pushfit.fit.sweep.segments import make_segments
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, Target
 from pushfit.model import Scalar
@@ -42,16 +42,26 @@ INNER_GUESSES = (-2.0, 0.0, 2.0)
 SHAPES = ((0.0, 0.0), (1.2, 0.0), (-1.2, 0.0), (0.0, 1.2), (0.0, -1.2))
 
 
-# Starts, which of them may move along u, and the nodes they came from.
-Round = tuple[Array, Array, Expansion]
 # Share of all nodes that should lie below each of them.
 Placing = Callable[[Expansion], Float[Array, " n"]]
 
 
-def outer_nodes(target: Target) -> Expansion:
-    """Conditional modes at nodes of u, ascending."""
-    q = target.mean.size
-    is_free = jnp.asarray([i > 0 and not _is_s(target, i) for i in range(q)])
+def first_round(target: Target) -> Round:
+    """The search at the first nodes of u."""
+    return _round(
+        jnp.repeat(_first_starts(target)[:, None], N_NEAR, axis=1), is_followed(target)
+    )
+
+
+def is_followed(target: Target) -> Bool[Array, " q"]:
+    """Coordinates that follow u."""
+    return jnp.asarray(
+        [i > 0 and not _is_s(target, i) for i in range(target.mean.size)]
+    )
+
+
+def by_mass(target: Target) -> Placing:
+    """Nodes where the posterior is large."""
 
     def log_density(node: Expansion) -> Scalar:
         information = without_s(target, node.hessian + target.precision)
@@ -60,9 +70,7 @@ def outer_nodes(target: Target) -> Expansion:
     def placing(nodes: Expansion) -> Float[Array, " n"]:
         return tempered(nodes.y[:, 0], jax.vmap(log_density)(nodes), TEMPERS)
 
-    return follow(
-        lambda _: target, jnp.zeros(N_ROUNDS), _first_starts(target), is_free, placing
-    )
+    return placing
 
 
 def follow(
@@ -82,41 +90,67 @@ def follow(
         placing: Where the nodes of the next round are wanted, some of them free to
             slide to minima, but in the last; None where all stay.
     """
-    n, q = starts.shape
 
-    def round_(carry: Round, this: tuple[Scalar, Array]) -> tuple[Round, None]:
-        starts, is_moving, _last = carry
-        number, is_final = this
-        objective = target(number)
+    def onward(
+        numbers: tuple[Scalar, Array], ends: Expansion, _: None
+    ) -> tuple[Expansion, Round, None]:
+        number, is_last_but_one = numbers
+        nodes = ascending(ends)
+        following = next_round(target(number), nodes, is_free, placing, is_last_but_one)
+        return nodes, following, None
 
-        def one(starts: Array, moves: Array) -> Expansion:
-            # What slides may halt halfway, above the nodes that it passes.
-            along = moves & ~is_final & (jnp.arange(q) == 0)
-            return descend(objective, starts, is_free | along, N_STEPS)
-
-        nodes = jax.vmap(one)(starts, is_moving)
-        order = jnp.argsort(nodes.y[:, 0])
-        nodes = jax.tree.map(lambda a: a[order], nodes)
-        u = nodes.y[:, 0]
-        if placing is None:
-            return (_near(objective, nodes, is_free, u), is_moving, nodes), None
-        at = jnp.interp(jnp.linspace(0, 1, n - N_MODES), placing(nodes), u)
-        at = jnp.concatenate([u[_minima(nodes)], at])
-        starts = _near(objective, nodes, is_free, at)
-        return (starts, jnp.arange(n) < N_MODES, nodes), None
-
-    nothing = Expansion(
-        y=jnp.zeros((n, q)),
-        misfit=jnp.zeros(n),
-        cost=jnp.zeros(n),
-        gradient=jnp.zeros((n, q)),
-        hessian=jnp.zeros((n, q, q)),
+    first = _round(jnp.repeat(starts[:, None], N_NEAR, axis=1), is_free)
+    is_last_but_one = jnp.arange(rounds.size) == rounds.size - 2
+    _, nodes = in_rounds(
+        lambda numbers: target(numbers[0]),
+        (rounds, is_last_but_one),
+        first,
+        None,
+        onward,
     )
-    starts = jnp.repeat(starts[:, None], N_NEAR, axis=1)
-    first = (starts, jnp.zeros(n, bool), nothing)
-    is_final = jnp.arange(rounds.size) == rounds.size - 1
-    last, _ = jax.lax.scan(round_, first, (rounds, is_final))
-    return last[2]
+    return jax.tree.map(lambda a: a[-1], nodes)
+
+
+def ascending(nodes: Expansion) -> Expansion:
+    """Nodes by their first coordinate."""
+    order = jnp.argsort(nodes.y[:, 0])
+    return jax.tree.map(lambda a: a[order], nodes)
+
+
+def next_round(
+    target: Objective,
+    nodes: Expansion,
+    is_free: Bool[Array, " q"],
+    placing: Placing | None,
+    is_final: Bool[Array, ""],
+) -> Round:
+    """The search at nodes that are placed anew.
+
+    Args:
+        target: What was least at the nodes.
+        nodes: Ascending.
+        is_final: Whether no other round follows it: what slides may halt halfway, above
+            the nodes that it passes.
+    """
+    u = nodes.y[:, 0]
+    if placing is None:
+        return _round(_near(target, nodes, is_free, u), is_free)
+    at = jnp.interp(jnp.linspace(0, 1, u.size - N_MODES), placing(nodes), u)
+    at = jnp.concatenate([u[_minima(nodes)], at])
+    slides = (jnp.arange(u.size) < N_MODES) & ~is_final
+    is_first = jnp.arange(is_free.size) == 0
+    along = slides[:, None] & is_first[None]
+    return _round(_near(target, nodes, is_free, at), is_free[None] | along)
+
+
+def _round(starts: Float[Array, "n k q"], is_free: Bool[Array, "..."]) -> Round:
+    """A search that tries all starts."""
+    return Round(
+        starts=starts,
+        is_free=jnp.broadcast_to(is_free, (starts.shape[0], starts.shape[2])),
+        n_starts=N_NEAR,
+        n_steps=N_STEPS,
+    )
 
 
 def tempered(
@@ -137,13 +171,6 @@ def tempered(
     return total
 
 
-def prior_sd(target: Target, index: int, given: int = 0) -> Array:
-    """Prior standard deviation of a coordinate, the first `given` of them known."""
-    precision = target.precision[given:, given:]
-    unit = jnp.zeros(precision.shape[0]).at[index - given].set(1.0)
-    return jnp.sqrt(solve(cholesky(precision), unit)[index - given])
-
-
 def without_s(target: Target, matrix: Float[Array, "q q"]) -> Float[Array, "r r"]:
     """Rows and columns of all coordinates but ln s, which the prior draws."""
     kept = np.array([i for i in range(matrix.shape[0]) if not _is_s(target, i)])
@@ -154,28 +181,32 @@ def _is_s(target: Target, index: int) -> bool:
     return target.roles.has_s and index == 2
 
 
-def _conditional_mean(target: Target, known: Float[Array, " k"]) -> Float[Array, " q"]:
-    """The first coordinates, and the prior mean of the others given them."""
-    k = known.size
-    precision, mean = target.precision, target.mean
-    pull = -(precision[k:, :k] @ (known - mean[:k]))
-    return jnp.concatenate([known, mean[k:] + solve(cholesky(precision[k:, k:]), pull)])
+def _prior_given(
+    target: Target, known: tuple[Scalar, ...]
+) -> tuple[Float[Array, " q"], Float[Array, " q"]]:
+    """Prior mean and sd of all coordinates, the first of them known."""
+    mean, covariance = target.mean, target.covariance
+    for i, value in enumerate(known):
+        gain = covariance[:, i] / covariance[i, i]
+        mean = mean + gain * (value - mean[i])
+        covariance = covariance - gain[:, None] * covariance[i][None]
+    return mean, jnp.sqrt(jnp.diag(covariance))
 
 
 def _first_starts(target: Target) -> Float[Array, "n q"]:
     """The best of a few guesses at each node, stiffness scaled to the heights."""
     names = target.roles.names
-    u = target.mean[0] + prior_sd(target, 0) * jnp.linspace(-REACH, REACH, N_NODES)
+    mean, sd = _prior_given(target, ())
+    u = mean[0] + sd[0] * jnp.linspace(-REACH, REACH, N_NODES)
     has_shape = bool({"f1", "e1"} & set(names))
     shapes = SHAPES if has_shape else SHAPES[:1]
     guesses = jnp.asarray(
         [(c, *f) for c, f in itertools.product(INNER_GUESSES, shapes)]
     )
-    inner_sd = prior_sd(target, 1, given=1)
 
     def guess(u: Array, shift: Array) -> tuple[Array, Array]:
-        inner = _conditional_mean(target, u[None])[1] + shift[0] * inner_sd
-        y = _conditional_mean(target, jnp.stack([u, inner]))
+        mean, sd = _prior_given(target, (u,))
+        y, _ = _prior_given(target, (u, mean[1] + shift[0] * sd[1]))
         for i, name in enumerate(names):
             if name in ("f1", "e1", "f2", "e2"):
                 y = y.at[i].add(shift[int(name[1])])

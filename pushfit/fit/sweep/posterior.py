@@ -21,7 +21,6 @@ from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.draws import Draw, draw, n_uniforms
 from pushfit.fit.sweep.mixture import fit_mixture
-from pushfit.fit.sweep.outer import outer_nodes
 from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet
 from pushfit.fit.sweep.target import Target
@@ -254,7 +253,7 @@ def _points(n: int) -> Float[np.ndarray, "d n"]:
 
 @compiled
 def _sheet(target: Target) -> Sheet:
-    return make_sheet(target, outer_nodes(target))
+    return make_sheet(target)
 
 
 @compiled

@@ -1,10 +1,12 @@
 """Conditional modes: damped Gauss-Newton steps with some coordinates held."""
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import Protocol, TypeVar, runtime_checkable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from pushfit.fit.sweep.cholesky import cholesky, solve
 from pushfit.fit.sweep.target import Expansion
@@ -13,6 +15,10 @@ from pushfit.fit.sweep.target import Expansion
 MAX_STEP = 1.5
 # Damping at first, and its factors after a step that helps and one that does not.
 DAMPING, EASE, TIGHTEN = 1e-3, 0.2, 5.0
+
+N = TypeVar("N")
+S = TypeVar("S")
+Count = int | Int[Array, ""]
 
 
 @runtime_checkable
@@ -34,11 +40,66 @@ class Objective(Protocol):
         ...
 
 
+class Round(eqx.Module):
+    """Searches side by side.
+
+    Args:
+        starts: Where each may begin.
+        is_free: Which of its coordinates may move.
+        n_starts: How many of the starts are tried.
+        n_steps: Evaluations after those of the starts.
+    """
+
+    starts: Float[Array, "n k q"]
+    is_free: Bool[Array, "n q"]
+    n_starts: Count
+    n_steps: Count
+
+
+def in_rounds(
+    target: Callable[[N], Objective],
+    numbers: N,
+    first: Round,
+    state: S,
+    onward: Callable[[N, Expansion, S], tuple[Expansion, Round, S]],
+) -> tuple[S, Expansion]:
+    """Searches in rounds, each from what the one before found.
+
+    All share one evaluation, which is what takes long to compile and to load.
+
+    Args:
+        target: What is to be least in a round, given its numbers.
+        numbers: For each round.
+        onward: What is kept of a round, given its numbers and ends, and the next one.
+
+    Returns:
+        The last state, and what was kept, by round.
+    """
+
+    def round_(carry: tuple[Round, S], number: N) -> tuple[tuple[Round, S], Expansion]:
+        this, state = carry
+        objective = target(number)
+        ends = jax.vmap(
+            lambda starts, is_free: descend(
+                objective, starts, is_free, this.n_steps, n_starts=this.n_starts
+            )
+        )(this.starts, this.is_free)
+        kept, following, state = onward(number, ends, state)
+        return (following, state), kept
+
+    # Counts are numbers of the program's own: those that Python knows change nothing.
+    first = jax.tree.map(jnp.asarray, first)
+    (_, state), kept = jax.lax.scan(round_, (first, state), numbers)
+    return state, kept
+
+
 def descend(
     target: Objective,
     starts: Float[Array, "k q"],
     is_free: Bool[Array, " q"],
-    n_steps: int,
+    n_steps: Count,
+    *,
+    n_starts: Count | None = None,
 ) -> Expansion:
     """The best point met on the way down.
 
@@ -46,16 +107,18 @@ def descend(
         starts: Where to begin: from the lowest of them.
         is_free: Which coordinates may move.
         n_steps: Evaluations after those of the starts.
+        n_starts: How many of the starts are tried, if not all.
     """
     both = is_free[:, None] & is_free[None]
-    k, q = starts.shape
+    k = starts.shape[0]
+    n_tried = k if n_starts is None else n_starts
 
     def step(
-        carry: tuple[Expansion, Array, Array], count: Array
-    ) -> tuple[tuple[Expansion, Array, Array], None]:
+        count: Array, carry: tuple[Expansion, Array, Array]
+    ) -> tuple[Expansion, Array, Array]:
         best, damping, wanted = carry
-        is_start = count < k
-        # Starts and steps share one evaluation, which is what takes long to compile.
+        is_start = count < n_tried
+        # Starts and steps share one evaluation.
         wanted = jnp.where(is_start, starts[jnp.minimum(count, k - 1)], wanted)
         trial = target.expand(wanted)
         is_better = trial.cost < best.cost
@@ -69,15 +132,20 @@ def descend(
         move = solve(factor, jnp.where(is_free, -slope, 0.0))
         longest = jnp.max(jnp.abs(move))
         move = move * jnp.minimum(1.0, MAX_STEP / jnp.maximum(longest, 1e-300))
-        return (best, damping, best.y + move), None
+        return best, damping, best.y + move
 
-    nothing = Expansion(
-        y=starts[0],
-        misfit=jnp.asarray(jnp.inf),
-        cost=jnp.asarray(jnp.inf),
-        gradient=jnp.zeros(q),
-        hessian=jnp.zeros((q, q)),
-    )
-    first = (nothing, jnp.asarray(DAMPING), starts[0])
-    (best, _, _), _ = jax.lax.scan(step, first, jnp.arange(k + n_steps))
+    first = (unknown(starts[0]), jnp.asarray(DAMPING), starts[0])
+    best, _, _ = jax.lax.fori_loop(0, n_tried + n_steps, step, first)
     return best
+
+
+def unknown(y: Float[Array, "*n q"]) -> Expansion:
+    """Points of which nothing is known."""
+    q = y.shape[-1]
+    return Expansion(
+        y=y,
+        misfit=jnp.full(y.shape[:-1], jnp.inf),
+        cost=jnp.full(y.shape[:-1], jnp.inf),
+        gradient=jnp.zeros(y.shape),
+        hessian=jnp.zeros((*y.shape, q)),
+    )

@@ -19,8 +19,20 @@ from pushfit.fit.sweep.cholesky import (
     half_solve,
     log_diagonal,
 )
-from pushfit.fit.sweep.outer import REACH, prior_sd, ridge_slope, schur, without_s
-from pushfit.fit.sweep.search import descend
+from pushfit.fit.sweep.outer import (
+    N_NEAR,
+    N_ROUNDS,
+    REACH,
+    ascending,
+    by_mass,
+    first_round,
+    is_followed,
+    next_round,
+    ridge_slope,
+    schur,
+    without_s,
+)
+from pushfit.fit.sweep.search import Round, in_rounds, unknown
 from pushfit.fit.sweep.segments import Segments, make_segments
 from pushfit.fit.sweep.target import Expansion, Target
 from pushfit.model import Scalar
@@ -37,17 +49,35 @@ FOLLOWED = 2.0
 MAX_MOVE = 1.0
 
 
+class Scale(eqx.Module):
+    """The inner coordinate at each outer node: centre + width sinh(stretch t).
+
+    Args:
+        centre: Its conditional mode.
+        width: Its unit.
+        below: Stretch below the mode.
+        above: Stretch above it.
+    """
+
+    centre: Float[Array, "*j"]
+    width: Float[Array, "*j"]
+    below: Float[Array, "*j"]
+    above: Float[Array, "*j"]
+
+    def at(self, t: Scalar) -> tuple[Float[Array, "*j"], Float[Array, "*j"]]:
+        """Inner coordinate at t, and the log of its slope."""
+        stretch = jnp.where(t < 0, self.below, self.above)
+        value = self.centre + self.width * jnp.sinh(stretch * t)
+        return value, jnp.log(self.width * stretch * jnp.cosh(stretch * t))
+
+
 class Sheet(eqx.Module):
     """Where the mass of a posterior is.
 
     Args:
         outer: Density of u.
-        inner: Density of t at each outer node; the inner coordinate is
-            centre + width sinh(stretch t), with a stretch of its own on either side.
-        centre: Conditional mode of the inner coordinate at each outer node.
-        width: Scale of the inner coordinate.
-        below: Stretch below the mode.
-        above: Stretch above it.
+        inner: Density of t at each outer node.
+        scale: What t stands for there.
         nodes: Conditional modes, by outer and inner node.
         strata: Share of every stratum of ln s at each of them.
         ridge: Change of the inner coordinate per unit of u at each, and how far it may
@@ -56,10 +86,7 @@ class Sheet(eqx.Module):
 
     outer: Segments
     inner: Segments
-    centre: Float[Array, " j"]
-    width: Float[Array, " j"]
-    below: Float[Array, " j"]
-    above: Float[Array, " j"]
+    scale: Scale
     nodes: Expansion
     strata: Float[Array, "j k s"]
     ridge: Float[Array, "j k 2"]
@@ -69,17 +96,12 @@ class Sheet(eqx.Module):
         """Outer nodes."""
         return self.nodes.y[:, 0, 0]
 
-    def inner_at(self, node: Int[Array, ""], t: Scalar) -> tuple[Scalar, Scalar]:
-        """Inner coordinate at t, and the log of its slope."""
-        stretch = jnp.where(t < 0, self.below[node], self.above[node])
-        value = self.centre[node] + self.width[node] * jnp.sinh(stretch * t)
-        slope = self.width[node] * stretch * jnp.cosh(stretch * t)
-        return value, jnp.log(slope)
-
 
 # Inner nodes in the units of t.
 SIDE = np.arange(1, N_SIDE + 1) / N_SIDE
 T = np.concatenate([-SIDE[::-1], [0.0], SIDE])
+# The same in the order in which they are met, from the middle to either end.
+MET = np.concatenate([-SIDE, SIDE])
 
 
 class Local(eqx.Module):
@@ -96,51 +118,110 @@ class Local(eqx.Module):
     log_volume: Scalar
 
 
-def make_sheet(target: Target, outer: Expansion) -> Sheet:
-    """Sweep the inner coordinate at every outer node.
-
-    Args:
-        outer: Conditional modes at nodes of u.
-    """
-    information = jax.vmap(lambda h: without_s(target, h + target.precision))
-    sd = 1 / jnp.sqrt(jax.vmap(schur)(information(outer.hessian)[:, 1:, 1:]))
-    inner_sd = prior_sd(target, 1)
-    centre = outer.y[:, 1]
-    width = STRETCH * jnp.minimum(sd, inner_sd)
-    low = jnp.minimum(target.mean[1] - REACH * inner_sd, centre - 3 * width)
-    high = jnp.maximum(target.mean[1] + REACH * inner_sd, centre + 3 * width)
-    below = jnp.arcsinh((centre - low) / width)
-    above = jnp.arcsinh((high - centre) / width)
-    left = centre[None] - width[None] * jnp.sinh(below[None] * SIDE[:, None])
-    right = centre[None] + width[None] * jnp.sinh(above[None] * SIDE[:, None])
-    both = jax.tree.map(lambda a: jnp.concatenate([a, a]), outer)
-    sides = _followed(target, both, jnp.concatenate([left, right], axis=1))
-    n = centre.size
-    nodes = jax.tree.map(
-        lambda side, middle: jnp.concatenate(
-            [side[::-1, :n], middle[None], side[:, n:]]
-        ).swapaxes(0, 1),
-        sides,
-        outer,
-    )
+def make_sheet(target: Target) -> Sheet:
+    """Sweep the outer coordinate, and the inner one at every node of it."""
+    scale, nodes = _swept(target)
     volumes = jax.vmap(jax.vmap(lambda node: log_volumes(target, node)))(nodes)
-    level = logsumexp(volumes, axis=2)
-    stretch = jnp.where(T[None] < 0, below[:, None], above[:, None])
-    slope = width[:, None] * stretch * jnp.cosh(stretch * T[None])
-    level = level + jnp.log(slope)
+    _, log_slope = jax.vmap(scale.at, out_axes=1)(jnp.asarray(T))
+    level = logsumexp(volumes, axis=2) + log_slope
     inner = jax.vmap(lambda values: make_segments(jnp.asarray(T), values))(level)
     mass = jax.vmap(lambda segments: segments.log_integral)(inner)
     return Sheet(
-        outer=make_segments(outer.y[:, 0], mass),
+        outer=make_segments(nodes.y[:, 0, 0], mass),
         inner=inner,
-        centre=centre,
-        width=width,
-        below=below,
-        above=above,
+        scale=scale,
         nodes=nodes,
         strata=jax.nn.softmax(volumes, axis=2),
         ridge=jax.vmap(jax.vmap(lambda h: _ridge(target, h)))(nodes.hessian),
     )
+
+
+def _swept(target: Target) -> tuple[Scale, Expansion]:
+    """Conditional modes by outer and inner node.
+
+    Once the outer nodes are settled, each round goes on to the next inner ones.
+    """
+    is_free = jnp.arange(target.mean.size) >= target.roles.n_held
+
+    def again(
+        number: Int[Array, ""], nodes: Expansion, state: tuple[Expansion, Scale]
+    ) -> tuple[Round, tuple[Expansion, Scale]]:
+        is_final = number == N_ROUNDS - 2
+        following = next_round(
+            target, nodes, is_followed(target), by_mass(target), is_final
+        )
+        return following, state
+
+    def across(
+        number: Int[Array, ""], nodes: Expansion, state: tuple[Expansion, Scale]
+    ) -> tuple[Round, tuple[Expansion, Scale]]:
+        index = number - (N_ROUNDS - 1)
+        outer, _ = state
+        outer = _chosen(index == 0, nodes, outer)
+        scale = _scale(target, outer)
+        values, _ = scale.at(jnp.asarray(MET)[index])
+        begun = _chosen(index % N_SIDE == 0, outer, nodes)
+        starts = jax.vmap(lambda node, value: _moved(target, node, value))(
+            begun, values
+        )
+        following = Round(
+            starts=jnp.repeat(starts[:, None], N_NEAR, axis=1),
+            is_free=jnp.broadcast_to(is_free, starts.shape),
+            n_starts=1,
+            n_steps=N_STEPS - 1,
+        )
+        return following, (outer, scale)
+
+    def onward(
+        number: Int[Array, ""], ends: Expansion, state: tuple[Expansion, Scale]
+    ) -> tuple[Expansion, Round, tuple[Expansion, Scale]]:
+        nodes = ascending(ends)
+        is_settled = number >= N_ROUNDS - 1
+        following, state = jax.lax.cond(is_settled, across, again, number, nodes, state)
+        return nodes, following, state
+
+    first = first_round(target)
+    n = first.starts.shape[0]
+    state = (unknown(first.starts[:, 0]), Scale(*(jnp.zeros(n) for _ in range(4))))
+    numbers = jnp.arange(N_ROUNDS + MET.size)
+    (_, scale), found = in_rounds(lambda _: target, numbers, first, state, onward)
+    # The outer nodes are the middle of the inner ones.
+    met = np.argsort(np.append(0.0, MET), kind="stable") + N_ROUNDS - 1
+    return scale, jax.tree.map(lambda a: a[met].swapaxes(0, 1), found)
+
+
+def _chosen(is_first: Array, first: Expansion, second: Expansion) -> Expansion:
+    return jax.tree.map(lambda a, b: jnp.where(is_first, a, b), first, second)
+
+
+def _scale(target: Target, outer: Expansion) -> Scale:
+    """From the conditional mode to both ends of the prior."""
+    information = jax.vmap(lambda h: without_s(target, h + target.precision))
+    sd = 1 / jnp.sqrt(jax.vmap(schur)(information(outer.hessian)[:, 1:, 1:]))
+    inner_sd = jnp.sqrt(target.covariance[1, 1])
+    centre = outer.y[:, 1]
+    width = STRETCH * jnp.minimum(sd, inner_sd)
+    low = jnp.minimum(target.mean[1] - REACH * inner_sd, centre - 3 * width)
+    high = jnp.maximum(target.mean[1] + REACH * inner_sd, centre + 3 * width)
+    return Scale(
+        centre=centre,
+        width=width,
+        below=jnp.arcsinh((centre - low) / width),
+        above=jnp.arcsinh((high - centre) / width),
+    )
+
+
+def _moved(target: Target, node: Expansion, value: Scalar) -> Float[Array, " q"]:
+    """The mode at another value of the inner coordinate, by the ridge of a node."""
+    n_held, q = target.roles.n_held, target.mean.size
+    y = node.y.at[1].set(value)
+    if n_held == q:
+        return y
+    information = node.hessian + target.precision
+    order = np.array([1, *range(n_held, q)])
+    slope = ridge_slope(information[order][:, order])
+    move = jnp.clip(slope * (value - node.y[1]), -MAX_MOVE, MAX_MOVE)
+    return y.at[n_held:].add(move)
 
 
 def _ridge(target: Target, hessian: Float[Array, "q q"]) -> Float[Array, " 2"]:
@@ -203,30 +284,3 @@ def prior_given(
     ratio = (1 + jnp.exp(held[2])) / target.shape_sd
     precision = precision + jnp.diag(jnp.where(is_f, ratio**2, 0.0))
     return precision, target.mean, np.sum(is_f) * jnp.log(ratio)
-
-
-def _followed(
-    target: Target, start: Expansion, inner: Float[Array, "k m"]
-) -> Expansion:
-    """Conditional modes along the inner coordinate, each from the one before."""
-    n_held, q = target.roles.n_held, target.mean.size
-    is_free = jnp.arange(q) >= n_held
-
-    def one(node: Expansion, value: Scalar) -> Expansion:
-        y = node.y.at[1].set(value)
-        if n_held < q:
-            information = node.hessian + target.precision
-            order = np.array([1, *range(n_held, q)])
-            slope = ridge_slope(information[order][:, order])
-            move = jnp.clip(slope * (value - node.y[1]), -MAX_MOVE, MAX_MOVE)
-            y = y.at[n_held:].add(move)
-        return descend(target, y[None], is_free, N_STEPS - 1)
-
-    def step(
-        nodes: Expansion, values: Float[Array, " m"]
-    ) -> tuple[Expansion, Expansion]:
-        moved = jax.vmap(one)(nodes, values)
-        return moved, moved
-
-    _, nodes = jax.lax.scan(step, start, inner)
-    return nodes

@@ -62,6 +62,7 @@ class Target(eqx.Module):
         mean: Of the coordinates of the sweep before the data.
         precision: Of the normal distribution that stands for their prior; that of an
             ellipse for ln s at its mean.
+        covariance: Of the same.
         shape_sd: Prior standard deviation of e1 and e2.
         tables: Priors of the conditional coordinates by name.
         reference_alpha: Azimuth of θ_c [rad].
@@ -71,6 +72,7 @@ class Target(eqx.Module):
     pooled: Pooled
     mean: Float[Array, " q"]
     precision: Float[Array, "q q"]
+    covariance: Float[Array, "q q"]
     shape_sd: Scalar
     tables: Mapping[str, QuantileTable]
     reference_alpha: Scalar
@@ -118,7 +120,14 @@ class Target(eqx.Module):
     def log_prob(self, x: Float[Array, " p"]) -> Scalar:
         """Unnormalised log posterior density of sampling coordinates."""
         named = dict(zip(self.pooled.problem.names, x, strict=True))
-        level = log_likelihood(self.pooled, self.differences_at(named), named)
+        return self.log_prob_of(x, self.differences_at(named))
+
+    def log_prob_of(
+        self, x: Float[Array, " p"], difference: Float[Array, "c n"]
+    ) -> Scalar:
+        """The same where the differences are known."""
+        named = dict(zip(self.pooled.problem.names, x, strict=True))
+        level = log_likelihood(self.pooled, difference, named)
         value = level + self.pooled.problem.log_prior(x)
         return jnp.where(jnp.isnan(value), -jnp.inf, value)
 
