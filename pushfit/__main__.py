@@ -6,7 +6,10 @@ import os
 import sys
 
 # Objects between two searches for garbage.
-GARBAGE = 100_000
+GARBAGE = 1_000_000
+# Threads of NumPy's linear algebra: matrices are small, and threads that wait for
+# larger ones take a core from those that work.
+BLAS_THREADS = "OPENBLAS_NUM_THREADS", "1"
 # What the process ends with.
 _exit_code = [1]
 
@@ -17,6 +20,7 @@ def main() -> int:
     atexit.register(_leave)
     # Imports leave hardly any garbage, and looking for it takes a third of a second.
     gc.set_threshold(GARBAGE)
+    os.environ.setdefault(*BLAS_THREADS)
     try:
         from pushfit.cli import main as run
 

@@ -52,6 +52,8 @@ ARRAYS = (jax.Array, np.ndarray)
 ADDRESS = " at 0x"
 # In programs that call back to Python, by an address of one process.
 CALLBACK = "callback"
+# In the names of what programs call to solve linear systems.
+LAPACK = b"lapack"
 # What JAX says of a program that it finds.
 FOUND = "/jax/compilation_cache/cache_hits"
 # Changes with what is in a file of machine code, which any version of pushfit may read.
@@ -208,9 +210,11 @@ def _loaded(path: Path, trace: Trace) -> Callable[..., Any] | None:
     content = _read(path)
     if content is None:
         return None
-    _bind_lapack()
+    code = zlib.decompress(content)
+    if LAPACK in code:
+        _bind_lapack()
     return serialize_executable.deserialize_and_load(
-        zlib.decompress(content),
+        code,
         jax.tree.structure((tuple(range(trace.n)), {})),
         jax.tree.structure(trace.returned),
         execution_devices=jax.devices()[:1],

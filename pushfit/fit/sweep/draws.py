@@ -221,13 +221,13 @@ def _ln_s(target: Target, z: dict[str, Scalar], score: Scalar) -> tuple[Scalar, 
     half = norm2(z.get("f1", jnp.zeros(())), z.get("f2", jnp.zeros(()))) / 2
 
     def quantile(score: Scalar) -> Scalar:
-        ln_s, _ = table.draw(z["ln_B"], score)
-        for _ in range(N_ROUND):
-            s = jnp.exp(ln_s)
+        def closer(_: Array, longer: Scalar) -> Scalar:
+            s = jnp.exp(table.draw(z["ln_B"] + longer, score)[0])
             cosh = jnp.cosh(anisotropy_stretch(half, s) * half)
-            longer = jnp.log1p(2 * s * (cosh - 1) / (1 + s) ** 2) / 2
-            ln_s, _ = table.draw(z["ln_B"] + longer, score)
-        return ln_s
+            return jnp.log1p(2 * s * (cosh - 1) / (1 + s) ** 2) / 2
+
+        longer = jax.lax.fori_loop(0, N_ROUND, closer, jnp.zeros(()))
+        return table.draw(z["ln_B"] + longer, score)[0]
 
     if "f1" not in z:
         return table.draw(z["ln_B"], score)
