@@ -108,13 +108,16 @@ class Trace:
     Args:
         name: Name of the file of its machine code.
         n: Arrays that it takes.
-        returned: What it returns, with numbers in place of arrays: modules are known by
-            their names, unlike the structure of them.
+        n_returned: Arrays that it returns.
+        returned: What it returns, pickled with numbers in place of arrays: modules are
+            known by their names, unlike the structure of them. Machine code is loaded
+            before what these need is imported.
     """
 
     name: str
     n: int
-    returned: Any
+    n_returned: int
+    returned: bytes
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -213,12 +216,16 @@ def _loaded(path: Path, trace: Trace) -> Callable[..., Any] | None:
     code = zlib.decompress(content)
     if LAPACK in code:
         _bind_lapack()
-    return serialize_executable.deserialize_and_load(
+    program = serialize_executable.deserialize_and_load(
         code,
         jax.tree.structure((tuple(range(trace.n)), {})),
-        jax.tree.structure(trace.returned),
+        jax.tree.structure(list(range(trace.n_returned))),
         execution_devices=jax.devices()[:1],
     )
+    structure = functools.cache(
+        lambda: jax.tree.structure(pickle.loads(trace.returned))
+    )
+    return lambda *arrays: jax.tree.unflatten(structure(), program(*arrays))
 
 
 @functools.cache
@@ -267,7 +274,8 @@ def _compile(
     trace = Trace(
         name=f"{_fingerprint(FORMAT, str(OPTIONS), text)}-program",
         n=len(arrays),
-        returned=jax.tree.unflatten(outputs, range(outputs.num_leaves)),
+        n_returned=outputs.num_leaves,
+        returned=pickle.dumps(jax.tree.unflatten(outputs, range(outputs.num_leaves))),
     )
     path = folder / trace.name
     kept = _loaded(path, trace)

@@ -7,6 +7,7 @@ weights with too heavy a tail, says so, and the caller hands it to emcee.
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -161,7 +162,9 @@ def _swept(target: Target, rng: np.random.Generator) -> WeightedDraws:
 
     def batch() -> Draw:
         shift = as_float(rng.uniform(size=n_uniforms(target)))
-        return jax.tree.map(np.asarray, _draws(target, sheet, shift))
+        drawn = _draws(target, sheet, shift)
+        _smoothing()  # loads while they are drawn
+        return jax.tree.map(np.asarray, drawn)
 
     return _drawn(batch, ENOUGH_TO_FIT)
 
@@ -215,13 +218,11 @@ def _weighed(
     n, is_possible = log_weight.size, np.isfinite(log_weight)
     smoothed, pareto_k, ess = np.full(n, -np.inf), np.inf, _ess(log_weight)
     if np.sum(is_possible) > 1:
-        from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
-
         # It takes minus the log of the weights, as it would take log likelihoods, and
         # differences of them: impossible draws stay out.
         # Of a tail without spread it is not a number, which no draws are trusted by.
         with np.errstate(divide="ignore", invalid="ignore"):
-            tail, k = array_stats.psislw(-log_weight[is_possible])
+            tail, k = _smoothing()(-log_weight[is_possible])
         smoothed[is_possible], pareto_k = tail, float(k)
     return WeightedDraws(
         x=x,
@@ -232,6 +233,13 @@ def _weighed(
         ess=ess,
         pareto_k=pareto_k,
     )
+
+
+def _smoothing() -> Callable[[np.ndarray], Any]:
+    """Pareto smoothing of weights; loads ArviZ, which takes long, once."""
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
+    return array_stats.psislw
 
 
 def _ess(log_weight: Float[np.ndarray, " n"]) -> float:
