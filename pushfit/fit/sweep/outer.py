@@ -7,6 +7,7 @@ other their conditional modes. Excluded: the inner coordinate.
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -48,9 +49,7 @@ Placing = Callable[[Expansion], Float[Array, " n"]]
 
 def first_round(target: Target) -> Round:
     """The search at the first nodes of u."""
-    return _round(
-        jnp.repeat(_first_starts(target)[:, None], N_NEAR, axis=1), is_followed(target)
-    )
+    return _begun(_first_starts(target), is_followed(target))
 
 
 def is_followed(target: Target) -> Bool[Array, " q"]:
@@ -99,12 +98,11 @@ def follow(
         following = next_round(target(number), nodes, is_free, placing, is_last_but_one)
         return nodes, following, None
 
-    first = _round(jnp.repeat(starts[:, None], N_NEAR, axis=1), is_free)
     is_last_but_one = jnp.arange(rounds.size) == rounds.size - 2
     _, nodes = in_rounds(
         lambda numbers: target(numbers[0]),
         (rounds, is_last_but_one),
-        first,
+        _begun(starts, is_free),
         None,
         onward,
     )
@@ -141,6 +139,16 @@ def next_round(
     is_first = jnp.arange(is_free.size) == 0
     along = slides[:, None] & is_first[None]
     return _round(_near(target, nodes, is_free, at), is_free[None] | along)
+
+
+def _begun(starts: Float[Array, "n q"], is_free: Bool[Array, " q"]) -> Round:
+    """A search that has one start for each node."""
+    return replace(_round(along_nodes(starts), is_free), n_starts=1)
+
+
+def along_nodes(starts: Float[Array, "n q"]) -> Float[Array, "n k q"]:
+    """One start for each node in the shape of those that offer several."""
+    return jnp.repeat(starts[:, None], N_NEAR, axis=1)
 
 
 def _round(starts: Float[Array, "n k q"], is_free: Bool[Array, "..."]) -> Round:

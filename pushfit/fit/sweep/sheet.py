@@ -20,9 +20,9 @@ from pushfit.fit.sweep.cholesky import (
     log_diagonal,
 )
 from pushfit.fit.sweep.outer import (
-    N_NEAR,
     N_ROUNDS,
     REACH,
+    along_nodes,
     ascending,
     by_mass,
     first_round,
@@ -165,7 +165,7 @@ def _swept(target: Target) -> tuple[Scale, Expansion]:
             begun, values
         )
         following = Round(
-            starts=jnp.repeat(starts[:, None], N_NEAR, axis=1),
+            starts=along_nodes(starts),
             is_free=jnp.broadcast_to(is_free, starts.shape),
             n_starts=1,
             n_steps=N_STEPS - 1,
