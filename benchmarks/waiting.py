@@ -10,6 +10,7 @@ nothing compiled, the warm ones find what it kept.
 import argparse
 import os
 import resource
+import shutil
 import statistics
 import subprocess
 import sys
@@ -40,7 +41,7 @@ COMMANDS = {
     "verify": ["verify", "result"],
     "next": ["next", "peaks.csv", "--config", CONFIG],
     "compare": ["compare", "peaks.csv", "--config", CONFIG],
-    "calibrate": ["calibrate", "peaks.csv", "--config", CONFIG, "--tables", "4"],
+    "calibrate": ["calibrate", CONFIG, "peaks.csv", "--tables", "4"],
 }
 # What has no θ_c to say before it is done, or none at all.
 SILENT = {"validate", "peaks", "report", "init", "doctor"}
@@ -81,9 +82,11 @@ def main() -> None:
         folder = Path(name)
         runs = {what: ["-m", "pushfit", *COMMANDS[what]] for what in options.only}
         if options.notebook:
-            where = [str(NOTEBOOK), str(EXAMPLE.parents[1])]
-            runs["the notebook"] = ["-c", EXECUTE, *where]
-        if "fit" in runs and "peaks" not in runs:
+            # It writes where it runs.
+            shutil.copytree(EXAMPLE, folder / EXAMPLE.relative_to(ROOT))
+            runs["the notebook"] = ["-c", EXECUTE, str(NOTEBOOK), str(folder)]
+        needs_peaks = any("peaks.csv" in words for words in runs.values())
+        if needs_peaks and "peaks" not in runs:
             run(folder, ["-m", "pushfit", *COMMANDS["peaks"]])
         for what, words in runs.items():
             # Commands share programs: each begins with none, and none of the others.

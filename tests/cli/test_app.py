@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import typer
 
+from benchmarks.waiting import COMMANDS
 from pushfit import cache
 from pushfit.cli import main
 from pushfit.cli.app import app
@@ -335,6 +336,12 @@ def test_every_command_ends_its_help_with_an_example_that_it_understands():
         assert (first, second) == ("pushfit", name)
         # Raises for an option or argument that the command does not have.
         known.make_context(name, arguments)
+
+
+@pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS)
+def test_what_the_benchmark_of_waits_runs_is_understood(words):
+    name, *arguments = words
+    typer.main.get_command(app).commands[name].make_context(name, arguments)
 
 
 def test_help_shows_the_example_on_a_line_of_its_own(capsys):
