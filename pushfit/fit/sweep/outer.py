@@ -49,18 +49,11 @@ Placing = Callable[[Expansion], Float[Array, " n"]]
 
 def first_round(target: Target) -> Round:
     """The search at the first nodes of u."""
-    return _begun(_first_starts(target), is_followed(target))
+    return begun(_first_starts(target), _is_followed(target), N_STEPS)
 
 
-def is_followed(target: Target) -> Bool[Array, " q"]:
-    """Coordinates that follow u."""
-    return jnp.asarray(
-        [i > 0 and not _is_s(target, i) for i in range(target.mean.size)]
-    )
-
-
-def by_mass(target: Target) -> Placing:
-    """Nodes where the posterior is large."""
+def later_round(target: Target, nodes: Expansion, number: Int[Array, ""]) -> Round:
+    """The search at nodes of u where the posterior is large, after a round."""
 
     def log_density(node: Expansion) -> Scalar:
         information = without_s(target, node.hessian + target.precision)
@@ -69,7 +62,15 @@ def by_mass(target: Target) -> Placing:
     def placing(nodes: Expansion) -> Float[Array, " n"]:
         return tempered(nodes.y[:, 0], jax.vmap(log_density)(nodes), TEMPERS)
 
-    return placing
+    return _next_round(
+        target, nodes, _is_followed(target), placing, number == N_ROUNDS - 2
+    )
+
+
+def _is_followed(target: Target) -> Bool[Array, " q"]:
+    """Coordinates that follow u."""
+    q = target.mean.size
+    return jnp.asarray([i > 0 and not _is_s(target, i) for i in range(q)])
 
 
 def follow(
@@ -95,14 +96,16 @@ def follow(
     ) -> tuple[Expansion, Round, None]:
         number, is_last_but_one = numbers
         nodes = ascending(ends)
-        following = next_round(target(number), nodes, is_free, placing, is_last_but_one)
+        following = _next_round(
+            target(number), nodes, is_free, placing, is_last_but_one
+        )
         return nodes, following, None
 
     is_last_but_one = jnp.arange(rounds.size) == rounds.size - 2
     _, nodes = in_rounds(
         lambda numbers: target(numbers[0]),
         (rounds, is_last_but_one),
-        _begun(starts, is_free),
+        begun(starts, is_free, N_STEPS),
         None,
         onward,
     )
@@ -115,7 +118,7 @@ def ascending(nodes: Expansion) -> Expansion:
     return jax.tree.map(lambda a: a[order], nodes)
 
 
-def next_round(
+def _next_round(
     target: Objective,
     nodes: Expansion,
     is_free: Bool[Array, " q"],
@@ -141,14 +144,12 @@ def next_round(
     return _round(_near(target, nodes, is_free, at), is_free[None] | along)
 
 
-def _begun(starts: Float[Array, "n q"], is_free: Bool[Array, " q"]) -> Round:
+def begun(
+    starts: Float[Array, "n q"], is_free: Bool[Array, " q"], n_steps: int
+) -> Round:
     """A search that has one start for each node."""
-    return replace(_round(along_nodes(starts), is_free), n_starts=1)
-
-
-def along_nodes(starts: Float[Array, "n q"]) -> Float[Array, "n k q"]:
-    """One start for each node in the shape of those that offer several."""
-    return jnp.repeat(starts[:, None], N_NEAR, axis=1)
+    several = jnp.repeat(starts[:, None], N_NEAR, axis=1)
+    return replace(_round(several, is_free), n_starts=1, n_steps=n_steps)
 
 
 def _round(starts: Float[Array, "n k q"], is_free: Bool[Array, "..."]) -> Round:

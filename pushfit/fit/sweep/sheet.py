@@ -22,12 +22,10 @@ from pushfit.fit.sweep.cholesky import (
 from pushfit.fit.sweep.outer import (
     N_ROUNDS,
     REACH,
-    along_nodes,
     ascending,
-    by_mass,
+    begun,
     first_round,
-    is_followed,
-    next_round,
+    later_round,
     ridge_slope,
     schur,
     without_s,
@@ -143,51 +141,34 @@ def _swept(target: Target) -> tuple[Scale, Expansion]:
     """
     is_free = jnp.arange(target.mean.size) >= target.roles.n_held
 
-    def again(
-        number: Int[Array, ""], nodes: Expansion, state: tuple[Expansion, Scale]
-    ) -> tuple[Round, tuple[Expansion, Scale]]:
-        is_final = number == N_ROUNDS - 2
-        following = next_round(
-            target, nodes, is_followed(target), by_mass(target), is_final
-        )
-        return following, state
+    def again(number: Int[Array, ""], nodes: Expansion, _: Expansion) -> Round:
+        return later_round(target, nodes, number)
 
-    def across(
-        number: Int[Array, ""], nodes: Expansion, state: tuple[Expansion, Scale]
-    ) -> tuple[Round, tuple[Expansion, Scale]]:
+    def across(number: Int[Array, ""], nodes: Expansion, outer: Expansion) -> Round:
         index = number - (N_ROUNDS - 1)
-        outer, _ = state
-        outer = _chosen(index == 0, nodes, outer)
-        scale = _scale(target, outer)
-        values, _ = scale.at(jnp.asarray(MET)[index])
-        begun = _chosen(index % N_SIDE == 0, outer, nodes)
-        starts = jax.vmap(lambda node, value: _moved(target, node, value))(
-            begun, values
-        )
-        following = Round(
-            starts=along_nodes(starts),
-            is_free=jnp.broadcast_to(is_free, starts.shape),
-            n_starts=1,
-            n_steps=N_STEPS - 1,
-        )
-        return following, (outer, scale)
+        values, _ = _scale(target, outer).at(jnp.asarray(MET)[index])
+        near = _chosen(index % N_SIDE == 0, outer, nodes)
+        starts = jax.vmap(lambda node, value: _moved(target, node, value))(near, values)
+        return begun(starts, is_free, N_STEPS - 1)
 
     def onward(
-        number: Int[Array, ""], ends: Expansion, state: tuple[Expansion, Scale]
-    ) -> tuple[Expansion, Round, tuple[Expansion, Scale]]:
+        number: Int[Array, ""], ends: Expansion, outer: Expansion
+    ) -> tuple[Expansion, Round, Expansion]:
         nodes = ascending(ends)
+        outer = _chosen(number < N_ROUNDS, nodes, outer)
         is_settled = number >= N_ROUNDS - 1
-        following, state = jax.lax.cond(is_settled, across, again, number, nodes, state)
-        return nodes, following, state
+        following = jax.lax.cond(is_settled, across, again, number, nodes, outer)
+        return nodes, following, outer
 
     first = first_round(target)
-    n = first.starts.shape[0]
-    state = (unknown(first.starts[:, 0]), Scale(*(jnp.zeros(n) for _ in range(4))))
     numbers = jnp.arange(N_ROUNDS + MET.size)
-    (_, scale), found = in_rounds(lambda _: target, numbers, first, state, onward)
+    outer, found = in_rounds(
+        lambda _: target, numbers, first, unknown(first.starts[:, 0]), onward
+    )
     # The outer nodes are the middle of the inner ones.
     met = np.argsort(np.append(0.0, MET), kind="stable") + N_ROUNDS - 1
-    return scale, jax.tree.map(lambda a: a[met].swapaxes(0, 1), found)
+    nodes = jax.tree.map(lambda a: a[met].swapaxes(0, 1), found)
+    return _scale(target, outer), nodes
 
 
 def _chosen(is_first: Array, first: Expansion, second: Expansion) -> Expansion:
