@@ -41,20 +41,19 @@ FORBIDDEN = {
     "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},
 }
 # Parts of declared libraries that are imported under their own name, or all of one.
-VENDORED = {"pydantic_core", "markupsafe", "sklearn", "dask", "PIL"}
+VENDORED = {"pydantic_core", "markupsafe", "dask", "PIL"}
 HEAVY = (
     "jax",
     "pandas",
     "matplotlib",
     "scipy",
-    "sklearn",
     "emcee",
     "numpy",
     "optimistix",
 )
 # What only some identifications need, and none before its first number.
 SELDOM = (
-    *("emcee", "optimistix", "sklearn.mixture", "arviz_stats", "xarray", "matplotlib"),
+    *("emcee", "optimistix", "blackjax", "arviz_stats", "xarray", "matplotlib"),
     *("pandera", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"),
     *("scipy.spatial", "dask"),
 )

@@ -39,7 +39,7 @@ from pushfit.registry import has_foreign
 P = ParamSpec("P")
 R = TypeVar("R")
 # What takes part in tracing and compiling.
-TRACED_BY = ("jax", "jaxlib", "equinox", "lineax", "optimistix")
+TRACED_BY = ("blackjax", "jax", "jaxlib", "equinox", "lineax", "optimistix")
 # XLA's newer code for fused loops takes twice as long to make and is no faster here,
 # and nor is what LLVM takes longer to make of it beyond its first level.
 OPTIONS = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}

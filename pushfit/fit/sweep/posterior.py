@@ -7,7 +7,6 @@ weights with too heavy a tail, says so, and the caller hands it to emcee.
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +24,7 @@ from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet
 from pushfit.fit.sweep.target import Target
-from pushfit.model import as_float
+from pushfit.model import Scalar, as_float
 
 # Draws of one call, and effective draws that are enough: the mean of any quantity is
 # then good to 0.03 of its standard deviation.
@@ -162,9 +161,7 @@ def _swept(target: Target, rng: np.random.Generator) -> WeightedDraws:
 
     def batch() -> Draw:
         shift = as_float(rng.uniform(size=n_uniforms(target)))
-        drawn = _draws(target, sheet, shift)
-        _smoothing()  # loads while they are drawn
-        return jax.tree.map(np.asarray, drawn)
+        return jax.tree.map(np.asarray, _draws(target, sheet, shift))
 
     return _drawn(batch, ENOUGH_TO_FIT)
 
@@ -215,15 +212,10 @@ def _weighed(
     log_weight: Float[np.ndarray, " n"],
 ) -> WeightedDraws:
     """Draws with smoothed weights, and what these are worth."""
-    n, is_possible = log_weight.size, np.isfinite(log_weight)
-    smoothed, pareto_k, ess = np.full(n, -np.inf), np.inf, _ess(log_weight)
-    if np.sum(is_possible) > 1:
-        # It takes minus the log of the weights, as it would take log likelihoods, and
-        # differences of them: impossible draws stay out.
-        # Of a tail without spread it is not a number, which no draws are trusted by.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            tail, k = _smoothing()(-log_weight[is_possible])
-        smoothed[is_possible], pareto_k = tail, float(k)
+    n, ess = log_weight.size, _ess(log_weight)
+    smoothed, pareto_k = log_weight, np.asarray(np.inf)
+    if ess > 0:
+        smoothed, pareto_k = map(np.asarray, _smoothed(as_float(log_weight)))
     return WeightedDraws(
         x=x,
         log_prob=log_prob,
@@ -231,15 +223,8 @@ def _weighed(
         log_evidence=_log_sum(log_weight) - float(np.log(n)),
         log_evidence_error=float(np.sqrt(max(1 / max(ess, 1e-300) - 1 / n, 0.0))),
         ess=ess,
-        pareto_k=pareto_k,
+        pareto_k=float(pareto_k),
     )
-
-
-def _smoothing() -> Callable[[np.ndarray], Any]:
-    """Pareto smoothing of weights; loads ArviZ, which takes long, once."""
-    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
-
-    return array_stats.psislw
 
 
 def _ess(log_weight: Float[np.ndarray, " n"]) -> float:
@@ -269,6 +254,14 @@ def _draws(target: Target, sheet: Sheet, shift: Float[Array, " n"]) -> Draw:
     # A shift modulo 1 makes every point uniform and keeps them even.
     uniform = jnp.mod(jnp.asarray(_points(shift.size)) + shift[None], 1.0)
     return jax.vmap(lambda row: draw(target, sheet, row))(uniform)
+
+
+@compiled
+def _smoothed(log_weight: Float[Array, " n"]) -> tuple[Float[Array, " n"], Scalar]:
+    """Pareto smoothing: logs of weights that sum to 1, and the shape of their tail."""
+    from blackjax.diagnostics import psis_weights  # noqa: PLC0415 - slow to load
+
+    return psis_weights(log_weight)
 
 
 @compiled

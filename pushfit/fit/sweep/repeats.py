@@ -2,7 +2,9 @@
 
 Heights of one direction with one standard deviation enter a normal likelihood through
 their number, their mean and their scatter alone. Other heights of a direction stay
-apart, as do all of a Student-t likelihood; what they share is one prediction.
+apart, as do all of a Student-t likelihood, and those with a part of their noise known
+and another sampled, whose logarithms are taken of many rows at once; what they share is
+one prediction.
 """
 
 from dataclasses import replace
@@ -29,12 +31,14 @@ class Pooled(eqx.Module):
         count: Number of heights behind each mean; 0 for padding.
         scatter: Sum of squares of the heights about their mean [table unit²].
         has_sd: Whether any height has a known part of its noise.
+        is_single: Whether each row is one height.
     """
 
     problem: Problem
     count: Float[Array, "c n"]
     scatter: Float[Array, "c n"]
     has_sd: bool = eqx.field(static=True)
+    is_single: bool = eqx.field(static=True)
 
 
 def pool_repeats(problem: Problem) -> Pooled:
@@ -48,7 +52,10 @@ def pool_repeats(problem: Problem) -> Pooled:
     sd = np.asarray(problem.sd)[:, used]
     sigma = np.asarray(problem.reference_sigma)[:, used]
     angles = np.stack([problem.pushes.theta, problem.pushes.alpha])[:, used]
-    if problem.likelihood == "normal":
+    has_sd = bool(np.any(sd > 0))
+    is_sampled = any(f"sigma_{name}" in problem.priors for name in problem.channels)
+    is_single = problem.likelihood != "normal" or (has_sd and is_sampled)
+    if not is_single:
         key = np.concatenate([angles, np.log(np.maximum(sd, 1e-300)), np.log(sigma)])
         first, group = _alike(key)
     else:
@@ -76,7 +83,8 @@ def pool_repeats(problem: Problem) -> Pooled:
         pooled,
         as_float(np.where(mask, _padded(count, 0.0), 0.0)),
         as_float(_padded(scatter, 0.0)),
-        has_sd=bool(np.any(sd > 0)),
+        has_sd=has_sd,
+        is_single=is_single,
     )
 
 

@@ -143,6 +143,23 @@ def test_mixture_density_is_that_of_scipy(mixture):
     np.testing.assert_allclose(mixture.log_density(x), expected, rtol=1e-10)
 
 
+def test_mixture_finds_the_clusters_that_points_come_from():
+    """Expectation maximisation leaves k-means where clusters overlap in part."""
+    rng, n = np.random.default_rng(7), 20000
+    weights = np.array([0.2, 0.8])
+    centres, widths = np.array([[0.0, 0.0], [3.0, 0.0]]), np.array([[1, 3], [1, 0.5]])
+    which = rng.choice(2, size=n, p=weights)
+    points = centres[which] + rng.standard_normal((n, 2)) * widths[which]
+    found = fit_mixture(points, rng, n_components=2)
+    order = np.argsort(found.means[:2, 0])
+    # Errors of moments of some thousand points; k-means alone is off by a third.
+    shares = found.weights[order] / np.sum(found.weights[:2])
+    np.testing.assert_allclose(shares, weights, atol=0.02)
+    np.testing.assert_allclose(found.means[order], centres, atol=0.1)
+    sd = np.sqrt([np.diag(L @ L.T) for L in found.factors[order]])
+    np.testing.assert_allclose(sd, widths, rtol=0.05)
+
+
 def test_mixture_draws_what_its_density_says(mixture):
     """E_g[φ/g] = 1 for a normal density φ, and E_g[x φ/g] = 0."""
     draws = mixture.sample(np.random.RandomState(5), 20000)

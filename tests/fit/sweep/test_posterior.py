@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from arviz_stats.base.array import array_stats
 from scipy import stats
 
 from benchmarks.agreement import compared
@@ -192,6 +193,28 @@ def test_weights_with_a_heavy_tail_are_not_trusted():
     assert even.is_trusted
 
 
+@pytest.mark.parametrize("dof", [2.0, 4.0, 8.0])
+def test_weights_are_smoothed_as_arviz_does(dof):
+    """Where their tail is heavy enough to be smoothed at all, k > 1/3."""
+    log_weight = stats.t(dof).rvs(engine.N_DRAWS, random_state=np.random.default_rng(1))
+    found = engine._weighed(np.zeros((log_weight.size, 1)), log_weight, log_weight)
+    expected, pareto_k = array_stats.psislw(-log_weight)
+    assert found.pareto_k == pytest.approx(float(pareto_k), abs=SAME)
+    assert found.pareto_k > 1 / 3
+    np.testing.assert_allclose(found.log_weights, expected, atol=SAME)
+
+
+def test_impossible_draws_have_no_weight():
+    log_weight = np.where(np.arange(engine.N_DRAWS) % 2 == 0, -np.inf, 0.0)
+    found = engine._weighed(np.zeros((log_weight.size, 1)), log_weight, log_weight)
+    assert found.ess == pytest.approx(engine.N_DRAWS / 2)
+    np.testing.assert_allclose(
+        np.exp(found.log_weights), np.exp(log_weight) / found.ess, atol=SAME
+    )
+    none = np.full(engine.N_DRAWS, -np.inf)
+    assert not engine._weighed(np.zeros((none.size, 1)), none, none).is_trusted
+
+
 @pytest.mark.slow
 def test_what_the_sweep_cannot_do_is_handed_to_emcee_and_said(monkeypatch):
     monkeypatch.setattr(engine, "MAX_PARETO_K", -1.0)
@@ -246,7 +269,7 @@ def test_a_far_tail_keeps_its_part_when_draws_are_drawn_anew(monkeypatch):
     monkeypatch.setattr(engine, "_log_probs", lambda *a: jnp.asarray(log_prob(*a)))
     target = make_target(KINDS["plain"].setup(0).problem, ALPHA)
     found = []
-    for seed in range(8):
+    for seed in range(32):
         rng = np.random.default_rng(seed)
         x = broad.rvs(engine.N_DRAWS, random_state=rng)
         log_weight = log_prob(target, x) - broad.logpdf(x)
