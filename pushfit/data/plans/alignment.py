@@ -362,23 +362,23 @@ class _Steady:
         own = np.where(self.brush, _PAIR_BRUSH, 0.0)
         cost = MISSING * np.arange(n)[:, None] + humps[:-1] + self._lead(begin) + own
         back = np.full((n, m, 2), -1)
-        for i in range(1, n):
-            steps = self.planned[i] - self.planned[:i]
-            for dj in range(1, min(m - 1, _MAX_EXTRA_RUN) + 1):
-                gap = self.clock[dj:] - self.clock[:-dj]
-                between = humps[dj:-1] - humps[1 : m - dj + 1]
-                way = (
-                    cost[:i, :-dj]
-                    + _off(gap[None], steps[:, None], self.scatter)
-                    + MISSING * (i - 1 - np.arange(i))[:, None]
-                    + between
-                )
-                least = way.argmin(axis=0)
-                value = way[least, np.arange(m - dj)] + own[dj:]
-                better = np.flatnonzero(value < cost[i, dj:])
-                cost[i, dj + better] = value[better]
-                back[i, dj + better, 0] = least[better]
-                back[i, dj + better, 1] = better
+        j, run = np.arange(m), np.arange(1, min(m - 1, _MAX_EXTRA_RUN) + 1)[:, None]
+        before = np.maximum(j - run, 0)
+        gap = self.clock - self.clock[before]
+        between = np.where(j < run, np.inf, humps[:-1] - humps[before + 1])
+        for i in range(1, n) if m > 1 else ():
+            k = np.arange(i)[:, None]
+            # By humps left over, then by the pair before, then by the hump.
+            off = _off(gap[:, None], self.planned[i] - self.planned[k], self.scatter)
+            way = cost[:i, before].swapaxes(0, 1) + off + MISSING * (i - 1 - k)
+            way = (way + between[:, None]).reshape(-1, m)
+            least = way.argmin(axis=0)
+            value = way[least, j] + own
+            better = value < cost[i]
+            cost[i] = np.where(better, value, cost[i])
+            skipped, pair = np.divmod(least, i)
+            links = np.stack([pair, j - 1 - skipped], axis=1)
+            back[i] = np.where(better[:, None], links, back[i])
         return cost, back
 
     def cost(self, hump: Int[np.ndarray, " n"], begin: float, end: float) -> float:

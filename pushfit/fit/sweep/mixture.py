@@ -11,7 +11,7 @@ from jaxtyping import Float
 # to 0.6 in six dimensions, 0.4 in eight), but more components cover the bent corners
 # that a walker would leave only slowly, and heavy tails the rest.
 N_COMPONENTS = 16
-DEGREES_OF_FREEDOM = 6.0
+DEGREES_OF_FREEDOM = 5.0
 # Weight of one component as wide as all points together: no region is cut off.
 WIDE_SHARE = 0.1
 # Added to correlations before factorising: far below what heights can resolve.
