@@ -100,10 +100,12 @@ def fit_mixture(
         unit.T @ unit / n + RIDGE * np.eye(dim)
     )
     white = np.linalg.solve(overall, (points - centre).T).T
+    # Points that repeat are told apart, so that there are as many as clusters.
+    apart = white + np.sqrt(SMALLEST_VARIANCE) * rng.standard_normal(white.shape)
     with warnings.catch_warnings():
         # Of a cluster that lost its points: it has no weight.
         warnings.simplefilter("ignore", UserWarning)
-        _, label = scipy.cluster.vq.kmeans2(white, n_components, minit="++", rng=rng)
+        _, label = scipy.cluster.vq.kmeans2(apart, n_components, minit="++", rng=rng)
     found = _moments(white, np.eye(n_components)[label].T)
     for _ in range(N_STEPS):
         found = _moments(white, found.shares(white))

@@ -170,6 +170,15 @@ def test_mixture_draws_what_its_density_says(mixture):
         assert abs(values.mean() - expected) < MAX_Z * error
 
 
+def test_mixture_survives_points_that_repeat():
+    """Resampled by their weights, a few points may be all that is left."""
+    rng = np.random.default_rng(8)
+    points = rng.standard_normal((3, 2))[rng.integers(0, 3, 512)]
+    mixture = fit_mixture(points, rng)
+    assert np.sum(mixture.weights) == pytest.approx(1.0)
+    assert np.all(np.isfinite(mixture.log_density(points)))
+
+
 def test_mixture_survives_scales_far_apart():
     """Noise-free heights fix one coordinate to 1e-9 and leave others free."""
     rng = np.random.default_rng(6)
