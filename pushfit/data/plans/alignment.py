@@ -362,16 +362,16 @@ class _Steady:
         own = np.where(self.brush, _PAIR_BRUSH, 0.0)
         cost = MISSING * np.arange(n)[:, None] + humps[:-1] + self._lead(begin) + own
         back = np.full((n, m, 2), -1)
-        j, run = np.arange(m), np.arange(1, min(m - 1, _MAX_EXTRA_RUN) + 1)[:, None]
+        j, run = np.arange(m), np.arange(1, _MAX_EXTRA_RUN + 1)[:, None]
         before = np.maximum(j - run, 0)
         gap = self.clock - self.clock[before]
         between = np.where(j < run, np.inf, humps[:-1] - humps[before + 1])
-        for i in range(1, n) if m > 1 else ():
+        for i in range(1, n):
             k = np.arange(i)[:, None]
             # By humps left over, then by the pair before, then by the hump.
             off = _off(gap[:, None], self.planned[i] - self.planned[k], self.scatter)
             way = cost[:i, before].swapaxes(0, 1) + off + MISSING * (i - 1 - k)
-            way = (way + between[:, None]).reshape(-1, m)
+            way = (way + between[:, None]).reshape(run.size * i, m)
             least = way.argmin(axis=0)
             value = way[least, j] + own
             better = value < cost[i]

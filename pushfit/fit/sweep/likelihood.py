@@ -76,7 +76,7 @@ def channel_log_likelihood(
 
 
 def log_product(values: Float[Array, " n"]) -> Scalar:
-    """Sum of logs, each of a product: one takes as long as ten multiplications."""
+    """Sum of logs, taken of products of eight: a log takes longer than these."""
     return jnp.sum(jnp.log(jnp.prod(values.reshape(-1, PADDING), axis=1)))
 
 

@@ -16,8 +16,8 @@ DEGREES_OF_FREEDOM = 5.0
 WIDE_SHARE = 0.1
 # Added to correlations before factorising: far below what heights can resolve.
 RIDGE = 1e-10
-# Steps of expectation maximisation after k-means; with the clusters alone a third fewer
-# draws count.
+# Steps of expectation maximisation after k-means: with its clusters alone fewer draws
+# count.
 N_STEPS = 10
 # Least variance of a component, in units of all points together: a thousandth of their
 # spread, which keeps repeated points from becoming a component of their own.
