@@ -174,10 +174,11 @@ class NoiseSection(Section):
         "the same where they speak for it, else 0",
         default="auto",
     )
-    repeats: Literal["alike", "offset", "gain"] = setting(
+    repeats: Literal["alike", "offset", "gain", "auto"] = setting(
         '"alike", or each repeat of all directions has an "offset" or a '
-        '"gain" of its own, which is taken out of its heights',
-        default="alike",
+        '"gain" of its own, which is taken out of its heights, or "auto": '
+        "whichever repeats speak for",
+        default="auto",
     )
     theta_sd_deg: NotNegative | None = setting(
         "error of every elevation, 1 sd [deg]; absent: 0, "

@@ -199,6 +199,8 @@ def compare_models(
         config = with_noise(config, likelihood="normal")
     if config.noise.height_share == "auto":
         config = with_noise(config, height_share=0.0)
+    if config.noise.repeats == "auto":
+        config = with_noise(config, repeats="alike")
     fitted = fit_table(table, config)
     noise = fitted.setup.noise.kind
     noise = "sampled" if noise == "pooled" else noise

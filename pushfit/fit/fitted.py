@@ -26,7 +26,11 @@ from pushfit.fit.assess.warnings import (
     table_warnings,
 )
 from pushfit.fit.problem.averaging import averaged, averaging_warning
-from pushfit.fit.problem.repeat_effects import repeat_warning, without_repeat_effects
+from pushfit.fit.problem.repeat_effects import (
+    repeat_effect,
+    repeat_warning,
+    without_repeat_effects,
+)
 from pushfit.fit.profiles.least_squares import (
     fit_least_squares,
     searched,
@@ -110,6 +114,9 @@ def fit_table(
         ConfigError: If the configuration does not fit the table.
         FitError: If no start gives finite residuals.
     """
+    if config.noise.repeats == "auto":
+        kind, p_value = repeat_effect(table)
+        config = with_noise(config, repeats=kind if p_value < LEVEL else "alike")
     if config.noise.likelihood == "auto":
         return _more_evident(table, config, searching)
     if config.noise.height_share == "auto":

@@ -20,7 +20,7 @@ from jaxtyping import Float
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
 from pushfit.fit.problem.predictions import heights_of, predict_points
-from pushfit.fit.problem.repeat_effects import repeat_p_value
+from pushfit.fit.problem.repeat_effects import repeat_effect
 from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.fit.setup import Setup
@@ -75,8 +75,11 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
     free = residuals - basis @ (basis.T @ residuals)
     slope = angle_slopes(problem, fit.estimate)[0][mask]
-    found = [_steep(free, slope / fit.sigma), _tall(free, fit.predicted / fit.sigma)]
-    found.append(_repeat_by_repeat(table, fit, residuals))
+    found: list[Violation | None] = [
+        _steep(free, slope / fit.sigma),
+        _tall(free, fit.predicted / fit.sigma),
+        _repeat_by_repeat(table),
+    ]
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
@@ -163,31 +166,14 @@ def _tall(
     )
 
 
-def _repeat_by_repeat(
-    table: PeakTable, fit: FitResult, residuals: Float[np.ndarray, " n"]
-) -> Violation | None:
-    """Repeats that differ as a whole, by an offset or by a gain.
-
-    One test of both, whichever tells more: twice the chance of each.
-    """
-    rows = np.asarray(fit.row)
-    channels = np.unique(np.asarray(fit.channel), return_inverse=True)[1]
-    _, direction = np.unique(
-        np.stack([channels, table.groups[rows]]), axis=1, return_inverse=True
-    )
-    repeats = table.frame["repeat"].to_numpy()[rows]
-    _, repeat = np.unique(np.stack([channels, repeats]), axis=1, return_inverse=True)
-    ways = direction.ravel(), repeat.ravel()
-    chances = {
-        "offset": repeat_p_value(residuals, 1 / fit.sigma, *ways),
-        "gain": repeat_p_value(residuals, fit.predicted / fit.sigma, *ways),
-    }
-    kind = min(chances, key=lambda kind: chances[kind])
+def _repeat_by_repeat(table: PeakTable) -> Violation:
+    """Repeats that differ as a whole, by an offset or by a gain."""
+    kind, p_value = repeat_effect(table)
     return Violation(
         code=f"looks_like_{kind}s",
-        p_value=min(1.0, 2 * chances[kind]),
+        p_value=p_value,
         text=f"whole repeats differ, as by {'an' if kind == 'offset' else 'a'} {kind} "
-        f'of their own: set [noise] repeats = "{kind}"',
+        f'of their own: set [noise] repeats = "{kind}", or "auto", which asks them',
     )
 
 

@@ -23,6 +23,8 @@ from pushfit.fit.results import ResultWarning
 
 # Rounds of least squares for gains, each of which squares the share that is left.
 N_ROUNDS = 8
+# What is smaller, against the squares of the heights, is rounding.
+ROUNDING, TINY = 1e-18, 1e-300
 
 
 def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
@@ -196,36 +198,75 @@ def _parts(
     return scipy.sparse.csgraph.connected_components(shared, directed=False)[1]
 
 
+def repeat_effect(table: PeakTable) -> tuple[str, float]:
+    """Which effect tells repeats apart, and the chance of as much where none does.
+
+    One F test of both, whichever tells more: twice the chance of each.
+
+    Returns:
+        "offset" or "gain", and its p-value; NaN where repeats are the same, or too few.
+    """
+    direction, repeat = both_ways(table)
+    if not is_crossed(direction, repeat):
+        return "offset", np.nan
+    used, n = table.is_used, table.n_pushes
+    heights, noise, means = [], [], []
+    for channel in table.channels:
+        height, sd = table.heights(channel)[used], table.sd(channel)
+        scatter = np.full(n, table.pooled_sd(channel)[0]) if sd is None else sd
+        heights.append(height)
+        noise.append(scatter[used])
+        means.append(
+            (np.bincount(direction, height) / np.bincount(direction))[direction]
+        )
+    # Every channel has directions and effects of its own.
+    numbers = np.arange(len(heights))[:, None]
+    ways = [(way + numbers * (way.max() + 1)).ravel() for way in (direction, repeat)]
+    height, sd, mean = (np.concatenate(one) for one in (heights, noise, means))
+    if not np.all(sd > 0):  # repeats are the same
+        return "offset", np.nan
+    chances = {
+        "offset": repeat_p_value(height, np.ones(height.size), sd, *ways),
+        "gain": repeat_p_value(height, mean, sd, *ways),
+    }
+    kind = min(chances, key=lambda kind: chances[kind])
+    return kind, float(np.minimum(1.0, 2 * chances[kind]))
+
+
 def repeat_p_value(
-    free: Float[np.ndarray, " n"],
+    heights: Float[np.ndarray, " n"],
     size: Float[np.ndarray, " n"],
+    noise: Float[np.ndarray, " n"],
     direction: Int[np.ndarray, " n"],
     repeat: Int[np.ndarray, " n"],
 ) -> float:
     """F test of one coefficient of a size for each repeat, within directions.
 
     Args:
-        free: Residuals over their noise.
-        size: What an effect of a repeat is in proportion to: 1 over the noise for an
-            offset, the height over it for a gain.
+        size: What an effect of a repeat is in proportion to: 1 for an offset, the
+            height of the direction for a gain.
+        noise: Standard deviations, known but for a common factor.
 
     Returns:
-        Chance of as much where repeats are alike; NaN where there are too few.
+        Chance of as much where repeats are alike; NaN where there are too few, or
+        nothing but rounding tells them apart.
     """
-    n_directions, n_repeats = direction.max() + 1, repeat.max() + 1
-    rows = np.arange(free.size)
-    means, effects = (np.zeros((free.size, n)) for n in (n_directions, n_repeats))
-    means[rows, direction], effects[rows, repeat] = 1.0, size
+    rows = np.arange(heights.size)
+    means, effects = (
+        np.zeros((heights.size, way.max() + 1)) for way in (direction, repeat)
+    )
+    means[rows, direction], effects[rows, repeat] = 1 / noise, size / noise
+    scaled = heights / noise
 
     def left(design: Float[np.ndarray, "n k"]) -> tuple[float, int]:
-        found, _, rank, _ = np.linalg.lstsq(design, free, rcond=None)
-        return float(np.sum((free - design @ found) ** 2)), int(rank)
+        found, _, rank, _ = np.linalg.lstsq(design, scaled, rcond=None)
+        return float(np.sum((scaled - design @ found) ** 2)), int(rank)
 
     alone, n_alone = left(means)
     both, n_both = left(np.concatenate([means, effects], axis=1))
     # Repeats without a common direction cannot differ: the rank counts those that may.
-    n_free, dof = n_both - n_alone, free.size - n_both
-    if n_free < 1 or dof < 1:
+    n_free, dof = n_both - n_alone, scaled.size - n_both
+    if n_free < 1 or dof < 1 or alone <= ROUNDING * float(scaled @ scaled):
         return np.nan
-    ratio = (alone - both) / n_free / max(both / dof, 1e-300)
+    ratio = (alone - both) / n_free / max(both / dof, TINY)
     return float(scipy.special.fdtrc(n_free, dof, max(ratio, 0.0)))

@@ -19,7 +19,7 @@ from tests.problems import CASES
 
 NOISE = 0.01
 N_TABLES = 12
-CONSTANT = '[noise]\nlikelihood = "normal"\nheight_share = 0.0\n'
+CONSTANT = '[noise]\nlikelihood = "normal"\nheight_share = 0.0\nrepeats = "alike"\n'
 
 
 def pushes(kind: str, seed: int) -> PeakTable:

@@ -14,6 +14,7 @@ from pushfit.fit.fitted import fit_table
 from pushfit.fit.problem.repeat_effects import (
     both_ways,
     effects_log_factor,
+    repeat_effect,
     repeat_p_value,
     without_repeat_effects,
 )
@@ -97,7 +98,7 @@ def test_noise_within_repeats_is_all_that_a_fit_is_left_with():
     table = case_table(CASES["firm"], noise=0.02, seed=1)
     plain = replace(table, frame=table.frame.drop(columns="height_sd_n"))
     moved = changed(plain, SHIFT, np.ones(3))
-    alike = fit_table(moved, config()).fit.sigma[0]
+    alike = fit_table(moved, config('[noise]\nrepeats = "alike"\n')).fit.sigma[0]
     fitted = fit_table(moved, config('[noise]\nrepeats = "offset"\n'))
     own = fitted.fit.sigma[0]
     said = {warning.code: warning.text for warning in fitted.warnings}
@@ -107,6 +108,37 @@ def test_noise_within_repeats_is_all_that_a_fit_is_left_with():
     assert alike > 0.07
     # 34 degrees of freedom: 12 % of the noise, four times.
     assert 0.01 < own < 0.03
+
+
+@pytest.mark.parametrize(
+    ("kind", "offset", "gain"),
+    [("offset", SHIFT, np.ones(3)), ("gain", np.zeros(3), GAIN)],
+)
+def test_by_default_repeats_are_what_they_speak_for(kind, offset, gain):
+    """The answer is that of the kind stated; alike repeats stay as they are."""
+    table = case_table(CASES["firm"], noise=0.01, seed=1)
+    assert repeat_codes(fit_table(table, config())) == []
+    moved = changed(table, offset, gain)
+    found = fit_table(moved, config())
+    stated = fit_table(moved, config(f'[noise]\nrepeats = "{kind}"\n'))
+    assert repeat_codes(found) == [f"repeat_{kind}s"]
+    assert found.config == stated.config
+    np.testing.assert_array_equal(found.fit.estimate, stated.fit.estimate)
+    left = fit_table(moved, config('[noise]\nrepeats = "alike"\n'))
+    assert repeat_codes(left) == []
+
+
+def repeat_codes(fitted) -> list[str]:
+    """Warnings of what was taken out of whole repeats."""
+    return [w.code for w in fitted.warnings if w.code.startswith("repeat_")]
+
+
+def test_repeats_of_the_same_heights_are_alike():
+    """Heights that repeat to the last digit, or but for rounding, show no effect."""
+    clean = case_table(CASES["firm"])
+    assert np.isnan(repeat_effect(clean)[1])
+    rounding = changed(clean, 1e-12 * SHIFT, np.ones(3))
+    assert np.isnan(repeat_effect(rounding)[1])
 
 
 def test_repeats_without_a_common_direction_have_no_effects():
@@ -122,9 +154,11 @@ def test_the_chance_of_repeats_that_are_alike_is_uniform(n_sweeps):
     sweep, direction, repeat = np.indices((n_sweeps, 8, 2)).reshape(3, -1)
     direction, repeat = direction + 8 * sweep, repeat + 2 * sweep
     rng = np.random.default_rng(2)
-    size = 1.0 + np.sin(direction)
+    size, noise = 1.0 + np.sin(direction), 1.0 + repeat / 2
     chances = [
-        repeat_p_value(rng.standard_normal(size.size), size, direction, repeat)
+        repeat_p_value(
+            noise * rng.standard_normal(size.size), size, noise, direction, repeat
+        )
         for _ in range(N_TABLES)
     ]
     assert scipy.stats.kstest(chances, "uniform").pvalue > LEVEL
