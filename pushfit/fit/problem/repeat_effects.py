@@ -132,7 +132,7 @@ def both_ways(
 def is_crossed(direction: Int[np.ndarray, " n"], repeat: Int[np.ndarray, " n"]) -> bool:
     """Whether any direction was pushed in two repeats."""
     pairs = np.unique(np.stack([direction, repeat]), axis=1)
-    return bool(pairs.shape[1] > direction.max() + 1)
+    return bool(pairs.shape[1] > direction.max(initial=-1) + 1)
 
 
 def offsets(
