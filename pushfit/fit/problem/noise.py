@@ -15,6 +15,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
+from pushfit.fit.problem.repeat_effects import scatter_beside_effects
 from pushfit.fit.results import ResultWarning
 
 # A pooled sd from 20 degrees of freedom is known to 16 %, and a 90 % interval that
@@ -95,7 +96,9 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             angle_sd=angle_sd,
             height_share=height_share,
         )
-    pooled = {name: table.pooled_sd(name) for name in table.channels}
+    is_alike = config.noise.repeats in ("alike", "auto")
+    scatter = PeakTable.pooled_sd if is_alike else scatter_beside_effects
+    pooled = {name: scatter(table, name) for name in table.channels}
     dof = min(int(p[1]) for p in pooled.values())
     if choice == "pooled" and dof < 1:
         raise ConfigError(

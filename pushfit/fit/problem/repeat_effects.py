@@ -114,9 +114,21 @@ def effects_log_factor(
         taken = (before.heights(channel) - after.heights(channel))[used]
         mean = np.bincount(direction, taken) / np.bincount(direction)
         chi_square += np.sum(((taken - mean[direction]) / sd) ** 2, axis=1)
-    n_parts = _parts(direction, repeat).max() + 1
-    n_effects = len(before.channels) * (n_repeats - n_parts)
+    n_effects = len(before.channels) * _n_effects(direction, repeat)
     return -(chi_square / (n_pushes + 1) + n_effects * np.log(n_pushes + 1)) / 2
+
+
+def scatter_beside_effects(table: PeakTable, channel: str) -> tuple[float, int]:
+    """Scatter of repeats whose effects were taken out; see `PeakTable.pooled_sd`.
+
+    Each effect that repeats show was fitted to the same heights, and costs a degree of
+    freedom.
+    """
+    scatter, dof = table.pooled_sd(channel)
+    left = dof - _n_effects(*both_ways(table))
+    if left < 1:
+        return np.nan, 0
+    return float(scatter * np.sqrt(dof / left)), left
 
 
 def both_ways(
@@ -170,6 +182,11 @@ def gains(
         gain = gain + np.linalg.lstsq(design, left, rcond=None)[0][n_directions:]
         gain = gain / _usual(gain, direction, repeat)
     return gain
+
+
+def _n_effects(direction: Int[np.ndarray, " n"], repeat: Int[np.ndarray, " n"]) -> int:
+    """Effects that repeats show: one of each connected part has nothing beside it."""
+    return int(repeat.max() - _parts(direction, repeat).max())
 
 
 def _usual(

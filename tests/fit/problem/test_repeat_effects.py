@@ -16,6 +16,7 @@ from pushfit.fit.problem.repeat_effects import (
     effects_log_factor,
     repeat_effect,
     repeat_p_value,
+    scatter_beside_effects,
     without_repeat_effects,
 )
 from tests.fit.tables import case_table, config
@@ -139,6 +140,21 @@ def test_repeats_of_the_same_heights_are_alike():
     assert np.isnan(repeat_effect(clean)[1])
     rounding = changed(clean, 1e-12 * SHIFT, np.ones(3))
     assert np.isnan(repeat_effect(rounding)[1])
+
+
+def test_pooled_noise_is_that_of_a_two_way_analysis_of_variance():
+    """Residual mean square of directions and repeats, two sweeps and their gaps."""
+    one = case_table(CASES["firm"], noise=0.02, seed=1)
+    other = case_table(CASES["firm"], noise=0.02, seed=2, theta_deg=[7.0, 33.0, 58.0])
+    table = merge_tables([one, other]).with_flag([4, 60], "saturated")
+    found = scatter_beside_effects(without_repeat_effects(table, "offset"), "height")
+    direction, repeat = both_ways(table)
+    heights = table.heights("height")[table.is_used]
+    design = np.hstack([np.eye(n.max() + 1)[n] for n in (direction, repeat)])
+    left, _, rank, _ = np.linalg.lstsq(design, heights, rcond=None)
+    squares = np.sum((heights - design @ left) ** 2)
+    dof = heights.size - rank
+    np.testing.assert_allclose(found, (np.sqrt(squares / dof), dof), rtol=1e-9)
 
 
 def test_repeats_without_a_common_direction_have_no_effects():
