@@ -9,6 +9,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 
+def stated(**arguments: object) -> str:
+    """Arguments in a message, as they are written in Python.
+
+    The command line shows its own options instead, see `pushfit.cli.wording`.
+    """
+    return f"`{', '.join(f'{name}={value!r}' for name, value in arguments.items())}`"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
     """One thing wrong with one place of an input.

@@ -128,12 +128,12 @@ def open_store(folder: Path) -> Iterator[tuple[Store, str]]:
     except sqlite3.OperationalError as error:
         raise ConfigError(
             f"{path}: cannot be opened for writing ({error}); wait if another batch is "
-            "running here, otherwise check the permissions or choose another --out",
+            "running here, otherwise check the permissions or choose another `out`",
             code="store_locked",
         ) from error
     if connection is None:
         raise ConfigError(
-            f"{path}: cannot be begun; choose another --out", code="store"
+            f"{path}: cannot be begun; choose another `out`", code="store"
         )
     try:
         yield Store(connection), notice

@@ -56,7 +56,7 @@ def load(item: Item) -> tuple[str, PeakTable] | Failure:
         if kind == "schedule":
             raise DataError(
                 f"{item.path}: is a schedule; name the recording, and its schedule by "
-                "--schedule or as NAME.schedule.csv beside it",
+                "`schedule` or as NAME.schedule.csv beside it",
                 code="is_a_schedule",
             )
         if kind == "table":

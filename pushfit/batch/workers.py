@@ -196,7 +196,7 @@ def _client(workers: Workers) -> Iterator["Client"]:
     if find_spec("distributed") is None:
         raise ConfigError(
             "worker processes need dask.distributed, which is not installed; "
-            "pip install distributed, or use --workers 1",
+            "pip install distributed, or do without `workers`",
             code="no_distributed",
         )
     from dask import config

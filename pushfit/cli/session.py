@@ -13,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from inspect import Parameter
 from pathlib import Path
 from typing import Annotated
@@ -24,6 +24,7 @@ from pushfit.cache import enable_compile_cache
 from pushfit.cli.examples import epilog
 from pushfit.cli.progress import Course, shown_bar
 from pushfit.cli.stop import keep, kept
+from pushfit.cli.wording import flags_of, in_options
 from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
 from pushfit.report.store.target import refuse_inputs
@@ -48,17 +49,26 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
-    """One run of one command; with `is_json` standard output is one document."""
+    """One run of one command; with `is_json` standard output is one document.
+
+    Args:
+        flags: Options of the command by the names of arguments.
+    """
 
     is_quiet: bool
     is_verbose: bool
     is_debug: bool
     is_json: bool
+    flags: Mapping[str, str] = field(default_factory=dict)
+
+    def worded(self, text: str) -> str:
+        """What the library says, in the options of this command."""
+        return in_options(text, self.flags)
 
     def say(self, text: str, *, style: str = "") -> None:
         """Show a message in a style of rich, unless the user wants quiet."""
         if not self.is_quiet:
-            _print_message(text, style)
+            _print_message(self.worded(text), style)
 
     def wrote(self, path: Path, remark: str = "") -> None:
         """Show that a file or folder is complete."""
@@ -67,7 +77,7 @@ class Session:
 
     def complain(self, text: str) -> None:
         """Show what is wrong, also to a user who wants quiet."""
-        _print_message(f"error: {text}", "bold red")
+        _print_message(f"error: {self.worded(text)}", "bold red")
 
     def warn(self, text: str) -> None:
         """Show what the user may choose to ignore."""
@@ -133,8 +143,8 @@ class Session:
                 {
                     "schema": ERROR_SCHEMA,
                     "status": getattr(error, "code", "bug"),
-                    "message": message,
-                    "problems": [problem.message for problem in problems],
+                    "message": self.worded(message),
+                    "problems": [self.worded(one.message) for one in problems],
                 }
             )
 
@@ -166,6 +176,7 @@ def command(
                 is_verbose=verbose,
                 is_debug=debug,
                 is_json=bool(arguments.get("json")),
+                flags=flags_of(parameters),
             )
 
             def work() -> int | None:

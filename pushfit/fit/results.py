@@ -41,7 +41,7 @@ class FitStatus(enum.Enum):
     OK = "ok"
     NO_FINITE_START = "no start gave finite residuals; check the heights and the config"
     MAX_STEPS = "the solver stopped at its step limit; report the table as a bug"
-    NOT_CONVERGED = "the posterior has not converged; try the other --engine"
+    NOT_CONVERGED = "the posterior has not converged; try another engine"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

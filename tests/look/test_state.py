@@ -261,7 +261,7 @@ def test_leaving_out_every_hump_is_said_and_not_final():
     look = a_look()
     for k in look.pushes:
         look.toggle(k)
-    with pytest.raises(DataError, match="--exclude leaves out 6"):
+    with pytest.raises(DataError, match="`exclude` leaves out 6"):
         look.measure()
     look.toggle(0)
     assert len(look.measure()[0]) == 1

@@ -67,7 +67,10 @@ def validate(
             {
                 "schema": SCHEMA,
                 "status": "rejected" if problems else "ok",
-                "problems": [asdict(problem) for problem in problems],
+                "problems": [
+                    asdict(problem) | {"message": session.worded(problem.message)}
+                    for problem in problems
+                ],
                 "files": found,
             }
         )

@@ -11,7 +11,7 @@ from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.units import UNITS, Unit, parse_unit, split_unit
 from pushfit.data.text.faults import listed, refuse
 from pushfit.data.text.layout_guess import NUMBER
-from pushfit.errors import ConfigError, DataError
+from pushfit.errors import ConfigError, DataError, stated
 
 # What messages of known types hold, in units that their definitions fix.
 _TACTILE = (
@@ -62,19 +62,19 @@ def mapped_fields(
         if topic not in reader.topics or not rest:
             raise refuse(
                 "missing_column",
-                f"--map {key}={target} is not /topic.field of this bag; there "
-                f"are the topics {_described(reader)}",
+                f"{stated(mapping={key: target})} is not /topic.field of this bag; "
+                f"there are the topics {_described(reader)}",
                 path=path,
             )
-        stated = {u.name: u for u in (suffix, *_stated(units, name, key)) if u}
+        known = {u.name: u for u in (suffix, *_stated(units, name, key)) if u}
         quantity = "angle" if name in ANGLES else "signal"
-        unit = next(iter(stated.values()), None)
-        if len(stated) != 1 or unit is None or unit.quantity != quantity:
-            found = " and ".join(stated) or "none"
+        unit = next(iter(known.values()), None)
+        if len(known) != 1 or unit is None or unit.quantity != quantity:
+            found = " and ".join(known) or "none"
             example = "deg" if quantity == "angle" else "counts"
             raise ConfigError(
                 f"{path}: {name} needs one {quantity} unit, stated is {found}; state "
-                f"--unit {name}={example}",
+                f"{stated(units={name: example})}",
                 code="missing_unit",
             )
         steps = tuple(filter(None, re.split(r"[.\[\]]+", rest)))
@@ -106,11 +106,12 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
     if len(topics) != 1:
         count = "no topic" if not topics else f"{len(topics)} topics"
         paths = _paths(reader, first)
+        path_shown = paths[-1] if paths else "/topic.field"
         raise refuse(
             "no_channel" if not topics else "ambiguous_topic",
             f"{count} of a known type among {_described(reader)}; state "
-            f"--map pressure={paths[-1] if paths else '/topic.field'} "
-            "--unit pressure=counts; the numbers in it are "
+            f"{stated(mapping={'pressure': path_shown}, units={'pressure': 'counts'})}"
+            "; the numbers in it are "
             f"{listed(paths, _MAX_LISTED) or 'none'}",
             path=path,
         )
@@ -149,7 +150,7 @@ def numbers_in(message: Any, prefix: str = "") -> list[str]:
 
 
 def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
-    """Numbers of all topics, as `--map` takes them."""
+    """Numbers of all topics, as `mapping` takes them."""
     paths = [
         path for topic in reader.topics for path in numbers_in(first(topic), topic)
     ]

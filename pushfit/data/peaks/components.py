@@ -208,8 +208,8 @@ def _channel(recording: Recording, wanted: str | None) -> str:
     )
     raise ConfigError(
         f"{found}; the recording has {', '.join(names) or 'none'}: name one by "
-        "--channel, or for force components the one along the contact normal as "
-        "peaks.normal",
+        "`channel`, or for force components the one along the contact normal by "
+        "`normal`",
         code="channel",
     )
 

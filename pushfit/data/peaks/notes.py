@@ -8,6 +8,7 @@ from pushfit.data.plans.pairing import Paired
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.data.text.faults import listed
+from pushfit.errors import stated
 
 
 def extraction_notes(
@@ -55,8 +56,8 @@ def _left_out(paired: Paired, unit: str) -> list[str]:
     if brushes:
         notes.append(
             "humps far smaller than the pushes, or far briefer than one beside them, "
-            f"are left out: {_times(brushes, unit)}; take one in by --include "
-            f"{brushes[0].window}"
+            f"are left out: {_times(brushes, unit)}; take one in by "
+            f"{stated(include=[brushes[0].window])}"
         )
     if found.idle:
         windows = ", ".join(f"{first:g}:{last:g}" for first, last in found.idle)
@@ -68,7 +69,7 @@ def _left_out(paired: Paired, unit: str) -> list[str]:
     if found.dips:
         notes.append(
             f"the signal falls below rest: {_times(found.dips, unit)}; state "
-            "signed = true if these are pushes as well"
+            "`signed=True` if these are pushes as well"
         )
     return notes
 

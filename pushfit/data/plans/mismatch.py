@@ -7,7 +7,7 @@ import numpy as np
 from pushfit.data.plans.alignment import Alignment
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
-from pushfit.errors import DataError, Problem
+from pushfit.errors import DataError, Problem, stated
 
 # Pushes in which two assignments differ that are shown.
 _MAX_SHOWN = 4
@@ -40,7 +40,7 @@ def mismatch_error(
             code="push_extra",
             message=(
                 f"the hump at {extents[j].t_peak:.2f} s is no planned push and left "
-                f"out; say so by --exclude {extents[j].window}"
+                f"out; say so by {stated(exclude=[extents[j].window])}"
             ),
             path=path,
             value=f"{extents[j].t_peak:.2f} s",
@@ -66,12 +66,15 @@ def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> s
         "; ".join(f"push {plan.push[i]} {_at(extents, int(hump[i]))}" for i in differ)
         for hump in (pairs.hump, pairs.other)
     ]
-    window = extents[pairs.extra[0]].window if pairs.extra else "T1:T2"
+    humps = pairs.extra[:1]
+    window = (
+        stated(exclude=[extents[j].window for j in humps]) if humps else "`exclude`"
+    )
     return (
         f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
-        "the schedule a column time_s, leave out what is no push by --exclude "
-        f"{window}, state --min-height, or take (a) by allow_missing = true in "
-        f"[peaks]. Found of planned by (theta, alpha) in (a): {_counts(plan, pairs)}"
+        "the schedule a column time_s, leave out what is no push by "
+        f"{window}, state `min_height`, or take (a) by `allow_missing=True`. "
+        f"Found of planned by (theta, alpha) in (a): {_counts(plan, pairs)}"
     )
 
 

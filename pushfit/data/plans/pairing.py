@@ -18,6 +18,7 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.chosen import Found, is_in
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
+from pushfit.errors import stated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +96,8 @@ class Paired:
                 lines.append(
                     f"{named(plan, i)} is taken to be the hump of only "
                     f"{extent.height:.3g} {unit} at {extent.t_peak:.2f} s, far smaller "
-                    f"than the others; leave it out by --exclude {extent.window}"
+                    "than the others; leave it out by "
+                    f"{stated(exclude=[extent.window])}"
                 )
         return lines
 

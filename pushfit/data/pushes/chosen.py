@@ -183,7 +183,7 @@ def no_pushes(
     n_dips, n_out = len(found.dips), len(found.excluded)
     spread = float(np.ptp(signal))
     if n_out:
-        options = ("--exclude", settings.exclude), ("--min-height", settings.min_height)
+        options = ("`exclude`", settings.exclude), ("`min_height`", settings.min_height)
         by = " or ".join(option for option, stated in options if stated)
         return DataError(
             f"no pushes found: {by} leaves out {n_out} and nothing else stands out; "
@@ -197,11 +197,11 @@ def no_pushes(
     else:
         within = f"all readings lie within {spread:.3g} {unit}"
         what = f"no hump stands out of the noise, {within}"
-    turn = "it is inverted already" if settings.invert else "try --invert"
+    turn = "it is inverted already" if settings.invert else "try `invert=True`"
     dips = f"; pushes may go down ({turn})" if n_dips else ""
     return DataError(
         f"no pushes found: {what}{dips}; check the channel"
         f"{f' {settings.channel!r}' if settings.channel else ''}, or state the "
-        f"smallest height of a push in {unit} by --min-height",
+        f"smallest height of a push in {unit} by `min_height`",
         code="no_pushes",
     )

@@ -80,9 +80,9 @@ class Extent:
         return self.feet.width
 
     @property
-    def window(self) -> str:
-        """Begin and end as the command line takes them."""
-        return f"{self.t_start:.2f}:{self.t_end:.2f}"
+    def window(self) -> tuple[float, float]:
+        """Begin and end, as settings take them [s]."""
+        return round(float(self.t_start), 2), round(float(self.t_end), 2)
 
     @property
     def height(self) -> float:

@@ -5,7 +5,6 @@ user; they must agree. A column without a unit is left alone unless it is needed
 """
 
 import re
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,7 +19,7 @@ from pushfit.data.recordings.units import (
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import data_error, did_you_mean, listed, problem
 from pushfit.data.text.layout_guess import Stamp, stamp_of
-from pushfit.errors import ConfigError, Problem
+from pushfit.errors import ConfigError, Problem, stated
 
 # Names that no example should take for a signal.
 NO_SIGNAL = re.compile(r"(^t|seq|time|stamp|n?secs?|frame_id|index)$")
@@ -134,8 +133,8 @@ def assign_roles(
         columns.add(
             "no_channel",
             f"no column states a signal unit: {listed(columns.names)}; rename one, "
-            f"such as pressure_kpa, or state --map {shlex.quote(f'{channel}={first}')} "
-            f"--unit {channel}={unit}{how}",
+            "such as pressure_kpa, or state "
+            f"{stated(mapping={channel: first}, units={channel: unit})}{how}",
         )
     if columns.problems:
         raise data_error(columns.problems)
@@ -155,7 +154,7 @@ def _check_stated_names(columns: _Columns) -> None:
             hint = did_you_mean(name, columns.position)
             columns.add(
                 "missing_column",
-                f"--map {key}={name} names no column{hint}; "
+                f"{stated(mapping={key: name})} names no column{hint}; "
                 f"there are: {listed(columns.names)}",
             )
     stems = {split_unit(name)[0] for name in columns.names}
@@ -196,7 +195,8 @@ def _clocks(columns: _Columns, *, has_rate: bool) -> list[Role]:
         columns.add(
             "no_time",
             f"no time column among {listed(columns.names)}; name one time_s, or state "
-            "--map time=COLUMN --unit time=s, or the samples per second by --rate",
+            f"{stated(mapping={'time': 'COLUMN'}, units={'time': 's'})}, or the "
+            "samples per second by `rate`",
         )
     return found
 
@@ -226,7 +226,7 @@ def _named_clocks(columns: _Columns) -> list[str]:
         columns.add(
             "ambiguous_time",
             f"the columns {listed(choice)} may all be the time; state which by "
-            f"--map time={choice[0]}",
+            f"{stated(mapping={'time': choice[0]})}",
         )
         return []
     return choice
@@ -260,7 +260,8 @@ def _angles(columns: _Columns) -> list[Role]:
             names = listed([columns.names[i] for i in places])
             columns.add(
                 "ambiguous_angle",
-                f"{names} are all {angle}; state which by --map {angle}=COLUMN",
+                f"{names} are all {angle}; state which by "
+                f"{stated(mapping={angle: 'COLUMN'})}",
             )
         elif places:
             unit = columns.unit(places[0], key)
@@ -321,7 +322,7 @@ def _checked(
     columns.add(
         "missing_unit" if unit is None else "wrong_unit",
         f"{found}; rename it to {split_unit(name)[0]}_{example}, or state "
-        f"--unit {role}={example} ({allowed})",
+        f"{stated(units={role: example})} ({allowed})",
         column=name,
     )
     return None

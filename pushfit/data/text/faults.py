@@ -7,8 +7,8 @@ from pushfit.errors import DataError, Problem
 
 # What to do about columns without names.
 STATE_COLUMNS = (
-    "state them in order, for example --columns time_s,pressure_kpa,... where ... "
-    "stands for all others, and --rate 100 if none is a time"
+    "state them in order, for example `columns=['time_s', 'pressure_kpa', '...']` "
+    "where ... stands for all others, and `rate=100` if none is a time"
 )
 
 

@@ -124,7 +124,8 @@ def refuse_other_names(path: str) -> None:
             "not_csv",
             "is a SynTouch BioTac log (.btd); open it with the BioTac program that "
             "recorded it and save it as text, then state the columns: "
-            "--columns time_s,pdc_counts,... and --rate if none of them is a time",
+            "`columns=['time_s', 'pdc_counts', '...']` and `rate` if none of them is a "
+            "time",
             path=path,
         )
 

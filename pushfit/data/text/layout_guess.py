@@ -229,7 +229,8 @@ def _no_table(
         return refuse(
             "no_table",
             "no comma, semicolon, tab or blank separates fields; name the only column, "
-            "for example --columns pressure_kpa --rate 100, or export time and signal",
+            "for example `columns=['pressure_kpa'], rate=100`, or export time and "
+            "signal",
             path=path,
             line=first + 1,
         )

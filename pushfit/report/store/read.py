@@ -55,7 +55,7 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise DataError(
             f"{folder}: not a result, because {path.name} cannot be read "
-            f"({error}); name a folder that --out wrote",
+            f"({error}); name the folder of a result",
             code="not_a_result",
         ) from error
     schema = summary.get("schema") if isinstance(summary, dict) else None
@@ -95,7 +95,7 @@ def not_whole(folder: Path, error: Exception) -> DataError:
     """What to say of a folder in which a part is missing or broken."""
     return DataError(
         f"{folder}: not a whole result ({type(error).__name__}: {error}); restore it, "
-        "or make it again with --force",
+        "or make it again with `force=True`",
         code="result_not_whole",
     )
 

@@ -27,7 +27,7 @@ def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
         if not is_stream(path) and (own in read or is_part):
             raise ConfigError(
                 f"{path}: this command reads it, and inputs are never replaced, not "
-                "even by --force; name another",
+                "even by `force=True`; name another",
                 code="output_is_input",
             )
 
@@ -43,15 +43,15 @@ def check_target(out: Path, *, force: bool) -> None:
         return
     if not force:
         raise ConfigError(
-            f"{out}: exists and is not overwritten; choose another name or use --force "
-            "(force=True in Python)",
+            f"{out}: exists and is not overwritten; choose another name or use "
+            "`force=True`",
             code="output_exists",
         )
     strange = _strange_content(out)
     if strange:
         raise ConfigError(
-            f"{out}: {strange} is not part of a result, so --force does not remove it; "
-            "choose another name or move it away",
+            f"{out}: {strange} is not part of a result, so `force=True` does not "
+            "remove it; choose another name or move it away",
             code="output_not_a_result",
         )
 

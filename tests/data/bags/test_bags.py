@@ -309,7 +309,9 @@ def test_topics_on_two_clocks_are_merged_under_the_gap_policy(tmp_path):
 
 def test_two_topics_that_could_be_meant_are_not_chosen_between(tmp_path):
     messages = [*hands(), ("/ft", STAMPS[-1] + DELAY, lambda s: wrench(s, START, 1))]
-    with pytest.raises(DataError, match=r"2 topics of a known type.*state --map") as e:
+    with pytest.raises(
+        DataError, match=r"2 topics of a known type.*state `mapping="
+    ) as e:
         read_recording(write_bag(tmp_path, "bag", messages))
     assert e.value.code == "ambiguous_topic"
 
@@ -337,7 +339,7 @@ REFUSED = {
         {"mapping": {"p": "/biotac_pub.bt_data[0].pdc_data"}},
         ConfigError,
         "missing_unit",
-        "--unit p=counts",
+        "`units={'p': 'counts'}`",
     ),
     "too_large": ({"max_bytes": 10}, DataError, "too_large", "split the bag"),
 }

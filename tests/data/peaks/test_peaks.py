@@ -366,7 +366,7 @@ def test_returns_from_dips_are_no_pushes():
     error = table.heights("height") - [100, 120, 80, 100, 110]
     assert np.abs(error / table.sd("height")).max() < MAX_PULL
     assert any(
-        "falls below rest: at 2.99 s" in note and "signed = true" in note
+        "falls below rest: at 2.99 s" in note and "`signed=True`" in note
         for note in table.notes
     )
 
@@ -397,7 +397,9 @@ def test_with_signed_settings_dips_are_pushes():
 
 @pytest.mark.parametrize("n_dips", [1, 2, 12])
 def test_an_upside_down_signal_is_refused_with_the_way_out(n_dips):
-    with pytest.raises(DataError, match=rf"falls from rest {n_dips} times.*--invert"):
+    with pytest.raises(
+        DataError, match=rf"falls from rest {n_dips} times.*`invert=True`"
+    ):
         extract_peaks(mixed_recording([-1] * n_dips))
 
 

@@ -41,7 +41,7 @@ def test_samples_in_time_are_no_plan_even_where_no_unit_is_said(write):
     path = write("file.csv", "time_s,pdc,theta_deg,alpha_deg\n0,1,30,0\n1,2,30,0\n")
     assert file_kind(path) == "recording"
     (problem,) = check_files([path])
-    assert "--unit" in problem.message
+    assert "units={" in problem.message
 
 
 def test_a_mapped_signal_makes_a_recording_of_what_looks_like_a_plan(write):

@@ -107,7 +107,9 @@ def test_a_rate_beside_a_time_is_said_to_be_of_no_use(write):
 
 def test_a_clock_is_no_example_of_a_signal(write):
     error = refusal(write("t,force\n0,1\n1,2\n2,1\n"))
-    assert "--map pressure=force" in "".join(p.message for p in error.problems)
+    assert "`mapping={'pressure': 'force'}, " in "".join(
+        p.message for p in error.problems
+    )
 
 
 REFUSED = {
@@ -223,19 +225,19 @@ REFUSED = {
         "time_s,pdc\n0,2400\n1,2500\n",
         {},
         "no_channel",
-        ["time_s, pdc", "--map pressure=pdc --unit pressure=counts"],
+        ["time_s, pdc", "`mapping={'pressure': 'pdc'}, units={'pressure': 'counts'}`"],
     ),
     "no_unit_on_a_mapped_signal": (
         "time_s,pdc\n0,2400\n1,2500\n",
         {"mapping": {"pressure": "pdc"}},
         "missing_unit",
-        ["column pdc", "rename it to pdc_counts", "--unit pressure=counts"],
+        ["column pdc", "rename it to pdc_counts", "`units={'pressure': 'counts'}`"],
     ),
     "no_unit_on_time": (
         "timestamp,force_n\n0,1\n1,2\n",
         {},
         "missing_unit",
-        ["column timestamp", "timestamp_s", "--unit time=s"],
+        ["column timestamp", "timestamp_s", "`units={'time': 's'}`"],
     ),
     "no_unit_on_an_angle": (
         "time_s,force_n,theta\n0,1,30\n1,2,30\n",
@@ -248,7 +250,7 @@ REFUSED = {
         "t_s,time_s,force_n\n0,0,1\n1,1,2\n",
         {},
         "ambiguous_time",
-        ["t_s, time_s", "--map time=t_s"],
+        ["t_s, time_s", "`mapping={'time': 't_s'}`"],
     ),
     "appended_log": (
         GOOD + GOOD,
@@ -256,7 +258,12 @@ REFUSED = {
         "repeated_header",
         ["line 5", "header of line 1", "split the file"],
     ),
-    "no_names": ("0,1.5\n0.01,1.6\n", {}, "no_header", ["line 1", "--columns time_s"]),
+    "no_names": (
+        "0,1.5\n0.01,1.6\n",
+        {},
+        "no_header",
+        ["line 1", "`columns=['time_s'"],
+    ),
     # cells
     "word": (
         GOOD + "0.03,abc\n",

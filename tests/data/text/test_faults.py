@@ -209,7 +209,7 @@ def test_a_push_too_many_is_named_with_its_time():
     table = extract_peaks(recording, PLAN)
     assert table.n_pushes == 9
     (caution,) = [c for c in table.cautions if "is no planned push" in c]
-    assert "left out; say so by --exclude" in caution
+    assert "left out; say so by `exclude=" in caution
     assert abs(float(caution.split(" at ")[1].split()[0]) - middle) < width
 
 

@@ -88,7 +88,8 @@ def test_what_to_type_is_quoted_for_a_shell(tmp_path):
     path = tmp_path / "volts.csv"
     path.write_text("time_s,AI1 (V)\n" + "".join(f"{k / 10},{k}\n" for k in range(9)))
     with pytest.raises(
-        DataError, match=r"--map 'force=AI1 \(V\)' --unit force=500mN/V, with the gain"
+        DataError,
+        match=r"`mapping={'force': 'AI1 \(V\)'}, units={'force': '500mN/V'}`, with the",
     ):
         read_recording(path)
 

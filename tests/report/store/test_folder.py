@@ -104,7 +104,7 @@ def test_hostile_text_reaches_the_summary_as_it_is(hostile, tmp_path):
 def test_what_stands_there_is_not_overwritten(determined, tmp_path):
     out = tmp_path / "result"
     out.mkdir()
-    with pytest.raises(ConfigError, match="--force") as caught:
+    with pytest.raises(ConfigError, match="force=True") as caught:
         write_result_folder(determined, out, force=False)
     assert caught.value.code == "output_exists"
     assert listing(tmp_path) == ["result"]

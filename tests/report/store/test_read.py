@@ -172,7 +172,7 @@ def test_a_folder_that_is_no_result_exits_as_rejected_input(tmp_path, capsys):
     assert main(["report", str(tmp_path), "-o", str(page)]) == 3
     message = capsys.readouterr().err
     assert "not a result" in message
-    assert "--out" in message
+    assert "name the folder of a result" in message
     assert not page.exists()
 
 

@@ -1,0 +1,100 @@
+"""Messages name arguments in Python, and options or keys of grasp.toml in commands."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import pushfit
+from pushfit.cli import main
+from pushfit.cli.wording import in_options
+from pushfit.errors import PushfitError, stated
+
+PACKAGE = Path(pushfit.__file__).parent
+LIBRARY = [p for p in sorted(PACKAGE.rglob("*.py")) if "cli" not in p.parts]
+OPTION = re.compile(r"(?<![\w-])--[a-z]")
+# Dialects are called after the commands of others that write them.
+COMMANDS_OF_OTHERS = {"mcap cat --format=csv", "ros2 topic echo --csv"}
+FLAGS = {"rate": "--rate", "map": "--map", "begin": "--from", "force": "--force"}
+
+
+def texts_of(path: Path) -> list[str]:
+    """Every string of a file that is no docstring."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    strings = [n for n in ast.walk(tree) if isinstance(n, ast.Constant)]
+    alone = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+    return [n.value for n in strings if isinstance(n.value, str) and id(n) not in alone]
+
+
+def test_the_library_knows_no_options():
+    said = {text for path in LIBRARY for text in texts_of(path) if OPTION.search(text)}
+    assert said == COMMANDS_OF_OTHERS
+
+
+@pytest.mark.parametrize(
+    ("library", "command"),
+    [
+        ("the samples per second by `rate`", "the samples per second by --rate"),
+        (stated(rate=100), "--rate 100"),
+        (stated(force=True), "--force"),
+        (stated(begin=2.5), "--from 2.5"),
+        (
+            stated(mapping={"force": "AI1 (V)"}, units={"force": "n"}),
+            "--map 'force=AI1 (V)' and recording.unit = { force = \"n\" }",
+        ),
+        (stated(columns=["a_s", "..."]), 'recording.columns = ["a_s", "..."]'),
+        (stated(exclude=[(1.0, 2.5)]), "peaks.exclude = [[1.0, 2.5]]"),
+        (stated(invert=True), "peaks.invert = true"),
+        ("`min_height`", "peaks.min_height"),
+        # Neither options nor settings: commands, functions, and what is no argument.
+        *[
+            (text, text)
+            for text in ("`peaks`", "`merge_tables`", "`a) b`", "``", "`1`")
+        ],
+    ],
+)
+def test_arguments_are_put_in_the_words_of_a_command(library, command):
+    assert in_options(f"say {library}, then", FLAGS) == f"say {command}, then"
+
+
+@pytest.mark.parametrize(
+    ("content", "command", "library", "line"),
+    [
+        ("0,1\n1,2\n", "validate", "`rate=100` if none", "--rate 100 if none"),
+        ("0,1\n1,2\n", "identify", "`rate=100` if", "recording.rate = 100 if"),
+        (
+            "t_s,pdc\n0,1\n1,2\n",
+            "peaks",
+            "`mapping={'pressure': 'pdc'}, units={'pressure': 'counts'}`",
+            "--map pressure=pdc --unit pressure=counts",
+        ),
+        (
+            "t,f_n\n0,1\n1,2\n",
+            "peaks",
+            "state `units={'time': 's'}` (",
+            "state --unit time=s (",
+        ),
+    ],
+)
+def test_one_fault_is_said_at_both_doors(
+    content, command, library, line, tmp_path, capsys
+):
+    path = tmp_path / "log.csv"
+    path.write_text(content)
+    with pytest.raises(PushfitError) as caught:
+        pushfit.read_recording(path)
+    assert library in "\n".join(problem.message for problem in caught.value.problems)
+    assert main([command, str(path)]) == 3
+    assert line in capsys.readouterr().err
+
+
+def test_a_command_that_has_no_such_option_names_the_key(tmp_path, capsys):
+    """A flat signal: `peaks` takes --min-height and --invert, `identify` does not."""
+    path = tmp_path / "flat.csv"
+    path.write_text("time_s,f_n\n" + "".join(f"{k / 100},1\n" for k in range(300)))
+    plan = tmp_path / "plan.csv"
+    plan.write_text("theta_deg,alpha_deg\n30,0\n")
+    for command, word in (("peaks", "--min-height"), ("identify", "peaks.min_height")):
+        assert main([command, str(path), "-s", str(plan)]) == 3
+        assert f"in n by {word}\n" in capsys.readouterr().err
