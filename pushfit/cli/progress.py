@@ -3,6 +3,7 @@
 All of it goes to standard error; what a command answers goes to standard output.
 """
 
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,8 +12,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-# A log gets a line when at least so much more is done: stages do, 10 000 items do not.
+# A stage gets a further line when so much more is done: 10 000 items do not each.
 WORTH_A_LINE = 0.03
+# Stages that differ in a number alone are one: "table 3 of 200".
+NUMBER = re.compile(r"\d+")
 # Below this share what is left would be a guess.
 FORESEEABLE = 0.15
 # Seconds of which the bar takes the speed: stages are long and few.
@@ -29,13 +32,14 @@ class Course:
     ) -> None:
         """Start the clock."""
         self._say, self._clock, self._start = say, clock, clock()
-        self._last = -WORTH_A_LINE
+        self._last, self._stage = -WORTH_A_LINE, ""
 
     def __call__(self, stage: str, share: float) -> None:
         """Take in a stage that goes on, and the share of all work that is done."""
-        if share < self._last + WORTH_A_LINE:
+        kind = NUMBER.sub("", stage)
+        if kind == self._stage and share < self._last + WORTH_A_LINE:
             return
-        self._last = share
+        self._last, self._stage = share, kind
         self._say(f"{stage}: {100 * share:.0f} % done{self._left(share)}")
 
     def tell(self, text: str) -> None:

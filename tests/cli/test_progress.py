@@ -32,6 +32,16 @@ def test_a_log_gets_a_line_for_each_stage_with_what_is_left():
     ]
 
 
+def test_a_log_names_every_stage_however_short():
+    """Two stages within one percent: each is said, and a number makes none."""
+    said = []
+    course = Course(said.append)
+    stages = ["set of θ_c", "posterior", "posterior", "table 1 of 9", "table 2 of 9"]
+    for place, stage in enumerate(stages):
+        course(stage, 0.2 + place / 1000)
+    assert [line.partition(":")[0] for line in said] == [*stages[:2], stages[3]]
+
+
 def test_a_log_of_ten_thousand_tables_is_short():
     said = []
     course = Course(said.append)

@@ -41,7 +41,7 @@ def test_the_best_fit_is_said_with_what_fits_as_well(modes, said):
 @pytest.mark.parametrize(
     ("quantity", "costs", "said"),
     [
-        ("theta_c", [9.0, 2.0, 5.0], "first look: θ_c near 40° at α = 90°"),
+        ("theta_c", [9.0, 2.0, 5.0], "θ_c near 40° at α = 90°"),
         ("theta_c", [np.inf] * 3, None),
         ("ln_A", [9.0, 2.0, 5.0], None),
     ],
@@ -57,7 +57,8 @@ def test_the_first_look_says_where_the_fit_is_best(quantity, costs, said):
         curve=curve,
         valleys=curve.points,
     )
-    assert look_line(search) == said
+    expected = said and f"first look by tilting mechanics: {said}"
+    assert look_line(search, "tilting") == expected
 
 
 @pytest.mark.parametrize(

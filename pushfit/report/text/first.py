@@ -15,14 +15,15 @@ from pushfit.report.strings import format_angle, format_range, join_or
 ALIKE, APART = 2.7, 2.0
 
 
-def look_line(search: Search) -> str | None:
+def look_line(search: Search, mechanics: str) -> str | None:
     """θ_c near the best fit, before anything is polished; None where it has none."""
     best = int(np.argmin(search.curve.chi_square))
     if search.quantity != "theta_c" or not np.isfinite(search.curve.chi_square[best]):
         return None
     angle = float(np.degrees(search.curve.values[best]))
     alpha = np.degrees(search.reference_alpha)
-    return f"first look: θ_c near {angle:.0f}° at α = {alpha:g}°"
+    place = f"θ_c near {angle:.0f}° at α = {alpha:g}°"
+    return f"first look by {mechanics} mechanics: {place}"
 
 
 def fit_line(fit: FitResult, reference_alpha_deg: float, mechanics: str) -> str:
@@ -58,7 +59,9 @@ class First(Listener):
 
     def searched(self, setup: Setup) -> None:
         """Say where the likelihood is highest."""
-        line = None if setup.search is None else look_line(setup.search)
+        if setup.search is None:
+            return
+        line = look_line(setup.search, setup.problem.grasp.mechanics)
         if line is not None:
             self.tell(line)
 
