@@ -23,7 +23,7 @@ RECORDING, SCHEDULE = (
 TRUTH, CONFIG = (str(EXAMPLE / f"{name}.toml") for name in ("truth", "grasp"))
 # Every command that writes single files, up to the name of the file, which follows.
 WRITERS = {
-    "calibrate": ["calibrate", CONFIG, SCHEDULE, "--plot"],
+    "calibrate": ["calibrate", SCHEDULE, "-c", CONFIG, "--plot"],
     "diff": ["diff", str(EXAMPLE), str(EXAMPLE), "--plot"],
     "next": ["next", "-c", CONFIG, "--plot"],
     "report": ["report", str(EXAMPLE), "-o"],

@@ -1,5 +1,6 @@
 """One call from whatever holds the pushes: files, frames and records are one thing."""
 
+import inspect
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -11,6 +12,7 @@ import pytest
 import pushfit
 from pushfit import workflow
 from pushfit.errors import ConfigError, DataError
+from pushfit.fit.coverage import calibrate
 from pushfit.fit.results import Identification, Recipe
 from tests.batch.makers import table_text
 
@@ -82,6 +84,18 @@ def test_settings_are_the_same_as_file_and_as_dictionary(table, tmp_path, asked)
 def test_the_seed_is_zero_unless_stated(table, asked):
     assert asked(table)[2]["seed"] == 0
     assert asked(table, seed=3)[2]["seed"] == 3
+
+
+def test_every_function_for_users_has_the_same_seed():
+    public = [getattr(pushfit, name) for name in pushfit.__all__]
+    functions = [*filter(inspect.isroutine, public), calibrate, pushfit.Explorer]
+    seeds = {
+        function.__name__: inspect.signature(function).parameters["seed"].default
+        for function in functions
+        if "seed" in inspect.signature(function).parameters
+    }
+    assert seeds == dict.fromkeys(seeds, 0)
+    assert {"identify", "compare_models", "calibrate", "Explorer"} <= set(seeds)
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ EXAMPLES = {
         "exit code 0 says that every number is the same",
     ),
     "calibrate": (
-        "pushfit calibrate grasp.toml peaks.csv --tables 40 --plot coverage.png",
+        "pushfit calibrate peaks.csv -c grasp.toml --tables 40 --plot coverage.png",
         "a claim outside its limits is not to be relied on",
     ),
     "compare": (

@@ -172,7 +172,7 @@ def compare_models(
     table: PeakTable,
     config: GraspConfig,
     *,
-    seed: int,
+    seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Comparison:
     """Fit a table with several transitions, by other mechanics, and with other noise.

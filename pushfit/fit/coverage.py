@@ -103,7 +103,7 @@ def calibrate(
     config: GraspConfig,
     *,
     n_tables: int,
-    seed: int,
+    seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
 ) -> Calibration:
     """Measure the coverage of intervals and sets for the pushes of a table.

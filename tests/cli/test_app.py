@@ -356,7 +356,7 @@ def test_help_shows_the_example_on_a_line_of_its_own(capsys):
         ["identify", "none.csv"],
         ["peaks", "none.csv"],
         ["compare", "none.csv"],
-        ["calibrate", "none.toml", "none.csv"],
+        ["calibrate", "none.csv"],
         ["simulate", "none.csv", "-o", "x.csv"],
     ],
     ids=lambda a: a[0],
@@ -390,6 +390,18 @@ def test_all_commands_name_their_output_alike():
         for parameter in known.params:
             if "out" in (parameter.name or ""):
                 assert {"-o", "--out"} <= set(parameter.opts)
+
+
+def test_all_commands_take_their_settings_alike():
+    """By --config and -c; `init` writes them, `report` to `verify` have them inside."""
+    group = typer.main.get_command(app)
+    options = {
+        n: {w for p in c.params for w in p.opts} for n, c in group.commands.items()
+    }
+    without = {"init", "demo", "doctor", "report", "diff", "verify"}
+    assert {n for n, words in options.items() if {"-c", "--config"} <= words} == (
+        set(options) - without
+    )
 
 
 @pytest.mark.parametrize(("words", "level"), [([], "3"), (["--debug"], None)])

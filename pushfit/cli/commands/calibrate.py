@@ -1,6 +1,5 @@
 """`pushfit calibrate`: how often intervals would hold the truth for these pushes."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,10 +12,8 @@ from pushfit.cli.session import Session
 
 def calibrate(
     session: Session,
-    config: Annotated[
-        Path, typer.Argument(metavar="GRASP.toml", help="What is known of the grasp.")
-    ],
     table: options.TableFile,
+    config: options.ConfigFile = None,
     *,
     tables: Annotated[
         int, typer.Option("--tables", min=1, help="Number of tables to simulate.")
