@@ -2,9 +2,11 @@
 
 Whoever can write there can run code as the user, so the folder belongs to the user
 alone. The command line and `pushfit.identify` turn it on, for themselves and the
-processes they start; PUSHFIT_CACHE=off turns it off.
+processes they start, and say so (`-v`, and a line of the log); PUSHFIT_CACHE=off turns
+it off.
 """
 
+import logging
 import os
 import stat
 from pathlib import Path
@@ -12,6 +14,8 @@ from pathlib import Path
 SWITCH = "PUSHFIT_CACHE"
 # Where programs are, handed on to child processes.
 PROGRAMS = "PUSHFIT_PROGRAMS"
+# What callers in Python were told already.
+_told: set[str] = set()
 
 
 def cache_folder() -> Path:
@@ -35,6 +39,25 @@ def enable_compile_cache() -> str:
         return f"off ({folder} is open to others; chmod 700 it)"
     os.environ[PROGRAMS] = str(folder)
     return str(folder)
+
+
+def keep_programs() -> None:
+    """Keep programs for a caller in Python, and log once what was decided.
+
+    A folder that is new is told of as a warning, which everybody sees.
+    """
+    is_new = not cache_folder().exists()
+    where = enable_compile_cache()
+    if where in _told:
+        return
+    _told.add(where)
+    is_seen = is_new and programs_folder() is not None
+    logging.getLogger(__name__).log(
+        logging.WARNING if is_seen else logging.INFO,
+        "compiled programs for later calls: %s; %s=off in the environment keeps none",
+        where,
+        SWITCH,
+    )
 
 
 def programs_folder() -> Path | None:

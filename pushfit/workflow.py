@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import pandas as pd
 
-from pushfit.cache import enable_compile_cache
+from pushfit.cache import keep_programs
 from pushfit.config import GraspConfig, config_of, read_config
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule, read_schedule
@@ -75,7 +75,7 @@ def identify(
         DataError: The input breaks a rule, or no push is left.
         FitError: No start gives finite residuals.
     """
-    enable_compile_cache()
+    keep_programs()
     settings = as_config(config)
     own = stages_of(settings, engine)
     sources, plans = _several(recordings_or_table), _several(schedule)

@@ -177,6 +177,24 @@ def test_the_compile_cache_belongs_to_the_user_alone(no_cache_set):
     assert os.environ[cache.PROGRAMS] == str(no_cache_set)
 
 
+def test_python_says_once_where_programs_are_kept(no_cache_set, caplog):
+    """A new folder as a warning, which is seen without asking."""
+    caplog.set_level("INFO")
+    for _ in range(2):
+        cache.keep_programs()
+    (said,) = caplog.records
+    assert said.levelname == "WARNING"
+    assert str(no_cache_set) in said.message
+    assert "PUSHFIT_CACHE=off" in said.message
+
+
+def test_python_says_of_a_folder_that_is_known_only_who_asks(no_cache_set, caplog):
+    no_cache_set.mkdir(mode=0o700)
+    caplog.set_level("INFO")
+    cache.keep_programs()
+    assert [record.levelname for record in caplog.records] == ["INFO"]
+
+
 def test_a_cache_open_to_others_is_not_used(no_cache_set):
     no_cache_set.mkdir(mode=0o755)
     assert "open to others" in cache.enable_compile_cache()
