@@ -1,5 +1,6 @@
 """Where results go, and what is in their way."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
 from pushfit.atomic import atomic_path, is_stream
@@ -39,6 +40,21 @@ def refuse_picture(path: Path | None, *, force: bool) -> None:
     if path is not None:
         picture_format(path)
         refuse_existing(path, force=force)
+
+
+def warn_of_missing(session: Session, **parts: str) -> None:
+    """Say, before the work, what results will lack because a library is missing.
+
+    Args:
+        parts: What each library makes, by its name.
+    """
+    missing = [library for library in parts if find_spec(library) is None]
+    if missing:
+        lacking = " and ".join(parts[library] for library in missing)
+        session.warn(
+            f"{lacking} will be left out, for want of {' and '.join(missing)}; "
+            f"pip install {' '.join(missing)}"
+        )
 
 
 def write_text(

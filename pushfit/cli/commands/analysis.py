@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks, load_table, read_settings
+from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import Session
 from pushfit.cli.stop import keep
 from pushfit.errors import FitError
@@ -95,6 +96,7 @@ def analyse(
     # Before anything is loaded, so that a name already taken costs nothing.
     if wanted.out is not None:
         check_target(wanted.out, force=wanted.force)
+        warn_of_missing(session, jinja2="report.html", corner="corner plots")
     from pushfit.fit.programs import loaded_ahead
     from pushfit.fit.stages import Stages, stages_of
 

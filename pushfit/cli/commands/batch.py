@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pushfit.cli import options
+from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import Session
 from pushfit.cli.stop import keep
 
@@ -48,6 +49,8 @@ def batch(
     json: options.Json = False,
 ) -> int:
     """Identify many files; run again, it does what is missing."""
+    parts = {"corner": "corner plots"} if folders else {}
+    warn_of_missing(session, jinja2="report.html", **parts)
     from pushfit.batch.run import identify_batch
     from pushfit.batch.workers import Workers
 

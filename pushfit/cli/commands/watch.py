@@ -9,6 +9,7 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.commands.batch import report
+from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import Session
 from pushfit.cli.stop import keep
 from pushfit.errors import DataError
@@ -38,6 +39,7 @@ def watch(
     ] = None,
 ) -> int:
     """Identify what arrives in a folder, on one page."""
+    warn_of_missing(session, jinja2="report.html")
     from pushfit.batch.run import identify_batch
 
     keep(f"what is finished is kept in {items.out}; the same command goes on")
