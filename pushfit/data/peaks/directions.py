@@ -15,7 +15,7 @@ _TOP_SHARE = 0.25
 
 
 def recorded_directions(
-    recording: Recording, extents: Sequence[Extent]
+    recording: Recording, extents: Sequence[Extent], *, n_dips: int = 0
 ) -> PushSchedule:
     """Take the direction of each push from the recorded angles around its top.
 
@@ -24,15 +24,19 @@ def recorded_directions(
 
     Args:
         recording: Samples with both angles.
+        n_dips: Dips beside the pushes, for the message where angles are missing.
 
     Raises:
         DataError: The recording has no angles, or none at a push (`no_directions`).
     """
     if recording.theta is None or recording.alpha is None:
+        files = [source.path for source in recording.sources]
+        dips = f" ({n_dips} dips below rest are left out)" if n_dips else ""
         raise DataError(
-            f"the recording has no angles theta and alpha of its {len(extents)} "
-            "pushes; give a schedule with a row push,theta_deg,alpha_deg,repeat for "
-            "each, or map the columns that hold the angles",
+            f"{', '.join(files) or 'the recording'}: has no angles theta and alpha of "
+            f"its {len(extents)} pushes{dips}; give a schedule with a row "
+            "push,theta_deg,alpha_deg,repeat for each, or map the columns that hold "
+            "the angles",
             code="no_directions",
         )
     theta, alpha = np.empty(len(extents)), np.empty(len(extents))

@@ -75,7 +75,9 @@ def extract_peaks(
     look = _Look.at(recording, settings)
     recording = look.recording
     paired = look.paired(schedule, span=span)
-    plan = paired.plan or recorded_directions(recording, paired.chosen)
+    plan = paired.plan or recorded_directions(
+        recording, paired.chosen, n_dips=len(paired.found.dips)
+    )
     frame = pd.DataFrame(
         {
             "push": plan.push,

@@ -12,7 +12,7 @@ from pushfit.errors import DataError, Problem, stated
 # Pushes in which two assignments differ that are shown.
 _MAX_SHOWN = 4
 # Faults that are shown: after a wrong schedule it is all of them.
-_N_SHOWN = 2
+_N_SHOWN = 3
 
 
 def mismatch_error(
@@ -116,7 +116,8 @@ def _counts(plan: PushSchedule, pairs: Alignment) -> str:
     if pairs.extra:
         counts.append(f"none {len(pairs.extra)} of 0")
     n_whole = len(directions) - len(counts) + bool(pairs.extra)
-    return f"{_first(counts, ', ')}, the other {n_whole} whole"
+    whole = f"the other {n_whole} whole" if n_whole else ""
+    return ", ".join(filter(None, [_first(counts, ", "), whole]))
 
 
 def _first(texts: Sequence[str], between: str) -> str:

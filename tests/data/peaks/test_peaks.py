@@ -371,6 +371,18 @@ def test_returns_from_dips_are_no_pushes():
     )
 
 
+@pytest.mark.parametrize(
+    ("levels", "told"),
+    [([-2, 1, 1.2, -1.5, 1], "its 3 pushes (2 dips below"), ([1, 1], "its 2 pushes;")],
+)
+def test_without_directions_pushes_and_dips_are_counted(levels, told):
+    """A planner may count either: a schedule has to have a row for each push."""
+    recording = dataclasses.replace(mixed_recording(levels), theta=None, alpha=None)
+    with pytest.raises(DataError) as caught:
+        extract_peaks(recording)
+    assert told in str(caught.value)
+
+
 def test_a_push_right_after_a_deeper_dip_keeps_its_own_foot():
     table = extract_peaks(mixed_recording([-2.5, 1, 1, -2.5, 0.9]))
     error = table.heights("height") - [100, 100, 90]

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks.plan_alignment import count
-from pushfit.data.plans.alignment import align
+from pushfit.data.plans.alignment import Alignment, align
+from pushfit.data.plans.mismatch import mismatch_error
+from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.feet import Feet
 
 PERIOD = 3.5
 
@@ -85,3 +89,60 @@ def test_bumps_between_the_beats_are_named_as_extra(is_timed):
     assert not found.is_ambiguous
     assert found.missing == ()
     np.testing.assert_array_equal(times[list(found.extra)], bumps)
+
+
+def extents_at(times: np.ndarray) -> list[Extent]:
+    """Humps a second wide, of which only the times are looked at."""
+    own = {"height": 1.0, "moved": 0.0, "step": 0.01, "sigma": 0.01}
+    feet = [
+        Feet(start=t - 1, half_up=t - 0.5, peak=t, half_down=t + 0.5, end=t + 1, **own)
+        for t in times.tolist()
+    ]
+    cell = {"start": 0, "end": 1, "is_brush": False, "is_cut": False}
+    return [Extent(feet=one, **cell) for one in feet]
+
+
+def told(n_planned: int, n_found: int) -> str:
+    """The refusal of a regular plan whose last pushes are missing."""
+    schedule = PushSchedule.in_order(
+        theta=np.radians(np.linspace(5.0, 85.0, n_planned)), alpha=np.zeros(n_planned)
+    )
+    found = align(
+        3.0 + PERIOD * np.arange(n_found),
+        [False] * n_found,
+        n_planned=n_planned,
+        planned_times=None,
+        span=(0.0, PERIOD * n_planned + 3.0),
+    )
+    extents = extents_at(3.0 + PERIOD * np.arange(n_found))
+    return str(mismatch_error(schedule, found, extents))
+
+
+@pytest.mark.parametrize(("n_planned", "n_found"), [(60, 20), (9, 8), (40, 25)])
+def test_three_faults_of_a_pairing_are_told_and_the_rest_counted(n_planned, n_found):
+    message = told(n_planned, n_found)
+    n_missing = n_planned - n_found
+    assert message.startswith(f"{n_planned} pushes are planned, {n_found} found: push ")
+    assert message.count("has no hump") == min(n_missing, 3)
+    assert (f"; and {n_missing - 3} more" in message) is (n_missing > 3)
+    assert len(message) < 1500
+
+
+@pytest.mark.parametrize(
+    ("theta_deg", "said"),
+    [
+        ([30.0] * 4, "(30, 0) 3 of 4"),
+        ([10.0, 20.0, 30.0, 40.0], "(30, 0) 0 of 1, the other 3 whole"),
+    ],
+)
+def test_directions_are_called_whole_only_where_there_are_some(theta_deg, said):
+    schedule = PushSchedule.in_order(theta=np.radians(theta_deg), alpha=np.zeros(4))
+    pairs = Alignment(
+        hump=np.array([0, 1, -1, 2]),
+        other=np.array([0, 1, 2, -1]),
+        extra=(),
+        n_cycles=1,
+        expected=np.arange(4.0),
+    )
+    message = str(mismatch_error(schedule, pairs, extents_at(2.0 * np.arange(3.0))))
+    assert message.endswith(f"in (a): {said}")
