@@ -28,6 +28,7 @@ WRITERS = {
     "next": ["next", "-c", CONFIG, "--plot"],
     "report": ["report", str(EXAMPLE), "-o"],
     "init": ["init"],
+    "look": ["look", RECORDING, "--export"],
     "peaks": ["peaks", RECORDING, "-s", SCHEDULE, "-o"],
     "plot": ["peaks", RECORDING, "-s", SCHEDULE, "-q", "--plot"],
     "simulate": ["simulate", SCHEDULE, "-c", TRUTH, "--unit", "kpa", "-o"],
@@ -58,7 +59,7 @@ def writer(request, monkeypatch) -> list[str]:
     stand_in(Figure(), f"{report}.coverage.calibration_figure")
     stand_in(Figure(), "report.figures.exploration.exploration_picture")
     stand_in(Figure(), "report.figures.forest.forest_figure")
-    stand_in("x" * 200, "report.html.result.render_html")
+    stand_in("x" * 200, "report.html.result.render_html", "look.page.static_page")
     for text in ("coverage.calibration", "difference.difference", "exploration.next"):
         stand_in("", f"{report}.{text}_text")
     return WRITERS[request.param]
@@ -71,7 +72,7 @@ def test_these_are_all_commands_that_write_single_files():
         name
         for name, command in commands.items()
         for parameter in command.params
-        if {"--plot", "--output"} & set(parameter.opts)
+        if {"--plot", "--output", "--export"} & set(parameter.opts)
     }
     assert writing | {"init"} == {words[0] for words in WRITERS.values()}
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import ConfigError
-from pushfit.report.store.target import check_place
+from pushfit.report.store.target import check_place, followed
 
 STORE = "batch.sqlite"
 RESULTS, FAILURES, PARQUET = "results.csv", "failures.csv", "results.parquet"
@@ -54,7 +54,7 @@ def begin_folder(folder: Path) -> None:
         raise ConfigError(
             f"{folder}: is a file; name a folder for the batch", code="output_exists"
         )
-    folder.mkdir(exist_ok=True)
+    followed(folder).mkdir(exist_ok=True)
     check_place(folder / FOLDER)
     entries = {entry.name for entry in folder.iterdir()}
     strange = min((name for name in entries if not _is_ours(name)), default="")

@@ -38,6 +38,8 @@ INPUTS = (
 # Folders of results, which are not read like files; and what is written by --force.
 RESULTS = ("result", "first", "second")
 OUTPUTS = ("out", "output", "plot", "export")
+# Replaced without --force as well.
+KEPT_UP = ("checkpoint",)
 # XLA logs as an error that a program takes minutes to compile. Failures are raised.
 XLA_LOG, NOTHING_BUT_FATAL = "TF_CPP_MIN_LOG_LEVEL", "3"
 ERROR_SCHEMA = "pushfit.error/1"
@@ -183,9 +185,11 @@ def command(
                 inputs = _paths(arguments, INPUTS)
                 # Said at once, before what reads them is loaded.
                 existing_files(inputs)
+                outputs = _paths(arguments, KEPT_UP)
                 if arguments.get("force"):
                     inputs += _paths(arguments, RESULTS)
-                    refuse_inputs(_paths(arguments, OUTPUTS), inputs)
+                    outputs += _paths(arguments, OUTPUTS)
+                refuse_inputs(outputs, inputs)
                 # Before JAX is imported, which reads the settings once.
                 if not debug:
                     os.environ.setdefault(XLA_LOG, NOTHING_BUT_FATAL)

@@ -62,6 +62,7 @@ from pushfit.fit.results import (
     Quantity,
     ResultWarning,
 )
+from pushfit.fit.sampler.checkpoint import check_place
 from pushfit.fit.stages import Stages, stages_of
 from pushfit.parameters import ANGLES
 
@@ -97,6 +98,8 @@ def identify_table(
         FitError: If no start gives finite residuals.
     """
     check_engine(engine)
+    if checkpoint is not None:
+        check_place(checkpoint)
     stages = stages or Stages(stages_of(config, engine))
     hearing = listener or Listener()
     fits = _fitted_by_all(table, config, stages, hearing)

@@ -224,11 +224,14 @@ def test_a_folder_of_other_things_is_not_written_to(runs, tmp_path):
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["thesis.tex"]
 
 
-def test_a_link_is_not_written_through(runs, tmp_path):
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "out").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(ConfigError, match="symbolic link"):
-        run()
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_link_stays_and_the_batch_is_where_it_leads(runs, tmp_path, is_there):
+    if is_there:
+        (tmp_path / "disk").mkdir()
+    (tmp_path / "out").symlink_to("disk")
+    run()
+    assert (tmp_path / "out").is_symlink()
+    assert (tmp_path / "disk" / "results.csv").is_file()
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])

@@ -18,7 +18,8 @@ import jax
 import numpy as np
 
 import pushfit
-from pushfit.atomic import atomic_path, spare_name
+from pushfit.atomic import atomic_path, is_stream, spare_name
+from pushfit.errors import ConfigError
 
 # Raised whenever the meaning of the arrays changes.
 FORMAT = 1
@@ -27,6 +28,26 @@ HEADER = "header"
 
 class CheckpointWarning(UserWarning):
     """A checkpoint was set aside and the run starts anew."""
+
+
+def check_place(path: Path) -> None:
+    """Refuse a name under which no run can be kept and read back.
+
+    Raises:
+        ConfigError: It is a device or a FIFO, or its folder does not exist.
+    """
+    if is_stream(path):
+        raise ConfigError(
+            f"{path}: is no regular file, so that no run could be read back from it; "
+            "name a file for `checkpoint`",
+            code="checkpoint_place",
+        )
+    parent = Path(os.path.realpath(path)).parent
+    if not parent.is_dir():
+        raise ConfigError(
+            f"{path}: the folder {parent} does not exist; create it first",
+            code="checkpoint_place",
+        )
 
 
 def fingerprint(*trees: object) -> str:

@@ -2,8 +2,8 @@
 
 Everything is written beside the target under a hidden name, forced to disk and renamed.
 What stands there already is refused, or with `force` stays whole until its successor is
-complete. Nothing is ever written through a symbolic link, and nothing is removed that
-this module does not write.
+complete. Where the target is a symbolic link, all of this is done to the folder that it
+leads to. Nothing is removed that this module does not write.
 """
 
 import json
@@ -22,7 +22,7 @@ from pushfit.report.figures import figure_files
 from pushfit.report.html.result import is_shown, render_html
 from pushfit.report.store.archive import posterior_tree
 from pushfit.report.store.summary import summary_dict
-from pushfit.report.store.target import check_target
+from pushfit.report.store.target import check_target, followed
 from pushfit.report.text.result import render_text
 
 NOTHING: Mapping[str, bytes] = MappingProxyType({})
@@ -39,7 +39,7 @@ def write_result_folder(
     """Write tables, posterior, summary, reports and figures of a result.
 
     Args:
-        out: Folder to create; its parent exists.
+        out: Folder to create, or a link to it; its parent exists.
         force: Replace a result folder that stands there.
         pictures: "png" or "svg" for every figure also in this format.
         extra: Content of further files, by names of `CONTENT`.
@@ -54,14 +54,14 @@ def write_result_folder(
             does not exist.
     """
     check_target(out, force=force)
-    token = secrets.token_hex(4)
-    fresh = out.with_name(f".{out.name}.{token}.partial")
+    token, target = secrets.token_hex(4), followed(out)
+    fresh = target.with_name(f".{target.name}.{token}.partial")
     fresh.mkdir()
     with unfinished(fresh):
         _write_content(identification, fresh, pictures=pictures, extra=extra)
         _sync_tree(fresh)
         with whole():
-            _take_place(fresh, out, out.with_name(f".{out.name}.{token}.old"))
+            _take_place(fresh, target, target.with_name(f".{target.name}.{token}.old"))
     return out
 
 

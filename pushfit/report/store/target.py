@@ -1,5 +1,6 @@
 """Where results may be written: checked before anything is computed for them."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -60,23 +61,23 @@ def check_place(out: Path) -> None:
     """Refuse a name under which no folder can be made.
 
     Raises:
-        ConfigError: It is no name or a link, or its parent is missing.
+        ConfigError: It is no name, or its parent is missing.
     """
     if not out.name:
         raise ConfigError(
             f"{out}: not the name of a folder; name one to create", code="output_name"
         )
-    if out.is_symlink():
+    parent = followed(out).parent
+    if not parent.is_dir():
         raise ConfigError(
-            f"{out}: is a symbolic link, which is never followed for writing; "
-            "name the folder itself",
-            code="output_symlink",
-        )
-    if not out.parent.is_dir():
-        raise ConfigError(
-            f"{out}: the folder {out.parent} does not exist; create it first",
+            f"{out}: the folder {parent} does not exist; create it first",
             code="output_parent",
         )
+
+
+def followed(out: Path) -> Path:
+    """The folder that a name stands for: itself, or what a link leads to."""
+    return Path(os.path.realpath(out)) if out.is_symlink() else out
 
 
 def _strange_content(out: Path) -> str:

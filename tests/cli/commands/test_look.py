@@ -75,6 +75,17 @@ def test_what_is_saved_is_what_the_command_it_tells_then_reads(robot, place, cap
     np.testing.assert_allclose(table["height_n"], shown["height_n"], rtol=1e-12)
 
 
+def test_what_is_saved_goes_through_links_which_stay(robot, place):
+    saver = Saver(QUIET, robot, place, force=False)
+    (place / "disk").mkdir()
+    for path in (saver.schedule, saver.config):
+        path.symlink_to(f"disk/{path.name}")
+    saver(decided(place, robot))
+    for path in (saver.schedule, saver.config):
+        assert path.is_symlink()
+        assert (place / "disk" / path.name).stat().st_size > 100
+
+
 @pytest.mark.slow
 def test_the_command_it_tells_runs_to_the_end(robot, place, capsys):
     words = next_command(Saver(QUIET, robot, place, force=False)(decided(place, robot)))

@@ -36,6 +36,14 @@ def test_what_was_saved_comes_back_bit_by_bit(path):
         np.testing.assert_array_equal(loaded[name], array)
 
 
+def test_a_checkpoint_is_kept_behind_a_link(tmp_path):
+    link = tmp_path / "link.npz"
+    link.symlink_to("real.npz")
+    save(link, ARRAYS, question=QUESTION)
+    assert link.is_symlink()
+    assert set(load(tmp_path / "real.npz", question=QUESTION)) == set(ARRAYS)
+
+
 def test_no_file_is_no_checkpoint(tmp_path):
     assert load(tmp_path / "none.npz", question=QUESTION) is None
 

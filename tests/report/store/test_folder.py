@@ -129,16 +129,44 @@ def test_force_removes_nothing_that_is_no_result(determined, tmp_path):
 
 
 @pytest.mark.usefixtures("quick")
-@pytest.mark.parametrize("force", [False, True])
-def test_a_symbolic_link_is_never_followed(determined, tmp_path, force):
-    target = tmp_path / "elsewhere"
-    target.mkdir()
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_link_stays_and_the_result_is_where_it_leads(determined, tmp_path, is_there):
+    place = tmp_path / "disk"
+    (place / "run").mkdir(parents=True) if is_there else place.mkdir()
     out = tmp_path / "result"
-    out.symlink_to(target)
-    with pytest.raises(ConfigError, match="symbolic link"):
-        write_result_folder(determined, out, force=force)
-    assert listing(target) == []
+    out.symlink_to("disk/run")
+    if is_there:
+        with pytest.raises(ConfigError, match="not overwritten"):
+            write_result_folder(determined, out, force=False)
+        assert listing(place) == ["run"]
+    write_result_folder(determined, out, force=is_there)
     assert out.is_symlink()
+    assert (place / "run" / "summary.json").is_file()
+    assert [p.name for p in place.iterdir()] == ["run"]
+    assert {p.name for p in tmp_path.iterdir()} == {"disk", "result"}
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("force", [False, True])
+def test_what_is_behind_a_link_is_protected_as_well(determined, tmp_path, force):
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home" / "thesis.tex").write_text("years of work")
+    (tmp_path / "result").symlink_to("home")
+    with pytest.raises(ConfigError, match="not"):
+        write_result_folder(determined, tmp_path / "result", force=force)
+    assert listing(tmp_path / "home") == ["thesis.tex"]
+    (tmp_path / "lost").symlink_to("no/run")
+    with pytest.raises(ConfigError, match="create it first"):
+        write_result_folder(determined, tmp_path / "lost", force=force)
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("force", [False, True])
+def test_a_fifo_is_no_folder(determined, tmp_path, force):
+    os.mkfifo(tmp_path / "result")
+    with pytest.raises(ConfigError, match="another name"):
+        write_result_folder(determined, tmp_path / "result", force=force)
+    assert (tmp_path / "result").is_fifo()
 
 
 @pytest.mark.usefixtures("quick")
