@@ -213,6 +213,9 @@ ANGLES = _by_name(
 )
 NAMED: Mapping[str, Named] = MappingProxyType({**PARAMETERS, **COMBINATIONS, **ANGLES})
 
+# The noise of heights, with the channel at its end where there are several.
+NOISE = "sigma_height"
+
 # Numbers of the grasp that may be unknown, and its fields.
 OF_GRASP = {p.name: p.grasp_field for p in PARAMETERS.values() if p.grasp_field}
 POSITIVE = tuple(p.name for p in PARAMETERS.values() if p.is_positive)
@@ -222,6 +225,23 @@ SIX = tuple(name for name in POSITIVE if name not in OF_GRASP)
 # Those among the six that are proportional to the unit of force.
 STIFF = tuple(name for name in SIX if PARAMETERS[name].is_stiffness)
 STIFFNESSES = frozenset(q.name for q in NAMED.values() if q.is_stiffness)
+
+
+def named(name: str) -> Named | None:
+    """Record of a quantity, also of the noise of a channel; None for any other word."""
+    if not name.startswith(NOISE):
+        return NAMED.get(name)
+    channel = name.removeprefix(NOISE).lstrip("_")
+    if channel and not channel.isidentifier():
+        return None
+    index = rf"_{{\mathrm{{{channel.replace('_', ' ')}}}}}" if channel else ""
+    return Named(
+        name=name,
+        prose=f"σ_{channel}" if channel else "σ",
+        math=rf"$\sigma{index}$",
+        unit="N",
+        meaning="noise of a height",
+    )
 
 
 def unit_of(name: str, newton: str) -> str:

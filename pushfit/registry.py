@@ -72,7 +72,7 @@ class Mechanics:
 BUILT_IN = MappingProxyType(
     {
         "linear": Mechanics(
-            title="paper's equations",
+            title="linear mechanics",
             summary="the equations of the paper, for small tilts",
             forces=Deferred("pushfit.mechanics.linear:linear_forces"),
             critical_angle=Deferred("pushfit.mechanics.linear:linear_critical_angle"),

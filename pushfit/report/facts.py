@@ -162,9 +162,9 @@ def _noise(identification: Identification) -> str:
     low, high = float(np.min(sigma)), float(np.max(sigma))
     unit = identification.table.unit
     if high - low <= 1e-3 * high:
-        return f"σ = {with_unit(format_number(high), unit)}"
+        return f"sd {with_unit(format_number(high), unit)}"
     ends = f"{format_number(low)} to {format_number(high)}"
-    return f"σ = {with_unit(ends, unit)}"
+    return f"sd {with_unit(ends, unit)}"
 
 
 def _optima(identification: Identification) -> str:

@@ -9,7 +9,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
-from pushfit.parameters import NAMED
+from pushfit.parameters import named
 
 # Words of units in tables and in `Quantity.unit` on the left, as printed on the right.
 UNITS = {"deg": "°", "n": "N", "kpa": "kPa", "au": "a.u."}
@@ -53,7 +53,8 @@ def unit_label(unit: str) -> str:
 
 def symbol(name: str) -> str:
     """Letter of a quantity in prose, the name itself if it has none."""
-    return NAMED[name].prose if name in NAMED else printable(name)
+    record = named(name)
+    return printable(record.prose if record else name)
 
 
 def decimals_for(spread: float) -> int:

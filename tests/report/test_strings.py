@@ -11,8 +11,23 @@ from pushfit.report.strings import (
     join_or,
     printable,
     spread_of,
+    symbol,
     unit_label,
 )
+
+
+@pytest.mark.parametrize(
+    ("name", "letter"),
+    [
+        ("theta_c", "θ_c"),
+        ("sigma_height", "σ"),
+        ("sigma_height_normal", "σ_normal"),
+        ("sigma_height_a$b", "sigma_height_a$b"),
+        ("pressure", "pressure"),
+    ],
+)
+def test_a_quantity_has_one_letter_that_of_its_channel_with_it(name, letter):
+    assert symbol(name) == letter
 
 
 @pytest.mark.parametrize(

@@ -99,14 +99,14 @@ def tilt_warning(
         if not does_tilt_matter(leading, others[0], tilt_deg):
             return None
         text = (
-            f"{start}, which the {law.title} leave out; yet the heights prefer "
+            f"{start}, which {law.title} leave out; yet the heights prefer "
             "them to tilting mechanics, so check L, the push length and the unit of "
             "the heights"
         )
     else:
         reason = config.why_not("tilting") or 'set grasp.mechanics = "auto"'
         text = (
-            f"{start}; the {law.title} hold for small tilts, and at 2° and more "
+            f"{start}; {law.title} hold for small tilts, and at 2° and more "
             "θ_c may be off by several degrees beyond its interval. It is not computed "
             f"by tilting mechanics: {reason}"
         )

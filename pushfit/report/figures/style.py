@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar
 
 from pushfit.atomic import atomic_path
-from pushfit.parameters import NAMED
+from pushfit.parameters import named
 from pushfit.report.picture_file import picture_format
 from pushfit.report.strings import printable, unit_label
 
@@ -136,8 +136,9 @@ def math_symbol(name: str) -> str:
     """Letter of a quantity as mathtext; needs `parse_math=True` where it is drawn."""
     if name.startswith("ln_"):
         return f"ln {math_symbol(name.removeprefix('ln_'))}"
-    if name in NAMED:
-        return NAMED[name].math
+    record = named(name)
+    if record is not None:
+        return drawable(record.math)
     return drawable(name).replace("$", r"\$").replace("_", " ")
 
 

@@ -22,7 +22,6 @@ from pushfit.report.strings import (
     format_range,
     join_or,
     spread_of,
-    symbol,
     unit_label,
     with_unit,
 )
@@ -112,7 +111,7 @@ def render_batch(
         "n_items": len(records),
         "n_ok": n_ok,
         "population": [_population_row(row) for row in population],
-        "columns": [{"symbol": symbol(n), "scale": _scale(axes[n], n)} for n in names],
+        "columns": [{"name": n, "scale": _scale(axes[n], n)} for n in names],
         "rows": [
             {
                 "item": _word(record, "item") or str(index),
@@ -233,7 +232,7 @@ def _population_row(row: Record) -> dict[str, object]:
     else:
         spread = _with_range(row, "spread")
     return {
-        "symbol": symbol(name),
+        "name": name,
         "unit": unit_label(unit),
         "mean": _with_range(row, "mean"),
         "spread": spread if _is_known(row, "spread") else "",

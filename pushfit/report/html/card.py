@@ -5,7 +5,7 @@ import html
 from collections.abc import Sequence
 
 from pushfit.fit.results import FitStatus, Identification
-from pushfit.parameters import NAMED
+from pushfit.parameters import named
 from pushfit.report.answers import Answer, alpha_star_answer, theta_c_answer
 from pushfit.report.facts import quantity_cells
 from pushfit.report.html.pages import indexed_html, symbol_html
@@ -57,7 +57,8 @@ def latex_table(identification: Identification) -> str:
     lines = [r"\begin{tabular}{lrlll}", r"\toprule"]
     lines += [_latex_line(map(_latex, header)), r"\midrule"]
     for name, *rest in quantity_rows(identification):
-        letter = NAMED[name].math if name in NAMED else _latex(name)
+        record = named(name)
+        letter = record.math if record else _latex(name)
         lines.append(_latex_line([letter, *map(_latex, rest)]))
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"])
 

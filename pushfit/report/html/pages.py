@@ -14,7 +14,7 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 from pushfit.errors import ConfigError
-from pushfit.parameters import NAMED
+from pushfit.parameters import NAMED, named
 from pushfit.report.strings import printable, symbol
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 INDEXED = re.compile(
     r"(?<!\w)("
     + "|".join(re.escape(q.prose) for q in NAMED.values() if "_" in q.prose)
+    + r"|σ_\w+"
     + r")(?!\w)"
 )
 
@@ -55,7 +56,7 @@ def render_page(
         trim_blocks=True,
         finalize=_finalized,
     )
-    environment.filters |= {"letters": letters, "named": named, "symbol": symbol}
+    environment.filters |= {"letters": letters, "named": marked, "listed": listed}
     style, code = _text("report.css"), _text(script) if script else ""
     page = environment.get_template(template).render(
         style=Markup(style),
@@ -83,19 +84,28 @@ def letters(text: str) -> "Markup":
     return Markup(indexed_html(printable(text)))
 
 
-def named(name: str) -> "Markup":
+def marked(name: str) -> "Markup":
     """Symbol of a quantity that says on hover what it stands for."""
     from markupsafe import Markup
 
     return Markup(symbol_html(name))
 
 
+def listed(words: str) -> "Markup":
+    """Words between commas, in which every letter of a quantity says the same."""
+    from markupsafe import Markup
+
+    names = {record.prose: name for name, record in NAMED.items()}
+    parts = [symbol_html(names.get(word, word)) for word in words.split(", ")]
+    return Markup(", ".join(parts))
+
+
 def symbol_html(name: str) -> str:
     """The same for a page that is no template."""
-    shown = indexed_html(symbol(name))
-    if name not in NAMED:
+    shown, record = indexed_html(symbol(name)), named(name)
+    if record is None:
         return shown
-    return f'<abbr title="{html.escape(NAMED[name].meaning)}">{shown}</abbr>'
+    return f'<abbr title="{html.escape(record.meaning)}">{shown}</abbr>'
 
 
 def indexed_html(text: str) -> str:

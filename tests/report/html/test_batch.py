@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pushfit.parameters import NAMED
 from pushfit.report.html.batch import render_batch
 from tests.report.html.test_result import ALLOWED, Page
 from tests.report.makers import HOSTILE
@@ -110,6 +111,14 @@ def test_the_population_comes_before_the_items(frame):
     assert "31.2 (29.0 to 33.4)" in text
     assert page.index("Population") < page.index("<h2>Items")
     assert re.search(r'note">c\.csv</td>', page)
+
+
+def test_headings_and_rows_say_on_hover_what_a_letter_is(frame):
+    mark = f'<abbr title="{NAMED["A"].meaning}">A</abbr>'
+    page = render_batch(frame, [{"quantity": "ln_A", "mean": 6.2}])
+    assert f'<th scope="col">{mark}' in page
+    assert f'<th scope="row">{mark}</th>' in page
+    assert NAMED["theta_c"].meaning in page
 
 
 def test_nothing_of_a_user_is_markup():

@@ -2,12 +2,14 @@
 
 import base64
 import hashlib
+import html
 import re
 from html.parser import HTMLParser
 
 import pytest
 
 from pushfit.config import GraspConfig
+from pushfit.parameters import ANGLES
 from pushfit.report.figures import figure_bytes, main_figure
 from pushfit.report.html import result as html_module
 from pushfit.report.html.pages import letters
@@ -141,6 +143,18 @@ def test_the_answers_come_first_then_the_figure_then_the_warnings(determined):
 def test_bad_news_comes_before_the_answers(kind, words, request):
     text = render_html(request.getfixturevalue(kind))
     assert text.index(words) < text.index('class="answers"')
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize("name", ANGLES)
+def test_the_letter_of_an_angle_says_on_hover_what_it_is(determined, name):
+    """Beside the answer, and in the list of angles, by the words of symbols.md."""
+    title = html.escape(ANGLES[name].meaning)
+    letter = ANGLES[name].prose.replace("_c", "<sub>c</sub>")
+    mark = f'<abbr title="{title}">{letter}</abbr>'
+    page = render_html(determined)
+    assert f'class="symbol">{mark}</span>' in page
+    assert f"<dt>{mark}</dt>" in page
 
 
 def test_indices_are_set_low_only_after_escaping():

@@ -65,7 +65,7 @@ def test_what_both_mechanics_say_stands_side_by_side(make_identification):
     assert "tilting" in first
     assert "40.0° (38.0° to 42.0°)" in first
     assert "ln evidence -12.3" in first
-    assert "paper's equations" in second
+    assert "linear mechanics" in second
     assert "44.0° (42.0° to 46.0°)" in second
     assert "evidence" not in second
     alone = render_text(make_identification())
