@@ -20,9 +20,13 @@ from .errors import FitError as FitError
 from .errors import PushfitError as PushfitError
 from .explore.explorer import Explorer as Explorer
 from .explore.limits import Limits as Limits
+from .fit.comparison import Comparison as Comparison
+from .fit.comparison import ModelScore as ModelScore
 from .fit.comparison import compare_models as compare_models
 from .fit.results import FitStatus as FitStatus
+from .fit.results import Identification as Identification
 from .fit.results import Notice as Notice
+from .fit.results import Quantity as Quantity
 from .fit.results import ResultWarning as ResultWarning
 from .fit.results import Verdict as Verdict
 from .mechanics.directions import best_direction as best_direction

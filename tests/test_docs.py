@@ -1,5 +1,7 @@
 """What the documents show is run, and what they repeat is compared."""
 
+import importlib
+import inspect
 import itertools
 import re
 import shlex
@@ -8,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import pushfit
 from pushfit.cli.app import app, main
 from pushfit.config import template
 from pushfit.parameters import NAMED
@@ -160,6 +163,20 @@ def test_the_page_of_symbols_says_what_every_quantity_is(name):
     (row,) = [line for line in page.splitlines() if f"| `{name}` |" in line]
     cells = [cell.strip().replace("\\", "") for cell in row.strip("|").split("|")]
     assert cells == [quantity.prose, f"`{name}`", quantity.meaning, quantity.unit]
+
+
+def test_every_public_name_has_its_place_on_the_page_of_python():
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    places = re.findall(r"^::: (pushfit[\w.]*)$", page, re.MULTILINE)
+    documented = {}
+    for place in places:
+        owner, _, name = place.rpartition(".")
+        found = getattr(importlib.import_module(owner), name)
+        # A module stands for all that it has.
+        is_module = inspect.ismodule(found)
+        documented |= vars(found) if is_module else {name: found}
+    public = {name: getattr(pushfit, name) for name in pushfit.__all__}
+    assert {n for n, one in public.items() if documented.get(n) is not one} == set()
 
 
 def test_every_command_is_documented():

@@ -57,8 +57,8 @@ class ResultWarning:
     text: str
 
 
-# Its former name.
 Notice = ResultWarning
+"""Former name of `ResultWarning`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
