@@ -13,11 +13,12 @@ from pushfit.errors import DataError
 from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.registry import mechanics_named
-from pushfit.report.facts import quantity_cells, verdict_word
+from pushfit.report.facts import UNQUOTED, quantity_cells, verdict_word
 from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import (
     format_number,
     join_and,
+    printable,
     symbol,
     unit_label,
     with_unit,
@@ -100,7 +101,7 @@ def compare_results(first: Identification, second: Identification) -> Comparison
     for name in (q.name for q in _quantities(first)):
         reason = _why_not(name, first, second)
         if reason:
-            left_out.append(f"{symbol(name)}: {reason}")
+            left_out.append(f"{symbol(name)}, because {reason}")
         else:
             found.append(_difference(name, first, second))
     titles = [mechanics_named(one.mechanics).title for one in (first, second)]
@@ -128,22 +129,30 @@ def _why_not(name: str, first: Identification, second: Identification) -> str:
     both = [_named(result, name) for result in (first, second)]
     for which, quantity in zip(("first", "second"), both, strict=True):
         if quantity is None:
-            return f"not in the {which} result"
-        if quantity.estimate is None or quantity.interval is None:
-            return f"the {which} is {verdict_word(quantity.verdict)}"
+            return f"the {which} result does not have it"
         if quantity.verdict is Verdict.ASSUMED:
-            return f"the {which} is only assumed"
+            return f"the {which} result has it from the prior alone"
+        if quantity.estimate is None or quantity.interval is None:
+            return f"in the {which} result it is {_unquoted(quantity)}"
     units = {unit_label(quantity.unit) for quantity in both if quantity}
     if len(units) > 1:
-        return f"one is in {' and the other in '.join(sorted(units))}"
+        return f"one result has it in {' and the other in '.join(sorted(units))}"
     azimuths = {result.reference_alpha_deg for result in (first, second)}
     if name == "theta_c" and len(azimuths) > 1:
         at = " and ".join(f"{azimuth:g}°" for azimuth in sorted(azimuths))
-        return f"belongs to α = {at}; state grasp.reference_alpha_deg"
+        return f"it belongs to α = {at}; state grasp.reference_alpha_deg"
     draws = [result.posterior.samples.get(name) for result in (first, second)]
     if any(d is None or np.mean(np.isnan(d)) > MAX_NONE for d in draws):
-        return "does not exist in a good part of the draws"
+        return "it does not exist in a good part of the draws"
     return ""
+
+
+def _unquoted(quantity: Quantity) -> str:
+    """Why a quantity has no interval, in a few words."""
+    if quantity.note.startswith(UNQUOTED):
+        return printable(quantity.note)
+    is_withheld = quantity.verdict is Verdict.DETERMINED
+    return UNQUOTED if is_withheld else verdict_word(quantity.verdict)
 
 
 def _difference(name: str, first: Identification, second: Identification) -> Difference:
@@ -195,7 +204,7 @@ def difference_text(comparison: Comparison) -> str:
         first, second = (_in_short(q) for q in (one.first, one.second))
         lines.append(f"{symbol(one.name)}: {first}, then {second}")
         lines.append(f"    {sentence(one)}")
-    lines += [f"left out, {text}" for text in comparison.left_out]
+    lines += [f"not compared: {text}" for text in comparison.left_out]
     lines += comparison.notes
     return "\n".join(lines)
 

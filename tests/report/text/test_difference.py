@@ -9,6 +9,7 @@ import pytest
 
 from pushfit.cli import main
 from pushfit.errors import DataError
+from pushfit.fit.results import Verdict
 from pushfit.report.figures.forest import forest_figure
 from pushfit.report.store import read as stored
 from pushfit.report.text.difference import compare_results, difference_text, subtracted
@@ -80,9 +81,36 @@ def test_results_by_other_mechanics_are_told_of(determined, later):
 def test_what_cannot_be_compared_is_said(determined, later, not_converged):
     turned = replace(later, reference_alpha_deg=0.0)
     (left,) = compare_results(determined, turned).left_out[:1]
-    assert left == ("θ_c: belongs to α = 0° and 90°; state grasp.reference_alpha_deg")
+    assert left == (
+        "θ_c, because it belongs to α = 0° and 90°; state grasp.reference_alpha_deg"
+    )
     with pytest.raises(DataError, match="not to be trusted"):
         compare_results(later, not_converged)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "note", "said"),
+    [
+        (
+            Verdict.DETERMINED,
+            "not quoted: the push length is not known",
+            "in the first result it is not quoted: the push length is not known",
+        ),
+        (Verdict.DETERMINED, "", "in the first result it is not quoted"),
+        (Verdict.NOT_DETERMINED, "", "in the first result it is not determined"),
+        (Verdict.FIXED, "fixed", "in the first result it is fixed"),
+        (Verdict.ASSUMED, "", "the first result has it from the prior alone"),
+    ],
+)
+def test_why_a_quantity_is_not_compared_is_a_plain_sentence(
+    determined, later, verdict, note, said
+):
+    """Without a push length A is determined, and yet not quoted."""
+    first, *others = determined.combinations
+    first = replace(first, estimate=None, interval=None, verdict=verdict, note=note)
+    ours = replace(determined, combinations=(first, *others))
+    lines = difference_text(compare_results(ours, later)).splitlines()
+    assert f"not compared: {first.name}, because {said}" in lines
 
 
 def test_the_figure_has_a_row_for_each_quantity(determined, later):
