@@ -27,7 +27,7 @@ from pushfit.report.text.result import render_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from xarray import DataTree
 
 
@@ -147,17 +147,25 @@ class Result(Identification):
         """Posterior, prior, data and fit for ArviZ, every walker a chain."""
         return chains_tree(self)
 
-    def plot(self, name: str = "main", *, ax: "Axes | None" = None) -> "Figure":
+    def plot(
+        self,
+        name: str = "main",
+        *,
+        ax: "Axes | None" = None,
+        fig: "Figure | SubFigure | None" = None,
+    ) -> "Figure":
         """One of the figures of the report.
 
         Args:
             name: As the file in `figures` is called, for example "theta_c".
-            ax: Where to draw, for a figure of a single panel; None makes a figure.
+            ax: Axes to draw a figure of a single panel into.
+            fig: Figure or subfigure to draw any figure into; without both it gets its
+                own.
 
         Raises:
-            ConfigError: This result has no such figure, or it has several panels.
+            ConfigError: This result has no such figure, or it does not fit into axes.
         """
-        return plot(self, name, ax=ax)
+        return plot(self, name, ax=ax, fig=fig)
 
     def save(
         self, folder: str | Path, *, force: bool = False, pictures: str | None = None

@@ -131,14 +131,6 @@ def test_a_figure_of_one_panel_goes_into_given_axes(result, name):
     assert not left.has_data()
 
 
-def test_a_figure_of_many_panels_says_that_it_does_not_fit(result):
-    axes = matplotlib.figure.Figure().subplots()
-    with pytest.raises(ConfigError, match="several panels"):
-        result.plot("main", ax=axes)
-    with pytest.raises(ConfigError, match="it has main, grasp"):
-        result.plot("nothing")
-
-
 def test_walkers_are_chains_for_arviz(make_identification, determined):
     """Draws in the order of the sampler: step by step, all walkers of a step."""
     n_ensembles, n_steps, n_walkers, _ = determined.posterior.chain.shape

@@ -19,14 +19,14 @@ from pushfit.report.figures.style import (
     channel_label,
     drawable,
     math_symbol,
-    new_figure,
     place_legend,
+    sheet,
     styled,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 # Residuals that are shown as an alarm; the same limit as in the goodness of fit.
 OUTLIER_SIGMA = 5.0
@@ -74,6 +74,7 @@ def residual_figure(
     row: Int[np.ndarray, " n"],
     channels: Sequence[str],
     unit: str,
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """Residuals in units of sigma against direction, height and the normal law.
 
@@ -82,11 +83,12 @@ def residual_figure(
         theta_deg: Elevation of each residual [deg].
         alpha_deg: Azimuth of each residual [deg].
         row: Row of the table of each residual, the order in time.
+        fig: Figure or subfigure to draw into; None makes one.
     """
     from scipy.special import ndtri
 
-    figure = new_figure(width=PAGE, height=4.6)
-    panels = figure.subplots(2, 2)
+    figure, room = sheet(fig, width=PAGE, height=4.6)
+    panels = room.subplots(2, 2)
     directions = (
         ("push elevation θ [°]", theta_deg),
         ("push azimuth α [°]", alpha_deg),
@@ -131,6 +133,7 @@ def trace_figure(
     *,
     thin: int,
     autocorr_time: Mapping[str, float],
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """Walkers against step, and how fast they forget, for each coordinate.
 
@@ -138,10 +141,11 @@ def trace_figure(
         names: Coordinates, the last axis of the chain.
         thin: Steps between kept states.
         autocorr_time: Integrated autocorrelation time by name [steps].
+        fig: Figure or subfigure to draw into; None makes one.
     """
     n_ensembles, n_kept, n_walkers, n_names = chain.shape
-    figure = new_figure(width=PAGE, height=0.7 + 1.05 * n_names)
-    panels = figure.subplots(n_names, 2, width_ratios=(3, 1), squeeze=False)
+    figure, room = sheet(fig, width=PAGE, height=0.7 + 1.05 * n_names)
+    panels = room.subplots(n_names, 2, width_ratios=(3, 1), squeeze=False)
     steps = thin * np.arange(n_kept)
     shown = max(1, -(-n_walkers * n_ensembles // MAX_TRACES))
     every = max(1, -(-n_kept // MAX_STEPS))

@@ -29,7 +29,7 @@ from pushfit.report.figures.style import (
     VERMILLION,
     drawable,
     math_symbol,
-    new_figure,
+    sheet,
     styled,
 )
 from pushfit.report.figures.sweeps import SHADE, Marker
@@ -37,7 +37,7 @@ from pushfit.report.strings import unit_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 # Length of the arrows, and where the finger touches, in widths of the object.
 REACH = 0.85
@@ -156,6 +156,7 @@ def grasp_figure(
     theta_c: Marker,
     alpha_star: Marker,
     reach_deg: tuple[float, float],
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """The grasp with a push, its two angles and the two answers.
 
@@ -163,9 +164,10 @@ def grasp_figure(
         theta_deg: Elevations that were pushed [deg].
         alpha_deg: Azimuths that were pushed [deg].
         reach_deg: Azimuths that the finger can push in [deg].
+        fig: Figure or subfigure to draw into; None makes one.
     """
-    figure = new_figure(width=2 * COLUMN, height=0.95 * COLUMN)
-    side, top = figure.subplots(1, 2)
+    figure, room = sheet(fig, width=2 * COLUMN, height=0.95 * COLUMN)
+    side, top = room.subplots(1, 2)
     draw_side(side, theta_c, list(theta_deg))
     draw_top(top, alpha_star, alpha_deg=list(alpha_deg), reach_deg=reach_deg)
     for axes, marker in ((side, theta_c), (top, alpha_star)):
@@ -251,13 +253,21 @@ def draw_ellipses(
 
 @styled
 def ellipse_figure(
-    ellipses: list[Ellipses], *, unit: str, alpha_star: Marker | None = None
+    ellipses: list[Ellipses],
+    *,
+    unit: str,
+    alpha_star: Marker | None = None,
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
-    """Stiffness ellipses side by side, with the best push direction."""
+    """Stiffness ellipses side by side, with the best push direction.
+
+    Args:
+        fig: Figure or subfigure to draw into; None makes one.
+    """
     from matplotlib.lines import Line2D
 
-    figure = new_figure(width=COLUMN * len(ellipses), height=COLUMN + 0.5)
-    panels = np.atleast_1d(figure.subplots(1, len(ellipses)))
+    figure, room = sheet(fig, width=COLUMN * len(ellipses), height=COLUMN + 0.5)
+    panels = np.atleast_1d(room.subplots(1, len(ellipses)))
     for axes, one in zip(panels, ellipses, strict=True):
         draw_ellipses(axes, one, unit=unit, alpha_star=alpha_star)
     entries = {
@@ -269,7 +279,7 @@ def ellipse_figure(
     if alpha_star is not None and alpha_star.estimates:
         words = f"{math_symbol('alpha_star')} {drawable(alpha_star.text)}"
         entries[words] = Line2D([], [], color=BLACK, lw=1.1, ls=(0, (4, 2)))
-    legend = figure.legend(
+    legend = room.legend(
         list(entries.values()),
         list(entries),
         loc="outside lower center",

@@ -4,6 +4,7 @@ Everything is drawn by the functions beside this module; here is only the choice
 to draw, so that text, page and figures mark the same answers.
 """
 
+import inspect
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
@@ -46,7 +47,7 @@ from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 INFORMED = frozenset({Verdict.LEARNED, Verdict.PARTLY, Verdict.DETERMINED})
 
@@ -57,62 +58,51 @@ def figure_makers(
     """What draws each figure that a result supports, by the name of its file.
 
     Returns:
-        Functions of `ax`; those of a posterior only where it is to be trusted, corner
-        plots only where the library `corner` is installed.
+        Functions of `ax` for figures of one panel, of `fig` for those of several; those
+        of a posterior only where it is to be trusted, corner plots only where the
+        library `corner` is installed.
     """
     makers: dict[str, Callable[..., Figure]] = {
-        "main": _whole(main_figure, identification),
-        "grasp": _whole(_grasp, identification),
+        "main": partial(main_figure, identification),
+        "grasp": partial(_grasp, identification),
     }
     for index, trace in enumerate(identification.table.traces, start=1):
-        makers[f"recording_{index}"] = _whole(
+        makers[f"recording_{index}"] = partial(
             signal_figure, trace, identification.table
         )
     makers |= sweep_makers(identification)
     if identification.fit.status is FitStatus.OK:
-        makers["residuals"] = _whole(_residuals, identification)
+        makers["residuals"] = partial(_residuals, identification)
     if is_trusted(identification):
         makers |= _posterior_makers(identification)
     chain = identification.posterior.chain
     if chain is not None:
-        makers["traces"] = _whole(_traces, identification.posterior, chain)
+        makers["traces"] = partial(_traces, identification.posterior, chain)
     return makers
-
-
-def _whole(
-    draw: Callable[..., "Figure"], *arguments: object
-) -> Callable[..., "Figure"]:
-    """Maker of a figure with panels of its own."""
-
-    def make(*, ax: "Axes | None") -> "Figure":
-        if ax is not None:
-            raise ConfigError(
-                "this figure has several panels and does not fit into one; leave out "
-                "`ax` and take the figure that comes back",
-                code="several_panels",
-            )
-        return draw(*arguments)
-
-    return make
 
 
 def all_figures(identification: Identification) -> dict[str, "Figure"]:
     """Every figure that a result supports, by the name of its file."""
     makers = figure_makers(identification)
-    return {name: make(ax=None) for name, make in makers.items()}
+    return {name: make() for name, make in makers.items()}
 
 
 def plot(
-    identification: Identification, name: str, *, ax: "Axes | None" = None
+    identification: Identification,
+    name: str,
+    *,
+    ax: "Axes | None" = None,
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """One figure of a result.
 
     Args:
         name: As the file is called.
-        ax: Where to draw; None makes a figure.
+        ax: Axes to draw a figure of a single panel into.
+        fig: Figure or subfigure to draw any figure into; without both it gets its own.
 
     Raises:
-        ConfigError: There is no such figure, or it has several panels.
+        ConfigError: There is no such figure, or it does not fit into axes.
     """
     makers = figure_makers(identification)
     if name not in makers:
@@ -120,7 +110,22 @@ def plot(
             f"{name!r} is no figure of this result; it has {', '.join(makers)}",
             code="unknown_figure",
         )
-    return makers[name](ax=ax)
+    make = makers[name]
+    takes = inspect.signature(make).parameters
+    if ax is not None and fig is not None:
+        raise ConfigError(
+            "ax and fig are both given, and a figure has one place; leave one out",
+            code="two_places",
+        )
+    if ax is not None and "ax" not in takes:
+        raise ConfigError(
+            f"the figure {name!r} has several panels and does not fit into the axes of "
+            "one; give it a figure or a subfigure, as fig=, or take the one it makes",
+            code="several_panels",
+        )
+    if fig is not None:
+        return make(fig=fig) if "fig" in takes else make(ax=fig.subplots())
+    return make() if ax is None else make(ax=ax)
 
 
 def figure_files(
@@ -137,7 +142,7 @@ def figure_files(
     for name, make in figure_makers(identification).items():
         suffixes = [s for s in ("png", "svg") if is_wanted(name, s)]
         if suffixes:
-            figure = make(ax=None)
+            figure = make()
             files |= {f"{name}.{s}": figure_bytes(figure, s) for s in suffixes}
     return files
 
@@ -151,7 +156,7 @@ def _posterior_makers(
         if name in samples:
             makers[name] = partial(_angle, identification, name)
     if "f1" in samples:
-        makers["ellipse"] = _whole(_ellipse, identification)
+        makers["ellipse"] = partial(_ellipse, identification)
     if identification.parameters:
         makers["learned"] = partial(_learned, identification)
     if find_spec("corner"):
@@ -162,11 +167,13 @@ def _posterior_makers(
         for name, quantities in groups.items():
             shown = _shown_in_pairs(identification, quantities)
             if len(shown) > 1:
-                makers[name] = _whole(_corner, identification, shown)
+                makers[name] = partial(_corner, identification, shown)
     return makers
 
 
-def _grasp(identification: Identification) -> "Figure":
+def _grasp(
+    identification: Identification, *, fig: "Figure | SubFigure | None" = None
+) -> "Figure":
     table, used = identification.table, identification.used
     markers = {
         name: marker_of(answer(identification), identification)
@@ -176,11 +183,12 @@ def _grasp(identification: Identification) -> "Figure":
         np.degrees(table.theta[used]),
         np.degrees(table.alpha[used]),
         reach_deg=identification.config.reach.alpha_deg,
+        fig=fig,
         **markers,
     )
 
 
-def _learned(identification: Identification, *, ax: "Axes | None") -> "Figure":
+def _learned(identification: Identification, *, ax: "Axes | None" = None) -> "Figure":
     shown = identification.parameters
     return learned_figure(
         [q.name for q in shown],
@@ -190,17 +198,29 @@ def _learned(identification: Identification, *, ax: "Axes | None") -> "Figure":
     )
 
 
-def _traces(posterior: PosteriorResult, chain: np.ndarray) -> "Figure":
+def _traces(
+    posterior: PosteriorResult,
+    chain: np.ndarray,
+    *,
+    fig: "Figure | SubFigure | None" = None,
+) -> "Figure":
     diagnostics = posterior.diagnostics
     return trace_figure(
         chain,
         posterior.chain_names,
         thin=posterior.thin,
         autocorr_time=diagnostics.autocorr_time if diagnostics else {},
+        fig=fig,
     )
 
 
-def _angle(identification: Identification, name: str, *, ax: "Axes | None") -> "Figure":
+def _angle(
+    identification: Identification,
+    name: str,
+    *,
+    ax: "Axes | None" = None,
+    fig: "Figure | SubFigure | None" = None,
+) -> "Figure":
     """Profile and posterior of θ_c or α*; into given axes the posterior alone."""
     quantity: Quantity = getattr(identification, name)
     answer = ANSWERS[name](identification)
@@ -232,10 +252,13 @@ def _angle(identification: Identification, name: str, *, ax: "Axes | None") -> "
         prob=quantity.prob,
         modes=modes,
         ax=ax,
+        fig=fig,
     )
 
 
-def _ellipse(identification: Identification) -> "Figure":
+def _ellipse(
+    identification: Identification, *, fig: "Figure | SubFigure | None" = None
+) -> "Figure":
     samples = identification.posterior.samples
     quantities = {
         q.name: q for q in (*identification.combinations, *identification.parameters)
@@ -258,7 +281,7 @@ def _ellipse(identification: Identification) -> "Figure":
             )
         )
     marker = marker_of(alpha_star_answer(identification), identification)
-    return ellipse_figure(panels, unit=unit, alpha_star=marker)
+    return ellipse_figure(panels, unit=unit, alpha_star=marker, fig=fig)
 
 
 def _shown_in_pairs(
@@ -276,12 +299,18 @@ def _shown_in_pairs(
     ]
 
 
-def _corner(identification: Identification, shown: Sequence[Quantity]) -> "Figure":
+def _corner(
+    identification: Identification,
+    shown: Sequence[Quantity],
+    *,
+    fig: "Figure | SubFigure | None" = None,
+) -> "Figure":
     posterior = identification.posterior
     return corner_figure(
         {q.name: posterior.samples[q.name] for q in shown},
         {q.name: posterior.prior_samples[q.name] for q in shown},
         units={q.name: q.unit for q in shown},
+        fig=fig,
     )
 
 
@@ -289,7 +318,9 @@ def _varies(draws: np.ndarray | None) -> bool:
     return draws is not None and bool(np.nanstd(draws) > 0)
 
 
-def _residuals(identification: Identification) -> "Figure":
+def _residuals(
+    identification: Identification, *, fig: "Figure | SubFigure | None" = None
+) -> "Figure":
     fit, table = identification.fit, identification.table
     rows = np.array(fit.row, dtype=int)
     observed = np.array(
@@ -303,4 +334,5 @@ def _residuals(identification: Identification) -> "Figure":
         row=rows,
         channels=fit.channel,
         unit=table.unit,
+        fig=fig,
     )

@@ -16,7 +16,7 @@ from pushfit.report.answers import (
     alpha_star_answer,
     theta_c_answer,
 )
-from pushfit.report.figures.style import COLUMN, new_figure, styled
+from pushfit.report.figures.style import COLUMN, sheet, styled
 from pushfit.report.figures.sweeps import (
     SAME_DEG,
     Marker,
@@ -29,7 +29,7 @@ from pushfit.report.figures.sweeps import (
 from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 
 # Fewer directions than this are no sweep: a line through two shows nothing.
@@ -144,9 +144,17 @@ def within_half_turn(pieces: Pieces) -> Pieces:
 
 @styled
 def main_figure(
-    identification: Identification, *, is_stacked: bool = False
+    identification: Identification,
+    *,
+    is_stacked: bool = False,
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
-    """Heights against both angles with the answers; stacked for a narrow page."""
+    """Heights against both angles with the answers.
+
+    Args:
+        is_stacked: Whether panels stand below each other, for a narrow page.
+        fig: Figure or subfigure to draw into; None makes one.
+    """
     answers = {swept: answer(identification) for swept, answer in ANSWERS.items()}
     channels = identification.table.channels
     swept = [s for s in answers if sweeps_of(identification, s, channels[0])]
@@ -164,8 +172,8 @@ def main_figure(
     width = COLUMN * max(LEAST_WIDTH, n_columns) + TICK_MARGIN
     width = STACK_WIDTH * COLUMN if is_stacked else width
     height = PANEL_HEIGHT + max(legend_height(sweeps) for sweeps in panels.values())
-    figure = new_figure(width=width, height=height * n_rows)
-    grid = figure.subplots(n_rows, n_columns, squeeze=False)
+    figure, room = sheet(fig, width=width, height=height * n_rows)
+    grid = room.subplots(n_rows, n_columns, squeeze=False)
     for axes, ((channel, angle), sweeps) in zip(grid.flat, panels.items(), strict=True):
         draw_panel(
             axes,

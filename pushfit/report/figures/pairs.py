@@ -13,14 +13,14 @@ from pushfit.report.figures.style import (
     DATA,
     PALE,
     PRIOR,
-    new_figure,
+    sheet,
     styled,
     symbol_label,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 # More draws change no pixel of a corner plot and cost a second each.
 MAX_DRAWS = 20_000
@@ -29,6 +29,8 @@ N_BINS = 24
 ZOOM = 1.3
 # Height of the prior in a panel where the posterior is 1.
 PRIOR_TOP = 0.6
+# Between panels, in widths of one.
+GAP = 0.05
 # Panel that a prior fills evenly.
 EVERYWHERE = "#EFEFEF"
 
@@ -39,6 +41,7 @@ def corner_figure(
     prior: Mapping[str, Float[np.ndarray, " m"]],
     *,
     units: Mapping[str, str],
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """Posterior draws in pairs, the prior behind in grey.
 
@@ -48,6 +51,7 @@ def corner_figure(
 
     Args:
         samples: Posterior draws by name, none of them constant.
+        fig: Figure or subfigure to draw into; None makes one.
     """
     import corner
     from matplotlib.lines import Line2D
@@ -61,8 +65,12 @@ def corner_figure(
         for positive, window in zip(is_positive, windows, strict=True)
     ]
     size = max(3.2, 1.45 * len(names) + 0.6)
-    # corner places its panels itself and refuses a layout engine.
-    figure = new_figure(width=size, height=size, layout=None)
+    # Places that are known cost no layout, which takes seconds for so many panels.
+    figure, room = sheet(fig, width=size, height=size, layout=None)
+    edge = 0.75 / size
+    places = {"left": edge, "bottom": edge, "right": 0.98, "top": 0.98}
+    places |= {"wspace": GAP, "hspace": GAP}
+    grid = room.subplots(len(names), len(names), gridspec_kw=places)
     is_beyond = np.array(
         [
             _is_beyond(window, prior[name])
@@ -74,7 +82,7 @@ def corner_figure(
         table = table[np.isfinite(table).all(axis=1)][:MAX_DRAWS]
         corner.corner(
             table,
-            fig=figure,
+            fig=_Panels(grid),  # pyright: ignore[reportArgumentType]
             bins=N_BINS,
             range=[_bulk(draws[name]) for name in names],
             axes_scale=scales,  # pyright: ignore[reportArgumentType]
@@ -87,7 +95,6 @@ def corner_figure(
             contour_kwargs={"linewidths": 1.2 if colour == DATA else 0.8},
             max_n_ticks=3,
         )
-        grid = np.array(figure.axes).reshape(len(names), len(names))
         if colour == PRIOR:
             _fill(grid[is_beyond[:, None] | is_beyond[None]])
     for index, name in enumerate(names):
@@ -98,16 +105,24 @@ def corner_figure(
         _draw_margin(
             grid[index, index], samples[name], prior=prior[name], window=windows[index]
         )
-    _label_corner(figure, names, units)
-    margin = 0.75 / size
-    figure.subplots_adjust(left=margin, bottom=margin, right=0.98, top=0.98)
-    figure.legend(
+    _label_corner(grid, names, units)
+    room.legend(
         [Line2D([], [], color=DATA), Line2D([], [], color=PRIOR)],
         ["posterior, 50 % and 90 %", "prior; far wider than a panel in grey"],
         loc="upper right",
         fontsize=9,
     )
     return figure
+
+
+class _Panels:
+    """What corner asks of a figure: its panels, and to move those of the user."""
+
+    def __init__(self, grid: np.ndarray) -> None:
+        self.axes = list(grid.flat)
+
+    def subplots_adjust(self, **_: float) -> None:
+        """Leave every panel of a figure where its owner has it."""
 
 
 def _draw_margin(
@@ -188,14 +203,12 @@ def _is_wide(low: float, high: float) -> bool:
 
 
 def _label_corner(
-    figure: "Figure", names: Sequence[str], units: Mapping[str, str]
+    grid: np.ndarray, names: Sequence[str], units: Mapping[str, str]
 ) -> None:
     """Names with units along the left and lower border, ticks in plain numbers."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    n = len(names)
-    grid = np.array(figure.axes).reshape(n, n)
-    for axes in figure.axes:
+    for axes in grid.flat:
         axes.grid(visible=False)
         axes.tick_params(labelsize=7)
         for axis in (axes.xaxis, axes.yaxis):

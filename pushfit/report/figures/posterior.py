@@ -19,8 +19,8 @@ from pushfit.report.figures.style import (
     PRIOR,
     canvas,
     math_symbol,
-    new_figure,
     place_legend,
+    sheet,
     styled,
     symbol_label,
 )
@@ -28,7 +28,7 @@ from pushfit.report.figures.sweeps import Marker, Pieces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 N_BINS = 60
 N_CURVE = 400
@@ -129,6 +129,7 @@ def quantity_figure(
     unit: str = "deg",
     modes: Sequence[float] = (),
     ax: "Axes | None" = None,
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """Profile likelihood above, posterior over prior below, all modes marked.
 
@@ -136,17 +137,20 @@ def quantity_figure(
         profile: Grid and Δχ² on it; None leaves the upper panel out.
         level: Δχ² of the likelihood set.
         modes: Values at the local optima of the likelihood.
-        ax: Where to draw the posterior alone; None makes a figure of both.
+        ax: Where to draw the posterior alone.
+        fig: Figure or subfigure to draw both into; None makes one.
     """
     limits = _limits(profile, samples, modes)
-    if profile is None or ax is not None:
-        figure, axes = canvas(ax, width=1.5 * COLUMN, height=2.3)
+    if ax is not None:
+        profile, (figure, axes) = None, canvas(ax, width=COLUMN, height=COLUMN)
         panels = np.array([axes])
     else:
-        figure = new_figure(width=1.5 * COLUMN, height=3.8)
-        panels = figure.subplots(2, 1, sharex=True)
+        n_panels = 1 if profile is None else 2
+        height = 0.8 + 1.5 * n_panels
+        figure, room = sheet(fig, width=1.5 * COLUMN, height=height)
+        panels = room.subplots(n_panels, 1, sharex=True, squeeze=False)[:, 0]
     draw_posterior(panels[-1], samples, prior, marker=marker, limits=limits)
-    if profile is not None and ax is None:
+    if profile is not None:
         draw_profile(
             panels[0],
             *profile,

@@ -26,13 +26,13 @@ from pushfit.report.figures.style import (
     PAGE,
     axis_label,
     drawable,
-    new_figure,
+    sheet,
     styled,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 # What one row shows legibly, and what fits a page.
 PUSHES_PER_ROW = 30
@@ -127,12 +127,14 @@ def recording_figure(
     *,
     unit: str,
     channel: str,
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """Signal with every push, its baseline, its height and the doubtful places.
 
     Args:
         signal: Samples; gaps are NaN.
         marks: The pushes, as `marks_of` gives them.
+        fig: Figure or subfigure to draw into; None makes one.
     """
     # Seconds since 1970 would leave no room for themselves.
     origin = float(np.floor(time[0])) if abs(time[0]) > MAX_TIME else 0.0
@@ -142,8 +144,8 @@ def recording_figure(
     marks = marks.sort_values("t_peak_s", kind="stable")
     n_pushes = len(marks)
     n_rows = int(np.clip(-(-n_pushes // PUSHES_PER_ROW), 1, MAX_ROWS))
-    figure = new_figure(width=PAGE, height=0.6 + 1.9 * n_rows)
-    panels = np.atleast_1d(figure.subplots(n_rows, 1, sharey=True))
+    figure, room = sheet(fig, width=PAGE, height=0.6 + 1.9 * n_rows)
+    panels = np.atleast_1d(room.subplots(n_rows, 1, sharey=True))
     rows = np.array_split(np.arange(n_pushes), n_rows)
     chunks = [marks.iloc[row] for row in rows]
     edges = _row_edges(time, [chunk["t_peak_s"].to_numpy() for chunk in chunks])
@@ -163,7 +165,7 @@ def recording_figure(
     panels[-1].set_xlabel("time [s]" + (f" after {origin:.0f} s" if origin else ""))
     doubtful = sum(bool(flag) for flag in marks["flags"])
     doubt = f", {doubtful} doubtful" if doubtful else ""
-    figure.suptitle(
+    room.suptitle(
         f"{n_pushes} pushes{doubt}; {words}".rstrip("; "),
         x=0.01,
         ha="left",
@@ -183,8 +185,14 @@ def _row_edges(
     return list(itertools.pairwise(cuts))
 
 
-def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
-    """A recording as the table keeps it, with the pushes that were taken from it."""
+def signal_figure(
+    trace: Trace, table: PeakTable, *, fig: "Figure | SubFigure | None" = None
+) -> "Figure":
+    """A recording as the table keeps it, with the pushes that were taken from it.
+
+    Args:
+        fig: Figure or subfigure to draw into; None makes one.
+    """
     rows = range(trace.first_row, trace.first_row + trace.n_rows)
     return recording_figure(
         trace.time,
@@ -192,11 +200,21 @@ def signal_figure(trace: Trace, table: PeakTable) -> "Figure":
         marks_of(table, rows, sign=trace.sign),
         unit=trace.unit,
         channel=trace.name,
+        fig=fig,
     )
 
 
-def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
-    """A recording with its pushes numbered: what a schedule has to name."""
+def found_figure(
+    recording: Recording,
+    settings: PeakSettings,
+    *,
+    fig: "Figure | SubFigure | None" = None,
+) -> "Figure":
+    """A recording with its pushes numbered: what a schedule has to name.
+
+    Args:
+        fig: Figure or subfigure to draw into; None makes one.
+    """
     extents = find_pushes(recording, settings=settings)
     recording = looked_at(recording, settings)
     marks = pd.DataFrame(
@@ -212,7 +230,7 @@ def found_figure(recording: Recording, settings: PeakSettings) -> "Figure":
     name = signal_name(recording, settings)
     unit = recording.units.get(name, next(iter(recording.units.values())))
     return recording_figure(
-        *push_signal(recording, settings), marks, unit=unit, channel=name
+        *push_signal(recording, settings), marks, unit=unit, channel=name, fig=fig
     )
 
 

@@ -18,7 +18,7 @@ from pushfit.report.strings import printable, unit_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -103,6 +103,20 @@ def canvas(
     if figure is None:
         raise ValueError("the axes belong to no figure any more; make new ones")
     return figure, axes
+
+
+def sheet(
+    fig: "Figure | SubFigure | None",
+    *,
+    width: float,
+    height: float,
+    layout: Literal["constrained"] | None = "constrained",
+) -> "tuple[Figure, Figure | SubFigure]":
+    """Room for panels: that of the user, or a figure of their own."""
+    if fig is None:
+        figure = new_figure(width=width, height=height, layout=layout)
+        return figure, figure
+    return fig.get_figure(root=True), fig
 
 
 @functools.cache

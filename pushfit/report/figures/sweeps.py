@@ -24,15 +24,15 @@ from pushfit.report.figures.style import (
     channel_label,
     drawable,
     math_symbol,
-    new_figure,
     place_legend,
     series_colours,
+    sheet,
     styled,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 Pieces = Sequence[tuple[float | None, float | None]]
 
@@ -335,12 +335,14 @@ def alpha_figure(
     prob: float,
     marker: Marker | None = None,
     ax: "Axes | None" = None,
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """Peak height against azimuth, as a curve and around the push frame.
 
     Args:
         sweeps: One per elevation.
-        ax: Where to draw the curves alone; None makes a figure of both.
+        ax: Where to draw the curves alone.
+        fig: Figure or subfigure to draw both into; None makes one.
     """
     marker = marker or Marker(name="alpha_star")
     panel = {"swept": "alpha", "channel": channel, "unit": unit, "prob": prob}
@@ -348,10 +350,11 @@ def alpha_figure(
         figure, axes = canvas(ax, width=PAGE, height=PAGE)
         draw_panel(axes, sweeps, marker=marker, **panel)
         return figure
-    figure = new_figure(width=PAGE, height=BESIDE + legend_height(sweeps))
+    height = BESIDE + legend_height(sweeps)
+    figure, room = sheet(fig, width=PAGE, height=height)
     # Apart, so that the legend of the one takes no room from the other.
-    grid = figure.add_gridspec(1, 2)
-    left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+    grid = room.add_gridspec(1, 2)
+    left, right = room.add_subfigure(grid[0]), room.add_subfigure(grid[1])
     draw_panel(left.subplots(), sweeps, marker=marker, **panel)
     draw_polar(right.add_subplot(projection="polar"), sweeps, marker)
     is_signed = any(np.any(sweep.height < 0) for sweep in sweeps)
