@@ -27,6 +27,7 @@ from pushfit.report.figures.style import (
     PALE,
     PRIOR,
     VERMILLION,
+    draw_tip,
     drawable,
     math_symbol,
     sheet,
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 
 # Length of the arrows, and where the finger touches, in widths of the object.
 REACH = 0.85
+# Where the ends of a set are marked, beyond its ray and before its symbol.
+RIM = 1.09 * REACH
 # Ellipses: enough to show the spread, few enough to see single ones.
 N_SHOWN = 60
 
@@ -63,14 +66,21 @@ def _arrow(axes: "Axes", end: tuple[float, float], colour: str) -> None:
 def _fan(
     axes: "Axes", marker: Marker, *, limits: tuple[float, float], down: bool
 ) -> None:
-    """The set of an angle as a wedge, its values as dashed rays."""
-    from matplotlib.patches import Wedge
+    """The set of an angle as a wedge between two tips, its values as dashed rays."""
+    from matplotlib.patches import Arc, Wedge
 
     for start, end in marker.pieces:
         low = limits[0] if start is None else start
         high = limits[1] if end is None else end
         ends = (-high, -low) if down else (low, high)
         axes.add_patch(Wedge((0, 0), REACH, *ends, color=BLUE, alpha=2 * SHADE, lw=0))
+        rim = {"theta1": ends[0], "theta2": ends[1], "capstyle": "butt"}
+        axes.add_patch(Arc((0, 0), 2 * RIM, 2 * RIM, color=BLUE, lw=3, **rim))
+        for tip, inward in ((start, 90.0), (end, -90.0)):
+            if tip is not None:
+                toward = (-1 if down else 1) * (tip + inward)
+                place = _ray(tip, RIM, down=down)
+                draw_tip(axes, *place, toward_deg=toward, colour=BLUE)
     for value in marker.estimates:
         x, y = _ray(value, REACH, down=down)
         axes.plot([0, x], [0, y], color=BLUE, lw=1.2, ls=DASHED)
@@ -144,7 +154,7 @@ def draw_top(
         _label(axes, math_symbol("alpha_star"), marker.estimates[0], down=False)
     words = f"from above: along {math_symbol('alpha_star')} it gives way most easily"
     axes.text(0, -1.3, words, ha="center", parse_math=True)
-    axes.text(-1.1, -0.9, "grey: pushed; white: within reach", fontsize=7, color=GREY)
+    axes.text(-1.1, -0.9, "lines: pushed; sector: within reach", fontsize=7, color=GREY)
     axes.set(xlim=(-1.35, 1.35), ylim=(-1.45, 1.3), aspect="equal")
 
 

@@ -9,7 +9,7 @@ import functools
 import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 from pushfit.atomic import atomic_path
 from pushfit.parameters import named
@@ -32,6 +32,8 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES = ("-", "--", "-.", ":")
 # Of lines that mark an answer.
 DASHED = (0, (4, 2))
+# Of the tips that show a set which may be narrower than a line [points].
+TIP = 7
 
 # More series than this are told apart by an ordered ramp, safe for every colour vision.
 RAMP, RAMP_END = "cividis", 0.6
@@ -188,6 +190,20 @@ def channel_label(channel: str, unit: str) -> str:
     """Axis label of a height channel, "normal height [N]"."""
     kind = channel.removeprefix("height").strip("_")
     return axis_label(f"{kind} height".strip() if kind else "peak height", unit)
+
+
+def draw_tip(
+    axes: "Axes", x: float, y: float, *, toward_deg: float, colour: str, **options: Any
+) -> None:
+    """Arrow head with its tip at a point: two of them show a set however narrow.
+
+    Args:
+        toward_deg: Where it points to, counter-clockwise from the right [deg].
+    """
+    from matplotlib.markers import CARETRIGHT, MarkerStyle
+
+    shape = MarkerStyle(CARETRIGHT).rotated(deg=toward_deg)
+    axes.plot(x, y, marker=shape, color=colour, ms=TIP, mew=0, zorder=6, **options)
 
 
 def place_legend(axes: "Axes", **options: object) -> None:

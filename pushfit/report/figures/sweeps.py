@@ -22,6 +22,7 @@ from pushfit.report.figures.style import (
     angle_words,
     canvas,
     channel_label,
+    draw_tip,
     drawable,
     math_symbol,
     place_legend,
@@ -158,14 +159,16 @@ def draw_marker(
         axes: Cartesian axes with the angle in degrees along x, limits already set.
         sweep: The curve; None where the quantity belongs to all of them.
     """
-    low, high = axes.get_xlim()
+    low, high = axes.set_xlim(axes.get_xlim())
     for start, end in marker.pieces:
         left = low if start is None else max(start, low)
         right = high if end is None else min(end, high)
         if left < right:
             axes.axvspan(left, right, color=colour, alpha=SHADE, lw=0, zorder=0)
+            _draw_extent(axes, left, right, colour=colour)
             if sweep is not None:
-                inside = np.linspace(left, right, N_CURVE)
+                ends = np.clip([left, right], sweep.grid_deg[0], sweep.grid_deg[-1])
+                inside = np.linspace(*ends, N_CURVE)
                 curve = np.interp(inside, sweep.grid_deg, sweep.best_fit)
                 axes.plot(inside, curve, color=colour, lw=6, alpha=0.4, zorder=2.5)
     for value in marker.estimates:
@@ -174,7 +177,6 @@ def draw_marker(
             if sweep is not None:
                 height = np.interp(value, sweep.grid_deg, sweep.best_fit)
                 axes.plot(value, height, "o", color=colour, mec="white", ms=7, zorder=5)
-    axes.set_xlim(low, high)
     if marker.text:
         axes.set_title(
             marker.title,
@@ -184,6 +186,17 @@ def draw_marker(
             color=colour,
             parse_math=True,
         )
+
+
+def _draw_extent(axes: "Axes", left: float, right: float, *, colour: str) -> None:
+    """A set at the upper edge, between two tips; none where the axes cut it off."""
+    low, high = axes.get_xlim()
+    edge = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+    axes.plot([left, right], [1, 1], color=colour, lw=3, solid_capstyle="butt", **edge)
+    if left > low:
+        draw_tip(axes, left, 1.0, toward_deg=0.0, colour=colour, **edge)
+    if right < high:
+        draw_tip(axes, right, 1.0, toward_deg=180.0, colour=colour, **edge)
 
 
 def set_angle_ticks(axes: "Axes", swept: str) -> None:

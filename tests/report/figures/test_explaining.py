@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex, to_rgb
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.report.figures import (
@@ -14,11 +15,13 @@ from pushfit.report.figures import (
     corner_figure,
     coverage_figure,
     figure_bytes,
+    grasp_figure,
     plot,
     theta_figure,
     trace_figure,
 )
 from pushfit.report.figures.diagnostics import MAX_STEPS, MAX_TRACES
+from pushfit.report.figures.grasp import RIM
 from pushfit.report.figures.pairs import EVERYWHERE
 from pushfit.report.figures.recording import marks_of
 from pushfit.report.figures.style import BLUE, SERIES
@@ -52,12 +55,62 @@ def test_the_critical_angle_stands_on_the_curve_of_its_azimuth_in_its_colour():
         fixed_deg=90.0,
     )
     (axes,) = theta_figure(sweeps, unit="n", prob=0.9, marker=marker).axes
-    (point,) = [line for line in axes.lines if len(line.get_xdata()) == 1]
+    lone = [line for line in axes.lines if len(line.get_xdata()) == 1]
+    (point,) = [line for line in lone if line.get_marker() == "o"]
     assert point.get_xydata().tolist() == [[10.0, 20.0]]
     assert point.get_color() == SERIES[1]
     (shown,) = [line for line in axes.lines if line.get_linewidth() > 4]
     assert (shown.get_xdata()[0], shown.get_xdata()[-1]) == (5.0, 15.0)
     assert axes.get_title() == r"$\theta_c$ at α = 90°:  10°"
+
+
+NARROW, WIDE, OPEN = (2.1, 2.4), (5.0, 38.0), (35.0, None)
+# Length of an arrow head on a screen of 100 dots per inch, and how little of its base
+# may be as dark as a line.
+HEAD, SOFT = 7, 2
+
+
+def rendered(figure) -> np.ndarray:
+    """Pixels as a screen shows them, from the lowest row up: 0 to 1."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[::-1, :, :3] / 255
+
+
+@pytest.mark.parametrize("ends", [NARROW, WIDE, OPEN])
+def test_a_set_narrower_than_a_dot_is_seen_between_two_tips(ends):
+    low, high = ends
+    marker = Marker(name="theta_c", pieces=(ends,), text="of a test")
+    figure = theta_figure([sweep_at(0.0, 1.0)], unit="n", prob=0.9, marker=marker)
+    (axes,) = figure.axes
+    pixels = rendered(figure)
+    left, top = axes.transData.transform((low, 0.0))[0], axes.bbox.y1
+    right = axes.bbox.x1 if high is None else axes.transData.transform((high, 0.0))[0]
+    drawn = np.flatnonzero((pixels[int(top)] < 0.5).all(axis=-1))
+    assert drawn.min() == pytest.approx(left - HEAD, abs=SOFT)
+    beyond = 0 if high is None else HEAD
+    assert drawn.max() == pytest.approx(right + beyond, abs=SOFT)
+    assert np.diff(drawn).max() <= SOFT
+
+
+@pytest.mark.parametrize("ends", [NARROW, WIDE, OPEN])
+def test_the_sketch_shows_a_narrow_set_too(ends):
+    """Blue on the ring beyond the rays, from tip to tip."""
+    marks = {"theta_c": Marker(name="theta_c", pieces=(ends,))}
+    marks["alpha_star"] = Marker(name="alpha_star", pieces=(ends,))
+    figure = grasp_figure(np.empty(0), np.empty(0), reach_deg=(0.0, 90.0), **marks)
+    pixels = rendered(figure)
+    turn = np.linspace(-20.0, 110.0, 2601)
+    for axes, sign in zip(figure.axes, (-1, 1), strict=True):
+        ring = RIM * np.exp(1j * np.radians(sign * turn))
+        x, y = axes.transData.transform(np.stack([ring.real, ring.imag], axis=1)).T
+        shown = pixels[y.astype(int), x.astype(int)]
+        is_blue = np.abs(shown - to_rgb(BLUE)).max(axis=-1) < 0.2
+        dot = np.degrees(1 / (RIM * axes.transData.get_matrix()[0, 0]))
+        first, last = turn[is_blue][[0, -1]]
+        assert first == pytest.approx(ends[0] - HEAD * dot, abs=SOFT * dot)
+        end = 90.0 if ends[1] is None else ends[1] + HEAD * dot
+        assert last == pytest.approx(end, abs=SOFT * dot)
 
 
 def test_azimuths_have_ticks_where_people_push():
@@ -101,7 +154,7 @@ def test_the_sketch_shows_true_angles(determined):
     """Rays of both answers leave the contact at the angles that they stand for."""
     side, top = plot(determined, "grasp").axes
     for axes, angle in ((side, -40.123), (top, 65.0)):
-        (ray,) = [li for li in axes.lines if li.get_color() == BLUE]
+        (ray,) = [li for li in axes.lines if li.get_linestyle() == "--"]
         x, y = ray.get_xydata()[1]
         assert np.degrees(np.arctan2(y, x)) == pytest.approx(angle)
 
