@@ -1,11 +1,13 @@
 """Figures that explain themselves: marks where they belong, nothing hidden or empty."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
+from matplotlib.text import Text
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.report.figures import (
@@ -148,6 +150,12 @@ def test_traces_stay_small_however_long_the_chain(determined):
     lines = figure.axes[0].lines
     assert len(lines) <= MAX_TRACES
     assert max(line.get_xdata().size for line in lines) <= MAX_STEPS
+
+
+def test_the_sketch_names_no_shade_that_a_dark_page_inverts(determined):
+    words = [text.get_text() for text in plot(determined, "grasp").findobj(Text)]
+    assert any("within reach" in text for text in words)
+    assert not re.search("white|black|light|dark|pale", " ".join(words))
 
 
 def test_the_sketch_shows_true_angles(determined):

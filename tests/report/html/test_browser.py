@@ -1,10 +1,10 @@
 """The pages in a real browser: a silent console, and nothing of a user that runs."""
 
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.image import imread
@@ -13,13 +13,10 @@ from pushfit.report.figures import figure_bytes, main_figure
 from pushfit.report.html import result as html_module
 from pushfit.report.html.batch import render_batch
 from pushfit.report.html.result import render_html
+from tests.look.chromium import BROWSER, chromium
 from tests.report.html.test_result import ALLOWED, Page
 from tests.report.makers import make_trace
 
-BROWSER = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))),
-    None,
-)
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed here"),
@@ -32,6 +29,17 @@ ATTACK = (
     "'\"><a href=\"javascript:document.title='owned'\">x</a>"
 )
 SIZES = {"desktop": (1280, 900), "phone": (390, 844)}
+DRAWN = (
+    "document.readyState == 'complete' && document.images.length > 0 && "
+    "[...document.images].every(i => i.complete && i.naturalWidth > 0)"
+)
+# Where every picture is, and where text ends, on the page as a whole.
+BOXES = """[...document.images].map(i => i.getBoundingClientRect()).map(
+  b => [b.left, b.top, b.right, b.bottom].map(Math.round))"""
+CHOSEN = """(() => {
+  const main = document.querySelector('figure.main');
+  return main.querySelector('img').currentSrc == main.querySelector('source').srcset;
+})()"""
 
 
 def browse(page, *options: str) -> tuple[str, str]:
@@ -115,6 +123,47 @@ def test_the_first_screen_is_drawn(size, page):
     # Nothing runs into the right border, as it would on a page that must be scrolled.
     assert pixels[:, -4:].std() < 0.01
     assert len({tuple(row) for row in pixels[::7, ::7].reshape(-1, 3).tolist()}) > 30
+
+
+@pytest.fixture(scope="module")
+def whole(make_identification, tmp_path_factory):
+    """The page of a result with every figure."""
+    path = tmp_path_factory.mktemp("whole") / "report.html"
+    path.write_text(render_html(make_identification()), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory):
+    with chromium(tmp_path_factory.mktemp("profile")) as tab:
+        yield tab
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("size", SIZES)
+def test_page_and_pictures_fit_the_screen_by_day_and_at_night(size, dark, whole, tab):
+    """As a person sees them: paper and every picture in turn, none wider than it."""
+    width = SIZES[size][0]
+    tab.show(whole.as_uri(), width=width, height=SIZES[size][1], dark=dark)
+    tab.until(DRAWN)
+    assert tab.run("document.documentElement.scrollWidth") <= width
+    assert tab.run(CHOSEN) == (size == "phone")
+    height = tab.run("document.documentElement.scrollHeight")
+    tab.show(whole.as_uri(), width=width, height=height, dark=dark)
+    tab.until(DRAWN)
+    picture = whole.with_name(f"{size}.png")
+    tab.picture(picture)
+    pixels = imread(picture)[..., :3]
+    boxes = tab.run(BOXES)
+    assert len(boxes) > 10
+    for left, top, right, bottom in boxes:
+        assert 0 <= left < right <= width
+        shown = pixels[top:bottom, left:right]
+        # Most of a picture is its paper, and something is drawn on it.
+        assert (np.median(shown) < 0.3) == dark
+        assert shown.std() > 0.02
+    assert (np.median(pixels) < 0.3) == dark
+    assert tab.complaints == []
 
 
 def test_it_prints(page):
