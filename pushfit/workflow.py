@@ -7,6 +7,7 @@ Files, frames and records are taken alike. Excluded: what a result shows, which 
 import contextlib
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +31,7 @@ from pushfit.fit.programs import loaded_ahead
 from pushfit.fit.results import Recipe
 from pushfit.fit.stages import Progress, Stages, stages_of
 from pushfit.report.result import Result
+from pushfit.report.strings import time_left
 from pushfit.report.text.first import First
 
 Read = TypeVar("Read")
@@ -116,6 +118,7 @@ def shown_progress(
         return
     handle = notebook.display.display({"text/plain": ""}, raw=True, display_id=True)
     known: list[str] = []
+    start = time.perf_counter()
 
     def write(*more: str) -> None:
         handle.update({"text/plain": "\n".join([*known, *more])}, raw=True)
@@ -124,8 +127,12 @@ def shown_progress(
         known.append(line)
         write()
 
+    def report(stage: str, share: float) -> None:
+        left = time_left(share, time.perf_counter() - start)
+        write(f"{stage}: {100 * share:.0f} % done{left}")
+
     try:
-        yield lambda stage, share: write(f"{stage}: {100 * share:.0f} %"), tell
+        yield report, tell
     finally:
         write()
 

@@ -145,12 +145,21 @@ def test_a_notebook_shows_what_is_known_and_the_stage(monkeypatch):
         "Display", (), {"display": staticmethod(lambda *a, **k: Handle())}
     )
     monkeypatch.setitem(sys.modules, "IPython", notebook)
+    clock = iter([100.0, 103.0, 106.0])
+    monkeypatch.setattr(workflow.time, "perf_counter", lambda: next(clock))
     with workflow.shown_progress(None) as (progress, tell):
         assert progress is not None
         tell("best fit: θ_c = 41°")
+        progress("least squares", 0.1)
         progress("sampling", 0.25)
     known = "best fit: θ_c = 41°"
-    assert shown == [known, f"{known}\nsampling: 25 %", known]
+    # A quarter in 6 s leaves three of them; a tenth foretells nothing.
+    assert shown == [
+        known,
+        f"{known}\nleast squares: 10 % done",
+        f"{known}\nsampling: 25 % done, about 18 s left",
+        known,
+    ]
 
 
 def test_without_a_notebook_nothing_is_shown(monkeypatch, capsys):

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 WORTH_A_LINE = 0.03
 # Stages that differ in a number alone are one: "table 3 of 200".
 NUMBER = re.compile(r"\d+")
-# Below this share what is left would be a guess.
-FORESEEABLE = 0.15
 # Seconds of which the bar takes the speed: stages are long and few.
 MEMORY = 600.0
 
@@ -47,10 +45,9 @@ class Course:
         self._say(text)
 
     def _left(self, share: float) -> str:
-        if not FORESEEABLE <= share < 1:
-            return ""
-        seconds = (self._clock() - self._start) * (1 - share) / share
-        return f", about {seconds:.0f} s left"
+        from pushfit.report.strings import time_left
+
+        return time_left(share, self._clock() - self._start)
 
 
 class Bar(Course):

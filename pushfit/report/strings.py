@@ -20,6 +20,9 @@ COARSE_DEG = 99.0
 # Period of an axis [deg].
 HALF_TURN = 180.0
 
+# Below this share of a run what is left would be a guess.
+FORESEEABLE = 0.15
+
 # Control, format (bidirectional overrides among them), surrogate and private characters
 # can rewrite a terminal line or break an encoder.
 UNSAFE_CATEGORIES = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})
@@ -181,6 +184,18 @@ def format_bound(value: float, unit: str) -> str:
     if unit_label(unit) == "°":
         return format_angle(value)
     return with_unit(format_number(value), unit)
+
+
+def time_left(share: float, seconds: float) -> str:
+    """Words for what is left of a run, ", about 9 s left"; none where it is a guess.
+
+    Args:
+        share: What is done of it.
+        seconds: Time that this took [s].
+    """
+    if not FORESEEABLE <= share < 1:
+        return ""
+    return f", about {seconds * (1 - share) / share:.0f} s left"
 
 
 def join_or(items: Sequence[str]) -> str:

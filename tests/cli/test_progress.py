@@ -26,9 +26,9 @@ def test_a_log_gets_a_line_for_each_stage_with_what_is_left():
     course("posterior", 0.5)
     assert said == [
         "least squares: 0 % done",
-        "likelihood sets: 25 % done, about 9 s left",
+        "likelihood sets: 25 % done, about 18 s left",
         "best fit: 40°",
-        "posterior: 50 % done, about 6 s left",
+        "posterior: 50 % done, about 9 s left",
     ]
 
 
