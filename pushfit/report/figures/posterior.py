@@ -32,8 +32,9 @@ if TYPE_CHECKING:
 
 N_BINS = 60
 N_CURVE = 400
-# Largest Δχ² shown: 3.3 sigma, beyond every usual level.
-MAX_DELTA = 11.0
+# Largest Δχ² shown: 3.3 sigma, beyond every usual level; above a level of few degrees
+# of freedom, which may be tens, there is room for its line.
+MAX_DELTA, ABOVE = 11.0, 1.15
 # A range that is most of the grid is shown as the whole grid.
 MOST = 0.6
 
@@ -74,7 +75,7 @@ def draw_profile(
         ha="right",
         fontsize=8,
     )
-    axes.set_ylim(0, MAX_DELTA)
+    axes.set_ylim(0, _top(level))
     axes.set_xlim(*limits)
     axes.set_ylabel("Δχ² of the profile")
     shade(axes, pieces, DATA)
@@ -140,7 +141,7 @@ def quantity_figure(
         ax: Where to draw the posterior alone.
         fig: Figure or subfigure to draw both into; None makes one.
     """
-    limits = _limits(profile, samples, modes)
+    limits = _limits(profile, samples, modes, top=_top(level))
     if ax is not None:
         profile, (figure, axes) = None, canvas(ax, width=COLUMN, height=COLUMN)
         panels = np.array([axes])
@@ -169,10 +170,17 @@ def quantity_figure(
     return figure
 
 
+def _top(level: float) -> float:
+    """Largest Δχ² that is shown."""
+    return max(MAX_DELTA, ABOVE * level)
+
+
 def _limits(
     profile: tuple[np.ndarray, np.ndarray] | None,
     samples: np.ndarray,
     modes: Sequence[float],
+    *,
+    top: float,
 ) -> tuple[float, float]:
     """Range that holds the draws, the optima and the profile up to its top.
 
@@ -184,7 +192,7 @@ def _limits(
     if profile is not None:
         values, delta = profile
         whole = float(values[0]), float(values[-1])
-        inside.append(values[delta < MAX_DELTA])
+        inside.append(values[delta < top])
         inside.append(np.array([m for m in modes if whole[0] <= m <= whole[1]]))
     shown = np.concatenate(inside) if inside else np.empty(0)
     if shown.size == 0:

@@ -167,8 +167,8 @@ def draw_marker(
             axes.axvspan(left, right, color=colour, alpha=SHADE, lw=0, zorder=0)
             _draw_extent(axes, left, right, colour=colour)
             if sweep is not None:
-                ends = np.clip([left, right], sweep.grid_deg[0], sweep.grid_deg[-1])
-                inside = np.linspace(*ends, N_CURVE)
+                grid = sweep.grid_deg
+                inside = np.linspace(max(left, grid[0]), min(right, grid[-1]), N_CURVE)
                 curve = np.interp(inside, sweep.grid_deg, sweep.best_fit)
                 axes.plot(inside, curve, color=colour, lw=6, alpha=0.4, zorder=2.5)
     for value in marker.estimates:

@@ -19,6 +19,7 @@ from pushfit.report.figures import (
     figure_bytes,
     grasp_figure,
     plot,
+    quantity_figure,
     theta_figure,
     trace_figure,
 )
@@ -180,6 +181,24 @@ def test_the_height_of_components_is_drawn_to_the_length_of_their_change():
     marks = marks_of(table, range(2))
     assert marks.baseline.tolist() == [0.0, 0.0]
     assert marks.height.tolist() == [5.0, 5.0]
+
+
+def test_a_level_of_few_degrees_of_freedom_is_on_the_picture():
+    """Of one degree of freedom it is 40 at 90 %, far above what else is shown."""
+    rng, grid = np.random.default_rng(0), np.linspace(0.0, 90.0, 181)
+    figure = quantity_figure(
+        (grid, np.full(181, 0.2)),
+        rng.uniform(0.0, 90.0, 500),
+        rng.uniform(0.0, 90.0, 500),
+        marker=Marker(name="theta_c"),
+        likelihood_pieces=((None, None),),
+        level=40.0,
+        prob=0.9,
+    )
+    figure_bytes(figure, "png")  # without a warning of a layout that failed
+    (label,) = [text for text in figure.axes[0].texts if text.get_text() == "90 %"]
+    panel = figure.axes[0].get_window_extent()
+    assert panel.y0 < label.get_window_extent().y0 < panel.y1
 
 
 def test_contours_fill_their_panels():
