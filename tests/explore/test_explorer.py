@@ -1,6 +1,7 @@
 """The course of an exploration: what is asked, told, kept, and when it ends."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
+from pushfit.explore.belief.belief import N_DRAWS
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer, Purpose
@@ -131,6 +133,23 @@ def test_a_budget_ends_it():
     own = explorer(width_deg=0.5, budget=3)
     assert len(run(own)) == 3
     assert own.state.answer is Answer.OUT_OF_BUDGET
+
+
+@pytest.mark.parametrize("is_guess", [True, False])
+def test_priors_alone_do_not_say_that_an_angle_is_absent(is_guess):
+    """Draws that never roll: a finding after pushes, a possibility before the first."""
+
+    def never_rolling(table, question, seed):
+        found = importance(table, question, seed)
+        nowhere = {"theta_c": np.full(N_DRAWS, np.nan)}
+        return replace(found, samples={**found.samples, **nowhere}, is_guess=is_guess)
+
+    own = explorer(source=never_rolling)
+    is_told = "does not exist" in own.state.sentence
+    assert is_told is not is_guess
+    assert ("by the priors alone" in own.state.sentence) is is_guess
+    assert own.state.p_budget is None
+    assert own.state.answer is Answer.DECIDING
 
 
 def test_what_lies_out_of_reach_cannot_be_decided():

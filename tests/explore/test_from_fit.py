@@ -72,6 +72,26 @@ def test_a_small_tilt_is_left_to_the_equations_of_the_paper():
     np.testing.assert_array_equal(belief.samples["theta_c"], only.samples["theta_c"])
 
 
+@pytest.mark.parametrize("sigma", [None, 0.03, 1.0])
+def test_a_preload_tells_the_scale_of_a_sensor_without_one(sigma):
+    """Springs of median stiffness push as hard as the preload, whatever the noise."""
+    text = "[push]\nlength_mm = 5.0\n[grasp]\npreload_kpa = 12.0\n"
+    asked = Question(
+        config=parse_config(text, path="grasp.toml"),
+        ask=("theta_c",),
+        channels=("height",),
+        unit="kpa",
+        sigma=sigma,
+        reference_alpha=np.pi / 2,
+    )
+    belief = believe(None, asked, 0)
+    support, contact = (np.median(belief.samples[name]) for name in ("K_sn", "K_dn"))
+    height = 0.005 * support * contact / (support + contact)
+    # Four standard errors of medians of so many draws.
+    assert height == pytest.approx(12.0, rel=0.08)
+    assert np.mean(np.isnan(belief.samples["theta_c"])) < 0.5
+
+
 def drawn(theta_c_deg, log_evidence):
     """Draws of an interval of 10° that count alike."""
     values = np.linspace(theta_c_deg - 5.0, theta_c_deg + 5.0, 101)

@@ -26,6 +26,7 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.profiles.least_squares import settle_noise
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup, build_problem, n_azimuths
+from pushfit.model import Grasp
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Median A of the default priors [N/m]: the height of a push that nobody has made yet.
@@ -95,8 +96,8 @@ def _made_up(question: Question) -> PeakTable:
     grasp = make_grasp(question.settings, question.unit)
     height = TYPICAL_STIFFNESS * float(grasp.push_length * grasp.gain)
     sigma = question.sigma
-    if not is_calibrated(question.config, question.unit) and sigma is not None:
-        height = sigma / TYPICAL_NOISE
+    if not is_calibrated(question.config, question.unit):
+        height = _typical_height(grasp, sigma) or height
     reach = reach_of(question.settings)
     azimuths = [question.reference_alpha]
     if "alpha_star" in question.ask:
@@ -112,6 +113,18 @@ def _made_up(question: Question) -> PeakTable:
         unit=question.unit,
         sd=given,
     )
+
+
+def _typical_height(grasp: Grasp, sigma: float | None) -> float | None:
+    """Height in the unit of a sensor without a scale, as far as anything tells it.
+
+    A preload comes before the noise: a finger that must not lift off is pressed on
+    about as hard as it pushes, while a good sensor scatters by far less than 5 %.
+    """
+    preload = float(grasp.preload * grasp.gain)
+    if preload > 0:
+        return preload
+    return None if sigma is None else sigma / TYPICAL_NOISE
 
 
 def _with_open_direction(table: PeakTable, question: Question) -> PeakTable:

@@ -92,8 +92,12 @@ class Judge:
         self, belief: Belief, angle: str, interval: Interval | None
     ) -> bool:
         if interval is None:
-            return _p_undefined(belief, angle) >= self.prob
+            return self._is_known_absent(belief, angle)
         return interval[1] - interval[0] <= self.width
+
+    def _is_known_absent(self, belief: Belief, angle: str) -> bool:
+        """Whether pushes, and not the priors alone, say that the contact never rolls."""
+        return not belief.is_guess and _p_undefined(belief, angle) >= self.prob
 
     def moved(self, told: Sequence[Told], belief: Belief, limits: Limits) -> str | None:
         """Sentence that the object has moved, if the last push repeats one and says so.
@@ -147,7 +151,8 @@ class Judge:
             answer = Answer.STOPPED
         elif not undecided and self._may_decide(question, told):
             answer = Answer.DECIDED
-        elif undecided:
+        elif undecided and not belief.is_guess:
+            # Priors alone leave too few draws for so many pushes, and no chance of it.
             unlimited, within = self._forecast(
                 belief, question, survey(), n_told=len(told), n_left=n_left
             )
@@ -232,14 +237,13 @@ class Judge:
             case Answer.OUT_OF_BUDGET:
                 text = f"no pushes are left, and {names} is not decided: {known}."
             case _:
-                chance = (
-                    ""
-                    if state.p_budget is None
-                    else (
-                        f"; the chance to decide to {half} with the {state.n_left} "
-                        f"pushes that are left is {_percent(state.p_budget)}"
-                    )
-                )
+                left = f"the {state.n_left} pushes that are left"
+                chance = ""
+                if state.p_budget is not None:
+                    percent = _percent(state.p_budget)
+                    chance = f"; the chance to decide to {half} with {left} is {percent}"
+                elif belief.is_guess:
+                    chance = f", by the priors alone; {half} is asked, with {left}"
                 text = f"after {n} pushes {known}{chance}."
         return replace(state, sentence=text)
 
@@ -249,9 +253,9 @@ class Judge:
             low, high = interval
             return f"{symbol} in {low:.1f}° to {high:.1f}° ({self.prob:.0%})"
         share = _p_undefined(belief, angle)
-        if share < self.prob:
-            return f"{symbol} is open; the contact may never roll ({share:.0%})"
-        return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"
+        if self._is_known_absent(belief, angle):
+            return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"
+        return f"{symbol} is open; the contact may never roll ({share:.0%})"
 
 
 def _answer(n_told: int, unlimited: float | None, before: Sequence[State]) -> Answer:
