@@ -65,12 +65,26 @@ def test_next_plans_the_first_push_of_all(grasp, capsys):
     out = capsys.readouterr().out
     assert out.startswith("after 0 pushes θ_c in ")
     # ± 3° and 60 pushes by default.
-    assert "to ± 3° with the 60 pushes that are left" in " ".join(out.split())
+    assert "± 3° is asked, with the 60 pushes that are left" in " ".join(out.split())
     assert "theta_deg" in out
 
 
+def test_the_first_push_is_planned_for_the_sensor_that_there_is(grasp, capsys):
+    """Components of a force tell more of θ_c than its magnitude."""
+    command = ["next", "--config", str(grasp), "--sigma", "0.05", "--json", "-n", "1"]
+    found = []
+    for option, settings in (("", ""), ("--forces", ""), ("", '[peaks]\nnormal="-fz"')):
+        grasp.write_text(f"[push]\nlength_mm = 5.0\n{settings}\n")
+        assert main([*command, *option.split()]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    magnitude, by_option, by_settings = found
+    assert by_option == by_settings
+    gains = [each["suggestions"][0]["gain_nat"] for each in (magnitude, by_option)]
+    assert gains[1] > 1.5 * gains[0]
+
+
 @pytest.mark.slow
-def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth):
+def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth, capsys):
     out = tmp_path / "run"
     command = [sys.executable, "-m", "pushfit", "explore", "--hand", "simulated"]
     command += ["--config", str(grasp), "--truth", str(truth), "--out", str(out)]
@@ -91,6 +105,8 @@ def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth):
     assert [e["event"] for e in events].count("told") == 2
     assert (out / "exploration.png").exists()
     assert "The exploration: what is known" in (out / "report.html").read_text()
+    assert main(["report", str(out)]) == 0
+    assert capsys.readouterr().out == (out / "report.html").read_text()
     # The journal beside the folder is gone: nothing is left to go on with.
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "grasp.toml",

@@ -62,16 +62,32 @@ class Asked:
         ),
     ] = None
 
+    forces: Annotated[
+        bool,
+        typer.Option(
+            "--forces",
+            help="The sensor gives force components, as with [peaks] normal.",
+        ),
+    ] = False
+
+    def has_forces(self, settings: "GraspConfig") -> bool:
+        """Whether heights come as components: by the option, or by the settings."""
+        return self.forces or settings.peaks.normal is not None
+
     def explorer(
         self,
         settings: "GraspConfig",
         *,
-        channels: tuple[str, ...],
+        channels: tuple[str, ...] | None = None,
         unit: str,
         seed: int,
         journal: Path | None = None,
     ) -> "Explorer":
-        """What chooses the pushes."""
+        """What chooses the pushes.
+
+        Args:
+            channels: Those of a table that was made before.
+        """
         from pushfit.explore.explorer import Explorer
         from pushfit.explore.limits import Limits
 
@@ -82,7 +98,8 @@ class Asked:
             budget=self.budget,
             sigma=self.sigma,
             limits=Limits(theta_deg=self.theta, force=self.max_force),
-            channels=channels,
+            channels=channels
+            or (COMPONENTS if self.has_forces(settings) else ("height",)),
             unit=unit,
             journal=journal,
             seed=seed,
@@ -118,7 +135,7 @@ def next(
         made = None if table is None else read_table(table)
         explorer = asked.explorer(
             settings,
-            channels=("height",) if made is None else made.channels,
+            channels=None if made is None else made.channels,
             unit=unit if made is None else made.unit,
             seed=seed,
         )
@@ -160,9 +177,6 @@ def explore(
         float, typer.Option(min=0, help="Scatter of simulated pushes, as a share.")
     ] = 0.01,
     unit: Unit = "n",
-    forces: Annotated[
-        bool, typer.Option("--forces", help="The sensor gives force components.")
-    ] = False,
     seed: options.Seed = 0,
     json: options.Json = False,
     force: options.Force = False,
@@ -183,7 +197,6 @@ def explore(
     journal = out.with_name(f"{out.name}.journal.jsonl")
     explorer = asked.explorer(
         settings,
-        channels=COMPONENTS if forces else ("height",),
         unit=unit,
         journal=journal,
         seed=seed,
@@ -200,13 +213,13 @@ def explore(
             unit=unit,
             noise=noise,
             scatter=scatter,
-            forces=forces,
+            forces=asked.has_forces(settings),
             seed=seed,
         )
     else:
         from pushfit.explore.hands.ros.hand import RosHand
 
-        finger = RosHand(has_forces=forces, theta_deg=asked.theta)
+        finger = RosHand(has_forces=asked.has_forces(settings), theta_deg=asked.theta)
     return _run(
         session,
         explorer,
@@ -240,6 +253,7 @@ def _run(
     from pushfit.report.figures.exploration import exploration_picture
     from pushfit.report.store.folder import write_result_folder
     from pushfit.report.store.summary import summary_dict
+    from pushfit.report.store.target import EXPLORATION
     from pushfit.report.text.exploration import ADAPTIVE, state_dict
 
     peaks = settings.peaks
@@ -259,7 +273,7 @@ def _run(
         found,
         out,
         force=force,
-        extra={"journal.jsonl": journal.read_bytes(), "exploration.png": picture},
+        extra={"journal.jsonl": journal.read_bytes(), EXPLORATION: picture},
     )
     journal.unlink()
     session.wrote(out)

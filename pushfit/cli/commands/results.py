@@ -21,11 +21,12 @@ def report(
 ) -> None:
     """One HTML page of a finished result, figures inside."""
     from pushfit.report.html.result import render_html
-    from pushfit.report.store.read import read_result
+    from pushfit.report.store.read import read_extra, read_result
 
     if output is not None:
         refuse_existing(output, force=force)
-    write_text(session, render_html(read_result(result)), output)
+    page = render_html(read_result(result), extra=read_extra(result))
+    write_text(session, page, output)
 
 
 def diff(

@@ -26,8 +26,8 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.profiles.least_squares import settle_noise
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup, build_problem, n_azimuths
-from pushfit.model import Grasp
 from pushfit.fit.sweep.posterior import sweep_posterior
+from pushfit.model import Grasp
 
 # Median A of the default priors [N/m]: the height of a push that nobody has made yet.
 TYPICAL_STIFFNESS = 571.0

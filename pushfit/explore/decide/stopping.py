@@ -96,7 +96,7 @@ class Judge:
         return interval[1] - interval[0] <= self.width
 
     def _is_known_absent(self, belief: Belief, angle: str) -> bool:
-        """Whether pushes, and not the priors alone, say that the contact never rolls."""
+        """Whether pushes, not priors alone, say that the contact never rolls."""
         return not belief.is_guess and _p_undefined(belief, angle) >= self.prob
 
     def moved(self, told: Sequence[Told], belief: Belief, limits: Limits) -> str | None:
@@ -240,8 +240,8 @@ class Judge:
                 left = f"the {state.n_left} pushes that are left"
                 chance = ""
                 if state.p_budget is not None:
-                    percent = _percent(state.p_budget)
-                    chance = f"; the chance to decide to {half} with {left} is {percent}"
+                    chance = f"; the chance to decide to {half} with {left} is "
+                    chance += _percent(state.p_budget)
                 elif belief.is_guess:
                     chance = f", by the priors alone; {half} is asked, with {left}"
                 text = f"after {n} pushes {known}{chance}."

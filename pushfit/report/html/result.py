@@ -7,6 +7,7 @@ import base64
 import json
 from collections.abc import Mapping
 from pathlib import PurePath
+from types import MappingProxyType
 
 import numpy as np
 
@@ -30,16 +31,21 @@ AS_PIXELS = frozenset(
 )
 THETA = "Heights against elevation for every azimuth"
 ALPHA = "Heights against azimuth, as a curve and around the push frame"
+NOTHING: Mapping[str, bytes] = MappingProxyType({})
 MIME = {"svg": "image/svg+xml", "png": "image/png"}
 
 
 def render_html(
-    identification: Identification, *, files: Mapping[str, bytes] | None = None
+    identification: Identification,
+    *,
+    files: Mapping[str, bytes] | None = None,
+    extra: Mapping[str, bytes] = NOTHING,
 ) -> str:
     """The whole report as one page.
 
     Args:
         files: Figures as `figure_files` makes them; None makes them here.
+        extra: Files of the folder that no identification makes; pictures are shown.
 
     Raises:
         ConfigError: Jinja2 is not installed.
@@ -47,7 +53,7 @@ def render_html(
     files = dict(files or figure_files(identification, is_wanted=is_shown))
     stacked = main_figure(identification, is_stacked=True)
     files["main_stacked.svg"] = figure_bytes(stacked, "svg")
-    content = _content(identification) | {"images": _images(files)}
+    content = _content(identification) | {"images": _images({**files, **extra})}
     return render_page("report.html.j2", content)
 
 

@@ -13,19 +13,16 @@ import shutil
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from types import MappingProxyType
 
 from pushfit.atomic import sync, unfinished, whole
 from pushfit.data.tables.peak_table import write_table
 from pushfit.fit.results import Identification
 from pushfit.report.figures import figure_files
-from pushfit.report.html.result import is_shown, render_html
+from pushfit.report.html.result import NOTHING, is_shown, render_html
 from pushfit.report.store.archive import posterior_tree
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.store.target import check_target, followed
 from pushfit.report.text.result import render_text
-
-NOTHING: Mapping[str, bytes] = MappingProxyType({})
 
 
 def write_result_folder(
@@ -91,8 +88,7 @@ def _write_content(
     for name, content in files.items():
         (folder / "figures" / name).write_bytes(content)
     if find_spec("jinja2"):
-        shown = {n: c for n, c in extra.items() if n.endswith(".png")}
-        page = render_html(identification, files=files | shown)
+        page = render_html(identification, files=files, extra=extra)
         (folder / "report.html").write_text(page, encoding="utf-8")
 
 

@@ -9,7 +9,9 @@ from pushfit.errors import ConfigError
 
 # What is read back from a result, a journal from that of an explored grasp.
 KEPT = frozenset({"peaks.csv", "result.nc", "summary.json", "journal.jsonl"})
-CONTENT = KEPT | {"report.txt", "report.html", "figures", "exploration.png"}
+# The picture of how a grasp was explored, which no result makes anew.
+EXPLORATION = "exploration.png"
+CONTENT = KEPT | {"report.txt", "report.html", "figures", EXPLORATION}
 
 
 def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:

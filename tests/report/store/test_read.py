@@ -1,5 +1,6 @@
 """A result folder read back says what was written, or why it cannot."""
 
+import base64
 import json
 import shutil
 from collections.abc import Mapping
@@ -165,6 +166,19 @@ def test_the_command_writes_the_page_and_never_over_another(
     assert "--force" in capsys.readouterr().err
     assert main(["report", str(result), "-o", str(page), "--force"]) == 0
     assert page.read_text("utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_the_page_of_an_explored_grasp_is_made_again_with_its_picture(
+    determined, undrawn, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(folder_module, "render_html", render_html)
+    picture, journal = b"\x89PNG drawn while exploring", b"{}"
+    extra = {"exploration.png": picture, "journal.jsonl": journal}
+    out = write_result_folder(determined, tmp_path / "out", force=False, extra=extra)
+    page = (out / "report.html").read_text("utf-8")
+    assert base64.b64encode(picture).decode() in page
+    assert main(["report", str(out)]) == 0
+    assert capsys.readouterr().out == page
 
 
 def test_a_folder_that_is_no_result_exits_as_rejected_input(tmp_path, capsys):
