@@ -257,7 +257,7 @@ def _run(
     from pushfit.report.text.exploration import ADAPTIVE, state_dict
 
     peaks = settings.peaks
-    with _watched(session) as watch:
+    with watched(session) as watch:
         state = run(explorer, finger, settings=peaks, watch=watch)
     session.say(state.sentence, style="bold")
     table = explorer.table
@@ -287,7 +287,7 @@ def _run(
 
 
 @contextmanager
-def _watched(session: Session) -> Iterator[Callable[["Step"], None]]:
+def watched(session: Session) -> Iterator[Callable[["Step"], None]]:
     """Follow the pushes: a live table on a terminal, else a line for each."""
     import sys
 

@@ -1,6 +1,7 @@
 """Where an exploration stands: what is known, what pushes would tell, how it went."""
 
 from collections.abc import Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 N_BINS = 90
+# A legend where nothing is drawn: a map fills its axes.
+BELOW = MappingProxyType(
+    {
+        "loc": "upper center",
+        "bbox_to_anchor": (0.5, -0.2),
+        "ncols": 3,
+        "columnspacing": 1.0,
+        "handletextpad": 0.3,
+        "handlelength": 1.2,
+    }
+)
 
 
 @styled
@@ -107,7 +119,7 @@ def _draw_gains(
         top = float(np.max(gain, initial=0.0)) or 1.0
         _mark(axes, theta_deg[~allowed], np.zeros(np.sum(~allowed)), label="out")
         axes.plot(made[:, 0], np.full(len(made), -0.06 * top), "|", color=BLACK, ms=7)
-        axes.set(ylabel="expected information [nat]", ylim=(-0.12 * top, 1.45 * top))
+        axes.set(ylabel="expected information [nat]", ylim=(-0.12 * top, 1.2 * top))
         for best, _ in following:
             axes.plot(best, 1.07 * top, "v", color=VERMILLION, label="next")
         axes.plot([], [], "|", color=BLACK, label="made")
@@ -118,11 +130,11 @@ def _draw_gains(
         bar = axes.figure.colorbar(image, ax=axes)
         bar.set_label("expected information [nat]")
         _mark(axes, theta_deg[~allowed], alpha_deg[~allowed], label="out")
-        axes.plot(*made.T, "o", mfc="none", mec="white", ms=5, label="made")
+        axes.plot(*made.T, "o", mfc="white", mec=BLACK, mew=0.8, ms=4.5, label="made")
         for best in following:
             axes.plot(*best, "v", color=VERMILLION, label="next")
         axes.set_ylabel("α [deg]")
-    place_legend(axes, loc="upper right", ncols=3)
+    place_legend(axes, **BELOW)
 
 
 def _mark(

@@ -1,0 +1,187 @@
+"""Every question from the hand to its answer, with truths that are known."""
+
+import json
+import os
+import pty
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pushfit.cli.app import main
+from pushfit.cli.commands.explore import watched
+from pushfit.explore.decide.intervals import HALF_TURN
+from pushfit.explore.hands.simulated import SimulatedHand
+from pushfit.explore.limits import Limits
+from pushfit.explore.loop import Step, explore
+from pushfit.explore.records import Answer, Purpose, State, Suggestion
+from pushfit.mechanics.directions import critical_angle
+from pushfit.model import Parameters
+from pushfit.report.figures.exploration import exploration_picture
+from pushfit.report.store.read import read_result
+from tests.cli.test_app import session
+from tests.cli.test_progress import everything
+from tests.explore.beliefs import PLAIN
+from tests.explore.test_loop import FORCES, explorer, hand
+from tests.test_own_mechanics import EXAMPLE, true_angle
+
+# A = 571 and B = 175 N/m at the mean of the ellipse, whose soft axis lies at 65°:
+# e = 1.4 (cos 310°, sin 310°).
+STRETCHED = Parameters(
+    *(800.0, 2000.0, 400.0, 0.3, 0.5, 0.04),
+    e1=1.4 * np.cos(np.radians(310.0)),
+    e2=1.4 * np.sin(np.radians(310.0)),
+)
+ALPHA_STAR = 65.0
+# The same as settings, for the commands.
+STRETCHED_FILE = """\
+[push]
+length_mm = 5.0
+[parameters]
+K_sn = { fixed = 800.0 }
+K_dn = { fixed = 2000.0 }
+K_st = { fixed = 400.0 }
+C_rr = { fixed = 0.3 }
+C_d = { fixed = 0.5 }
+L = { fixed = 0.04 }
+e1 = { fixed = 0.8999 }
+e2 = { fixed = -1.0725 }
+"""
+
+
+def is_inside(truth, interval, period=np.inf):
+    low, high = interval
+    return 0 <= np.mod(truth - low, period) <= high - low
+
+
+@pytest.mark.parametrize("ask", ["alpha_star", "both"])
+def test_a_hand_finds_the_soft_axis(ask):
+    """Directions over elevation and azimuth, until each angle is within ± 20°."""
+    own = explorer(ask=ask, width_deg=40.0, sigma=0.1)
+    state = explore(own, held(STRETCHED), settings=FORCES)
+    assert state.answer is Answer.DECIDED
+    assert is_inside(ALPHA_STAR, state.intervals["alpha_star"], HALF_TURN)
+    if ask == "both":
+        theta_c = float(np.degrees(critical_angle(STRETCHED, PLAIN, np.pi / 2)))
+        assert is_inside(theta_c, state.intervals["theta_c"])
+    assert len(state.intervals) == (2 if ask == "both" else 1)
+    # An azimuth shows in nothing that is pushed along one.
+    assert np.ptp(own.table.alpha) > 0
+
+
+def held(params):
+    """A hand that holds another grasp."""
+    return SimulatedHand(replace(hand().world, params=params), seed=1)
+
+
+def test_a_budget_that_is_too_small_is_foreseen():
+    """To ± 0.5°: what 14 pushes leave is known beforehand, and 2000 would decide."""
+    own = explorer(width_deg=1.0, budget=14)
+    state = explore(own, hand(), settings=FORCES)
+    assert state.answer is Answer.UNLIKELY
+    assert 0 < state.n_left
+    assert state.p_budget < 0.05 < state.p_unlimited
+    assert state.sentence.startswith("θ_c will hardly be decided to ± 0.5°: with the ")
+    low, high = state.intervals["theta_c"]
+    assert high - low > 1.0
+    # It was given up for want of pushes alone.
+    more = explorer(width_deg=1.0, budget=14 + 200)
+    while more.state.n_pushes < state.n_pushes:
+        push = own.history.told[more.state.n_pushes]
+        more.tell(push.theta, push.alpha, push.heights)
+    assert more.state.answer is Answer.DECIDING
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ask", ["alpha_star", "both"])
+def test_the_soft_axis_is_explored_and_read_back(ask, tmp_path, capsys):
+    """From the command to the folder, by the engine and the peaks of a recording."""
+    truth, settings = tmp_path / "truth.toml", tmp_path / "grasp.toml"
+    truth.write_text(STRETCHED_FILE)
+    settings.write_text("[push]\nlength_mm = 5.0\n")
+    out = tmp_path / "out"
+    command = ["explore", "--hand", "simulated", "--forces", "--ask", ask, "--json"]
+    command += ["--width", "40", "--sigma", "0.05", "--noise", "0.01"]
+    command += ["--truth", str(truth), "--config", str(settings), "--out", str(out)]
+    assert main(command) == 0
+    explored = json.loads(capsys.readouterr().out)["exploration"]
+    assert explored["status"] == "decided"
+    assert is_inside(ALPHA_STAR, explored["intervals_deg"]["alpha_star"], HALF_TURN)
+    found = read_result(out)
+    assert is_inside(ALPHA_STAR, found.alpha_star.interval, HALF_TURN)
+    assert found.table.n_pushes == explored["n_pushes"]
+    page = (out / "report.html").read_text("utf-8")
+    assert main(["report", str(out)]) == 0
+    assert capsys.readouterr().out == page
+
+
+@pytest.mark.slow
+def test_mechanics_of_ones_own_explore(own_mechanics, tmp_path, capsys):
+    """Its θ_c is a degree or more from that of the paper's equations."""
+    out = tmp_path / "out"
+    command = ["explore", "--hand", "simulated", "--forces", "--json"]
+    command += ["--width", "6", "--sigma", "0.05", "--noise", "0.01"]
+    command += ["--config", str(EXAMPLE / "grasp.toml"), "--out", str(out)]
+    assert main([*command, "--truth", str(EXAMPLE / "truth.toml")]) == 0
+    explored = json.loads(capsys.readouterr().out)["exploration"]
+    assert explored["status"] == "decided"
+    assert is_inside(true_angle(), explored["intervals_deg"]["theta_c"])
+    found = read_result(out)
+    assert found.config.grasp.mechanics == "hertz"
+    assert is_inside(true_angle(), found.theta_c.interval)
+
+
+def test_a_terminal_shows_state_interval_and_chance_as_they_change(monkeypatch):
+    reader, writer = pty.openpty()
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TERM", "xterm")
+    with os.fdopen(writer, "w") as stream:
+        monkeypatch.setattr(sys, "stderr", stream)
+        with watched(session()) as watch:
+            watch(step(number=1, fault=None, chance=None))
+            watch(step(number=2, fault="stalled", chance=0.25))
+        monkeypatch.undo()
+    *_, last = everything(reader).split("state")
+    assert "deciding" in last
+    assert "θ_c 10.0° to 40.0°, chance 25%" in last
+    assert "2, 58 left" in last
+    # Both pushes are still to be seen.
+    assert "gain push 1: θ = 30.0°, α = 90.0°" in last
+    assert "gain push 2: θ = 30.0°, α = 90.0° failed: stalled" in last
+
+
+def test_no_legend_of_the_map_hides_what_is_drawn():
+    """With most directions out of limits, as many entries as there may be."""
+    own = explorer(ask="both", limits=Limits(force=2.9))
+    figure = exploration_picture(own, own.ask())
+    figure.draw_without_rendering()
+    known, gains, *others = figure.axes
+    box = gains.get_legend().get_window_extent()
+    assert len(gains.get_legend().get_texts()) == 3
+    assert not any(box.overlaps(axes.bbox) for axes in (known, gains, *others))
+
+
+def step(*, number, fault, chance):
+    """A push of an exploration, as whoever watches is told of it."""
+    suggestion = Suggestion(
+        number=number,
+        theta=np.radians(30.0),
+        alpha=np.radians(90.0),
+        length_share=1.0,
+        purpose=Purpose.GAIN,
+        gain=0.5,
+        expected_width=20.0,
+        p_decided=0.1,
+        force_q99=3.0,
+    )
+    state = State(
+        answer=Answer.DECIDING,
+        sentence="",
+        intervals={"theta_c": (10.0, 40.0)},
+        p_unlimited=None,
+        p_budget=chance,
+        n_pushes=number,
+        n_left=60 - number,
+    )
+    return Step(suggestion=suggestion, fault=fault, state=state)
