@@ -99,6 +99,18 @@ def test_all_commands_of_all_pages_work_in_order_in_one_folder(workplace, capsys
             assert code == 0, (page.name, arguments, capsys.readouterr().err)
 
 
+@pytest.mark.slow
+def test_the_commands_of_an_exploration_print_what_the_page_shows(workplace, capsys):
+    """In a folder that has nothing but the examples."""
+    page = ROOT / "docs" / "exploration.md"
+    shown = "".join(blocks(page, "console"))
+    _, *outputs = re.split(r"^\$ .*\n", shown, flags=re.MULTILINE)
+    assert len(outputs) == len(commands(page)) == 3
+    for arguments, output in zip(commands(page), outputs, strict=True):
+        assert main(arguments) == 0
+        assert capsys.readouterr().out == output
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_a_numbered_list_keeps_its_numbers(page):
     """After an empty line, Markdown takes less than four blanks for the list's end."""

@@ -27,8 +27,8 @@ from pushfit.explore.records import (
 )
 from pushfit.parameters import ANGLES
 
-# Without a word on the noise an interval may be narrow by chance: noise taken 1.5
-# times too small leaves 72 % coverage of 90 %.
+# Without a word on the noise an interval may be narrow by chance, and misses as one
+# does whose noise is believed too small: python -m benchmarks.exploration --control.
 MIN_UNKNOWN_NOISE = 8
 # Pushes before a forecast may end anything: earlier ones rest on the priors. From the
 # sixth push on they gave up 3 of 60 truths that the whole budget would have decided.
@@ -251,7 +251,7 @@ class Judge:
         symbol = ANGLES[angle].prose
         if interval is not None:
             low, high = interval
-            return f"{symbol} in {low:.1f}° to {high:.1f}° ({self.prob:.0%})"
+            return f"{symbol} in {low:z.1f}° to {high:z.1f}° ({self.prob:.0%})"
         share = _p_undefined(belief, angle)
         if self._is_known_absent(belief, angle):
             return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"

@@ -11,7 +11,8 @@ from pushfit.parameters import ANGLES
 from pushfit.report.plain import json_safe
 
 SCHEMA = "pushfit.next/1"
-# Likelihood sets that pushes were chosen by cover 60 to 72 % where they state 90 %.
+# Likelihood sets that are looked at until they are narrow cover less than they state:
+# python -m benchmarks.exploration --channels height --control measures by how much.
 ADAPTIVE = ResultWarning(
     code="adaptive_pushes",
     text="the pushes were chosen, and stopped, by what earlier ones had said: believe "
