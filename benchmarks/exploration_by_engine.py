@@ -253,10 +253,10 @@ def report(found: dict[str, list], widths: Sequence[float], cap: int) -> None:
         for word in (Answer.CANNOT, Answer.UNLIKELY):
             own = [stop for answer, stop in given if answer is word]
             wrong = sum(stop is not None for stop in own)
-            share = wrong / max(len(results), 1)
+            share = wrong / max(len(own), 1)
             print(
                 f"{looks} looks, {word.value}: {len(own)} of {len(results)}, of which "
-                f"{wrong} decide ({share:.3f} of all)",
+                f"{wrong} decide ({share:.3f} of these)",
                 flush=True,
             )
 
@@ -265,7 +265,7 @@ def answer_of(chances: list[list], looks: int) -> Answer | None:
     """How an exploration would have been given up."""
     for i in range(looks, len(chances) + 1):
         last = chances[i - looks : i]
-        if all(within < HOPELESS for _, within, _ in last):
+        if all(within == 0 for _, within, _ in last):
             cannot = all((unlimited or 0) < HOPELESS for *_, unlimited in last)
             return Answer.CANNOT if cannot else Answer.UNLIKELY
     return None

@@ -11,6 +11,9 @@ import pytest
 
 from pushfit.cli.app import main
 from pushfit.cli.commands.explore import watched
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.explore.decide import stopping
+from pushfit.explore.decide.forecast import UNLIMITED
 from pushfit.explore.decide.intervals import HALF_TURN
 from pushfit.explore.hands.simulated import SimulatedHand
 from pushfit.explore.limits import Limits
@@ -24,6 +27,7 @@ from tests.cli.test_app import session
 from tests.cli.test_progress import everything
 from tests.explore.beliefs import PLAIN
 from tests.explore.test_loop import FORCES, explorer, hand
+from tests.explore.worlds import COMPONENTS
 from tests.test_own_mechanics import EXAMPLE, true_angle
 
 # A = 571 and B = 175 N/m at the mean of the ellipse, whose soft axis lies at 65°:
@@ -76,21 +80,73 @@ def held(params):
 
 
 def test_a_budget_that_is_too_small_is_foreseen():
-    """To ± 0.5°: what 14 pushes leave is known beforehand, and 2000 would decide."""
-    own = explorer(width_deg=1.0, budget=14)
+    """To ± 0.5°: widths fall as the root of the pushes, and 2000 would decide."""
+    budget, usual = 18, {"width_deg": 1.0, "sigma": 0.1}
+    own = explorer(budget=budget, **usual)
     state = explore(own, hand(), settings=FORCES)
     assert state.answer is Answer.UNLIKELY
-    assert 0 < state.n_left
-    assert state.p_budget < 0.05 < state.p_unlimited
-    assert state.sentence.startswith("θ_c will hardly be decided to ± 0.5°: with the ")
+    assert state.p_budget == 0 < 0.05 < state.p_unlimited
+    assert state.sentence.startswith("θ_c will hardly be decided to ± 0.5°: with")
+    assert state.n_left == budget - state.n_pushes > 0
     low, high = state.intervals["theta_c"]
-    assert high - low > 1.0
+    assert (high - low) * np.sqrt(state.n_pushes / budget) > usual["width_deg"]
     # It was given up for want of pushes alone.
-    more = explorer(width_deg=1.0, budget=14 + 200)
-    while more.state.n_pushes < state.n_pushes:
-        push = own.history.told[more.state.n_pushes]
+    more = explorer(budget=budget + 200, **usual)
+    for push in own.history.told:
         more.tell(push.theta, push.alpha, push.heights)
     assert more.state.answer is Answer.DECIDING
+
+
+@pytest.mark.parametrize(
+    ("chances", "answer"),
+    [
+        ([0.5, 0.0, 0.0, 0.0, 0.0, 0.0], Answer.UNLIKELY),
+        ([0.5, 0.0, 0.0, 0.0, 0.0], Answer.DECIDING),
+        # Two truths of 48 are fewer than 5 %, and no reason to give up.
+        ([0.5, 0.0, 0.0, 2 / 48, 0.0, 0.0], Answer.DECIDING),
+    ],
+)
+def test_only_five_forecasts_without_a_decided_truth_give_up(
+    chances, answer, monkeypatch
+):
+    told = iter(chances)
+
+    def chance(imagined, weights, targets, *, n_pushes):
+        return 1.0 if n_pushes == UNLIMITED else next(told)
+
+    monkeypatch.setattr(stopping, "p_decided", chance)
+    monkeypatch.setattr(stopping, "MIN_FORECAST", 0)
+    own = explorer(width_deg=0.1, budget=len(chances) + 1)
+    for _ in chances:
+        own.tell(np.pi / 4, np.pi / 2, dict.fromkeys(COMPONENTS, 1.0))
+    assert own.state.answer is answer
+
+
+@pytest.mark.parametrize(
+    ("chances", "answer"),
+    [
+        ([0.0] * 5, Answer.UNLIKELY),
+        ([0.0, 0.0, 0.0, 0.0, 1 / 48], Answer.DECIDING),
+    ],
+)
+def test_a_table_is_given_up_after_as_many_truths(chances, answer, monkeypatch):
+    told = iter(chances)
+
+    def chance(imagined, weights, targets, *, n_pushes):
+        return 1.0 if n_pushes == UNLIMITED else next(told)
+
+    theta = np.radians(np.repeat([10.0, 45.0, 80.0], 4))
+    table = PeakTable.from_arrays(
+        theta=theta,
+        alpha=np.full(theta.size, np.pi / 2),
+        heights=dict.fromkeys(COMPONENTS, np.ones(theta.size)),
+        unit="n",
+    )
+    monkeypatch.setattr(stopping, "p_decided", chance)
+    own = explorer(width_deg=0.1, sigma=2.0)
+    own.attach(table)
+    assert own.state.answer is answer
+    assert list(told) == []
 
 
 @pytest.mark.slow
@@ -157,8 +213,10 @@ def test_no_legend_of_the_map_hides_what_is_drawn():
     figure = exploration_picture(own, own.ask())
     figure.draw_without_rendering()
     known, gains, *others = figure.axes
-    box = gains.get_legend().get_window_extent()
-    assert len(gains.get_legend().get_texts()) == 3
+    legend = gains.get_legend()
+    assert legend is not None
+    assert len(legend.get_texts()) == 3
+    box = legend.get_window_extent()
     assert not any(box.overlaps(axes.bbox) for axes in (known, gains, *others))
 
 
