@@ -40,7 +40,9 @@ class Failure:
     def of(cls, item: str, stage: str, error: Exception) -> "Failure":
         """What an error means for an item."""
         if isinstance(error, PushfitError):
-            return cls(item=item, stage=stage, code=error.code, message=str(error))
+            # The item is named beside it, and a duplicate has another name.
+            text = str(error).replace(f"{item}, ", "").removeprefix(f"{item}: ")
+            return cls(item=item, stage=stage, code=error.code, message=text)
         if isinstance(error, OSError):
             place = f"{error.filename}: " if error.filename else ""
             message = f"{place}{error.strerror or error}"

@@ -139,6 +139,16 @@ def test_a_bad_item_never_harms_another(runs, tmp_path):
     assert rows[:3] == good
 
 
+def test_a_failure_names_its_item_once_and_no_other(runs):
+    """Of two files of the same content each has its own name beside the reason."""
+    for name in ("x_sums", "y_sums"):
+        (runs / f"{name}.csv").write_text(f"{HEADER}\n1,2,3\n1,2,3\n1,2\n")
+    first, second = run().failures
+    assert (first.item, second.item) == ("runs/x_sums.csv", "runs/y_sums.csv")
+    assert first.message == second.message
+    assert first.message.startswith("line 4: 2 fields")
+
+
 def test_a_failure_is_tried_again(runs, log):
     write_tables(runs, "x_reject")
     run()
