@@ -30,8 +30,7 @@ from pushfit.parameters import ANGLES
 # Without a word on the noise an interval may be narrow by chance, and misses as one
 # does whose noise is believed too small: python -m benchmarks.exploration --control.
 MIN_UNKNOWN_NOISE = 8
-# Pushes before a forecast may end anything: earlier ones rest on the priors. From the
-# sixth push on they gave up 3 of 60 truths that the whole budget would have decided.
+# Pushes before a forecast may end anything: earlier ones rest on the priors.
 MIN_FORECAST = 10
 # Chance to decide below which going on is not worth it, and pushes in a row after which
 # not one imagined truth was decided: of so many forecasts one or the other is wrong.
@@ -256,7 +255,8 @@ class Judge:
                     chance = f"; the chance to decide to {half} with {left} is "
                     chance += _percent(state.p_budget)
                 elif belief.is_guess:
-                    chance = f", by the priors alone; {half} is asked, with {left}"
+                    by = "priors" if n else "priors alone"  # short pushes weigh them
+                    chance = f", by the {by}; {half} is asked, with {left}"
                 text = f"after {n} pushes {known}{chance}."
         return replace(state, sentence=text)
 
