@@ -366,6 +366,14 @@ def test_what_a_missing_library_leaves_out_is_said_before_the_work(
     assert ("pip install jinja2" in first) is (parts is not None)
 
 
+def test_a_page_that_nothing_can_fill_in_is_refused_before_a_result_is_read(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("pushfit.report.html.pages.find_spec", lambda name: None)
+    assert main(["report", str(tmp_path)]) != 0
+    assert "pip install jinja2" in capsys.readouterr().err
+
+
 def test_all_commands_name_their_output_alike():
     """-o and --out, whether a file or a folder."""
     group = typer.main.get_command(app)

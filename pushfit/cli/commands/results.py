@@ -20,11 +20,14 @@ def report(
     force: options.Force = False,
 ) -> None:
     """One HTML page of a finished result, figures inside."""
+    from pushfit.report.html.pages import check_templates
+
+    check_templates()
+    if output is not None:
+        refuse_existing(output, force=force)
     from pushfit.report.html.result import render_html
     from pushfit.report.store.read import read_extra, read_result
 
-    if output is not None:
-        refuse_existing(output, force=force)
     page = render_html(read_result(result), extra=read_extra(result))
     write_text(session, page, output)
 

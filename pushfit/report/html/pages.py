@@ -11,6 +11,7 @@ import html
 import re
 from collections.abc import Mapping
 from importlib import resources
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from pushfit.errors import ConfigError
@@ -40,15 +41,10 @@ def render_page(
     Raises:
         ConfigError: Jinja2 is not installed.
     """
-    try:
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-        from markupsafe import Markup
-    except ImportError as error:
-        raise ConfigError(
-            "the HTML report needs Jinja2, which is not installed; "
-            "pip install jinja2, or use the text report",
-            code="html_unavailable",
-        ) from error
+    check_templates()
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
     environment = Environment(
         loader=PackageLoader("pushfit.report.html"),
         autoescape=True,
@@ -66,6 +62,20 @@ def render_page(
         **content,
     )
     return page + "\n"
+
+
+def check_templates() -> None:
+    """Refuse a page where nothing can fill it in.
+
+    Raises:
+        ConfigError: Jinja2 is not installed.
+    """
+    if find_spec("jinja2") is None:
+        raise ConfigError(
+            "the HTML report needs Jinja2, which is not installed; "
+            "pip install jinja2, or use the text report",
+            code="html_unavailable",
+        )
 
 
 def _finalized(value: object) -> object:
