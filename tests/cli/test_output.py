@@ -1,0 +1,36 @@
+"""What results will lack is said before the work."""
+
+from pathlib import Path
+
+import pytest
+
+from pushfit.cli import main
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["fit", "bare.csv", "--out", "o"], "report.html and corner plots"),
+        (["identify", "bare.csv", "--out", "o"], "report.html and corner plots"),
+        (["batch", "bare.csv", "--out", "o"], "report.html"),
+        (["fit", "bare.csv"], None),
+    ],
+)
+def test_what_a_missing_library_leaves_out_is_said_before_the_work(
+    words, parts, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("pushfit.cli.output.find_spec", lambda name: None)
+    monkeypatch.chdir(tmp_path)
+    Path("bare.csv").write_text("1,2\n")
+    assert main(words) in (3, 5)
+    first, *_ = capsys.readouterr().err.splitlines()
+    assert first.startswith(f"warning: {parts} will be left out" if parts else "error")
+    assert ("pip install jinja2" in first) is (parts is not None)
+
+
+def test_a_page_that_nothing_can_fill_in_is_refused_before_a_result_is_read(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("pushfit.report.html.pages.find_spec", lambda name: None)
+    assert main(["report", str(tmp_path)]) != 0
+    assert "pip install jinja2" in capsys.readouterr().err
