@@ -190,10 +190,24 @@ def explore(
 
     check_target(out, force=force)
     settings = read_config(asked.config)
-    if hand == "simulated":
+    if hand == "ros":
+        from pushfit.explore.hands.ros.hand import RosHand
+
+        finger: Hand = RosHand(has_forces=asked.has_forces(settings), theta_deg=asked.theta)
+    else:
+        from pushfit.cli.commands.analysis import example_folder
         from pushfit.explore.hands.simulated import joints_stated, simulated_hand
 
         settings = joints_stated(settings)
+        finger = simulated_hand(
+            read_config(truth or example_folder() / "truth.toml"),
+            theta_deg=asked.theta,
+            unit=unit,
+            noise=noise,
+            scatter=scatter,
+            forces=asked.has_forces(settings),
+            seed=seed,
+        )
     journal = out.with_name(f"{out.name}.journal.jsonl")
     explorer = asked.explorer(
         settings,
@@ -204,22 +218,6 @@ def explore(
     known = explorer.history
     if known.told or known.failures:
         session.say(f"going on with {journal}: {len(known.told)} pushes are known")
-    if hand == "simulated":
-        from pushfit.cli.commands.analysis import example_folder
-
-        finger: Hand = simulated_hand(
-            read_config(truth or example_folder() / "truth.toml"),
-            theta_deg=asked.theta,
-            unit=unit,
-            noise=noise,
-            scatter=scatter,
-            forces=asked.has_forces(settings),
-            seed=seed,
-        )
-    else:
-        from pushfit.explore.hands.ros.hand import RosHand
-
-        finger = RosHand(has_forces=asked.has_forces(settings), theta_deg=asked.theta)
     return _run(
         session,
         explorer,

@@ -25,6 +25,7 @@ class PushStatus(enum.Enum):
     STALE_STREAM = "stale_stream"
     CANCELLED = "cancelled"
     NO_ANSWER = "no_answer"
+    ALGORITHM_SILENT = "algorithm_silent"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,10 @@
 """The algorithm node's view of a robot: a `Hand` that talks to the other two nodes."""
 
+import queue
 import threading
 import time
 from collections import deque
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,8 +17,10 @@ from pushfit.explore.hands.ros.messages import ros, xyz
 
 # Samples kept: some minutes of a fast sensor.
 KEPT = 200_000
-# Longest that a push may take, and that the sensor may be silent meanwhile [s].
+# Longest that a push may take, and that a node may be silent meanwhile [s].
 PATIENCE, SILENCE = 60.0, 0.5
+# Longest that taking the finger back may take [s].
+PATIENCE_BACK = 10.0
 # How often the master is looked for during a push [s].
 MASTER_EVERY = 1.0
 
@@ -39,17 +43,21 @@ class RosHand:
         self._has_forces = has_forces
         self._reach = Reach(theta_deg=theta_deg, alpha_deg=alpha_deg)
         self._samples: deque[tuple[float, float, float, float]] = deque(maxlen=KEPT)
-        self._heard = 0.0
+        # When the touch node and the position node last spoke.
+        self._heard = self._answered = 0.0
         self._status: dict[float, tuple[int, str]] = {}
         self._reached: dict[float, Float[np.ndarray, 3]] = {}
         self._changed = threading.Condition()
         r = ros()
         geometry, actions = r.geometry_msgs, r.actionlib_msgs
-        r.rospy.init_node("pushfit_algorithm", disable_signals=True)
+        messages.begin("pushfit_algorithm", disable_signals=True)
         self._push = r.rospy.Publisher(
             messages.DISPLACEMENT, geometry.Vector3Stamped, queue_size=1
         )
         self._cancel = r.rospy.Publisher(messages.CANCEL, actions.GoalID, queue_size=1)
+        self._awaited = r.rospy.Publisher(
+            messages.AWAITED, r.std_msgs.Time, queue_size=1
+        )
         self._limit = r.rospy.Publisher(
             messages.MAX_FORCE, r.std_msgs.Float64, queue_size=1, latch=True
         )
@@ -77,7 +85,7 @@ class RosHand:
         goal.header.stamp, goal.header.frame_id = stamp, "push"
         goal.vector.x, goal.vector.y, goal.vector.z = map(float, displacement)
         self._push.publish(goal)
-        status, text = self._awaited(stamp)
+        status, text = self._wait_for_end(stamp)
         key = stamp.to_sec()
         return PushOutcome(
             status=status,
@@ -88,12 +96,44 @@ class RosHand:
         )
 
     def retract(self) -> None:
-        """Ask the position node to take the finger back."""
+        """Have the position node take the finger back.
+
+        Raises:
+            DataError: It does not answer, or the finger does not come back.
+        """
+        answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        # A thread of its own: a call to a node that hangs never returns.
+        threading.Thread(target=self._call, args=(answers,), daemon=True).start()
         try:
-            self._retract()
-        except ros().rospy.ServiceException:
-            # It retracts by itself when the master, or the sensor, is gone.
-            self.stop()
+            answer = answers.get(timeout=PATIENCE_BACK)
+        except queue.Empty:
+            answer = None
+        if answer is None:
+            raise self._lost()
+        if not answer.success:
+            raise DataError(
+                f"after a call to retract: {answer.message}; see to the finger and its "
+                "controller, and the same command goes on",
+                code="not_retracted",
+            )
+
+    def _call(self, answers: "queue.SimpleQueue[Any]") -> None:
+        """Call to retract; None is the answer of a node that is gone."""
+        rospy = ros().rospy
+        try:
+            answers.put(self._retract())
+        except (rospy.ServiceException, rospy.ROSException):
+            answers.put(None)
+
+    def _lost(self) -> DataError:
+        self.stop()
+        return DataError(
+            "the position node does not answer any more, and nothing but the driver of "
+            "the robot can take the finger back now: see that it is off the object, "
+            "start the node, and the same command goes on; a driver should go back by "
+            "itself where set points stay away (docs/real_robot.md)",
+            code="position_lost",
+        )
 
     def stop(self) -> None:
         """Cancel whatever the position node does; it then takes the finger back."""
@@ -122,13 +162,14 @@ class RosHand:
         """Where the finger can push."""
         return self._reach
 
-    def _awaited(self, stamp: object) -> tuple[PushStatus, str]:
+    def _wait_for_end(self, stamp: object) -> tuple[PushStatus, str]:
         """Wait for the end of a push, and for no longer than is safe."""
         key = stamp.to_sec()  # pyright: ignore
         begun = looked = time.monotonic()
         with self._changed:
-            while key not in self._status:
-                self._changed.wait(0.05)
+            while not self._has_ended(key):
+                self._changed.wait(messages.BEAT)
+                self._awaited.publish(stamp)
                 now = time.monotonic()
                 if now - looked > MASTER_EVERY:
                     looked = now
@@ -142,9 +183,11 @@ class RosHand:
                 if now - max(self._heard, begun) > SILENCE:
                     self.stop()
                     return PushStatus.STALE_STREAM, "the touch node is silent"
+                if now - max(self._answered, begun) > SILENCE:
+                    raise self._lost()
                 if now - begun > PATIENCE:
                     self.stop()
-                    return PushStatus.NO_ANSWER, "the position node does not answer"
+                    return PushStatus.NO_ANSWER, "the push came to no end"
             code, text = self._status[key]
         done = ros().actionlib_msgs.GoalStatus.SUCCEEDED
         if code == done:
@@ -152,19 +195,33 @@ class RosHand:
         words = {status.value for status in PushStatus}
         return PushStatus(text if text in words else "cancelled"), text
 
+    def _has_ended(self, key: float) -> bool:
+        """Whether a push was answered, and how far it went: these are two messages."""
+        if key not in self._status:
+            return False
+        code, _ = self._status[key]
+        return code == ros().actionlib_msgs.GoalStatus.REJECTED or key in self._reached
+
     def _wait_for_nodes(self) -> None:
         """Both other nodes must be there before anything moves."""
-        rospy = ros().rospy
-        rospy.wait_for_service(messages.RETRACT, timeout=PATIENCE)
         end = time.monotonic() + PATIENCE
-        while not self._push.get_num_connections() or not self._samples:
+        while missing := self._missing():
             if time.monotonic() > end:
                 raise DataError(
-                    "no touch node, or no position node: start them first, as in "
-                    "explore.launch",
+                    f"{' and '.join(missing)} did not speak for {PATIENCE:g} s: start "
+                    "it first, as in explore.launch",
                     code="no_nodes",
                 )
             time.sleep(0.05)
+
+    def _missing(self) -> list[str]:
+        """Nodes that are not there yet."""
+        reach = (self._push, self._awaited, self._cancel)
+        is_deaf = not all(topic.get_num_connections() for topic in reach)
+        return [
+            *(["the position node"] if is_deaf else []),
+            *([] if self._samples else ["the touch node"]),
+        ]
 
     def _on_touch(self, message: object) -> None:
         force = message.wrench.force  # pyright: ignore
@@ -174,10 +231,15 @@ class RosHand:
 
     def _on_reached(self, message: object) -> None:
         key = message.header.stamp.to_sec()  # pyright: ignore
-        self._reached[key] = xyz(message.vector)  # pyright: ignore
+        with self._changed:
+            self._reached[key] = xyz(message.vector)  # pyright: ignore
+            self._changed.notify_all()
 
     def _on_status(self, message: object) -> None:
         goal = message.goal_id.stamp.to_sec()  # pyright: ignore
+        self._answered = time.monotonic()
+        if message.status == ros().actionlib_msgs.GoalStatus.ACTIVE:  # pyright: ignore
+            return
         with self._changed:
             self._status[goal] = (message.status, message.text)  # pyright: ignore
             self._changed.notify_all()

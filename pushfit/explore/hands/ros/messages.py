@@ -6,25 +6,33 @@ Nothing here is imported before a node starts: the rest of pushfit runs without 
 import functools
 import sys
 from collections.abc import Callable
+from http.client import HTTPConnection
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
+from xmlrpc.client import ServerProxy, Transport
 
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, DataError
 
 # To the position node, and what it answers; all in the frame of the push.
 DISPLACEMENT, REACHED = "pushfit/displacement", "pushfit/reached"
 STATUS, CANCEL, RETRACT = "pushfit/status", "pushfit/cancel", "pushfit/retract"
 MAX_FORCE = "pushfit/max_force"
+# Stamp of the push that the algorithm waits for, for as long as it waits.
+AWAITED = "pushfit/awaited"
 # From the touch node.
 TOUCH = "pushfit/touch"
 # Between the position node and a robot.
 COMMAND, POSITION = "finger/command", "finger/position"
 WRENCH, JOINTS = "finger/wrench", "finger/joint_states"
+# How often two nodes that wait for each other say that they are there [s].
+BEAT = 0.05
+# Longest wait for the master [s].
+PATIENCE = 1.0
 # Where Debian and Ubuntu put Python packages of ROS 1.
 DEBIAN = Path("/usr/lib/python3/dist-packages")
 HOW = (
@@ -73,21 +81,45 @@ def _imported(name: str) -> ModuleType:
         ) from first
 
 
+class _Impatient(Transport):
+    """A way to a master that may be gone: ROS itself would wait for minutes."""
+
+    def make_connection(self, host: Any) -> HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = PATIENCE
+        return connection
+
+
 def master_answers() -> bool:
-    """Whether the ROS master is there."""
+    """Whether the ROS master is there; known within a second or two."""
     try:
-        ros().rosgraph.Master("/pushfit").getPid()
+        ServerProxy(ros().rosgraph.get_master_uri(), _Impatient()).getPid("/pushfit")
     except Exception:  # whatever the network makes of a master that is gone
         return False
     return True
 
 
+def begin(name: str, **options: Any) -> None:
+    """Make this process a node.
+
+    Raises:
+        DataError: No master answers; ROS itself would wait for one without a word.
+    """
+    if not master_answers():
+        raise DataError(
+            f"no ROS master answers at {ros().rosgraph.get_master_uri()}, which is "
+            "ROS_MASTER_URI or its default; start one with its nodes, as roslaunch "
+            "pushfit explore.launch does, and give the same command again",
+            code="no_master",
+        )
+    ros().rospy.init_node(name, **options)
+
+
 def run(name: str, node: Callable[[], object]) -> None:
     """Run a node until ROS ends."""
-    rospy = ros().rospy
-    rospy.init_node(name, argv=sys.argv)
+    begin(name, argv=sys.argv)
     node()
-    rospy.spin()
+    ros().rospy.spin()
 
 
 def xyz(point: Any) -> Float[np.ndarray, "3"]:

@@ -3,8 +3,10 @@
     python -m pushfit.explore.hands.ros.position _max_force:=10 _speed:=0.01
 
 Takes a displacement, sends set points to a robot, and ends early at a force, a stall, a
-silent sensor, a cancel, or a lost master; whatever ends a push, the finger goes back.
-The algorithm can tighten the force limit, never widen it.
+silent sensor, an algorithm that waits no more, a cancel, a lost master, or an end of
+this node that is not sudden; whatever ends a push, the finger goes back. The algorithm
+can tighten the force limit, never widen it. What it cannot do is outlive itself: a
+robot that hears no set points has to take its finger back.
 """
 
 import threading
@@ -21,6 +23,10 @@ from pushfit.explore.hands.ros.messages import ros, xyz
 LAG, LAG_TIME = 5e-4, 0.3
 # A push may not begin, and must end, where the sensor was silent for so long [s].
 SILENCE = 0.3
+# A push must end where the algorithm did not say for so long that it waits for it [s].
+UNAWAITED = 0.5
+# How long the finger is given to come to rest where it is sent [s].
+SETTLE = 1.0
 # How often the master is looked for, and how often in a row it may be missing.
 MASTER_EVERY, MISSING = 0.5, 2
 
@@ -42,6 +48,9 @@ class PositionNode:
         self._force, self._heard = 0.0, 0.0
         self._is_cancelled = threading.Event()
         self._is_busy = threading.Lock()
+        # Stamp of the push under way, and when the algorithm last waited for it.
+        self._goal: object = None
+        self._waited = self._said = 0.0
         self._command = rospy.Publisher(
             messages.COMMAND, geometry.PointStamped, queue_size=10
         )
@@ -51,15 +60,19 @@ class PositionNode:
         self._reached = rospy.Publisher(
             messages.REACHED, geometry.Vector3Stamped, queue_size=10
         )
+        # Before the rest: an algorithm that sees this node listen may call at once.
+        rospy.Service(messages.RETRACT, r.std_srvs.Trigger, self._on_retract)
         for topic, kind, heard in (
             (messages.POSITION, geometry.PointStamped, self._on_position),
             (messages.TOUCH, geometry.WrenchStamped, self._on_touch),
             (messages.MAX_FORCE, r.std_msgs.Float64, self._on_limit),
+            (messages.AWAITED, r.std_msgs.Time, self._on_awaited),
             (messages.CANCEL, actions.GoalID, self._on_cancel),
             (messages.DISPLACEMENT, geometry.Vector3Stamped, self._on_push),
         ):
-            rospy.Subscriber(topic, kind, heard, queue_size=10)
-        rospy.Service(messages.RETRACT, r.std_srvs.Trigger, self._on_retract)
+            # Where the finger is, not where it was: what is late is left out.
+            rospy.Subscriber(topic, kind, heard, queue_size=1, tcp_nodelay=True)
+        rospy.on_shutdown(self._call_back)
         threading.Thread(target=self._watch_master, daemon=True).start()
 
     def _on_push(self, message: object) -> None:
@@ -75,8 +88,10 @@ class PositionNode:
         else:
             try:
                 self._is_cancelled.clear()
+                self._goal, self._waited = stamp, time.monotonic()
                 self._answer_push(stamp, goal, length)
             finally:
+                self._goal = None
                 self._is_busy.release()
 
     def _answer_push(
@@ -115,6 +130,8 @@ class PositionNode:
         """Why the push must end, if it must."""
         if self._is_cancelled.is_set():
             return "cancelled"
+        if now - self._waited > UNAWAITED:
+            return "algorithm_silent"
         if now - self._heard > SILENCE:
             return "stale_stream"
         if self._force > min(self.max_force, self._asked_force):
@@ -128,16 +145,33 @@ class PositionNode:
         while (share := (time.monotonic() - begun) / duration) < 1:
             self._send((1 - share) * start)
             time.sleep(1 / self.rate)
-        for _ in range(5):  # a set point may get lost
-            self._send(np.zeros(3))
+        self._send(np.zeros(3))
+        end = time.monotonic() + SETTLE
+        while not self._is_back() and time.monotonic() < end:
             time.sleep(1 / self.rate)
+            self._send(np.zeros(3))  # a set point may get lost
+
+    def _is_back(self) -> bool:
+        return bool(np.linalg.norm(self._at) < LAG)
+
+    def _call_back(self) -> bool:
+        """End the push under way, if there is one; whether the finger is back."""
+        self._is_cancelled.set()
+        with self._is_busy:
+            self._back()
+        return self._is_back()
 
     def _send(self, point: Float[np.ndarray, "3"]) -> None:
+        """Order a set point; during a push, whoever waits for it hears of that."""
         r = ros()
         message = r.geometry_msgs.PointStamped()
         message.header.stamp = r.rospy.Time.now()
         message.point.x, message.point.y, message.point.z = map(float, point)
         self._command.publish(message)
+        now = time.monotonic()
+        if self._goal is not None and now - self._said > messages.BEAT:
+            self._said = now
+            self._answer(self._goal, r.actionlib_msgs.GoalStatus.ACTIVE, "active")
 
     def _answer(self, stamp: object, code: int, text: str) -> None:
         message = ros().actionlib_msgs.GoalStatus()
@@ -145,11 +179,9 @@ class PositionNode:
         self._status.publish(message)
 
     def _on_retract(self, request: object) -> object:
-        self._is_cancelled.set()
-        with self._is_busy:
-            self._back()
-        is_back = bool(np.linalg.norm(self._at) < LAG)
-        return ros().std_srvs.TriggerResponse(success=is_back, message="retracted")
+        is_back = self._call_back()
+        word = "retracted" if is_back else "the finger does not come back"
+        return ros().std_srvs.TriggerResponse(success=is_back, message=word)
 
     def _watch_master(self) -> None:
         """Without a master nobody could tell the finger to stop."""
@@ -157,9 +189,7 @@ class PositionNode:
         while not ros().rospy.is_shutdown():
             missing = 0 if messages.master_answers() else missing + 1
             if missing >= MISSING:
-                self._is_cancelled.set()
-                with self._is_busy:
-                    self._back()
+                self._call_back()
             time.sleep(MASTER_EVERY)
 
     def _on_position(self, message: object) -> None:
@@ -172,6 +202,10 @@ class PositionNode:
 
     def _on_limit(self, message: object) -> None:
         self._asked_force = float(message.data)  # pyright: ignore
+
+    def _on_awaited(self, message: object) -> None:
+        if message.data == self._goal:  # pyright: ignore
+            self._waited = time.monotonic()
 
     def _on_cancel(self, message: object) -> None:
         self._is_cancelled.set()

@@ -2,7 +2,8 @@
 
     python -m pushfit.explore.hands.ros.robot _truth:=truth.toml _noise:=0.01
 
-For rehearsals and tests, in place of the driver of a real finger.
+For rehearsals and tests, in place of the driver of a real finger. Like that of a real
+one it has a watchdog: without set points for a time it goes back to the contact.
 """
 
 import threading
@@ -32,7 +33,10 @@ class RobotNode:
         self.noise = float(rospy.get_param("~noise", 0.01))
         self.rate = float(rospy.get_param("~rate", 200.0))
         self._rng = np.random.default_rng(int(rospy.get_param("~seed", 0)))
-        self._at = np.zeros(3)
+        # Longest time without a set point [s], and the speed of going back then [m/s].
+        self.watchdog = float(rospy.get_param("~watchdog", 0.5))
+        self.speed = float(rospy.get_param("~speed", 0.01))
+        self._at, self._ordered = np.zeros(3), 0.0
         self._forces = eqx.filter_jit(forward)
         geometry = r.geometry_msgs
         self._position = rospy.Publisher(
@@ -46,15 +50,27 @@ class RobotNode:
         )
         self._publish()  # compiles before anybody pushes
         rospy.Subscriber(
-            messages.COMMAND, geometry.PointStamped, self._on_command, queue_size=10
+            messages.COMMAND,
+            geometry.PointStamped,
+            self._on_command,
+            queue_size=1,
+            tcp_nodelay=True,
         )
         threading.Thread(target=self._run, daemon=True).start()
 
     def _on_command(self, message: object) -> None:
         self._at = xyz(message.point)  # pyright: ignore
+        self._ordered = time.monotonic()
+
+    def _go_back(self) -> None:
+        """One step to the contact where nobody says any more where to go."""
+        length = float(np.linalg.norm(self._at))
+        if length > 0 and time.monotonic() - self._ordered > self.watchdog:
+            self._at = self._at * max(1 - self.speed / self.rate / length, 0.0)
 
     def _run(self) -> None:
         while not ros().rospy.is_shutdown():
+            self._go_back()
             self._publish()
             time.sleep(1 / self.rate)
 

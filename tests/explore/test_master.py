@@ -1,0 +1,39 @@
+"""A node without a master ends at once, with or without ROS on this machine."""
+
+import socket
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from pushfit.errors import DataError
+from pushfit.explore.hands.ros import messages
+
+# Connecting and hearing nothing, each for a second; and a busy machine [s].
+AT_ONCE = 5 * messages.PATIENCE
+
+
+def never(*arguments, **options):
+    """As ROS does: it would wait here for ever."""
+    pytest.fail("the node was begun without a master")
+
+
+@pytest.mark.parametrize("is_mute", [False, True])
+def test_a_node_does_not_wait_for_a_master(monkeypatch, is_mute):
+    """One that is not there, and a program that listens but says nothing."""
+    with socket.socket() as port:
+        port.bind(("127.0.0.1", 0))
+        if is_mute:
+            port.listen()
+        uri = f"http://127.0.0.1:{port.getsockname()[1]}/"
+        fake = SimpleNamespace(
+            rosgraph=SimpleNamespace(get_master_uri=lambda: uri),
+            rospy=SimpleNamespace(init_node=never),
+        )
+        monkeypatch.setattr(messages, "ros", lambda: fake)
+        begun = time.monotonic()
+        with pytest.raises(DataError, match="no ROS master answers at") as caught:
+            messages.begin("pushfit_algorithm")
+    assert caught.value.code == "no_master"
+    assert uri in str(caught.value)
+    assert time.monotonic() - begun < AT_ONCE
