@@ -10,15 +10,18 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
+from pushfit.explore.belief.predict import least_height
 from pushfit.explore.belief.tables import told_rows
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.hands.protocol import Hand, PushOutcome
-from pushfit.explore.hands.touch import FATAL, FINAL, Felt, feel
-from pushfit.explore.limits import Limits, displacement
-from pushfit.explore.records import Answer, State, Suggestion
+from pushfit.explore.hands.protocol import Hand, PushOutcome, PushStatus
+from pushfit.explore.hands.touch import FINAL, NOTHING_FELT, Felt, feel
+from pushfit.explore.limits import TOLERATED, Limits, displacement
+from pushfit.explore.records import State, Suggestion
 
 # Rest recorded before a push, as a multiple of the least rest between two.
 RESTS = 1.0
+# The fault after which no push of this exploration means anything any more.
+LOST = PushStatus.OBJECT_LOST.value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +90,7 @@ def _push(
         limits=limits,
         settings=settings,
         sigma=None if belief.is_guess else float(np.min(belief.sigma)),
+        least=least_height(belief, suggestion, prob=TOLERATED),
     )
 
 
@@ -106,12 +110,18 @@ def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
         explorer.tell(row.theta, row.alpha, row.heights, row.sd, flags=row.flags)
         return
     fault = felt.fault or ""
+    if fault == NOTHING_FELT and explorer.history.in_a_row[-1:] == [NOTHING_FELT]:
+        fault = LOST
+    if fault == LOST:
+        explorer.stop(
+            f"{LOST}: the finger lost the object at push {suggestion.number}, "
+            f"{suggestion.describe()}; grasp it again and begin another exploration: "
+            "pushes of this one belong to this grasp"
+        )
     if fault in FINAL:
         explorer.abandon(suggestion, fault)
     else:
         explorer.fail(suggestion, fault)
-    if fault in FATAL and explorer.state.answer is not Answer.STOPPED:
-        explorer.stop(f"{fault}: look at the hand before it goes on")
 
 
 def _is_allowed(

@@ -1,6 +1,8 @@
 """Whole explorations by the simulated hand, with everything that can go wrong."""
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +13,10 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.hands import simulated
-from pushfit.explore.hands.protocol import Reach
+from pushfit.explore.hands.protocol import PushStatus, Reach
 from pushfit.explore.hands.simulated import SimulatedHand, World
+from pushfit.explore.hands.touch import FINAL, NOTHING_FELT
+from pushfit.explore.journal.events import INTERRUPTED
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import explore
 from pushfit.explore.records import Answer
@@ -99,7 +103,7 @@ def test_settings_say_how_far_joints_miss():
         ("stall", "stalled"),
         ("clock_jump", "clock_jump"),
         ("clock_back", "clock_jump"),
-        ("object_lost", "not_at_rest"),
+        ("object_lost", "object_lost"),
     ],
 )
 def test_a_fault_is_a_named_row_and_no_height(tmp_path, fault, reason):
@@ -113,6 +117,30 @@ def test_a_fault_is_a_named_row_and_no_height(tmp_path, fault, reason):
     # What was told after the fault is told of other pushes: no height was invented.
     assert all(e["number"] != 2 for e in events if e["event"] == "told")
     assert not finger.is_extended
+
+
+@pytest.mark.parametrize("fault", ["object_lost", "object_gone"])
+@pytest.mark.parametrize("level", [0.0, 2.0])
+def test_a_lost_object_ends_the_exploration(fault, level):
+    """In the middle of the third push or before it, with a preload or none."""
+    own = explorer()
+    finger = hand({3: fault}, session=replace(SESSION, level=level))
+    state = explore(own, finger, settings=FORCES)
+    assert state.answer is Answer.STOPPED
+    assert state.sentence.startswith("object_lost: the finger lost the object at push")
+    assert "begin another exploration" in state.sentence
+    # Once nothing is felt where something should be; the second time it is gone.
+    once = ["nothing_felt"] if fault == "object_gone" else []
+    assert reasons(own) == [*once, "object_lost"]
+    assert own.table.n_pushes == 2
+    assert not finger.is_extended
+
+
+def test_every_word_of_a_hand_is_explained():
+    page = (Path(__file__).parents[2] / "docs" / "exploration.md").read_text()
+    faults = {status.value for status in PushStatus} - {"done"}
+    for word in faults | {NOTHING_FELT, INTERRUPTED, "not_at_rest"} | FINAL:
+        assert f"`{word}`" in page
 
 
 @pytest.mark.parametrize("fault", ["duplicate", "late"])

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.explore.belief.belief import Belief
+from pushfit.explore.records import Suggestion
 from pushfit.fit.problem.problem import grasp_with
 from pushfit.fit.programs import compiled
 from pushfit.model import Channels, Grasp, Parameters, Pushes, as_float, forward
@@ -62,6 +63,23 @@ def predict(
         force=np.asarray(force)[:k],
         in_contact=np.asarray(in_contact)[:k],
     )
+
+
+def least_height(belief: Belief, push: Suggestion, *, prob: float) -> float:
+    """Height that a push falls short of with a small probability.
+
+    Args:
+        prob: That probability.
+
+    Returns:
+        Of components the magnitude [unit].
+    """
+    theta, alpha = np.array([push.theta]), np.array([push.alpha])
+    found = predict(belief, theta, alpha, length_share=push.length_share)
+    sizes = np.linalg.norm(found.heights[0], axis=0)
+    order = np.argsort(sizes)
+    below = np.searchsorted(np.cumsum(belief.weights[order]), prob)
+    return float(sizes[order[min(int(below), order.size - 1)]])
 
 
 def force_of(params: Parameters, grasp: Grasp, *, theta: float, alpha: float) -> float:

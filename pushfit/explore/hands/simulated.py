@@ -84,6 +84,8 @@ class SimulatedHand:
             share, status = max_force / force, PushStatus.FORCE_ABORT
         if fault == "slip":
             self._slipped *= SLIP
+        if fault == "object_gone":
+            self.has_object = False
         part, t_start, t_end = self._record(
             theta, alpha, length=share * length, rng=rng
         )
@@ -163,22 +165,33 @@ class SimulatedHand:
             self._params(), grasp, plan, session=self._session(), rng=rng
         )
         part = replace(found.recording, time=found.recording.time + self.clock)
+        if not self.has_object:
+            part = replace(part, channels=self._nothing(part.time.size, rng))
         t_start = self.clock + float(found.t_start[0])
         self.clock = float(part.time[-1])
         return part, t_start, t_start + self.world.session.duration
+
+    def _nothing(
+        self, n: int, rng: np.random.Generator
+    ) -> dict[str, Float[np.ndarray, " n"]]:
+        """What is felt while nobody pushes, or nothing is there to be pushed."""
+        session = self._session()
+        if not self.has_object:
+            session = replace(session, level=0.0)
+        time = np.arange(1, n + 1) / session.rate
+        reading = sensed(time, np.zeros(n), session=session, rng=rng)
+        names = ("fx", "fy", "fz") if session.forces else (session.channel,)
+        return {name: reading.copy() for name in names}
 
     def _resting(self, seconds: float, rng: np.random.Generator) -> Recording:
         session = self._session()
         n = max(int(np.ceil(seconds * session.rate)), 1)
         time = np.arange(1, n + 1) / session.rate
-        if not self.has_object:
-            session = replace(session, level=0.0)
-        reading = sensed(time, np.zeros(n), session=session, rng=rng)
-        names = ("fx", "fy", "fz") if session.forces else (session.channel,)
+        channels = self._nothing(n, rng)
         part = Recording(
             time=time + self.clock,
-            channels={name: reading.copy() for name in names},
-            units=dict.fromkeys(names, session.unit),
+            channels=channels,
+            units=dict.fromkeys(channels, session.unit),
             theta=np.full(n, np.nan),
             alpha=np.full(n, np.nan),
         )
@@ -252,7 +265,7 @@ SPOILS: Mapping[str, Callable[[Recording, float, float], Recording]] = {
     "clock_back": _back,
     "silent": _silent,
 }
-FAULTS = (*SPOILS, "stall", "slip")
+FAULTS = (*SPOILS, "stall", "slip", "object_gone")
 
 
 def joints_stated(config: GraspConfig) -> GraspConfig:

@@ -14,13 +14,14 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.errors import DataError
+from pushfit.explore.hands.contact import is_lost, is_unfelt
 from pushfit.explore.hands.protocol import PushOutcome, PushStatus
 from pushfit.explore.limits import Limits
 
 # Faults after which the same push would only fail again.
 FINAL = frozenset({"saturated", "out_of_reach", "force_abort"})
-# Faults after which nobody may push before a person has looked.
-FATAL = frozenset({"object_lost"})
+# The word for a push that should have been felt; twice in a row the object is gone.
+NOTHING_FELT = "nothing_felt"
 # Time after a push that no rest takes: the clock of the sensor was elsewhere [s].
 AHEAD = 60.0
 # Share of the rest before and after a push that its baselines are taken from.
@@ -48,6 +49,7 @@ def feel(
     limits: Limits,
     settings: PeakSettings,
     sigma: float | None,
+    least: float = 0.0,
 ) -> Felt:
     """Measure one push.
 
@@ -56,6 +58,7 @@ def feel(
         asked: Displacement that was asked for [m].
         limits: What counts as a stall, a silence, a return to rest.
         sigma: Standard deviation of a height; None while it is not known [unit].
+        least: Height that the push exceeds by what is believed [unit].
     """
     fault = _motion_fault(outcome, asked, limits)
     if fault is None:
@@ -64,13 +67,18 @@ def feel(
         fault = _stream_fault(recording, outcome, limits)
     if fault is not None:
         return Felt(table=None, fault=fault)
+    # Before heights are looked for: without a hump they are found in the noise.
+    if is_lost(recording, outcome):
+        return Felt(table=None, fault=PushStatus.OBJECT_LOST.value)
+    if is_unfelt(recording, outcome, least=least):
+        return Felt(table=None, fault=NOTHING_FELT)
     try:
         table = extract_peaks(_with_angles(recording, outcome), settings=settings)
     except DataError as error:
         return Felt(table=None, fault=error.code)
     if table.n_pushes != 1:
         return Felt(table=None, fault="several_pushes")
-    # First of all: a lost object would else be called a drift.
+    # Before the flags: it would else be called a drift.
     if not _is_back(recording, outcome, table=table, limits=limits, sigma=sigma):
         return Felt(table=None, fault="not_at_rest")
     bad = table.flags[0] & EXCLUDING_FLAGS
