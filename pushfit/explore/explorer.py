@@ -299,7 +299,7 @@ class Explorer:
                 self.question = replace(self.question, reference_alpha=alpha)
                 self._surveyor = Surveyor(self.question, self.limits)
                 self._belief = None
-            case "drawn":
+            case "drawn" | "moved":
                 self._belief = None
             case "told" if self._belief is not None:
                 row = self.history.told[-1]
@@ -324,7 +324,8 @@ class Explorer:
         if history.stopped is None:
             moved = self.judge.moved(told, self.belief, self.limits)
             if moved is not None:
-                self.stop(moved)
+                self._record({"event": "moved", "first": moved.first})
+                self.stop(moved.sentence)
         self._record(event_of("state", self.state))
 
     def _stop_after_failures(self) -> None:

@@ -35,8 +35,9 @@ class Limits:
         rest_s: Least time between retracting and the next push [s].
         baseline_sigmas: How far the reading at rest may be from that before the push,
             in standard deviations of a height.
-        reference_every: Pushes after which the first direction is pushed again, to see
-            whether the object has moved; 0 for never.
+        reference_every: Pushes after which the strongest early push is made again, to
+            see whether the object has moved; 0 for never.
+        reference_first: Pushes after which that is done first.
         reference_sigmas: Change of that height that says so, in standard deviations.
         stall_share: Share of a push that may be missing where it ends.
         stale_s: Longest silence of the sensor [s].
@@ -53,6 +54,7 @@ class Limits:
     rest_s: float = 0.5
     baseline_sigmas: float = 6.0
     reference_every: int = 10
+    reference_first: int = 4
     reference_sigmas: float = 5.0
     stall_share: float = 0.1
     stale_s: float = 0.5

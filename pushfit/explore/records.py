@@ -2,7 +2,7 @@
 
 import enum
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -122,6 +122,10 @@ class Told:
     def is_short(self) -> bool:
         """Whether it was a probe of the force, shorter than the pushes of a table."""
         return self.length_share < 1.0
+
+    def flagged(self, word: str) -> "Told":
+        """The same with one flag more."""
+        return replace(self, flags=";".join(filter(None, (self.flags, word))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

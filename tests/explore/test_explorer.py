@@ -227,6 +227,15 @@ def test_the_first_push_is_repeated_and_says_when_the_object_has_moved():
     assert "the object has moved" in own.state.sentence
 
 
+def test_whether_the_object_moved_is_asked_early_and_then_now_and_then():
+    limits = Limits(reference_every=5)
+    own = explorer(width_deg=0.1, budget=11, limits=limits)
+    purposes = [push.purpose for push in run(own)]
+    # After the first four pushes, then after five.
+    repeated = [n for n, p in enumerate(purposes, 1) if p is Purpose.REFERENCE]
+    assert repeated == [5, 11]
+
+
 def test_first_pushes_are_short_while_the_stiffness_is_unknown():
     own = explorer(limits=Limits(force=2.5, theta_deg=(30.0, 85.0)))
     asked = run(own)

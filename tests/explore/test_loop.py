@@ -36,6 +36,9 @@ SESSION = Session(
     forces=True,
     unit="n",
 )
+# Of the mean of 8192 draws from 32768 weighed ones, some hundreds of them effective;
+# pushes of a softer object move it by more than 5° [deg].
+MONTE_CARLO = 2.0
 REACH = Reach(theta_deg=(0.0, 90.0), alpha_deg=(0.0, 180.0))
 
 
@@ -199,11 +202,39 @@ def test_a_hand_that_tilts_explores_to_its_own_angle():
     assert not low < THETA_C < high
 
 
-def test_a_slip_is_found_by_the_reference_push():
-    own = explorer(width_deg=1.0, limits=Limits(reference_every=3))
-    state = explore(own, hand({3: "slip"}), settings=FORCES)
+@pytest.mark.parametrize(
+    ("slips_at", "last_good"),
+    [
+        # The strongest of the first four was the second: the first reference differs.
+        (3, 2),
+        # The first reference is push 5 and agrees; that after ten more does not.
+        (7, 5),
+    ],
+)
+def test_after_a_slip_nothing_is_mixed(tmp_path, slips_at, last_good):
+    """Left out is what another object may have felt, and no more."""
+    path = tmp_path / "run.jsonl"
+    usual = {"width_deg": 1.0, "limits": Limits(reference_every=5), "journal": path}
+    own = explorer(**usual)
+    state = explore(own, hand({slips_at: "slip"}), settings=FORCES)
     assert state.answer is Answer.STOPPED
     assert "the object has moved" in state.sentence
+    assert f"pushes from {last_good + 1} on are left out" in state.sentence
+    is_used = np.arange(own.table.n_pushes) < last_good
+    np.testing.assert_array_equal(own.table.is_used, is_used)
+    assert all("moved" in words for words in own.table.flags[last_good:])
+    # What is believed rests on the pushes that are used, and is read again so.
+    again = explorer(**usual)
+    assert again.table.flags == own.table.flags
+    assert again.state == state
+    good = explorer(width_deg=1.0)
+    for row in own.history.told[:last_good]:
+        good.tell(row.theta, row.alpha, row.heights, row.sd)
+    np.testing.assert_allclose(
+        np.average(own.belief.samples["theta_c"], weights=own.belief.weights),
+        np.average(good.belief.samples["theta_c"], weights=good.belief.weights),
+        atol=MONTE_CARLO,
+    )
 
 
 def test_the_position_node_aborts_at_the_force_limit():

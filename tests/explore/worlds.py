@@ -29,7 +29,8 @@ def importance(table, question: Question, seed: int):
     if table is not None:
         heights = predict(many, table.theta, table.alpha).heights
         seen = np.stack([table.heights(c) for c in question.channels], axis=1)
-        squares = np.sum(((heights - seen[..., None]) / sigma) ** 2, axis=(0, 1))
+        misses = ((heights - seen[..., None]) / sigma)[table.is_used]
+        squares = np.sum(misses**2, axis=(0, 1))
         weights = np.exp(-squares / 2 - logsumexp(-squares / 2))
     rows = rng.choice(N_PRIOR, size=N_DRAWS, p=weights)
     found = {name: values[rows] for name, values in draws.items()}

@@ -29,6 +29,7 @@ FLAGS = {
     "missing": "no hump at the planned moment, the height is what is there",
     "lost_contact": "the push lifted the finger off",
     "averaged": "its height is in the mean at the first push of its direction",
+    "moved": "the object moved before it or after, and nobody knows which",
     "outlier": "the height is far from those of the same direction",
 }
 
@@ -37,7 +38,10 @@ DEFINITIONS = ("apex", "plateau")
 
 # Heights under these flags are not what the model predicts; the others are opinions.
 EXCLUDING_FLAGS = frozenset(
-    {"saturated", "clipped", "gap", "drift", "missing", "lost_contact", "averaged"}
+    {
+        *("saturated", "clipped", "gap", "drift", "missing", "lost_contact"),
+        *("averaged", "moved"),
+    }
 )
 
 _HEIGHTS = tuple(name for c in CHANNELS for name in (c, f"{c}_sd"))

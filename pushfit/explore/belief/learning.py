@@ -60,7 +60,9 @@ def reference_due(told: Sequence[Told], limits: Limits) -> Told | None:
             break
         since += 1
     every = limits.reference_every
-    return reference_rows(told)[0] if every and since >= every else None
+    # An object that slips most often does so when it is pushed for the first times.
+    due = every if since < len(own) else min(every, limits.reference_first)
+    return reference_rows(told)[0] if every and since >= due else None
 
 
 def reference_rows(told: Sequence[Told]) -> list[Told]:

@@ -40,6 +40,19 @@ HOPELESS, IN_A_ROW = 0.05, 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Moved:
+    """That the object has moved.
+
+    Args:
+        first: Index of the first push after the last one that agreed: of it and those
+            that follow nobody knows which object they felt.
+    """
+
+    first: int
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Judge:
     """What counts as an answer.
 
@@ -100,8 +113,10 @@ class Judge:
         """Whether pushes, not priors alone, say that the contact never rolls."""
         return not belief.is_guess and _p_undefined(belief, angle) >= self.prob
 
-    def moved(self, told: Sequence[Told], belief: Belief, limits: Limits) -> str | None:
-        """Sentence that the object has moved, if the last push repeats one and says so.
+    def moved(
+        self, told: Sequence[Told], belief: Belief, limits: Limits
+    ) -> Moved | None:
+        """That the object has moved, if the last push repeats one and says so.
 
         Args:
             belief: What is believed; corrects for joints that miss by a little.
@@ -118,10 +133,14 @@ class Judge:
             change = float(excess[-1] - np.mean(excess[:-1]))
             noise = float(belief.sigma[c]) * np.sqrt(1 + 1 / n)
             if abs(change) > limits.reference_sigmas * noise:
-                return (
-                    f"the object has moved: push {len(told)} repeated an earlier one "
-                    f"and its {channel} differs by {change:+.3g}, "
-                    f"{abs(change) / noise:.0f} standard deviations"
+                first = 1 + max(i for i, row in enumerate(told) if row is rows[-2])
+                return Moved(
+                    first=first,
+                    sentence=f"the object has moved: push {len(told)} repeated an "
+                    f"earlier one and its {channel} differs by {change:+.3g}, "
+                    f"{abs(change) / noise:.0f} standard deviations; pushes from "
+                    f"{first + 1} on are left out, as it moved before one of them; "
+                    "grasp it again and begin another exploration",
                 )
         return None
 

@@ -13,6 +13,8 @@ from pushfit.explore.journal.file import SCHEMA, Event
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Failure, State, Suggestion, Told
 
+# Flag of pushes that another object may have felt.
+MOVED = "moved"
 # Reason of a push that was under way when the process died.
 INTERRUPTED = "interrupted"
 
@@ -59,6 +61,9 @@ class History:
                 self.pending = None
                 if failure.reason != INTERRUPTED:  # no fault of the hand
                     self.in_a_row.append(failure.reason)
+            case "moved":
+                first = cast(int, event["first"])
+                self.told[first:] = [row.flagged(MOVED) for row in self.told[first:]]
             case "drawn":
                 self.n_drawn = cast(int, event["n"])
             case "state":
