@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, model_validator
 
+from pushfit.config.explore import ExploreSection
 from pushfit.config.inputs import PeakSettings, RecordingSection
 from pushfit.config.parameters import ParametersSection
 from pushfit.config.section import (
@@ -233,6 +234,7 @@ class GraspConfig(Section):
     peaks: PeakSettings = PeakSettings()
     recording: RecordingSection = RecordingSection()
     report: ReportSection = ReportSection()
+    explore: ExploreSection = ExploreSection()
 
     @model_validator(mode="after")
     def check_sections_agree(self) -> "GraspConfig":

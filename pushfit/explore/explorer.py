@@ -43,7 +43,6 @@ from pushfit.fit.fitted import reference_azimuth
 
 # Below this share of effective draws the engine is asked for fresh ones.
 KEPT_SHARE = 0.2
-NO_LIMITS = Limits()
 
 
 class Explorer:
@@ -53,6 +52,7 @@ class Explorer:
         ask: "theta_c", "alpha_star" or "both".
         width_deg: Width of the interval that decides an angle; ± 3° is 6 [deg].
         budget: Pushes that may be made, besides those attached.
+        limits: What pushes must never do; None takes `[explore]` of the settings.
         journal: File that everything is kept in; one that exists is gone on with.
         sigma: Standard deviation of the heights of repeated pushes; None where it is
             to be learned, which takes eight pushes before anything is decided [unit].
@@ -70,7 +70,7 @@ class Explorer:
         width_deg: float = 6.0,
         prob: float = 0.9,
         budget: int = 60,
-        limits: Limits = NO_LIMITS,
+        limits: Limits | None = None,
         journal: str | Path | None = None,
         seed: int = 0,
         sigma: float | None = None,
@@ -83,6 +83,7 @@ class Explorer:
             raise ConfigError(
                 f"ask = {ask!r} is not known; ask for {', '.join(ANGLES)}", code="ask"
             )
+        limits = Limits.of(config) if limits is None else limits
         self.limits, self.source = limits, source
         self.judge = Judge(width=width_deg, prob=prob, budget=budget, seed=seed)
         self.question = Question(

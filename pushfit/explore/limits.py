@@ -4,11 +4,13 @@ The position node aborts on force; here a push that might need that is not asked
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from pushfit.config import GraspConfig
+from pushfit.config.explore import Box, ExploreSection
 from pushfit.errors import ConfigError
 
 # Chance, by the present belief, that a push exceeds the force limit or lifts off.
@@ -16,29 +18,28 @@ TOLERATED = 0.01
 # Lengths tried, as shares of the push length, while longer ones are not known safe.
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.05)
 
-Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+# What holds where the settings say nothing.
+USUAL = ExploreSection()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of an exploration.
+    """Limits of an exploration; those without a word here are keys of `[explore]`.
 
     Args:
         theta_deg: Lowest and highest elevation of the finger.
-        theta_step_deg: Step between candidates.
         alpha_deg: Lowest and highest azimuth; None takes `[reach]` of the settings.
-        alpha_step_deg: Step between candidates.
         force: Largest contact force, the preload included; None for no limit [N, or
             the unit of uncalibrated heights].
+        theta_step_deg: Step between elevations.
+        alpha_step_deg: Step between azimuths.
         workspace_mm: Box that the fingertip stays in, (low, high) along x, y and z
             from the contact; None for no box [mm].
-        rest_s: Least time between retracting and the next push [s].
-        baseline_sigmas: How far the reading at rest may be from that before the push,
-            in standard deviations of a height.
-        reference_every: Pushes after which the strongest early push is made again, to
-            see whether the object has moved; 0 for never.
-        reference_first: Pushes after which that is done first.
-        reference_sigmas: Change of that height that says so, in standard deviations.
+        rest_s: Least rest before a push and after it [s].
+        baseline_sigmas: Change of the reading at rest [standard deviations].
+        reference_first: Pushes before the first that repeats one.
+        reference_every: Pushes before another one; 0 for never.
+        reference_sigmas: Change of a repeated height [standard deviations].
         stall_share: Share of a push that may be missing where it ends.
         stale_s: Longest silence of the sensor [s].
         max_failures: Failed pushes in a row that end the exploration.
@@ -46,20 +47,29 @@ class Limits:
     """
 
     theta_deg: tuple[float, float] = (5.0, 85.0)
-    theta_step_deg: float = 5.0
     alpha_deg: tuple[float, float] | None = None
-    alpha_step_deg: float = 15.0
     force: float | None = None
-    workspace_mm: Box | None = None
-    rest_s: float = 0.5
-    baseline_sigmas: float = 6.0
-    reference_every: int = 10
-    reference_first: int = 4
-    reference_sigmas: float = 5.0
-    stall_share: float = 0.1
-    stale_s: float = 0.5
-    max_failures: int = 3
-    max_pushes: int = 300
+    theta_step_deg: float = USUAL.theta_step_deg
+    alpha_step_deg: float = USUAL.alpha_step_deg
+    workspace_mm: Box | None = USUAL.workspace_mm
+    rest_s: float = USUAL.rest_s
+    baseline_sigmas: float = USUAL.baseline_sigmas
+    reference_first: int = USUAL.reference_first
+    reference_every: int = USUAL.reference_every
+    reference_sigmas: float = USUAL.reference_sigmas
+    stall_share: float = USUAL.stall_share
+    stale_s: float = USUAL.stale_s
+    max_failures: int = USUAL.max_failures
+    max_pushes: int = USUAL.max_pushes
+
+    @classmethod
+    def of(cls, config: GraspConfig, **stated: Any) -> "Limits":
+        """Limits as `[explore]` of the settings has them.
+
+        Args:
+            stated: Those that are no keys of the file, by name.
+        """
+        return cls(**config.explore.model_dump(), **stated)
 
     def __post_init__(self) -> None:
         low, high = self.theta_deg

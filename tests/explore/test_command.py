@@ -83,6 +83,17 @@ def test_the_first_push_is_planned_for_the_sensor_that_there_is(grasp, capsys):
     assert gains[1] > 1.5 * gains[0]
 
 
+def test_next_keeps_to_the_box_of_the_file(grasp, capsys):
+    """z = 5 mm sin θ within 2.6 mm: θ up to 31.3°."""
+    box = "workspace_mm = [[-5.0, 5.0], [-5.0, 5.0], [0.0, 2.6]]"
+    grasp.write_text(f"{grasp.read_text()}[explore]\n{box}\n")
+    words = ["--config", str(grasp), "--sigma", "0.05", "--json", "-n", "20"]
+    assert main(["next", *words]) == 0
+    pushes = json.loads(capsys.readouterr().out)["suggestions"]
+    theta = sorted(push["theta_deg"] for push in pushes)
+    np.testing.assert_allclose(theta, np.arange(5.0, 31.0, 5.0))
+
+
 @pytest.mark.slow
 def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth, capsys):
     out = tmp_path / "run"

@@ -1,10 +1,14 @@
 """No command ever leaves reach, workspace, rest or force limits."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pushfit.config import parse_config
+from pushfit.config.explore import ExploreSection
 from pushfit.config.inputs import PeakSettings
 from pushfit.errors import ConfigError
 from pushfit.explore.belief.predict import predict
@@ -120,6 +124,39 @@ def test_every_push_is_preceded_by_a_rest_and_followed_by_a_retraction():
 def test_limits_that_mean_nothing_are_refused(wrong):
     with pytest.raises(ConfigError, match="limits"):
         Limits(**wrong)
+
+
+def test_every_limit_can_be_stated_in_the_file_or_asked_for():
+    asked = {"theta_deg", "force"}  # --theta, --max-force
+    elsewhere = {"alpha_deg"}  # [reach]
+    names = {field.name for field in fields(Limits)}
+    assert names == asked | elsewhere | set(ExploreSection.model_fields)
+
+
+def test_limits_of_the_file_hold_where_no_others_are_given():
+    text = "[push]\nlength_mm = 5.0\n[explore]\nrest_s = 0.7\nmax_pushes = 7\n"
+    text += "workspace_mm = [[-1, 1], [-4, 4], [0, 5]]\n"
+    config = parse_config(text, path="grasp.toml")
+    found = Explorer(config, source=importance).limits
+    box = ((-1.0, 1.0), (-4.0, 4.0), (0.0, 5.0))
+    assert found == Limits(rest_s=0.7, max_pushes=7, workspace_mm=box)
+    assert Explorer(config, source=importance, limits=Limits()).limits == Limits()
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("rest_s = 0", "explore.rest_s = 0"),
+        ("max_failures = 0", "explore.max_failures = 0"),
+        ("reference_every = -1", "explore.reference_every = -1"),
+        ("stall_share = 1.5", "explore.stall_share = 1.5"),
+        ("workspace_mm = [[-1, 1], [1, 4], [0, 5]]", r"\[1, 4\] along y: give"),
+        ("workspace_mm = [[-1, 1], [0, 0], [0, 5]]", r"\[0, 0\] along y: give"),
+    ],
+)
+def test_limits_in_the_file_that_mean_nothing_are_refused(line, says):
+    with pytest.raises(ConfigError, match=says):
+        parse_config(f"[explore]\n{line}\n", path="grasp.toml")
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ class Asked:
             width_deg=self.width,
             budget=self.budget,
             sigma=self.sigma,
-            limits=Limits(theta_deg=self.theta, force=self.max_force),
+            limits=Limits.of(settings, theta_deg=self.theta, force=self.max_force),
             channels=channels
             or (COMPONENTS if self.has_forces(settings) else ("height",)),
             unit=unit,
