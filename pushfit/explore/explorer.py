@@ -24,6 +24,7 @@ from pushfit.explore.belief.tables import by_channel, check_sensor, table_of, to
 from pushfit.explore.decide.next_push import Survey, Surveyor, repetition, suggestion
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.journal.events import (
+    ABANDONED,
     INTERRUPTED,
     History,
     event_of,
@@ -194,7 +195,7 @@ class Explorer:
         """Say that a push gave no height, such as "stalled"; it may be asked again."""
         self._failed(suggestion, reason, is_final=False)
 
-    def abandon(self, suggestion: Suggestion, reason: str = "abandoned") -> None:
+    def abandon(self, suggestion: Suggestion, reason: str = ABANDONED) -> None:
         """Say that a push is not to be made; it is never asked again."""
         self._failed(suggestion, reason, is_final=True)
 
@@ -204,9 +205,18 @@ class Explorer:
         self._record(event_of("failed", failure, number=suggestion.number))
         self._stop_after_failures()
 
-    def stop(self, reason: str) -> None:
-        """End the exploration."""
-        self._record({"event": "stopped", "reason": reason})
+    def stop(self, reason: str, *, is_over: bool = False) -> None:
+        """End the exploration.
+
+        Args:
+            is_over: Whether nothing that is put right lets it go on.
+        """
+        self._record({"event": "stopped", "reason": reason, "is_over": is_over})
+
+    def go_on(self) -> None:
+        """Go on after a stop, now that its reason is put right, if that can be."""
+        if self.history.stopped is not None and not self.history.is_over:
+            self._record({"event": "resumed"})
 
     @property
     def state(self) -> State:
@@ -326,7 +336,7 @@ class Explorer:
             moved = self.judge.moved(told, self.belief, self.limits)
             if moved is not None:
                 self._record({"event": "moved", "first": moved.first})
-                self.stop(moved.sentence)
+                self.stop(moved.sentence, is_over=True)
         self._record(event_of("state", self.state))
 
     def _stop_after_failures(self) -> None:

@@ -44,7 +44,7 @@ def explore(
     settings: PeakSettings,
     watch: Callable[[Step], None] = nothing,
 ) -> State:
-    """Push until there is an answer.
+    """Push until there is an answer; one that was stopped goes on.
 
     Args:
         settings: How heights are taken from the samples; what they leave open of the
@@ -55,6 +55,7 @@ def explore(
     if explorer.limits.theta_deg[0] < 0 and settings.signed is None:
         # A finger that pulls back from a preload lowers the reading.
         settings = settings.model_copy(update={"signed": True})
+    explorer.go_on()
     try:
         hand.retract()
         while suggestions := explorer.ask():
@@ -116,7 +117,8 @@ def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
         explorer.stop(
             f"{LOST}: the finger lost the object at push {suggestion.number}, "
             f"{suggestion.describe()}; grasp it again and begin another exploration: "
-            "pushes of this one belong to this grasp"
+            "pushes of this one belong to this grasp",
+            is_over=True,
         )
     if fault in FINAL:
         explorer.abandon(suggestion, fault)

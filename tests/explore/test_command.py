@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import pytest
 from pushfit.cli.app import main
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import read_table, write_table
+from pushfit.explore.hands.protocol import PushOutcome, PushStatus
+from pushfit.explore.hands.simulated import SimulatedHand
 from pushfit.model import Grasp
 from pushfit.report.answers import ANSWERS
 from pushfit.report.store.read import read_result
@@ -132,3 +135,86 @@ def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth, capsys):
     *_, last = again.stdout.splitlines()
     told = ANSWERS["theta_c"](read_result(out)).sentence
     assert last == f"Identified from all pushes: {told}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("last", ["told", "asked"])
+def test_a_killed_exploration_ends_as_it_would_have(tmp_path, grasp, truth, last):
+    """Killed after the second push, or during the third: the same table to the bit."""
+
+    def begun(name):
+        command = [sys.executable, "-m", "pushfit", "explore", "--hand", "simulated"]
+        command += ["--config", str(grasp), "--truth", str(truth), *EXPLORE]
+        command += ["--budget", "4", "--out", str(tmp_path / name)]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+    def finished(name):
+        process = begun(name)
+        out, _ = process.communicate()
+        assert process.returncode == 0
+        return out, (tmp_path / name / "peaks.csv").read_bytes()
+
+    journal = tmp_path / "cut.journal.jsonl"
+    killed = begun("cut")
+    wanted = 2 if last == "told" else 3
+    while not (journal.exists() and counted(journal, last) == wanted):
+        time.sleep(0.005)
+    killed.kill()
+    killed.communicate()
+    assert counted(journal, "told") == 2
+    assert finished("cut") == finished("whole")
+
+
+def counted(journal, event):
+    """How often an event stands in a journal that is written meanwhile."""
+    return journal.read_text().count(f'{{"event": "{event}"')
+
+
+def test_failures_leave_a_journal_to_go_on_with(
+    tmp_path, grasp, truth, monkeypatch, capsys
+):
+    """Without a push there is no result, and the next step is said."""
+    monkeypatch.setattr(SimulatedHand, "push", stalled)
+    out = tmp_path / "run"
+    words = ["--config", str(grasp), "--truth", str(truth), "--out", str(out)]
+    assert main(["explore", "--hand", "simulated", *words, *EXPLORE]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "3 pushes failed in a row: stalled, stalled, stalled" in said
+    assert "put it right, and the same command goes on" in said
+    assert counted(tmp_path / "run.journal.jsonl", "stopped") == 1
+
+
+@pytest.mark.slow
+def test_what_failures_stopped_is_written_and_goes_on(
+    tmp_path, grasp, truth, monkeypatch, capsys
+):
+    out, journal = tmp_path / "run", tmp_path / "run.journal.jsonl"
+    words = ["--config", str(grasp), "--truth", str(truth), "--out", str(out)]
+    command = ["explore", "--hand", "simulated", *words, *EXPLORE, "--budget", "4"]
+    with monkeypatch.context() as broken:
+        push = SimulatedHand.push
+        broken.setattr(
+            SimulatedHand,
+            "push",
+            lambda self, displacement, *, max_force: (
+                push if self.n_pushes < 2 else stalled
+            )(self, displacement, max_force=max_force),
+        )
+        assert main(command) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "put it right, and the same command with --force goes on" in said
+    assert read_table(out / "peaks.csv").n_pushes == 2
+    assert journal.exists()
+    assert main([*command, "--force"]) == 0
+    assert read_table(out / "peaks.csv").n_pushes == 4
+    assert not journal.exists()
+
+
+def stalled(self, displacement, *, max_force):
+    """As a finger that does not move."""
+    return PushOutcome(
+        status=PushStatus.STALLED,
+        reached=np.zeros(3),
+        t_start=self.clock,
+        t_end=self.clock,
+    )

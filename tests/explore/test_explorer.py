@@ -124,6 +124,34 @@ def test_three_failures_in_a_row_end_it():
     assert "stalled, stalled, stalled" in own.state.sentence
 
 
+def test_what_failures_stopped_goes_on_once_they_are_put_right(tmp_path):
+    path = tmp_path / "run.jsonl"
+    usual = {"journal": path, "limits": Limits(max_failures=2)}
+    own = explorer(**usual)
+    for _ in range(2):
+        own.fail(own.ask()[0], "stalled")
+    assert explorer(**usual).state.answer is Answer.STOPPED
+    again = explorer(**usual)
+    again.go_on()
+    assert again.state.answer is Answer.DECIDING
+    # One more failure is the first in a row, not the third.
+    again.fail(again.ask()[0], "stalled")
+    run(again)
+    assert again.state.answer is Answer.DECIDED
+    # All of it stands in the journal.
+    last = explorer(**usual)
+    last.go_on()
+    assert last.state == again.state
+    assert len(last.history.failures) == 3
+
+
+def test_what_is_over_does_not_go_on(tmp_path):
+    own = explorer()
+    own.stop("the object is gone", is_over=True)
+    own.go_on()
+    assert own.state.answer is Answer.STOPPED
+
+
 def test_without_a_word_on_the_noise_eight_pushes_are_the_least():
     own = explorer(width_deg=60.0, sigma=None, limits=Limits(reference_every=0))
     assert len(run(own)) == 8

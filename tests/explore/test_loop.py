@@ -259,6 +259,32 @@ SESSION_SHORT = Session(
 )
 
 
+def test_a_hand_that_passes_by_pushes_is_where_it_would_be():
+    """Its clock and its noise, to the last bit."""
+    own = explorer(budget=4)
+    whole, later = hand({2: "stall"}), hand({2: "stall"})
+    explore(own, whole, settings=FORCES)
+    assert own.history.n_made == whole.n_pushes == 5
+    later.pass_by(own.history.n_made, rest=own.limits.rest_s)
+    assert later.clock == whole.clock
+    after = [(finger, finger.clock) for finger in (whole, later)]
+    for finger, _ in after:
+        finger.wait(0.5)
+        finger.push(np.array([0.0, 3e-3, 4e-3]), max_force=None)
+    felt = [finger.samples(since) for finger, since in after]
+    np.testing.assert_array_equal(felt[0].time, felt[1].time)
+    np.testing.assert_array_equal(felt[0].channels["fz"], felt[1].channels["fz"])
+
+
+def test_a_stopped_exploration_goes_on_by_the_same_call():
+    own = explorer(budget=3, limits=Limits(max_failures=2))
+    finger = hand({1: "stall", 2: "stall"})
+    assert explore(own, finger, settings=FORCES).answer is Answer.STOPPED
+    state = explore(own, finger, settings=FORCES)
+    assert state.answer is Answer.OUT_OF_BUDGET
+    assert own.table.n_pushes == 3
+
+
 class Broken(SimulatedHand):
     """A driver that dies in the middle of a push."""
 

@@ -183,23 +183,26 @@ def explore(
 ) -> int:
     """Let a hand explore a grasp until the angle is known.
 
-    Interrupted or killed, the same command goes on where it stopped.
+    Interrupted, killed or stopped by failures, the same command goes on.
     """
     from pushfit.config import read_config
     from pushfit.report.store.folder import check_target
 
     check_target(out, force=force)
     settings = read_config(asked.config)
+    simulated = None
     if hand == "ros":
         from pushfit.explore.hands.ros.hand import RosHand
 
-        finger: Hand = RosHand(has_forces=asked.has_forces(settings), theta_deg=asked.theta)
+        finger: Hand = RosHand(
+            has_forces=asked.has_forces(settings), theta_deg=asked.theta
+        )
     else:
         from pushfit.cli.commands.analysis import example_folder
         from pushfit.explore.hands.simulated import joints_stated, simulated_hand
 
         settings = joints_stated(settings)
-        finger = simulated_hand(
+        finger = simulated = simulated_hand(
             read_config(truth or example_folder() / "truth.toml"),
             theta_deg=asked.theta,
             unit=unit,
@@ -218,6 +221,8 @@ def explore(
     known = explorer.history
     if known.told or known.failures:
         session.say(f"going on with {journal}: {len(known.told)} pushes are known")
+    if simulated is not None:
+        simulated.pass_by(known.n_made, rest=explorer.limits.rest_s)
     return _run(
         session,
         explorer,
@@ -259,9 +264,13 @@ def _run(
         state = run(explorer, finger, settings=peaks, watch=watch)
     session.say(state.sentence, style="bold")
     table = explorer.table
+    history = explorer.history
     if table is None:
+        again = "put it right, and the same command goes on"
+        if history.is_over:
+            again = f"remove {journal}, or give another --out"
         raise ConfigError(
-            f"{state.sentence}; without a push there is no result to write",
+            f"{state.sentence}; without a push there is no result to write; {again}",
             code="no_push",
         )
     found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
@@ -273,8 +282,13 @@ def _run(
         force=force,
         extra={"journal.jsonl": journal.read_bytes(), EXPLORATION: picture},
     )
-    journal.unlink()
     session.wrote(out)
+    if history.stopped is None or history.is_over:
+        journal.unlink()
+    else:
+        session.say(
+            f"put it right, and the same command with --force goes on with {journal}"
+        )
     if json:
         session.print_json({**summary_dict(found), "exploration": state_dict(state)})
     else:

@@ -103,6 +103,19 @@ class SimulatedHand:
             text=fault or "",
         )
 
+    def pass_by(self, n: int, *, rest: float) -> None:
+        """Be where a hand is that has made pushes, as `explore` makes them.
+
+        Args:
+            n: How many.
+            rest: Rest before each and after it [s].
+        """
+        for _ in range(n):
+            self.wait(rest)
+            self.push(np.array([0.0, 0.0, 1e-3]), max_force=None)
+            self.wait(rest)
+        self.retract()
+
     def retract(self) -> None:
         """Return to the contact."""
         self.is_extended = False

@@ -9,6 +9,7 @@ from pydantic import TypeAdapter
 
 from pushfit.explore.belief.belief import Question
 from pushfit.explore.decide.stopping import Judge
+from pushfit.explore.hands.protocol import PushStatus
 from pushfit.explore.journal.file import SCHEMA, Event
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Failure, State, Suggestion, Told
@@ -17,6 +18,10 @@ from pushfit.explore.records import Failure, State, Suggestion, Told
 MOVED = "moved"
 # Reason of a push that was under way when the process died.
 INTERRUPTED = "interrupted"
+# Reason of a push that nobody wants.
+ABANDONED = "abandoned"
+# Reasons of pushes that were never made, or that died with the process.
+NOT_MADE = frozenset({INTERRUPTED, PushStatus.OUT_OF_REACH.value, ABANDONED})
 
 
 @functools.cache
@@ -33,6 +38,7 @@ class History:
         course: Where it stood after each push, for pictures.
         n_drawn: Pushes that the draws rest on; the others came by new weights.
         stopped: Why it was ended from outside, if it was.
+        is_over: Whether that cannot be put right.
         in_a_row: Why pushes failed since the last that gave a height.
     """
 
@@ -42,6 +48,7 @@ class History:
     pending: Suggestion | None = None
     n_drawn: int = 0
     stopped: str | None = None
+    is_over: bool = False
     in_a_row: list[str] = field(default_factory=list)
 
     def take(self, event: Event) -> None:
@@ -70,6 +77,16 @@ class History:
                 self.course.append(_adapter(State).validate_python(event))
             case "stopped":
                 self.stopped = str(event["reason"])
+                self.is_over = bool(event["is_over"])
+            case "resumed":
+                self.stopped = None
+                self.in_a_row.clear()
+
+    @property
+    def n_made(self) -> int:
+        """Pushes that the hand of this exploration has made and come back from."""
+        own = sum(not row.is_attached for row in self.told)
+        return own + sum(f.reason not in NOT_MADE for f in self.failures)
 
 
 def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
