@@ -4,14 +4,16 @@
 
 A step is what lies between a height and the next push: the push is told, the belief
 weighed anew, the forecast made, all candidates surveyed and the best suggested. Steps
-in which the engine draws anew stand by themselves: a finger retracts meanwhile.
-Processor times of one process, its programs compiled before. Noise grows with the
+in which the engine draws anew stand by themselves, with the memory that they leave the
+process with: a finger retracts meanwhile, and a suggestion takes that long. Processor
+times of one process, its programs compiled before. Noise grows with the
 pushes attached, so that as much is left to be found out after 300 as after 10.
 """
 
 import argparse
 import resource
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -60,8 +62,23 @@ def explored(ask: str, n: int, rng: np.random.Generator) -> Explorer:
     return explorer
 
 
-def step(explorer: Explorer, rng: np.random.Generator) -> tuple[float, bool]:
-    """Processor time of one step [s], and whether the engine drew anew."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What one step took.
+
+    Args:
+        seconds: Processor time [s].
+        grown: Memory that the process holds more than before [MB].
+        is_anew: Whether the engine drew anew.
+    """
+
+    seconds: float
+    grown: float
+    is_anew: bool
+
+
+def step(explorer: Explorer, rng: np.random.Generator) -> Step:
+    """Tell the best push and ask for the next."""
     survey = explorer.survey()
     best = survey.ranks[0]
     theta, alpha = float(survey.theta[best]), float(survey.alpha[best])
@@ -72,10 +89,26 @@ def step(explorer: Explorer, rng: np.random.Generator) -> tuple[float, bool]:
         for name in CHANNELS
     }
     n_drawn = explorer.history.n_drawn
-    start = time.process_time()
+    before, start = resident(), time.process_time()
     explorer.tell(theta, alpha, heights)
     explorer.ask()
-    return time.process_time() - start, explorer.history.n_drawn != n_drawn
+    return Step(
+        seconds=time.process_time() - start,
+        grown=resident() - before,
+        is_anew=explorer.history.n_drawn != n_drawn,
+    )
+
+
+def summary(kind: str, steps: list[Step]) -> str:
+    """Cells of a row on steps of one kind."""
+    if not steps:
+        return f"0 {kind} | - | - | - | -"
+    times = 1e3 * np.array([one.seconds for one in steps])
+    grown = sum(one.grown for one in steps)
+    return (
+        f"{times.size} {kind} | {np.median(times):.0f} ms | "
+        f"{np.quantile(times, 0.99):.0f} ms | {times.max():.0f} ms | {grown:+.0f} MB"
+    )
 
 
 def resident() -> float:
@@ -91,27 +124,18 @@ def main() -> None:
     parser.add_argument("--asks", nargs="+", choices=ANGLES, default=list(ANGLES))
     args = parser.parse_args()
     enable_compile_cache()
-    print("| ask | pushes | median | p99 | drawn anew, median (steps) | grown by |")
-    print("|---|---|---|---|---|---|")
+    print("| ask | pushes | steps | median | p99 | longest | grown by |")
+    print("|---|---|---|---|---|---|---|")
     for ask in args.asks:
         for n in (10, 60, 300):
             rng = np.random.default_rng(n)
             explorer = explored(ask, n, rng)
             for _ in range(N_WARM):
                 step(explorer, rng)
-            before = resident()
             steps = [step(explorer, rng) for _ in range(args.steps)]
-            grown = resident() - before
-            kept, anew = (
-                1e3 * np.array([t for t, is_new in steps if is_new is wanted])
-                for wanted in (False, True)
-            )
-            fresh = f"{np.median(anew):.0f} ms ({anew.size})" if anew.size else "- (0)"
-            print(
-                f"| {ask} | {n} | {np.median(kept):.0f} ms | "
-                f"{np.quantile(kept, 0.99):.0f} ms | {fresh} | {grown:+.0f} MB |",
-                flush=True,
-            )
+            for kind, is_anew in (("kept", False), ("drawn anew", True)):
+                own = [one for one in steps if one.is_anew is is_anew]
+                print(f"| {ask} | {n} | {summary(kind, own)} |", flush=True)
 
 
 if __name__ == "__main__":
