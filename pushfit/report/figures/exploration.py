@@ -10,7 +10,6 @@ from jaxtyping import Float
 from pushfit.explore.decide.intervals import HALF_TURN
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.records import State, Suggestion
-from pushfit.parameters import ANGLES
 from pushfit.report.figures.style import (
     BLACK,
     BLUE,
@@ -23,6 +22,7 @@ from pushfit.report.figures.style import (
     new_figure,
     place_legend,
     styled,
+    symbol_label,
 )
 
 if TYPE_CHECKING:
@@ -57,6 +57,8 @@ def exploration_picture(
     if n == 3:
         _draw_course(axes[2], course, angle)
     figure.suptitle(explorer.state.sentence, x=0.01, ha="left", fontsize=9, wrap=True)
+    # Ticks follow the size of their panel, and labels these: solved twice.
+    figure.draw_without_rendering()
     return figure
 
 
@@ -92,10 +94,10 @@ def _draw_known(axes: "Axes", explorer: Explorer, angle: str) -> None:
     axes.set(
         xlim=(low, high),
         ylim=(0, 1.4 * top),
-        xlabel=f"{ANGLES[angle].prose} [deg]",
-        ylabel="density [1/deg]",
+        ylabel="density [1/°]",
         title="What is known",
     )
+    axes.set_xlabel(symbol_label(angle, "°"), parse_math=True)
     axes.set_axisbelow(True)
     place_legend(axes, loc="upper right")
 
@@ -113,7 +115,7 @@ def _draw_gains(
     following = [(push.theta_deg, push.alpha_deg) for push in suggestions[:1]]
     axes.set_title("What a push would tell")
     axes.set_axisbelow(True)
-    axes.set_xlabel("θ [deg]")
+    axes.set_xlabel("push elevation θ [°]")
     if alpha.size == 1:
         axes.bar(theta_deg[allowed], gain[allowed], 3.4, color=ORANGE)
         top = float(np.max(gain, initial=0.0)) or 1.0
@@ -133,7 +135,7 @@ def _draw_gains(
         axes.plot(*made.T, "o", mfc="white", mec=BLACK, mew=0.8, ms=4.5, label="made")
         for best in following:
             axes.plot(*best, "v", color=VERMILLION, label="next")
-        axes.set_ylabel("α [deg]")
+        axes.set_ylabel("push azimuth α [°]")
     place_legend(axes, **BELOW)
 
 
@@ -152,12 +154,8 @@ def _draw_course(axes: "Axes", course: Sequence[State], angle: str) -> None:
     axes.fill_between(n, lower, upper, color=BLUE, alpha=0.3, lw=0)
     axes.plot(n, lower, color=BLUE, marker=".")
     axes.plot(n, upper, color=BLUE, marker=".")
-    axes.set(
-        xlabel="pushes",
-        ylabel=f"{ANGLES[angle].prose} [deg]",
-        title="How it went",
-        ylim=_padded(lower, upper),
-    )
+    axes.set(xlabel="pushes", title="How it went", ylim=_padded(lower, upper))
+    axes.set_ylabel(symbol_label(angle, "°"), parse_math=True)
     axes.locator_params(axis="x", integer=True)
     right = axes.twinx()
     chances = np.array([state.p_budget for state in course], dtype=float)
