@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from pushfit.cli.app import main
 from pushfit.cli.commands.explore import watched
@@ -21,7 +22,7 @@ from pushfit.explore.loop import Step, explore
 from pushfit.explore.records import Answer, Purpose, State, Suggestion
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Parameters
-from pushfit.report.figures.exploration import exploration_picture
+from pushfit.report.figures.exploration import draw_course, exploration_picture
 from pushfit.report.store.read import read_result
 from tests.cli.test_app import session
 from tests.cli.test_progress import everything
@@ -243,3 +244,25 @@ def step(*, number, fault, chance):
         n_left=60 - number,
     )
     return Step(suggestion=suggestion, fault=fault, state=state)
+
+
+def test_an_axis_that_passes_its_end_does_not_leap_in_the_picture():
+    """Intervals around 176°, 182° and 4° are of axes 6° and 2° apart."""
+    ends = [(170.0, 182.0), (178.0, 186.0), (0.0, 8.0), None]
+    course = [
+        State(
+            answer=Answer.DECIDING,
+            intervals={"alpha_star": one},
+            n_pushes=n,
+            n_left=9,
+            p_unlimited=None,
+            p_budget=None,
+            sentence="",
+        )
+        for n, one in enumerate(ends)
+    ]
+    axes = Figure().subplots()
+    draw_course(axes, course, "alpha_star")
+    lower, upper = (line.get_ydata()[:3] for line in axes.lines)
+    np.testing.assert_allclose(lower, [170.0, 178.0, 180.0])
+    np.testing.assert_allclose(upper, [182.0, 186.0, 188.0])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from pushfit.cli import options
-from pushfit.cli.output import refuse_picture
+from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError, FitError
 
@@ -189,6 +189,7 @@ def explore(
     from pushfit.report.store.folder import check_target
 
     check_target(out, force=force)
+    warn_of_missing(session, jinja2="report.html", corner="corner plots")
     settings = read_config(asked.config)
     simulated = None
     if hand == "ros":

@@ -55,7 +55,7 @@ def exploration_picture(
     _draw_known(axes[0], explorer, angle)
     _draw_gains(axes[1], explorer, suggestions)
     if n == 3:
-        _draw_course(axes[2], course, angle)
+        draw_course(axes[2], course, angle)
     figure.suptitle(explorer.state.sentence, x=0.01, ha="left", fontsize=9, wrap=True)
     # Ticks follow the size of their panel, and labels these: solved twice.
     figure.draw_without_rendering()
@@ -147,10 +147,16 @@ def _mark(
         axes.plot(x, y, "x", color=GREY, ms=4, label=f"{label} of limits")
 
 
-def _draw_course(axes: "Axes", course: Sequence[State], angle: str) -> None:
+def draw_course(axes: "Axes", course: Sequence[State], angle: str) -> None:
+    """Interval of the angle, and chance to decide, after each push."""
     n = [state.n_pushes for state in course]
     ends = [state.intervals[angle] or (np.nan, np.nan) for state in course]
     lower, upper = np.transpose(ends)
+    if angle == "alpha_star":  # an axis has no ends: each interval beside the last
+        known = np.isfinite(lower)
+        middle = (lower + upper)[known] / 2
+        shift = np.unwrap(middle, period=HALF_TURN) - middle
+        lower[known], upper[known] = lower[known] + shift, upper[known] + shift
     axes.fill_between(n, lower, upper, color=BLUE, alpha=0.3, lw=0)
     axes.plot(n, lower, color=BLUE, marker=".")
     axes.plot(n, upper, color=BLUE, marker=".")
