@@ -28,7 +28,7 @@ from tests.cli.test_app import session
 from tests.cli.test_progress import everything
 from tests.explore.beliefs import PLAIN
 from tests.explore.test_loop import FORCES, explorer, hand
-from tests.explore.worlds import COMPONENTS
+from tests.explore.worlds import COMPONENTS, TRUTH_FILE
 from tests.test_own_mechanics import EXAMPLE, true_angle
 
 # A = 571 and B = 175 N/m at the mean of the ellipse, whose soft axis lies at 65°:
@@ -40,18 +40,10 @@ STRETCHED = Parameters(
 )
 ALPHA_STAR = 65.0
 # The same as settings, for the commands.
-STRETCHED_FILE = """\
-[push]
-length_mm = 5.0
-[parameters]
-K_sn = { fixed = 800.0 }
-K_dn = { fixed = 2000.0 }
-K_st = { fixed = 400.0 }
-C_rr = { fixed = 0.3 }
-C_d = { fixed = 0.5 }
-L = { fixed = 0.04 }
-e1 = { fixed = 0.8999 }
-e2 = { fixed = -1.0725 }
+STRETCHED_FILE = f"""\
+{TRUTH_FILE}\
+e1 = {{ fixed = 0.8999 }}
+e2 = {{ fixed = -1.0725 }}
 """
 
 

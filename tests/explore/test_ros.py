@@ -19,22 +19,11 @@ from pushfit.explore.hands.ros import messages
 from pushfit.explore.hands.ros.messages import DEBIAN, HOW
 from pushfit.model import Grasp, Pushes, forward
 from pushfit.report.store.read import read_result
-from tests.explore.worlds import COMPONENTS, SIGMA
+from tests.explore.worlds import COMPONENTS, SIGMA, TRUTH_FILE
 from tests.explore.worlds import TRUTH as PARAMETERS
 
 ROSMASTER = Path("/usr/bin/rosmaster")
 ROOT = Path(__file__).parents[2]
-TRUTH = """\
-[push]
-length_mm = 5.0
-[parameters]
-K_sn = { fixed = 800.0 }
-K_dn = { fixed = 2000.0 }
-K_st = { fixed = 400.0 }
-C_rr = { fixed = 0.3 }
-C_d = { fixed = 0.5 }
-L = { fixed = 0.04 }
-"""
 # After so long without set points the robot goes back by itself, or never [s].
 WATCHDOG, NONE = 0.5, 1e6
 # Longest until the finger is back: half a second until somebody misses somebody, or two
@@ -81,7 +70,7 @@ class Graph:
             "PYTHONPATH": str(ROOT),
         }
         self.truth = folder / "truth.toml"
-        self.truth.write_text(TRUTH)
+        self.truth.write_text(TRUTH_FILE)
         self.processes: dict[str, subprocess.Popen] = {}
 
     def begin(self, *, watchdog):

@@ -15,6 +15,18 @@ SIGMA = 0.05
 # A = 571 and B = 175 N/m, C_rr = 0.3: θ_c = 45.6°.
 TRUTH = Parameters(K_sn=800, K_dn=2000, K_st=400, C_rr=0.3, C_d=0.5, L=0.04)
 THETA_C = 45.6
+# The same as settings, for commands and nodes.
+TRUTH_FILE = """\
+[push]
+length_mm = 5.0
+[parameters]
+K_sn = { fixed = 800.0 }
+K_dn = { fixed = 2000.0 }
+K_st = { fixed = 400.0 }
+C_rr = { fixed = 0.3 }
+C_d = { fixed = 0.5 }
+L = { fixed = 0.04 }
+"""
 N_PRIOR = 1 << 15
 
 
