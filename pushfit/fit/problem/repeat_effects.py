@@ -23,8 +23,8 @@ from pushfit.fit.results import ResultWarning
 
 # Rounds of least squares for gains, each of which squares the share that is left.
 N_ROUNDS = 8
-# What is smaller, against the squares of the heights, is rounding.
-ROUNDING, TINY = 1e-18, 1e-300
+# What is smaller, against the heights or their effects, is rounding.
+ROUNDING, TINY = 1e-9, 1e-300
 
 
 def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
@@ -268,22 +268,25 @@ def repeat_p_value(
         Chance of as much where repeats are alike; NaN where there are too few, or
         nothing but rounding tells them apart.
     """
-    rows = np.arange(heights.size)
-    means, effects = (
-        np.zeros((heights.size, way.max() + 1)) for way in (direction, repeat)
-    )
-    means[rows, direction], effects[rows, repeat] = 1 / noise, size / noise
-    scaled = heights / noise
+    weight = np.bincount(direction, noise**-2)
 
-    def left(design: Float[np.ndarray, "n k"]) -> tuple[float, int]:
-        found, _, rank, _ = np.linalg.lstsq(design, scaled, rcond=None)
-        return float(np.sum((scaled - design @ found) ** 2)), int(rank)
+    def within(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+        """What is left beside a mean for each direction, in units of the noise."""
+        total = np.zeros((weight.size, values.shape[1]))
+        np.add.at(total, direction, values / noise[:, None] ** 2)
+        return (values - (total / weight[:, None])[direction]) / noise[:, None]
 
-    alone, n_alone = left(means)
-    both, n_both = left(np.concatenate([means, effects], axis=1))
-    # Repeats without a common direction cannot differ: the rank counts those that may.
-    n_free, dof = n_both - n_alone, scaled.size - n_both
-    if n_free < 1 or dof < 1 or alone <= ROUNDING * float(scaled @ scaled):
+    left = within(heights[:, None])[:, 0]
+    effects = size[:, None] * np.eye(repeat.max() + 1)[repeat]
+    basis, scale, _ = np.linalg.svd(within(effects), full_matrices=False)
+    # Repeats without a common direction cannot differ: only those that may are counted.
+    whole = np.linalg.norm(effects / noise[:, None])
+    basis = basis[:, scale > ROUNDING * whole]
+    alone, taken = float(left @ left), float(np.sum((left @ basis) ** 2))
+    n_free = basis.shape[1]
+    dof = heights.size - weight.size - n_free
+    is_rounding = alone <= (ROUNDING * np.linalg.norm(heights / noise)) ** 2
+    if n_free < 1 or dof < 1 or is_rounding:
         return np.nan
-    ratio = (alone - both) / n_free / max(both / dof, TINY)
-    return float(scipy.special.fdtrc(n_free, dof, max(ratio, 0.0)))
+    ratio = taken / n_free / max((alone - taken) / dof, TINY)
+    return float(scipy.special.fdtrc(n_free, dof, ratio))
