@@ -16,8 +16,7 @@ from pushfit.explore.hands.simulated import SimulatedHand
 from pushfit.model import Grasp
 from pushfit.report.answers import ANSWERS
 from pushfit.report.store.read import read_result
-from tests.explore.test_ros import TRUTH as TRUTH_FILE
-from tests.explore.worlds import COMPONENTS, SIGMA, TRUTH
+from tests.explore.worlds import COMPONENTS, SIGMA, TRUTH, TRUTH_FILE
 
 EXPLORE = ("--forces", "--sigma", "0.05", "--budget", "2", "--noise", "0.01")
 
