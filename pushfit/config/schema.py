@@ -178,7 +178,7 @@ class NoiseSection(Section):
     repeats: Literal["alike", "offset", "gain", "auto"] = setting(
         '"alike", or each repeat of all directions has an "offset" or a '
         '"gain" of its own, which is taken out of its heights, or "auto": '
-        "whichever repeats speak for",
+        "a gain where repeats speak for one",
         default="auto",
     )
     theta_sd_deg: NotNegative | None = setting(

@@ -116,7 +116,10 @@ def fit_table(
     """
     if config.noise.repeats == "auto":
         kind, p_value = repeat_effect(table)
-        config = with_noise(config, repeats=kind if p_value < LEVEL else "alike")
+        # Where repeats have offsets their mean is one, too: it moves θ_c, and without
+        # what tells them apart nothing says how far. A common gain moves no angle.
+        is_gain = kind == "gain" and p_value < LEVEL
+        config = with_noise(config, repeats="gain" if is_gain else "alike")
     if config.noise.likelihood == "auto":
         return _more_evident(table, config, searching)
     if config.noise.height_share == "auto":

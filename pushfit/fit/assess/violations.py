@@ -32,6 +32,13 @@ LEVEL = 1e-3
 LEVEL_IF_REJECTED = 0.05
 # Sharpness of the soft transition that residuals are compared with.
 SOFT = 4.0
+# What to do where repeats differ.
+REMEDIES = {
+    "offset": "compare by `pushfit compare`, and push again with a sensor at rest; "
+    '[noise] repeats = "offset" takes out what tells repeats apart, and leaves an '
+    "offset that all share",
+    "gain": 'set [noise] repeats = "gain", or "auto", which asks them',
+}
 # Fewer residuals than this beyond the coordinates show no shape, and fewer than the
 # second no tails.
 MIN_FREEDOM, MIN_FOR_KURTOSIS = 3, 20
@@ -173,7 +180,7 @@ def _repeat_by_repeat(table: PeakTable) -> Violation:
         code=f"looks_like_{kind}s",
         p_value=p_value,
         text=f"whole repeats differ, as by {'an' if kind == 'offset' else 'a'} {kind} "
-        f'of their own: set [noise] repeats = "{kind}", or "auto", which asks them',
+        f"of their own: {REMEDIES[kind]}",
     )
 
 

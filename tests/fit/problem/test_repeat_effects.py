@@ -113,20 +113,19 @@ def test_noise_within_repeats_is_all_that_a_fit_is_left_with():
 
 @pytest.mark.parametrize(
     ("kind", "offset", "gain"),
-    [("offset", SHIFT, np.ones(3)), ("gain", np.zeros(3), GAIN)],
+    [("alike", SHIFT, np.ones(3)), ("gain", np.zeros(3), GAIN)],
 )
-def test_by_default_repeats_are_what_they_speak_for(kind, offset, gain):
-    """The answer is that of the kind stated; alike repeats stay as they are."""
+def test_by_default_gains_of_repeats_are_taken_out(kind, offset, gain):
+    """Offsets stay in the noise: that of all repeats together moves θ_c unseen."""
     table = case_table(CASES["firm"], noise=0.01, seed=1)
     assert repeat_codes(fit_table(table, config())) == []
     moved = changed(table, offset, gain)
     found = fit_table(moved, config())
     stated = fit_table(moved, config(f'[noise]\nrepeats = "{kind}"\n'))
-    assert repeat_codes(found) == [f"repeat_{kind}s"]
+    assert repeat_codes(found) == (["repeat_gains"] if kind == "gain" else [])
+    assert repeat_effect(moved)[0] == ("gain" if kind == "gain" else "offset")
     assert found.config == stated.config
     np.testing.assert_array_equal(found.fit.estimate, stated.fit.estimate)
-    left = fit_table(moved, config('[noise]\nrepeats = "alike"\n'))
-    assert repeat_codes(left) == []
 
 
 def repeat_codes(fitted) -> list[str]:
