@@ -14,22 +14,18 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
-from pushfit.fit.assess.predictive import noise_at
 from pushfit.fit.fitted import Fitted, draw_posterior, fit_table, with_noise
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeat_effects import (
     both_ways,
-    effects_log_factor,
     is_crossed,
-    without_repeat_effects,
 )
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs import compiled, in_chunks
@@ -97,7 +93,7 @@ class ModelScore:
         is_adequate: Whether it describes the heights within their noise.
         log_evidence: ln p(h); None where the sweep was not to be trusted.
         densities: Leave-one-out densities; None where draws are not to be trusted, and
-            with effects of repeats, which are fitted to all pushes.
+            with effects of repeats, which pushes have in common.
         log_bayes_factor: Log evidence minus the highest of all models.
         elpd_difference: Sum of the densities minus the highest of all models.
         elpd_difference_se: Standard error of the difference; 0 for the best.
@@ -213,7 +209,7 @@ def compare_models(
     for index, (name, rival) in enumerate(configs.items()):
         if progress is not None:
             progress(name.replace("_", " "), index / len(configs))
-        scores.append(_score(name, fitted.table, _refitted(fitted, rival), seed))
+        scores.append(_score(name, _refitted(fitted, rival), seed))
     has_evidence = any(score.log_evidence is not None for score in scores)
     return Comparison(
         models=against_best(scores),
@@ -337,12 +333,9 @@ def _push_log_likelihoods(
 
 def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
     """The same pushes under another configuration."""
-    table, kind = fitted.table, config.noise.repeats
-    if kind != fitted.config.noise.repeats:
-        table = without_repeat_effects(table, kind)
-    setup = settle_noise(build_problem(table, config), fitted.reference_alpha)
+    setup = settle_noise(build_problem(fitted.table, config), fitted.reference_alpha)
     return Fitted(
-        table=table,
+        table=fitted.table,
         config=config,
         setup=setup,
         fit=fit_least_squares(setup, reference_alpha=fitted.reference_alpha),
@@ -351,22 +344,15 @@ def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:
     )
 
 
-def _score(name: str, table: PeakTable, fitted: Fitted, seed: int) -> ModelScore:
-    """One model, not yet compared.
-
-    Args:
-        table: Heights that all models answer for.
-    """
+def _score(name: str, fitted: Fitted, seed: int) -> ModelScore:
+    """One model, not yet compared."""
     problem, n_pushes = fitted.setup.problem, len(fitted.setup.rows)
     posterior = draw_posterior(fitted, seed=seed, engine="auto")
     is_trusted = posterior.status is FitStatus.OK
     quality = goodness_of_fit(fitted.table, fitted.fit, fitted.setup.noise, seed=seed)
-    log_evidence, densities = posterior.log_evidence, None
-    if fitted.table is not table and log_evidence is not None:
-        noise = noise_at(problem, posterior.samples)[:, :, :n_pushes]
-        factors = effects_log_factor(table, fitted.table, noise)
-        log_evidence += float(scipy.special.logsumexp(factors)) - math.log(len(factors))
-    elif is_trusted:
+    densities = None
+    # No push that has something in common with others can be left out by itself.
+    if is_trusted and problem.shared is None:
         densities = push_densities(
             problem,
             posterior.samples,
@@ -378,7 +364,7 @@ def _score(name: str, table: PeakTable, fitted: Fitted, seed: int) -> ModelScore
         sharpness=None if "p" in problem.priors else float(problem.grasp.sharpness),
         is_adequate=quality.is_adequate,
         verdict=quality.sentence,
-        log_evidence=log_evidence if is_trusted else None,
+        log_evidence=posterior.log_evidence if is_trusted else None,
         log_evidence_error=posterior.log_evidence_error if is_trusted else None,
         densities=densities,
         engine=posterior.engine,

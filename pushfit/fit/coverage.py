@@ -181,6 +181,10 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
     clean = heights_of(problem, channels)
     sigma = np.asarray(problem.reference_sigma)[:, : rows.size]
     heights = clean + sigma * rng.standard_normal(clean.shape)
+    if problem.shared is not None:
+        shared = np.asarray(problem.shared)[:, :, : rows.size]
+        effects = rng.standard_normal((n, *shared.shape[:2]))
+        heights += np.einsum("cgn,kcg->kcn", shared, effects)
     sds = {c: sd[rows] for c in table.channels if (sd := table.sd(c)) is not None}
     tables = [
         PeakTable.from_arrays(

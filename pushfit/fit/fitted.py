@@ -56,6 +56,9 @@ MIN_TAIL_GAIN = -0.5
 # The same of noise in proportion to the height, above which it is taken: twice it is
 # exceeded once in 1000 tables without, half of a chi-square of one degree of freedom.
 MIN_SHARE_GAIN = 4.8
+# Chance of giving repeats that are alike effects of their own, which costs little: how
+# much they may have in common is as small as they differ.
+REPEAT_LEVEL = 0.05
 # Of the draws that noise is chosen by: whatever the seed, the same noise.
 CHOOSING_SEED = 0
 
@@ -116,21 +119,20 @@ def fit_table(
     """
     if config.noise.repeats == "auto":
         kind, p_value = repeat_effect(table)
-        # Where repeats have offsets their mean is one, too: it moves θ_c, and without
-        # what tells them apart nothing says how far. A common gain moves no angle.
-        is_gain = kind == "gain" and p_value < LEVEL
-        config = with_noise(config, repeats="gain" if is_gain else "alike")
+        is_shown = p_value < REPEAT_LEVEL
+        config = with_noise(config, repeats=kind if is_shown else "alike")
     if config.noise.likelihood == "auto":
         return _more_evident(table, config, searching)
     if config.noise.height_share == "auto":
         return _with_share_if_shown(table, config, searching)
     config, warnings = prepared(table, config)
-    kind = config.noise.repeats
-    if kind != "alike":
-        before, table = table, without_repeat_effects(table, kind)
-        warnings = (*warnings, repeat_warning(before, table, kind))
-    stated = config.noise.sigma
+    stated, kind = config.noise.sigma, config.noise.repeats
     if config.noise.angle_errors == "shared":
+        if kind != "alike":
+            # An average is of all repeats.
+            before, table = table, without_repeat_effects(table, kind)
+            warnings = (*warnings, repeat_warning(before, table, kind))
+            config = with_noise(config, repeats="alike")
         before, table = table, averaged(table, stated)
         if table is not before:
             warnings = (*warnings, averaging_warning(before, table))

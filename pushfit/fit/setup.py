@@ -32,6 +32,8 @@ from pushfit.parameters import SIGNED
 # One compiled program serves every table of up to this many rows, then of twice as
 # many, and so on: recompiling for each length costs seconds.
 SMALLEST_BUCKET = 16
+# The same for the groups of pushes that have something in common.
+GROUPS = 4
 # Azimuths closer than this are one direction [rad].
 SAME_AZIMUTH = np.radians(0.5)
 # Sampled noise: the median is this share of the tallest height, a factor 12 either way
@@ -164,11 +166,16 @@ def _assemble(
     padding = bucket(used.size) - used.size
 
     def padded(values: np.ndarray, fill: float) -> np.ndarray:
-        return np.concatenate([values[used], np.full(padding, fill)])
+        ends = np.full((*values.shape[:-1], padding), fill)
+        return np.concatenate([values[..., used], ends], axis=-1)
 
     def stacked(values: Mapping[str, np.ndarray], fill: float) -> np.ndarray:
         return np.stack([padded(values[name], fill) for name in table.channels])
 
+    shared = None
+    if noise.shared:
+        shared = stacked(noise.shared, 0.0)
+        shared = np.pad(shared, ((0, 0), (0, -shared.shape[1] % GROUPS), (0, 0)))
     heights = {name: table.heights(name) for name in table.channels}
     row_mask = np.arange(used.size + padding) < used.size
     problem = Problem(
@@ -184,5 +191,6 @@ def _assemble(
         names=sampling_names(priors, fixed),
         data_names=data_names(priors, fixed, grasp),
         likelihood="student_t" if config.noise.likelihood == "student_t" else "normal",
+        shared=None if shared is None else as_float(shared),
     )
     return with_constraints(problem)

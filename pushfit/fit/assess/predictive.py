@@ -52,7 +52,7 @@ def predictive_checks(
     index = np.linspace(0, n - 1, min(n, n_draws)).astype(int)
     draws = {name: values[index] for name, values in posterior.samples.items()}
     predicted = heights_of(problem, predict_draws(problem, draws, problem.pushes))
-    residuals = (predicted - np.asarray(problem.observed)) / noise_at(problem, draws)
+    residuals = problem.differences(predicted) / noise_at(problem, draws)
     observed = residuals[:, :, :n_rows]
     simulated = _noise(problem, observed.shape, np.random.default_rng([seed, 3]))
     directions = pushed_directions(table, np.array(setup.rows))

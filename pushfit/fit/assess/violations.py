@@ -20,7 +20,7 @@ from jaxtyping import Float
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
 from pushfit.fit.problem.predictions import heights_of, predict_points
-from pushfit.fit.problem.repeat_effects import repeat_effect
+from pushfit.fit.problem.repeat_effects import ARTICLES, repeat_effect
 from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.fit.setup import Setup
@@ -32,13 +32,6 @@ LEVEL = 1e-3
 LEVEL_IF_REJECTED = 0.05
 # Sharpness of the soft transition that residuals are compared with.
 SOFT = 4.0
-# What to do where repeats differ.
-REMEDIES = {
-    "offset": "compare by `pushfit compare`, and push again with a sensor at rest; "
-    '[noise] repeats = "offset" takes out what tells repeats apart, and leaves an '
-    "offset that all share",
-    "gain": 'set [noise] repeats = "gain", or "auto", which asks them',
-}
 # Fewer residuals than this beyond the coordinates show no shape, and fewer than the
 # second no tails.
 MIN_FREEDOM, MIN_FOR_KURTOSIS = 3, 20
@@ -85,7 +78,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     found: list[Violation | None] = [
         _steep(free, slope / fit.sigma),
         _tall(free, fit.predicted / fit.sigma),
-        _repeat_by_repeat(table),
+        None if setup.noise.shared else _repeat_by_repeat(table),
     ]
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):
@@ -179,8 +172,8 @@ def _repeat_by_repeat(table: PeakTable) -> Violation:
     return Violation(
         code=f"looks_like_{kind}s",
         p_value=p_value,
-        text=f"whole repeats differ, as by {'an' if kind == 'offset' else 'a'} {kind} "
-        f"of their own: {REMEDIES[kind]}",
+        text=f"whole repeats differ, as by {ARTICLES[kind]} {kind} of their own: set "
+        f'[noise] repeats = "{kind}", or "auto", which asks them',
     )
 
 

@@ -5,8 +5,8 @@ repeats are pooled when there are enough; else sigma is a parameter like the oth
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -15,7 +15,12 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.problem.repeat_effects import scatter_beside_effects
+from pushfit.fit.problem.repeat_effects import (
+    effect_sds,
+    repeat_warning,
+    scatter_beside_effects,
+    without_repeat_effects,
+)
 from pushfit.fit.results import ResultWarning
 
 # A pooled sd from 20 degrees of freedom is known to 16 %, and a 90 % interval that
@@ -45,6 +50,8 @@ class Noise:
             scatters by as well [rad].
         height_share: Noise in proportion to the height, as a share of it; None where
             the residuals are to tell.
+        shared: Standard deviations of what pushes of a repeat have in common, per
+            channel, repeat and row [table unit]; without any, there are no groups.
         warnings: What the user should know.
     """
 
@@ -54,6 +61,7 @@ class Noise:
     degrees_of_freedom: float
     angle_sd: tuple[float, float] = (0.0, 0.0)
     height_share: float | None = 0.0
+    shared: Mapping[str, Float[np.ndarray, "r n"]] = field(default_factory=dict)
     warnings: tuple[ResultWarning, ...] = ()
 
     @property
@@ -67,7 +75,30 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
 
     Raises:
         ConfigError: If "given" is asked for without sd columns, or "pooled" without
-            repeats or with noise that differs from direction to direction.
+            repeats or with noise that differs from direction to direction, or effects
+            of repeats without any.
+    """
+    kind = config.noise.repeats
+    if kind in ("alike", "auto"):
+        return _of_each(table, config, PeakTable.pooled_sd)
+    alone = without_repeat_effects(table, kind)
+    noise = _of_each(alone, config, scatter_beside_effects)
+    return replace(
+        noise,
+        shared=effect_sds(table, alone, kind),
+        warnings=(*noise.warnings, repeat_warning(table, alone, kind)),
+    )
+
+
+def _of_each(
+    table: PeakTable,
+    config: GraspConfig,
+    scatter: Callable[[PeakTable, str], tuple[float, int]],
+) -> Noise:
+    """Noise that pushes have one by one.
+
+    Args:
+        scatter: What repeats of a channel say of it, and its degrees of freedom.
     """
     choice, sds = config.noise.sigma, _given(table)
     stated = (config.noise.theta_sd_deg, config.noise.alpha_sd_deg)
@@ -96,8 +127,6 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             angle_sd=angle_sd,
             height_share=height_share,
         )
-    is_alike = config.noise.repeats in ("alike", "auto")
-    scatter = PeakTable.pooled_sd if is_alike else scatter_beside_effects
     pooled = {name: scatter(table, name) for name in table.channels}
     dof = min(int(p[1]) for p in pooled.values())
     if choice == "pooled" and dof < 1:

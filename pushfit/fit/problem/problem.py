@@ -9,11 +9,12 @@ Excluded: searching and sampling.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from pushfit.fit.priors.distributions import Prior
@@ -35,6 +36,7 @@ from pushfit.parameters import OF_GRASP, SIGNED, SIX
 STUDENT_DOF = 4.0
 
 P = TypeVar("P", Parameters, Contact)
+A = TypeVar("A", Array, np.ndarray)
 
 
 class State(eqx.Module, Generic[P]):
@@ -85,6 +87,8 @@ class Problem(eqx.Module):
         constraint_offset: See `constraint`.
         repeats: 1 where a row repeats one of `pushes`, else 0; None where each row has
             its own.
+        shared: Standard deviations of what the rows of a group have in common, 0 in
+            other rows; groups have no row in common [table unit]. None without groups.
     """
 
     pushes: Pushes
@@ -102,6 +106,7 @@ class Problem(eqx.Module):
     constraint: Float[Array, "k q"] | None = None
     constraint_offset: Float[Array, " k"] | None = None
     repeats: Float[Array, "d n"] | None = None
+    shared: Float[Array, "c g n"] | None = None
 
     @property
     def n_constraints(self) -> int:
@@ -114,6 +119,30 @@ class Problem(eqx.Module):
         heights = jnp.stack([getattr(channels, name) for name in self.channels])
         return heights if self.repeats is None else heights @ self.repeats
 
+    def differences(self, predicted: Float[A, "*k c n"]) -> Float[A, "*k c n"]:
+        """Predictions less observations, with noise of its own each; 0 for padding.
+
+            d - Σ_g v_g (1 - 1/√(1 + V_g)) / V_g Σ v_g d/σ²,   V_g = Σ v_g²/σ²
+
+        v_g is what `shared` says of a group, σ the reference: this is σ times the
+        inverse root of the covariance σ² + Σ_g v_g v_gᵀ. Arrays of NumPy stay such.
+        """
+        xp: Any = np if isinstance(predicted, np.ndarray) else jnp
+        difference = xp.where(self.mask, predicted - xp.asarray(self.observed), 0.0)
+        if self.shared is None:
+            return difference
+        v, sigma = xp.asarray(self.shared), xp.asarray(self.reference_sigma)
+        root = (1 + _volumes(v, sigma)) ** 0.5
+        part = xp.einsum("cgn,...cn->...cg", v / sigma[:, None] ** 2, difference)
+        return difference - xp.einsum("cgn,...cg->...cn", v, part / (root + root**2))
+
+    @property
+    def log_determinant(self) -> Scalar:
+        """Of the map from noise to that of its own: 0 where nothing is shared."""
+        if self.shared is None:
+            return jnp.zeros(())
+        return -jnp.sum(jnp.log1p(_volumes(self.shared, self.reference_sigma))) / 2
+
     def residuals(self, state: State) -> Float[Array, " m"]:
         """(prediction - observation) / reference sigma, 0 for padding."""
         return self.residuals_of(self.predict(state))
@@ -125,8 +154,7 @@ class Problem(eqx.Module):
         deviance (ν + 1) ln(1 + r²/ν), so that half the sum of squares stays the
         negative log likelihood up to a constant.
         """
-        difference = (predicted - self.observed) / self.reference_sigma
-        difference = jnp.where(self.mask, difference, 0.0)
+        difference = self.differences(predicted) / self.reference_sigma
         if self.likelihood == "student_t":
             difference = _signed_root_deviance(difference)
         return difference.ravel()
@@ -160,9 +188,7 @@ class Problem(eqx.Module):
     def log_likelihoods(self, state: State) -> Float[Array, "c n"]:
         """Normalised log density of every entry; 0 for padding."""
         sigma = self.noise(state)
-        scaled = jnp.where(
-            self.mask, (self.predict(state) - self.observed) / sigma, 0.0
-        )
+        scaled = self.differences(self.predict(state)) / sigma
         if self.likelihood == "student_t":
             density = jax.scipy.stats.t.logpdf(scaled, STUDENT_DOF)
         else:
@@ -171,7 +197,7 @@ class Problem(eqx.Module):
 
     def log_likelihood(self, state: State) -> Scalar:
         """Normalised log density of the data."""
-        return jnp.sum(self.log_likelihoods(state))
+        return jnp.sum(self.log_likelihoods(state)) + self.log_determinant
 
     def log_prior(self, x: Float[Array, " p"]) -> Scalar:
         """Normalised log density of x before the data."""
@@ -297,6 +323,11 @@ def _prior_scale(
     for channel, sigma in zip(channels, state.sigma, strict=True):
         scale[f"sigma_{channel}"] = jnp.log(sigma)
     return scale
+
+
+def _volumes(shared: Any, sigma: Any) -> Any:
+    """V_g by channel and group; see `Problem.differences`."""
+    return ((shared / sigma[:, None]) ** 2).sum(axis=2)
 
 
 def _signed_root_deviance(r: Float[Array, "*s"]) -> Float[Array, "*s"]:

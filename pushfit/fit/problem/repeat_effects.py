@@ -1,14 +1,10 @@
-"""An offset or a gain that all heights of one repeat share, taken out of them.
+"""An offset or a gain that all heights of one repeat share: found, and how large it is.
 
 A sensor that drifts, or a hand that presses anew, moves a whole repeat. Directions and
-repeats are the two ways of a table: least squares of both effects leave the mean over
-repeats where it is and take away what tells one repeat from another. Excluded: an
-offset or gain of all repeats together, which no repeat shows; or of all that share
-directions, where those of another recording have none of these.
-
-References:
-    Kass & Wasserman (1995), doi:10.1080/01621459.1995.10476592: the unit information
-    prior.
+repeats are the two ways of a table: least squares of both effects tell one repeat from
+another, and what is left is the noise of each push. How much repeats differ says how
+far all of them together may be off, which none of them shows. Excluded: one effect for
+several recordings, each of which has repeats of its own.
 """
 
 from dataclasses import replace
@@ -21,6 +17,9 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.results import ResultWarning
 
+ARTICLES = {"offset": "an", "gain": "a"}
+# Chances of an F test that is in no doubt against another.
+PLAINLY_LIKELIER = 0.1
 # Rounds of least squares for gains, each of which squares the share that is left.
 N_ROUNDS = 8
 # What is smaller, against the heights or their effects, is rounding.
@@ -57,65 +56,69 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
     return replace(table, frame=table.frame.assign(**columns))
 
 
+def effect_sds(
+    before: PeakTable, after: PeakTable, kind: str
+) -> dict[str, Float[np.ndarray, "r n"]]:
+    """Standard deviations of what heights of each repeat have in common, by channel.
+
+        v = s,   or   v = s m,   0 in other repeats;   s² = Σ o² / ν  or  Σ (g - 1)² / ν
+
+    Sums are over repeats, ν of which are free. So few tell s badly: it is wider by the
+    ratio of the quantiles of Student-t and normal distributions, so that intervals of
+    90 % for an effect hold it as often.
+
+    Args:
+        after: The same table without the effects of repeats.
+        kind: "offset" or "gain".
+    """
+    direction, repeat = both_ways(before)
+    n_effects = _n_effects(direction, repeat)
+    tail = scipy.special.stdtrit(n_effects, 0.95) / scipy.special.ndtri(0.95)
+    used, found = before.is_used, {}
+    is_own = np.arange(repeat.max() + 1)[:, None] == repeat
+    for channel in before.channels:
+        heights = after.heights(channel)[used]
+        size = np.bincount(direction, heights) / np.bincount(direction)
+        size = np.ones(repeat.size) if kind == "offset" else size[direction]
+        effects = _effects(before, after, channel, kind)
+        spread = tail * float(np.sqrt(np.sum(effects**2) / n_effects))
+        found[channel] = np.zeros((len(is_own), before.n_pushes))
+        found[channel][:, used] = spread * size * is_own
+    return found
+
+
+def _effects(
+    before: PeakTable, after: PeakTable, channel: str, kind: str
+) -> Float[np.ndarray, " r"]:
+    """What each repeat was moved by, or its factor less 1."""
+    used, (_, repeat) = before.is_used, both_ways(before)
+    old, new = (np.bincount(repeat, t.heights(channel)[used]) for t in (before, after))
+    return (old - new) / np.bincount(repeat) if kind == "offset" else old / new - 1
+
+
 def repeat_warning(before: PeakTable, after: PeakTable, kind: str) -> ResultWarning:
-    """Say what was taken out of the heights of each repeat.
+    """Say how repeats differ.
 
     Args:
         after: The same without the effects of repeats.
         kind: "offset" or "gain".
     """
-    used = before.is_used
-    labels, repeat = np.unique(
-        before.frame["repeat"].to_numpy()[used], return_inverse=True
-    )
+    labels = np.unique(before.frame["repeat"].to_numpy()[before.is_used])
     said = []
     for channel in before.channels:
-        old, new = (
-            np.bincount(repeat, table.heights(channel)[used])
-            for table in (before, after)
+        effects = _effects(before, after, channel, kind)
+        words = (
+            f"{e:+.2g}" if kind == "offset" else f"a factor of {1 + e:.3g}"
+            for e in effects
         )
-        if kind == "offset":
-            moved = (new - old) / np.bincount(repeat)
-            words = [f"{value:+.2g}" for value in moved]
-        else:
-            words = [f"a factor of {value:.3g}" for value in new / old]
         each = (f"{word} ({label})" for label, word in zip(labels, words, strict=True))
         said.append(f"{channel}_{before.unit} by {', '.join(each)}")
     return ResultWarning(
         code=f"repeat_{kind}s",
-        text=f"whole repeats were brought together before the fit, {'; '.join(said)}; "
-        '[noise] repeats = "alike" leaves them as they are',
+        text=f"whole repeats differ, {'; '.join(said)}: each was given "
+        f"{ARTICLES[kind]} {kind} of its own, and intervals allow for what all share; "
+        '[noise] repeats = "alike" takes this for noise of each push',
     )
-
-
-def effects_log_factor(
-    before: PeakTable, after: PeakTable, noise: Float[np.ndarray, "m c n"]
-) -> Float[np.ndarray, " m"]:
-    """How much likelier effects make the heights than repeats alike make what is left.
-
-        ln p(h | effects) - ln p(h' | alike) = -Q / (2 (n + 1)) - k/2 ln(n + 1)
-
-    h' are the heights without the effects, Q is chi-square of what was taken out,
-    within directions, k the number of effects that repeats show, and n that of the
-    pushes of a repeat. An effect is normal beforehand, as uncertain as one push leaves
-    it. Exact for offsets and normal noise alike in all pushes, where all repeats have
-    the same directions; of gains to first order.
-
-    Args:
-        after: The same table without the effects of repeats.
-        noise: Standard deviations of the pushes that are used, for each draw of them
-            [table unit].
-    """
-    direction, repeat = both_ways(before)
-    n_repeats = repeat.max() + 1
-    n_pushes = direction.size / n_repeats
-    used, chi_square = before.is_used, np.zeros(len(noise))
-    for sd, channel in zip(noise.swapaxes(0, 1), before.channels, strict=True):
-        taken = (before.heights(channel) - after.heights(channel))[used]
-        mean = np.bincount(direction, taken) / np.bincount(direction)
-        chi_square += np.sum(((taken - mean[direction]) / sd) ** 2, axis=1)
-    n_effects = len(before.channels) * _n_effects(direction, repeat)
-    return -(chi_square / (n_pushes + 1) + n_effects * np.log(n_pushes + 1)) / 2
 
 
 def scatter_beside_effects(table: PeakTable, channel: str) -> tuple[float, int]:
@@ -218,7 +221,8 @@ def _parts(
 def repeat_effect(table: PeakTable) -> tuple[str, float]:
     """Which effect tells repeats apart, and the chance of as much where none does.
 
-    One F test of both, whichever tells more: twice the chance of each.
+    One F test of both: twice the chance of each. An offset of all heights moves θ_c and
+    a gain does not: where both tell about as much it is an offset.
 
     Returns:
         "offset" or "gain", and its p-value; NaN where repeats are the same, or too few.
@@ -246,7 +250,8 @@ def repeat_effect(table: PeakTable) -> tuple[str, float]:
         "offset": repeat_p_value(height, np.ones(height.size), sd, *ways),
         "gain": repeat_p_value(height, mean, sd, *ways),
     }
-    kind = min(chances, key=lambda kind: chances[kind])
+    is_gain = chances["gain"] < PLAINLY_LIKELIER * chances["offset"]
+    kind = "gain" if is_gain else "offset"
     return kind, float(np.minimum(1.0, 2 * chances[kind]))
 
 

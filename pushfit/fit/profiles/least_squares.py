@@ -348,9 +348,10 @@ def costs_at(
 def _heights_at(
     problem: Problem, y: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "c n"]:
-    """Heights of the rows at data coordinates [table unit]."""
+    """Heights of the rows at data coordinates, with what they share [table unit]."""
     found = predict_points(problem, y[None], problem.pushes)
-    return heights_of(problem, found)[0]
+    differences = problem.differences(heights_of(problem, found)[0])
+    return np.asarray(problem.observed) + differences
 
 
 @compiled

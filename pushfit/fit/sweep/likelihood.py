@@ -111,7 +111,7 @@ def log_likelihood(
         difference: Predictions less mean heights [table unit].
         ln_sigma: Sampled noise by "ln_sigma_<channel>" [ln table unit].
     """
-    total = jnp.zeros(())
+    total = pooled.problem.log_determinant
     for channel, name in enumerate(pooled.problem.channels):
         variance = pooled.problem.reference_sigma[channel] ** 2
         if is_sampled(pooled, channel):
@@ -158,7 +158,7 @@ def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
     Args:
         difference: Predictions less mean heights [table unit].
     """
-    total, weights = jnp.zeros(()), []
+    total, weights = pooled.problem.log_determinant, []
     for channel in range(len(pooled.problem.channels)):
         own = difference[channel]
         if is_sampled(pooled, channel):

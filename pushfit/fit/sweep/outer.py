@@ -213,6 +213,8 @@ def _first_starts(target: Target) -> Float[Array, "n q"]:
         [(c, *f) for c, f in itertools.product(INNER_GUESSES, shapes)]
     )
 
+    problem = target.pooled.problem
+
     def guess(u: Array, shift: Array) -> tuple[Array, Array]:
         mean, sd = _prior_given(target, (u,))
         y, _ = _prior_given(target, (u, mean[1] + shift[0] * sd[1]))
@@ -221,12 +223,13 @@ def _first_starts(target: Target) -> Float[Array, "n q"]:
                 y = y.at[i].add(shift[int(name[1])])
 
         def at(y: Array, is_last: Array) -> tuple[Array, Array]:
-            difference = target.differences(y)
+            predicted = problem.predict(target.state(target.seen(y)))
             scaled = y
             if "ln_A" in names:
-                ln_scale = _ln_scale(target, difference)
+                ln_scale = _ln_scale(target, predicted)
                 scaled = y.at[names.index("ln_A")].add(ln_scale)
-            return jnp.where(is_last, y, scaled), target.cost(y, difference)
+            cost = target.cost(y, problem.differences(predicted))
+            return jnp.where(is_last, y, scaled), cost
 
         # Both predictions are one evaluation, which is what takes long to compile.
         y, costs = jax.lax.scan(at, y, jnp.array([False, True]))
@@ -236,13 +239,12 @@ def _first_starts(target: Target) -> Float[Array, "n q"]:
     return tried[jnp.arange(N_NODES), jnp.argmin(costs, axis=1)]
 
 
-def _ln_scale(target: Target, difference: Float[Array, "c n"]) -> Array:
+def _ln_scale(target: Target, predicted: Float[Array, "c n"]) -> Array:
     """Log of the factor that brings predictions closest to the heights."""
     problem = target.pooled.problem
-    observed = jnp.where(problem.mask, problem.observed, 0.0)
-    predicted = difference + observed
+    predicted = jnp.where(problem.mask, predicted, 0.0)
     weight = target.pooled.count / problem.reference_sigma**2
-    scale = jnp.sum(weight * predicted * observed)
+    scale = jnp.sum(weight * predicted * problem.observed)
     scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
     # A push that cannot be predicted at the guess must not make the node unknown.
     return jnp.log(jnp.clip(jnp.nan_to_num(scale, nan=1.0), 1e-3, 1e3))

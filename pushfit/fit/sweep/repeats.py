@@ -2,9 +2,9 @@
 
 Heights of one direction with one standard deviation enter a normal likelihood through
 their number, their mean and their scatter alone. Other heights of a direction stay
-apart, as do all of a Student-t likelihood, and those with a part of their noise known
-and another sampled, whose logarithms are taken of many rows at once; what they share is
-one prediction.
+apart, as do all of a Student-t likelihood, those that have something in common with
+other directions, and those with a part of their noise known and another sampled, whose
+logarithms are taken of many rows at once; what they share is one prediction.
 """
 
 from dataclasses import replace
@@ -54,7 +54,8 @@ def pool_repeats(problem: Problem) -> Pooled:
     angles = np.stack([problem.pushes.theta, problem.pushes.alpha])[:, used]
     has_sd = bool(np.any(sd > 0))
     is_sampled = any(f"sigma_{name}" in problem.priors for name in problem.channels)
-    is_single = problem.likelihood != "normal" or (has_sd and is_sampled)
+    is_even = problem.shared is None and not (has_sd and is_sampled)
+    is_single = problem.likelihood != "normal" or not is_even
     if not is_single:
         key = np.concatenate([angles, np.log(np.maximum(sd, 1e-300)), np.log(sigma)])
         first, group = _alike(key)
@@ -78,6 +79,9 @@ def pool_repeats(problem: Problem) -> Pooled:
         sd=_padded(sd[:, first], 0.0),
         reference_sigma=_padded(sigma[:, first], 1.0),
         mask=jnp.asarray(mask),
+        shared=None
+        if problem.shared is None
+        else as_float(_padded(np.asarray(problem.shared)[:, :, used], 0.0)),
     )
     return Pooled(
         pooled,

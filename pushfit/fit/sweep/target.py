@@ -114,8 +114,7 @@ class Target(eqx.Module):
     def differences_at(self, z: Mapping[str, Scalar]) -> Float[Array, "c n"]:
         """The same at sampling coordinates by name."""
         problem = self.pooled.problem
-        difference = problem.predict(self.state(z)) - problem.observed
-        return jnp.where(problem.mask, difference, 0.0)
+        return problem.differences(problem.predict(self.state(z)))
 
     def log_prob(self, x: Float[Array, " p"]) -> Scalar:
         """Unnormalised log posterior density of sampling coordinates."""

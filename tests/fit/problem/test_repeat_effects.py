@@ -11,14 +11,18 @@ from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.fitted import fit_table
+from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.repeat_effects import (
     both_ways,
-    effects_log_factor,
+    effect_sds,
     repeat_effect,
     repeat_p_value,
     scatter_beside_effects,
     without_repeat_effects,
 )
+from pushfit.fit.sweep.prior import make_target
+from pushfit.model import as_float
+from pushfit.parameters import SIX
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -105,7 +109,7 @@ def test_noise_within_repeats_is_all_that_a_fit_is_left_with():
     said = {warning.code: warning.text for warning in fitted.warnings}
     moves = re.findall(r"([+-][\d.]+) \(\d\)", said["repeat_offsets"])
     # Means of 17 heights, four times their noise.
-    np.testing.assert_allclose([float(m) for m in moves], -SHIFT, atol=0.02)
+    np.testing.assert_allclose([float(m) for m in moves], SHIFT, atol=0.02)
     assert alike > 0.07
     # 34 degrees of freedom: 12 % of the noise, four times.
     assert 0.01 < own < 0.03
@@ -113,17 +117,15 @@ def test_noise_within_repeats_is_all_that_a_fit_is_left_with():
 
 @pytest.mark.parametrize(
     ("kind", "offset", "gain"),
-    [("alike", SHIFT, np.ones(3)), ("gain", np.zeros(3), GAIN)],
+    [("offset", SHIFT, np.ones(3)), ("gain", np.zeros(3), GAIN)],
 )
-def test_by_default_gains_of_repeats_are_taken_out(kind, offset, gain):
-    """Offsets stay in the noise: that of all repeats together moves θ_c unseen."""
+def test_by_default_repeats_have_the_effects_that_they_show(kind, offset, gain):
     table = case_table(CASES["firm"], noise=0.01, seed=1)
     assert repeat_codes(fit_table(table, config())) == []
     moved = changed(table, offset, gain)
     found = fit_table(moved, config())
     stated = fit_table(moved, config(f'[noise]\nrepeats = "{kind}"\n'))
-    assert repeat_codes(found) == (["repeat_gains"] if kind == "gain" else [])
-    assert repeat_effect(moved)[0] == ("gain" if kind == "gain" else "offset")
+    assert repeat_codes(found) == [f"repeat_{kind}s"]
     assert found.config == stated.config
     np.testing.assert_array_equal(found.fit.estimate, stated.fit.estimate)
 
@@ -179,32 +181,52 @@ def test_the_chance_of_repeats_that_are_alike_is_uniform(n_sweeps):
     assert scipy.stats.kstest(chances, "uniform").pvalue > LEVEL
 
 
-@pytest.mark.parametrize(
-    ("kind", "offset", "gain", "tolerance"),
-    [("offset", SHIFT, np.ones(3), 1e-9), ("gain", np.zeros(3), GAIN, 0.02)],
-)
-def test_effects_are_as_likely_as_a_normal_distribution_with_them(
-    kind, offset, gain, tolerance
+@pytest.mark.parametrize("sigma", ["pooled", "sampled"])
+@pytest.mark.parametrize("kind", ["offset", "gain"])
+def test_heights_are_as_likely_as_a_normal_distribution_with_what_they_share(
+    kind, sigma
 ):
-    """Against dense covariances; gains are 4 %, and their squares count in Q of 20."""
-    clean = case_table(CASES["firm"])
-    table = changed(clean, offset, gain)
-    without, mean = without_repeat_effects(table, kind), clean.heights("height")
-    direction, repeat = both_ways(table)
-    size = np.ones(mean.size) if kind == "offset" else mean
-    effects = size[:, None] * np.eye(3)[repeat]
-    means = np.eye(direction.max() + 1)[direction]
-    left = effects - means @ np.linalg.pinv(means) @ effects
-    noise = np.array([0.05, 0.1])
-    found = effects_log_factor(
-        table, without, np.ones((2, 1, mean.size)) * noise[:, None, None]
+    """Against a dense covariance; by the sweep as well, its repeats not pooled."""
+    clean = case_table(CASES["firm"], noise=0.02, seed=3)
+    plain = replace(clean, frame=clean.frame.drop(columns="height_sd_n"))
+    table = changed(plain, SHIFT * (kind == "offset"), GAIN ** (kind == "gain"))
+    text = f'[noise]\nrepeats = "{kind}"\nsigma = "{sigma}"\n'
+    setup = fit_table(table, config(text)).setup
+    problem, n = setup.problem, table.n_pushes
+    truth = {name: getattr(CASES["firm"].params, name) for name in SIX}
+    values = {name: np.array([value]) for name, value in truth.items()}
+    sampled = values | {"sigma_height": np.array([0.025])}
+    x = as_float(encode(problem, sampled)[0])
+    state = problem.state(x)
+    noise = np.asarray(problem.noise(state))[0, :n]
+    # In units of the noise that was settled: what is shared grows with what is not.
+    scale = noise / np.asarray(problem.reference_sigma)[0, :n]
+    v = scale * setup.noise.shared["height"]
+    _, repeat = both_ways(table)
+    assert np.array_equal(v != 0, np.arange(3)[:, None] == repeat)
+    mean = np.asarray(problem.predict(state))[0, :n]
+    expected = scipy.stats.multivariate_normal.logpdf(
+        table.heights("height"), mean, np.diag(noise**2) + v.T @ v
     )
-    n = mean.size / 3
-    for sd, log_factor in zip(noise, found, strict=True):
-        prior = n * sd**2 * np.linalg.pinv(left.T @ left, rcond=EXACT)
-        own = sd**2 * np.eye(mean.size)
-        both = own + left @ prior @ left.T
-        normal = scipy.stats.multivariate_normal
-        expected = normal.logpdf(table.heights("height"), mean, both)
-        expected -= normal.logpdf(without.heights("height"), mean, own)
-        assert abs(log_factor - expected) < tolerance * abs(expected)
+    assert abs(float(problem.log_likelihood(state)) - expected) < 1e-8 * abs(expected)
+    swept = make_target(problem, 0.0).log_prob(x) - problem.log_prior(x)
+    assert abs(float(swept) - expected) < 1e-8 * abs(expected)
+
+
+@pytest.mark.parametrize("n_repeats", [2, 3, 6])
+@pytest.mark.parametrize("kind", ["offset", "gain"])
+def test_what_repeats_may_have_in_common_is_as_wide_as_it_says(kind, n_repeats):
+    """1.645 standard deviations of the mean effect hold it 90 times in 100."""
+    one = case_table(CASES["firm"], repeats=n_repeats)
+    mean = one.heights("height")
+    _, repeat = both_ways(one)
+    rng, n_hits = np.random.default_rng(4), 0
+    for _ in range(N_TABLES):
+        effects = 0.1 * rng.standard_normal(n_repeats)
+        moved = mean + effects[repeat] * (1.0 if kind == "offset" else mean / 20)
+        table = replace(one, frame=one.frame.assign(height_n=moved))
+        v = effect_sds(table, without_repeat_effects(table, kind), kind)["height"]
+        size = np.max(v, axis=0) / (1.0 if kind == "offset" else mean / 20)
+        n_hits += abs(np.mean(effects)) < 1.645 * np.mean(size) / np.sqrt(n_repeats)
+    low, high = scipy.stats.binom.interval(1 - LEVEL, N_TABLES, 0.9)
+    assert low <= n_hits <= high
