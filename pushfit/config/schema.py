@@ -177,9 +177,14 @@ class NoiseSection(Section):
     )
     repeats: Literal["alike", "offset", "gain", "auto"] = setting(
         '"alike", or each repeat of all directions has an "offset" or a '
-        '"gain" of its own, which is taken out of its heights, or "auto": '
-        "a gain where repeats speak for one",
+        '"gain" of its own, as large as repeats differ, or "auto": '
+        "the one that repeats speak for, if any",
         default="auto",
+    )
+    repeat_sd: Positive | None = setting(
+        "how much repeats differ by such an offset, 1 sd in the unit of the "
+        "heights, or by such a gain, as a share of them; absent: as they do",
+        example=0.05,
     )
     theta_sd_deg: NotNegative | None = setting(
         "error of every elevation, 1 sd [deg]; absent: 0, "
@@ -195,7 +200,12 @@ class NoiseSection(Section):
 
     @model_validator(mode="after")
     def check_errors_agree(self) -> "NoiseSection":
-        """Refuse shared errors of which none is stated, or that scatter as repeats."""
+        """Refuse what is shared without a statement of what, and by how much."""
+        if self.repeat_sd is not None and self.repeats not in ("offset", "gain"):
+            raise ValueError(
+                "repeat_sd says how much repeats differ, and nothing says by what; set "
+                'repeats = "offset" or "gain"'
+            )
         if self.angle_errors == "each":
             return self
         if not self.theta_sd_deg and not self.alpha_sd_deg:
@@ -207,6 +217,11 @@ class NoiseSection(Section):
             raise ValueError(
                 'angle_errors = "shared" averages repeats, whose noise in proportion '
                 "to the height would be averaged, too; leave height_share out"
+            )
+        if self.repeat_sd is not None:
+            raise ValueError(
+                'angle_errors = "shared" averages repeats, and leaves nothing of how '
+                "these differ; leave repeat_sd out"
             )
         return self
 

@@ -46,6 +46,12 @@ NOISES: dict[str, dict[str, str]] = {
     "offset": {"repeats": "offset"},
     "gain": {"repeats": "gain"},
 }
+# What stands for "auto".
+PLAIN: dict[str, str | float] = {
+    "likelihood": "normal",
+    "height_share": 0.0,
+    "repeats": "alike",
+}
 # Differences below these tell nothing: a factor of e between evidences, two standard
 # errors between predictive densities.
 MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS = 1.0, 2.0
@@ -191,18 +197,13 @@ def compare_models(
         FitError: If no start gives finite residuals, or nothing is free.
     """
     # Other noise is one of the models, not what all of them have.
-    if config.noise.likelihood == "auto":
-        config = with_noise(config, likelihood="normal")
-    if config.noise.height_share == "auto":
-        config = with_noise(config, height_share=0.0)
-    if config.noise.repeats == "auto":
-        config = with_noise(config, repeats="alike")
-    fitted = fit_table(table, config)
-    noise = fitted.setup.noise.kind
-    noise = "sampled" if noise == "pooled" else noise
-    settled = fitted.config.noise.model_copy(update={"sigma": noise})
+    noise = config.noise
+    plain = {name: v for name, v in PLAIN.items() if getattr(noise, name) == "auto"}
+    fitted = fit_table(table, with_noise(config, **plain))
+    sigma = fitted.setup.noise.kind
+    sigma = "sampled" if sigma == "pooled" else sigma
     configs = rival_configs(
-        fitted.config.model_copy(update={"noise": settled}),
+        with_noise(fitted.config, sigma=sigma),
         has_repeats=is_crossed(*both_ways(fitted.table)),
     )
     scores = []
@@ -215,7 +216,7 @@ def compare_models(
         models=against_best(scores),
         why_no_evidence=None if has_evidence else NO_EVIDENCE,
         n_pushes=len(fitted.setup.rows),
-        noise=noise,
+        noise=sigma,
         seed=seed,
     )
 

@@ -150,7 +150,8 @@ class FitResult:
         n_data: Number of data.
         n_free: Number of data coordinates that only the data hold.
         sigma: Noise standard deviation assumed for each residual [table unit].
-        predicted: Best-fit value of each residual's datum [table unit].
+        predicted: Best-fit value of each residual's datum, with what it has in common
+            with others [table unit].
         channel: Channel of each residual.
         row: Row of the peak table of each residual.
         status: Why the estimate ended.

@@ -16,7 +16,9 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.problem.repeat_effects import (
+    both_ways,
     effect_sds,
+    is_crossed,
     repeat_warning,
     scatter_beside_effects,
     without_repeat_effects,
@@ -76,16 +78,19 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     Raises:
         ConfigError: If "given" is asked for without sd columns, or "pooled" without
             repeats or with noise that differs from direction to direction, or effects
-            of repeats without any.
+            of repeats that nothing tells.
     """
-    kind = config.noise.repeats
+    kind, stated = config.noise.repeats, config.noise.repeat_sd
     if kind in ("alike", "auto"):
         return _of_each(table, config, PeakTable.pooled_sd)
+    if stated is not None and not is_crossed(*both_ways(table)):
+        noise = _of_each(table, config, PeakTable.pooled_sd)
+        return replace(noise, shared=effect_sds(table, table, kind, stated))
     alone = without_repeat_effects(table, kind)
     noise = _of_each(alone, config, scatter_beside_effects)
     return replace(
         noise,
-        shared=effect_sds(table, alone, kind),
+        shared=effect_sds(table, alone, kind, stated),
         warnings=(*noise.warnings, repeat_warning(table, alone, kind)),
     )
 

@@ -42,7 +42,8 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
     if not is_crossed(direction, repeat):
         raise ConfigError(
             f'[noise] repeats = "{kind}", but no direction was pushed in two repeats; '
-            'push every direction again or set repeats = "alike"',
+            "push every direction again, state how much repeats differ (repeat_sd), or "
+            'set repeats = "alike"',
             code="no_repeats",
         )
     columns = {}
@@ -57,7 +58,7 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
 
 
 def effect_sds(
-    before: PeakTable, after: PeakTable, kind: str
+    before: PeakTable, after: PeakTable, kind: str, stated: float | None = None
 ) -> dict[str, Float[np.ndarray, "r n"]]:
     """Standard deviations of what heights of each repeat have in common, by channel.
 
@@ -70,21 +71,28 @@ def effect_sds(
     Args:
         after: The same table without the effects of repeats.
         kind: "offset" or "gain".
+        stated: s where it is known [table unit, or a share].
     """
     direction, repeat = both_ways(before)
     n_effects = _n_effects(direction, repeat)
-    tail = scipy.special.stdtrit(n_effects, 0.95) / scipy.special.ndtri(0.95)
     used, found = before.is_used, {}
     is_own = np.arange(repeat.max() + 1)[:, None] == repeat
     for channel in before.channels:
         heights = after.heights(channel)[used]
         size = np.bincount(direction, heights) / np.bincount(direction)
         size = np.ones(repeat.size) if kind == "offset" else size[direction]
-        effects = _effects(before, after, channel, kind)
-        spread = tail * float(np.sqrt(np.sum(effects**2) / n_effects))
+        s = stated
+        if s is None:
+            effects = _effects(before, after, channel, kind)
+            s = _tail(n_effects) * float(np.sqrt(np.sum(effects**2) / n_effects))
         found[channel] = np.zeros((len(is_own), before.n_pushes))
-        found[channel][:, used] = spread * size * is_own
+        found[channel][:, used] = s * size * is_own
     return found
+
+
+def _tail(n_free: int) -> float:
+    """Ratio of the 95 % quantiles of a Student-t and a normal distribution."""
+    return float(scipy.special.stdtrit(n_free, 0.95) / scipy.special.ndtri(0.95))
 
 
 def _effects(

@@ -12,6 +12,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.fitted import fit_table
 from pushfit.fit.problem.encoding import encode
+from pushfit.fit.problem.noise import choose_noise
 from pushfit.fit.problem.repeat_effects import (
     both_ways,
     effect_sds,
@@ -230,3 +231,24 @@ def test_what_repeats_may_have_in_common_is_as_wide_as_it_says(kind, n_repeats):
         n_hits += abs(np.mean(effects)) < 1.645 * np.mean(size) / np.sqrt(n_repeats)
     low, high = scipy.stats.binom.interval(1 - LEVEL, N_TABLES, 0.9)
     assert low <= n_hits <= high
+
+
+@pytest.mark.parametrize("kind", ["offset", "gain"])
+def test_a_stated_effect_needs_no_repeated_direction(kind):
+    """Each of two sweeps of one pass has an effect of its own, as large as stated."""
+    one = case_table(CASES["firm"], repeats=1)
+    other = case_table(
+        CASES["firm"], repeats=1, theta_deg=[7.0, 33.0], alpha_deg=[0, 9]
+    )
+    table = merge_tables([one, other]).with_flag([4], "saturated")
+    text = f'[noise]\nrepeats = "{kind}"\nrepeat_sd = 0.03\nsigma = "sampled"\n'
+    found = choose_noise(table, config(text)).shared["height"]
+    size = np.ones(19) if kind == "offset" else table.heights("height")
+    expected = 0.03 * size * np.stack([np.arange(19) < 17, np.arange(19) >= 17])
+    expected[:, 4] = 0.0
+    np.testing.assert_allclose(found, expected, rtol=EXACT)
+
+
+def test_an_effect_of_unknown_kind_is_refused():
+    with pytest.raises(ConfigError, match='set repeats = "offset" or "gain"'):
+        config("[noise]\nrepeat_sd = 0.03\n")
