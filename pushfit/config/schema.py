@@ -181,10 +181,13 @@ class NoiseSection(Section):
         "the one that repeats speak for, if any",
         default="auto",
     )
-    repeat_sd: Positive | None = setting(
-        "how much repeats differ by such an offset, 1 sd in the unit of the "
-        "heights, or by such a gain, as a share of them; absent: as they do",
+    offset_sd: Positive | None = setting(
+        "how much repeats differ by an offset, 1 sd in the unit of the heights; "
+        "absent: as they do",
         example=0.05,
+    )
+    gain_sd: Positive | None = setting(
+        "the same of a gain, as a share of the heights", example=0.03
     )
     theta_sd_deg: NotNegative | None = setting(
         "error of every elevation, 1 sd [deg]; absent: 0, "
@@ -198,13 +201,26 @@ class NoiseSection(Section):
         default="each",
     )
 
+    @property
+    def repeat_effect(self) -> tuple[str, float | None]:
+        """What repeats differ by, and its standard deviation where it is stated."""
+        for kind, sd in (("offset", self.offset_sd), ("gain", self.gain_sd)):
+            if sd is not None:
+                return kind, sd
+        return self.repeats, None
+
     @model_validator(mode="after")
     def check_errors_agree(self) -> "NoiseSection":
-        """Refuse what is shared without a statement of what, and by how much."""
-        if self.repeat_sd is not None and self.repeats not in ("offset", "gain"):
+        """Refuse what contradicts itself, and shared errors of which none is stated."""
+        for kind, sd in (("offset", self.offset_sd), ("gain", self.gain_sd)):
+            if sd is not None and self.repeats not in (kind, "auto"):
+                raise ValueError(
+                    f"{kind}_sd says how much repeats differ, and repeats = "
+                    f'"{self.repeats}" that they do not, or otherwise; leave one out'
+                )
+        if self.offset_sd and self.gain_sd:
             raise ValueError(
-                "repeat_sd says how much repeats differ, and nothing says by what; set "
-                'repeats = "offset" or "gain"'
+                "repeats have an offset or a gain; leave offset_sd or gain_sd out"
             )
         if self.angle_errors == "each":
             return self
@@ -218,10 +234,10 @@ class NoiseSection(Section):
                 'angle_errors = "shared" averages repeats, whose noise in proportion '
                 "to the height would be averaged, too; leave height_share out"
             )
-        if self.repeat_sd is not None:
+        if self.repeat_effect[1] is not None:
             raise ValueError(
                 'angle_errors = "shared" averages repeats, and leaves nothing of how '
-                "these differ; leave repeat_sd out"
+                "these differ; leave offset_sd and gain_sd out"
             )
         return self
 

@@ -255,7 +255,7 @@ def rival_configs(
     for name, change in NOISES.items():
         noise = config.noise.model_copy(update=change)
         is_possible = "repeats" not in change or (
-            has_effects and config.noise.repeats in ("alike", "auto")
+            has_effects and config.noise.repeat_effect[0] in ("alike", "auto")
         )
         if is_possible and noise != config.noise:
             configs[name] = config.model_copy(update={"noise": noise})

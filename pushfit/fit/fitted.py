@@ -117,7 +117,7 @@ def fit_table(
         ConfigError: If the configuration does not fit the table.
         FitError: If no start gives finite residuals.
     """
-    if config.noise.repeats == "auto":
+    if config.noise.repeat_effect[0] == "auto":
         kind, p_value = repeat_effect(table)
         is_shown = p_value < REPEAT_LEVEL
         config = with_noise(config, repeats=kind if is_shown else "alike")
@@ -126,7 +126,7 @@ def fit_table(
     if config.noise.height_share == "auto":
         return _with_share_if_shown(table, config, searching)
     config, warnings = prepared(table, config)
-    stated, kind = config.noise.sigma, config.noise.repeats
+    stated, (kind, _) = config.noise.sigma, config.noise.repeat_effect
     if config.noise.angle_errors == "shared":
         if kind != "alike":
             # An average is of all repeats.

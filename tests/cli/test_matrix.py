@@ -30,7 +30,7 @@ NOISES = {
     "proportional": 'height_share = "estimate"\n',
     "offset": 'repeats = "offset"\n',
     "gain": 'repeats = "gain"\n',
-    "stated offset": 'repeats = "offset"\nrepeat_sd = 0.02\n',
+    "stated offset": "offset_sd = 0.02\n",
 }
 ROWS = [
     *itertools.product(MECHANICS, CHANNELS, ENGINES, ["hard"], ["as it is"]),

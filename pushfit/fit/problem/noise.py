@@ -80,7 +80,7 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             repeats or with noise that differs from direction to direction, or effects
             of repeats that nothing tells.
     """
-    kind, stated = config.noise.repeats, config.noise.repeat_sd
+    kind, stated = config.noise.repeat_effect
     if kind in ("alike", "auto"):
         return _of_each(table, config, PeakTable.pooled_sd)
     if stated is not None and not is_crossed(*both_ways(table)):

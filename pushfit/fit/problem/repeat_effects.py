@@ -42,8 +42,8 @@ def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
     if not is_crossed(direction, repeat):
         raise ConfigError(
             f'[noise] repeats = "{kind}", but no direction was pushed in two repeats; '
-            "push every direction again, state how much repeats differ (repeat_sd), or "
-            'set repeats = "alike"',
+            f"push every direction again, state how much repeats differ ({kind}_sd), "
+            'or set repeats = "alike"',
             code="no_repeats",
         )
     columns = {}

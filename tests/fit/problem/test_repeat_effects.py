@@ -241,7 +241,7 @@ def test_a_stated_effect_needs_no_repeated_direction(kind):
         CASES["firm"], repeats=1, theta_deg=[7.0, 33.0], alpha_deg=[0, 9]
     )
     table = merge_tables([one, other]).with_flag([4], "saturated")
-    text = f'[noise]\nrepeats = "{kind}"\nrepeat_sd = 0.03\nsigma = "sampled"\n'
+    text = f'[noise]\n{kind}_sd = 0.03\nsigma = "sampled"\n'
     found = choose_noise(table, config(text)).shared["height"]
     size = np.ones(19) if kind == "offset" else table.heights("height")
     expected = 0.03 * size * np.stack([np.arange(19) < 17, np.arange(19) >= 17])
@@ -249,6 +249,18 @@ def test_a_stated_effect_needs_no_repeated_direction(kind):
     np.testing.assert_allclose(found, expected, rtol=EXACT)
 
 
-def test_an_effect_of_unknown_kind_is_refused():
-    with pytest.raises(ConfigError, match='set repeats = "offset" or "gain"'):
-        config("[noise]\nrepeat_sd = 0.03\n")
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ('repeats = "alike"\ngain_sd = 0.03\n', "gain_sd says"),
+        ('repeats = "gain"\noffset_sd = 0.03\n', "offset_sd says"),
+        ("offset_sd = 0.03\ngain_sd = 0.03\n", "an offset or a gain"),
+        (
+            'offset_sd = 0.03\ntheta_sd_deg = 1.0\nangle_errors = "shared"\n',
+            "leaves nothing",
+        ),
+    ],
+)
+def test_effects_that_contradict_each_other_are_refused(text, word):
+    with pytest.raises(ConfigError, match=word):
+        config(f"[noise]\n{text}")
