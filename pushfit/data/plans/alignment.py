@@ -13,27 +13,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
-from pushfit.data.plans.rhythm import LEAD, MISSING, SLACK, rhythms
+from pushfit.data.plans.rhythm import rhythms
+from pushfit.data.plans.ways import IN_TIME, Case, cheapest_ways, cost_of_gaps
 
-# Minus log probability of a hump without a push.
-_EXTRA = 2.5
-# A brush is most often none, and is then no news.
-_EXTRA_BRUSH, _PAIR_BRUSH = 0.2, 1.0
-# A push cannot be planned before the recording begins, or after it ends.
-_OUTSIDE = 30.0
 # Scatter of a time between two pushes that keep to a plan, in periods.
 _TIMED_SCATTER = 0.05
-# Gaps off by less than this are in time without a search.
-_IN_TIME = 0.15
 # Humps on time that show that plan and recording have one clock; share of all humps.
 _FEWEST, _ON_CLOCK = 3, 0.75
 # How much likelier the best way must be: this many nats.
 _CLEAR = 4.0
 # Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs.
 _EVIDENCE = 8.0
-_MAX_EXTRA_RUN = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,33 +67,6 @@ class Alignment:
         return self.n_odd == 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Way:
-    """One way of pairing, with what it costs [nats]."""
-
-    hump: Int[np.ndarray, " n"]
-    cost: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Case:
-    """Humps and plan, with the time that the recording covers.
-
-    Args:
-        times: Middles of the humps [s].
-        brush: Whether each is a brush.
-        planned: Planned times, in any unit.
-        is_timed: Whether those are stated, and not only the order.
-        span: Begin and end of the recording [s].
-    """
-
-    times: Float[np.ndarray, " m"]
-    brush: Bool[np.ndarray, " m"]
-    planned: Float[np.ndarray, " n"]
-    is_timed: bool
-    span: tuple[float, float]
-
-
 def align(
     times: Float[np.ndarray, " m"],
     is_brush: Sequence[bool],
@@ -123,7 +88,7 @@ def align(
     n_pushes = int(np.count_nonzero(~brush))
     n_cycles = max(1, round(n_pushes / n_planned))
     planned = _planned(n_planned, n_cycles, planned_times)
-    case = _Case(
+    case = Case(
         times=times,
         brush=brush,
         planned=planned,
@@ -144,7 +109,9 @@ def align(
     if n_pushes == len(planned) and not np.isfinite(scales[0][1]):
         # A hand has no rhythm that could tell otherwise.
         return _alignment(case, in_order, None, n_cycles)
-    ways = [way for scale, scatter in scales for way in _pair(case, scale, scatter)]
+    ways = [
+        way for scale, scatter in scales for way in cheapest_ways(case, scale, scatter)
+    ]
     ways.sort(key=lambda way: way.cost)
     best, clear = ways[0].hump, ways[0].cost + _CLEAR
     if n_pushes == len(planned) and not np.array_equal(best, in_order):
@@ -158,7 +125,7 @@ def align(
     return _alignment(case, best, others[0] if others else None, n_cycles)
 
 
-def _in_order(case: _Case) -> list[Int[np.ndarray, " n"]]:
+def _in_order(case: Case) -> list[Int[np.ndarray, " n"]]:
     """Humps as the first planned pushes, and as the last ones."""
     humps = np.flatnonzero(~case.brush)
     n = min(len(humps), len(case.planned))
@@ -166,15 +133,15 @@ def _in_order(case: _Case) -> list[Int[np.ndarray, " n"]]:
     return [np.append(humps[:n], none), np.append(none, humps[len(humps) - n :])]
 
 
-def _skips_beats(case: _Case, hump: Int[np.ndarray, " n"]) -> bool:
+def _skips_beats(case: Case, hump: Int[np.ndarray, " n"]) -> bool:
     """Whether humps that follow each other evenly are no neighbours in the plan."""
     gaps = np.diff(case.times[~case.brush])
-    is_even = np.abs(gaps / np.median(gaps) - 1) < _IN_TIME if len(gaps) else gaps > 0
+    is_even = np.abs(gaps / np.median(gaps) - 1) < IN_TIME if len(gaps) else gaps > 0
     skips = np.any(np.diff(np.flatnonzero(hump >= 0)) > 1)
     return bool(skips and is_even.all() and not case.is_timed)
 
 
-def _on_the_clock(case: _Case, first: float) -> Int[np.ndarray, " n"] | None:
+def _on_the_clock(case: Case, first: float) -> Int[np.ndarray, " n"] | None:
     """Humps at the stated times as they are; None if the clock is another.
 
     What begins before the recording, such as at 0, is no time of its clock.
@@ -182,7 +149,7 @@ def _on_the_clock(case: _Case, first: float) -> Int[np.ndarray, " n"] | None:
     if len(case.planned) < _FEWEST or not case.span[0] < first < case.span[1]:
         return None
     off = np.abs(case.times - first - case.planned[:, None])
-    late = _IN_TIME * float(np.median(np.diff(case.planned)))
+    late = IN_TIME * float(np.median(np.diff(case.planned)))
     hump = np.where(off.min(axis=1) < late, off.argmin(axis=1), -1)
     taken = np.unique(hump[hump >= 0])
     if len(taken) < np.count_nonzero(hump >= 0):
@@ -192,7 +159,7 @@ def _on_the_clock(case: _Case, first: float) -> Int[np.ndarray, " n"] | None:
 
 
 def _rhythm_shown(
-    case: _Case, hump: Int[np.ndarray, " n"], scales: Sequence[tuple[float, float]]
+    case: Case, hump: Int[np.ndarray, " n"], scales: Sequence[tuple[float, float]]
 ) -> float:
     """How much likelier a rhythm makes the times of the pairs than chance [nats].
 
@@ -203,26 +170,14 @@ def _rhythm_shown(
         return np.inf if case.is_timed else 0.0
     gaps, steps = np.diff(case.times[hump[there]]), np.diff(case.planned[there])
     shown = max(
-        -float(_off(gaps / scale, steps, scatter).sum()) for scale, scatter in scales
+        -float(cost_of_gaps(gaps / scale, steps, scatter).sum())
+        for scale, scatter in scales
     )
     return shown - math.log(math.comb(len(case.times), there.size))
 
 
-def _off(
-    gap: Float[np.ndarray, "*#s"], steps: Float[np.ndarray, "*#s"], scatter: float
-) -> Float[np.ndarray, "*#s"]:
-    """Cost of times between humps: a normal density about those between pushes.
-
-    Its height counts, because what is no push may come at any time.
-    """
-    if not np.isfinite(scatter):
-        return np.zeros(np.broadcast_shapes(gap.shape, steps.shape))
-    wide = scatter * np.sqrt(steps)
-    return ((gap - steps) / wide) ** 2 / 2 + np.log(2.507 * wide)
-
-
 def _differs(
-    case: _Case, one: Int[np.ndarray, " n"], other: Int[np.ndarray, " n"]
+    case: Case, one: Int[np.ndarray, " n"], other: Int[np.ndarray, " n"]
 ) -> bool:
     """Whether two ways differ by more than taking a brush for a push or for none."""
     is_brush = np.append(case.brush, True)
@@ -230,7 +185,7 @@ def _differs(
 
 
 def _alignment(
-    case: _Case,
+    case: Case,
     hump: Int[np.ndarray, " n"],
     other: Int[np.ndarray, " n"] | None,
     n_cycles: int,
@@ -245,7 +200,7 @@ def _alignment(
     )
 
 
-def _expected(case: _Case, hump: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def _expected(case: Case, hump: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Times of all planned pushes, by those that are there."""
     there = np.flatnonzero(hump >= 0)
     if there.size < 2:
@@ -270,7 +225,7 @@ def _planned(
     return np.concatenate([one + k * (one[-1] + period) for k in range(n_cycles)])
 
 
-def _is_in_rhythm(case: _Case) -> bool:
+def _is_in_rhythm(case: Case) -> bool:
     """Whether pairing one by one is the likeliest, which needs no search.
 
     It is if no time between two pushes is off by what it takes to be another pair.
@@ -281,125 +236,4 @@ def _is_in_rhythm(case: _Case) -> bool:
         return True
     scale = 1.0 if case.is_timed else float(np.median(gaps / steps))
     off = np.abs(gaps / scale - steps) / float(np.median(steps))
-    return bool(np.all(off < _IN_TIME))
-
-
-def _pair(case: _Case, scale: float, scatter: float) -> list[_Way]:
-    """The cheapest pairing at one scale, and the cheapest that has another pair."""
-    period = float(np.median(np.diff(case.planned))) if len(case.planned) > 1 else 1.0
-    clock = case.times / scale / period
-    steady = _Steady(clock, case.brush, case.planned / period, scatter)
-    begin, end = (t / scale / period for t in case.span)
-    cost, back = steady.forward(begin)
-    turned = steady.turned()
-    after, ahead = (a[::-1, ::-1] for a in turned.forward(-end))
-    # Counted from the other end.
-    ahead = np.where(ahead < 0, -1, np.array(cost.shape) - 1 - ahead)
-    own = np.where(case.brush, _PAIR_BRUSH, 0.0)
-    # A pair belongs to the way to it and to the way from it.
-    total = cost + after - own
-    best = int(np.argmin(total))
-    ways = [_traced(total, back, ahead, best)]
-    taken = ways[0].hump
-    rows = np.flatnonzero(taken >= 0)
-    rest = total.copy()
-    rest[rows, taken[rows]] = np.inf
-    if np.isfinite(rest).any():
-        ways.append(_traced(total, back, ahead, int(np.argmin(rest))))
-    # What shares no other pair may still leave one of these out.
-    for row in rows if rows.size > 1 else ():
-        others = rows[rows != row]
-        k = int(np.argmin(np.abs(others - row)))
-        step = steady.planned[row] - steady.planned[others[k]]
-        gap = steady.clock[taken[row]] - steady.clock[taken[others[k]]]
-        if abs(gap - step) < _IN_TIME:
-            continue  # what comes in time is the push
-        fewer = taken.copy()
-        fewer[row] = -1
-        ways.append(_Way(hump=fewer, cost=steady.cost(fewer, begin, end)))
-    return ways
-
-
-def _traced(
-    total: Float[np.ndarray, "n m"],
-    back: Int[np.ndarray, "n m 2"],
-    ahead: Int[np.ndarray, "n m 2"],
-    through: int,
-) -> _Way:
-    """The cheapest way through a pair."""
-    start = divmod(through, total.shape[1])
-    hump = np.full(len(total), -1)
-    for links in (back, ahead):
-        i, j = start
-        while i >= 0:
-            hump[i] = j
-            i, j = (int(k) for k in links[i, j])
-    return _Way(hump=hump, cost=float(total[start]))
-
-
-@dataclass(frozen=True, slots=True)
-class _Steady:
-    """Humps and plan on one clock, counted in periods."""
-
-    clock: Float[np.ndarray, " m"]
-    brush: Bool[np.ndarray, " m"]
-    planned: Float[np.ndarray, " n"]
-    scatter: float
-
-    def turned(self) -> "_Steady":
-        """The same from the end."""
-        return _Steady(
-            -self.clock[::-1], self.brush[::-1], -self.planned[::-1], self.scatter
-        )
-
-    def forward(
-        self, begin: float
-    ) -> tuple[Float[np.ndarray, "n m"], Int[np.ndarray, "n m 2"]]:
-        """Least cost of everything up to each pair, and the pair before it."""
-        n, m = len(self.planned), len(self.clock)
-        extra = np.where(self.brush, _EXTRA_BRUSH, _EXTRA)
-        humps = np.append(0.0, np.cumsum(extra))
-        own = np.where(self.brush, _PAIR_BRUSH, 0.0)
-        cost = MISSING * np.arange(n)[:, None] + humps[:-1] + self._lead(begin) + own
-        back = np.full((n, m, 2), -1)
-        j, run = np.arange(m), np.arange(1, _MAX_EXTRA_RUN + 1)[:, None]
-        before = np.maximum(j - run, 0)
-        gap = self.clock - self.clock[before]
-        between = np.where(j < run, np.inf, humps[:-1] - humps[before + 1])
-        for i in range(1, n):
-            k = np.arange(i)[:, None]
-            # By humps left over, then by the pair before, then by the hump.
-            off = _off(gap[:, None], self.planned[i] - self.planned[k], self.scatter)
-            way = cost[:i, before].swapaxes(0, 1) + off + MISSING * (i - 1 - k)
-            way = (way + between[:, None]).reshape(run.size * i, m)
-            least = way.argmin(axis=0)
-            value = way[least, j] + own
-            better = value < cost[i]
-            cost[i] = np.where(better, value, cost[i])
-            skipped, pair = np.divmod(least, i)
-            links = np.stack([pair, j - 1 - skipped], axis=1)
-            back[i] = np.where(better[:, None], links, back[i])
-        return cost, back
-
-    def cost(self, hump: Int[np.ndarray, " n"], begin: float, end: float) -> float:
-        """What one assignment costs."""
-        there = np.flatnonzero(hump >= 0)
-        taken = hump[there]
-        own = np.where(self.brush, _PAIR_BRUSH, 0.0)[taken].sum()
-        left = np.ones(len(self.clock), dtype=bool)
-        left[taken] = False
-        extra = np.where(self.brush, _EXTRA_BRUSH, _EXTRA)[left].sum()
-        missing = MISSING * (len(hump) - len(there))
-        gaps, steps = np.diff(self.clock[taken]), np.diff(self.planned[there])
-        off = _off(gaps, steps, self.scatter).sum()
-        lead = self._lead(begin)[there[0], taken[0]]
-        out = self.turned()._lead(-end)[::-1, ::-1][there[-1], taken[-1]]
-        return float(own + extra + missing + off + lead + out)
-
-    def _lead(self, begin: float) -> Float[np.ndarray, "n m"]:
-        """Cost of the time before the first planned push, by its pair."""
-        if not (np.isfinite(begin) and np.isfinite(self.scatter)):
-            return np.zeros((len(self.planned), len(self.clock)))
-        first = self.clock - (self.planned - self.planned[0])[:, None]
-        lead = first - begin
-        return np.where(lead < -SLACK, _OUTSIDE, np.maximum(lead, 0.0) / LEAD)
+    return bool(np.all(off < IN_TIME))
