@@ -120,6 +120,7 @@ WRONG = {
     "prior without its Jacobian": lambda values: -np.log(values["K_sn"]),
     # Coordinates f instead of e, without the volume of that change.
     "volume dropped": lambda values: -values["log_volume"],
+    "repeats alike": lambda values: values["alike"],
 }
 
 
@@ -149,6 +150,7 @@ def ranked(
     ranks = {name: {} for name in ("right", *wrong)}
     for index in range(n):
         observed = clean[index] + sigma[index] * noise(problem, rng)
+        observed += effects(problem, rng)
         data = eqx.tree_at(lambda p: p.observed, problem, jnp.asarray(observed))
         setup = settle_noise(replace(design.setup, problem=data))
         x = design.draws(setup, design.reference_alpha, seed + index)
@@ -164,7 +166,7 @@ def ranked(
             chosen = rng.choice(
                 len(x), N_RANKED, replace=name != "right", p=weight / weight.sum()
             )
-            for quantity in truth.keys() - {"log_volume", "chi_square"}:
+            for quantity in truth.keys() - {"log_volume", "chi_square", "alike"}:
                 n_below = np.sum(values[quantity][chosen] < truth[quantity])
                 of_this.setdefault(quantity, []).append(
                     (n_below + 0.5) / (N_RANKED + 1)
@@ -181,6 +183,14 @@ def noise(problem, rng: np.random.Generator) -> np.ndarray:
     if problem.likelihood == "student_t":
         return rng.standard_t(STUDENT_DOF, shape)
     return rng.standard_normal(shape)
+
+
+def effects(problem, rng: np.random.Generator) -> np.ndarray:
+    """What heights of a group have in common [table unit]."""
+    if problem.shared is None:
+        return np.zeros(problem.observed.shape)
+    size = rng.standard_normal(problem.shared.shape[:2])
+    return np.einsum("cgn,cg->cn", problem.shared, size)
 
 
 @eqx.filter_jit
@@ -215,8 +225,10 @@ def fits(problem, x):
     def one(x):
         state = problem.state(x)
         error = jnp.where(problem.mask, problem.predict(state) - problem.observed, 0.0)
+        alike = replace(problem, shared=None)
         return {
             "log_likelihood": problem.log_likelihood(state),
+            "alike": alike.log_likelihood(state) - problem.log_likelihood(state),
             "chi_square": jnp.sum((error / noise_of(problem, state)) ** 2),
             "log_volume": jnp.asarray(state.log_volume),
         }
@@ -292,6 +304,14 @@ def test_ranks_are_uniform_and_those_of_wrong_posteriors_are_not():
 def test_ranks_are_uniform_with_what_real_hands_ask_for(text, more):
     asked = SIX | more | {"theta_c", "log_likelihood"}
     check(heights_design(text), 250, seed=500, wrong=("noise 0.8",), asked=asked)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", ["offset_sd = 0.1\n", "gain_sd = 0.1\n"])
+def test_ranks_are_uniform_with_what_repeats_have_in_common(text):
+    design = heights_design(f"[noise]\n{text}")
+    asked = SIX | {"theta_c", "log_likelihood"}
+    check(design, 250, seed=700, wrong=("repeats alike",), asked=asked)
 
 
 @pytest.mark.slow
