@@ -22,6 +22,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
 from pushfit.fit.fitted import Fitted, draw_posterior, fit_table, with_noise
 from pushfit.fit.problem.encoding import encode
+from pushfit.fit.problem.noise import with_plain_noise
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeat_effects import (
     both_ways,
@@ -45,12 +46,6 @@ NOISES: dict[str, dict[str, str]] = {
     "proportional": {"height_share": "estimate"},
     "offset": {"repeats": "offset"},
     "gain": {"repeats": "gain"},
-}
-# What stands for "auto".
-PLAIN: dict[str, str | float] = {
-    "likelihood": "normal",
-    "height_share": 0.0,
-    "repeats": "alike",
 }
 # Differences below these tell nothing: a factor of e between evidences, two standard
 # errors between predictive densities.
@@ -197,9 +192,7 @@ def compare_models(
         FitError: If no start gives finite residuals, or nothing is free.
     """
     # Other noise is one of the models, not what all of them have.
-    noise = config.noise
-    plain = {name: v for name, v in PLAIN.items() if getattr(noise, name) == "auto"}
-    fitted = fit_table(table, with_noise(config, **plain))
+    fitted = fit_table(table, with_plain_noise(config))
     sigma = fitted.setup.noise.kind
     sigma = "sampled" if sigma == "pooled" else sigma
     configs = rival_configs(

@@ -30,6 +30,12 @@ from pushfit.fit.results import ResultWarning
 MIN_POOLED_DOF = 20
 # Chance of doubting correct standard deviations.
 CONTRADICTION_LEVEL = 1e-3
+# What noise is taken for where "auto" is asked for and nothing has spoken yet.
+PLAIN: dict[str, str | float] = {
+    "likelihood": "normal",
+    "height_share": 0.0,
+    "repeats": "alike",
+}
 # Heights so close to noise-free that sigma would be 0: this share of the tallest.
 SMALLEST_SHARE = 1e-9
 # Heights that are all the same were rounded, by a step that they do not show: as much
@@ -72,6 +78,14 @@ class Noise:
         return any(self.angle_sd) or self.height_share != 0
 
 
+def with_plain_noise(config: GraspConfig) -> GraspConfig:
+    """The configuration with the simplest noise where it leaves the kind open."""
+    noise = config.noise
+    plain = {name: v for name, v in PLAIN.items() if getattr(noise, name) == "auto"}
+    changed = noise.model_copy(update=plain)
+    return config.model_copy(update={"noise": changed})
+
+
 def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
     """Noise model that `config.noise.sigma` asks for, or that the table supports.
 
@@ -80,8 +94,9 @@ def choose_noise(table: PeakTable, config: GraspConfig) -> Noise:
             repeats or with noise that differs from direction to direction, or effects
             of repeats that nothing tells.
     """
+    config = with_plain_noise(config)
     kind, stated = config.noise.repeat_effect
-    if kind in ("alike", "auto"):
+    if kind == "alike":
         return _of_each(table, config, PeakTable.pooled_sd)
     if stated is not None and not is_crossed(*both_ways(table)):
         noise = _of_each(table, config, PeakTable.pooled_sd)
@@ -109,8 +124,6 @@ def _of_each(
     stated = (config.noise.theta_sd_deg, config.noise.alpha_sd_deg)
     angle_sd = (math.radians(stated[0] or 0.0), math.radians(stated[1] or 0.0))
     share = config.noise.height_share
-    if share == "auto":  # nothing speaks for it yet
-        share = 0.0
     height_share = None if share == "estimate" else float(share)
     # Both make repeats scatter beyond the sd of their heights, and unequally.
     is_uneven = any(angle_sd) or height_share != 0
