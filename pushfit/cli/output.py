@@ -1,12 +1,12 @@
 """Where results go, and what is in their way."""
 
-from importlib.util import find_spec
 from pathlib import Path
 
 from pushfit.atomic import atomic_path, is_stream
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError
 from pushfit.report.picture_file import picture_format
+from pushfit.report.store.target import left_out
 
 
 def refuse_existing(path: Path, *, force: bool) -> None:
@@ -42,19 +42,11 @@ def refuse_picture(path: Path | None, *, force: bool) -> None:
         refuse_existing(path, force=force)
 
 
-def warn_of_missing(session: Session, **parts: str) -> None:
-    """Say, before the work, what results will lack because a library is missing.
-
-    Args:
-        parts: What each library makes, by its name.
-    """
-    missing = [library for library in parts if find_spec(library) is None]
-    if missing:
-        lacking = " and ".join(parts[library] for library in missing)
-        session.warn(
-            f"{lacking} will be left out, for want of {' and '.join(missing)}; "
-            f"pip install {' '.join(missing)}"
-        )
+def warn_of_missing(session: Session, *libraries: str) -> None:
+    """Say, before the work, what results will lack because a library is missing."""
+    lacking = left_out(*libraries)
+    if lacking:
+        session.warn(lacking)
 
 
 def write_text(

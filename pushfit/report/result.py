@@ -4,6 +4,7 @@ A `Result` is an `Identification` that shows itself. Numbers that may not be quo
 not in it, whether it is fresh or read back from a folder.
 """
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -22,6 +23,7 @@ from pushfit.report.store.archive import chains_tree
 from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
+from pushfit.report.store.target import PARTS, left_out
 from pushfit.report.strings import symbol
 from pushfit.report.text.result import render_text
 
@@ -172,12 +174,17 @@ class Result(Identification):
     ) -> Path:
         """Write the folder that `pushfit identify --out` writes.
 
+        A warning says what a library that is missing leaves out.
+
         Args:
             pictures: "png" or "svg" for every figure also in this format.
 
         Raises:
             ConfigError: Something stands there, or the parent does not exist.
         """
+        lacking = left_out(*PARTS)
+        if lacking:
+            warnings.warn(lacking, stacklevel=2)
         return write_result_folder(self, Path(folder), force=force, pictures=pictures)
 
     def __str__(self) -> str:

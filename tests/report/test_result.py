@@ -180,6 +180,19 @@ def test_it_comes_back_as_it_was_saved(result, tmp_path, monkeypatch):
         result.save(tmp_path / "out")
 
 
+def test_saving_warns_of_what_a_missing_library_leaves_out(
+    result, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
+    for module in ("target", "folder"):
+        place = f"pushfit.report.store.{module}.find_spec"
+        monkeypatch.setattr(place, lambda name: None)
+    said = "report.html and corner plots will be left out.*pip install jinja2 corner"
+    with pytest.warns(UserWarning, match=said):
+        result.save(tmp_path / "out")
+    assert not (tmp_path / "out" / "report.html").exists()
+
+
 def test_the_result_of_a_result_is_itself(result):
     assert Result.of(result) is result
 

@@ -11,7 +11,7 @@ from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import Session
 from pushfit.cli.stop import keep
 from pushfit.errors import FitError
-from pushfit.report.store.target import check_target
+from pushfit.report.store.target import PARTS, check_target
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -96,7 +96,7 @@ def analyse(
     # Before anything is loaded, so that a name already taken costs nothing.
     if wanted.out is not None:
         check_target(wanted.out, force=wanted.force)
-        warn_of_missing(session, jinja2="report.html", corner="corner plots")
+        warn_of_missing(session, *PARTS)
     from pushfit.fit.programs import loaded_ahead
     from pushfit.fit.stages import Stages, stages_of
 

@@ -10,6 +10,7 @@ from pushfit.cli import options
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import Session
 from pushfit.cli.stop import keep
+from pushfit.report.store.target import PARTS
 
 if TYPE_CHECKING:
     from pushfit.batch.run import Batch
@@ -49,8 +50,7 @@ def batch(
     json: options.Json = False,
 ) -> int:
     """Identify many files; run again, it does what is missing."""
-    parts = {"corner": "corner plots"} if folders else {}
-    warn_of_missing(session, jinja2="report.html", **parts)
+    warn_of_missing(session, *(PARTS if folders else ["jinja2"]))
     from pushfit.batch.run import identify_batch
     from pushfit.batch.workers import Workers
 

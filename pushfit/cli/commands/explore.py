@@ -12,6 +12,7 @@ from pushfit.cli import options
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError, FitError
+from pushfit.report.store.target import PARTS
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -189,7 +190,7 @@ def explore(
     from pushfit.report.store.folder import check_target
 
     check_target(out, force=force)
-    warn_of_missing(session, jinja2="report.html", corner="corner plots")
+    warn_of_missing(session, *PARTS)
     settings = read_config(asked.config)
     simulated = None
     if hand == "ros":

@@ -64,7 +64,9 @@ def find_inputs(
         raise ConfigError(
             f"{result}: does not say which files became its table, which was made in "
             "Python or by `explore`; only results of `identify` and `fit` can be "
-            "verified",
+            f"verified. Have `fit` identify {result / 'peaks.csv'} with the same "
+            f"settings, --seed {summary['seed']} and another --out, and compare the "
+            "two by `diff`",
             code="no_recipe",
         )
     found = {}

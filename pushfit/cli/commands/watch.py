@@ -39,7 +39,7 @@ def watch(
     ] = None,
 ) -> int:
     """Identify what arrives in a folder, on one page."""
-    warn_of_missing(session, jinja2="report.html")
+    warn_of_missing(session, "jinja2")
     from pushfit.batch.run import identify_batch
 
     keep(f"what is finished is kept in {items.out}; the same command goes on")

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
 
 from pushfit.atomic import is_stream
@@ -12,6 +13,29 @@ KEPT = frozenset({"peaks.csv", "result.nc", "summary.json", "journal.jsonl"})
 # The picture of how a grasp was explored, which no result makes anew.
 EXPLORATION = "exploration.png"
 CONTENT = KEPT | {"report.txt", "report.html", "figures", EXPLORATION}
+
+
+# What each library makes of a result.
+PARTS = {"jinja2": "report.html", "corner": "corner plots"}
+
+
+def left_out(*libraries: str) -> str:
+    """What cannot be made because a library is missing, and how to get it.
+
+    Args:
+        libraries: Names of `PARTS`.
+
+    Returns:
+        A sentence; empty where nothing is missing.
+    """
+    missing = [library for library in libraries if find_spec(library) is None]
+    if not missing:
+        return ""
+    lacking = " and ".join(PARTS[library] for library in missing)
+    return (
+        f"{lacking} will be left out, for want of {' and '.join(missing)}; "
+        f"pip install {' '.join(missing)}"
+    )
 
 
 def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import jsonschema
 import pytest
@@ -98,3 +99,20 @@ def test_a_result_made_in_python_says_that_it_cannot_be_verified(place, capsys):
     path.write_text(json.dumps(json.loads(path.read_text()) | {"recipe": None}))
     assert main(["verify", "result"]) == 2
     assert "made in Python" in capsys.readouterr().err
+
+
+def test_a_result_without_its_files_is_refused_with_another_way(place, capsys):
+    """As `explore` leaves it, whose table no file became."""
+    path = place / "result" / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"recipe": None}))
+    assert main(["verify", "result"]) == 2
+    said = capsys.readouterr().err
+    assert "`fit` identify result/peaks.csv" in said
+    assert "--seed 4" in said
+    # Which is a way: the folder's own table gives the numbers of the result.
+    Path("same.toml").write_text(TOML + HARD + "[report]\nprob = 0.8\n")
+    words = ["-c", "same.toml", "--engine", "sweep", "--seed", "4", "--json"]
+    assert main(["fit", "result/peaks.csv", *words]) == 0
+    again = json.loads(capsys.readouterr().out)
+    first = json.loads(path.read_text())
+    assert again["combinations"] == first["combinations"]
