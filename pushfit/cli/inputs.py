@@ -1,6 +1,7 @@
 """From the files that a command names to settings and tables, with a word on each."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -113,7 +114,9 @@ def load_peaks(
             tell = session.warn if note in table.cautions else session.say_more
             tell(f"{path}: {note}")
         tables.append(table)
-    return merge_tables(tables)
+    merged = merge_tables(tables)
+    # Reports repeat them, and who reads one typed a command.
+    return replace(merged, notes=tuple(map(session.worded, merged.notes)))
 
 
 def load_table(path: Path, config: "GraspConfig") -> "PeakTable":

@@ -4,11 +4,14 @@ import ast
 import re
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 import pushfit
 from pushfit.cli import main
 from pushfit.cli.wording import in_options
+from pushfit.data.tables.peak_table import read_table
 from pushfit.errors import PushfitError, stated
 
 PACKAGE = Path(pushfit.__file__).parent
@@ -98,3 +101,19 @@ def test_a_command_that_has_no_such_option_names_the_key(tmp_path, capsys):
     for command, word in (("peaks", "--min-height"), ("identify", "peaks.min_height")):
         assert main([command, str(path), "-s", str(plan)]) == 3
         assert f"in n by {word}\n" in capsys.readouterr().err
+
+
+def test_what_is_kept_of_a_table_is_in_the_words_of_its_command(tmp_path):
+    """The notes that a summary and a page repeat: dips, which may be pushes."""
+    time = np.arange(0.0, 30.0, 0.01)
+    pushes = [
+        100.0 * s * np.exp(-(((time - 6 * k - 3) / 0.4) ** 2))
+        for k, s in enumerate([-2, 1, 1.2, 0.8, 1])
+    ]
+    level = sum(pushes) + np.random.default_rng(4).standard_normal(time.size)
+    columns = {"time_s": time, "f_n": level, "theta_deg": 30.0, "alpha_deg": 0.0}
+    path, out = tmp_path / "log.csv", tmp_path / "peaks.parquet"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    assert main(["peaks", str(path), "-o", str(out)]) == 0
+    (note,) = [note for note in read_table(out).notes if "falls below rest" in note]
+    assert note.endswith("state peaks.signed = true if these are pushes as well")
