@@ -23,16 +23,14 @@ from pushfit.fit.priors.distributions import (
 from pushfit.fit.problem.constraint_terms import with_constraints
 from pushfit.fit.problem.data_coordinates import data_names
 from pushfit.fit.problem.noise import Noise, choose_noise
-from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.problem import Problem, bucket
 from pushfit.fit.problem.uninformative import check_informative
 from pushfit.fit.profiles.curve import Search
 from pushfit.model import Grasp, Pushes, as_float
 from pushfit.parameters import SIGNED
 
-# One compiled program serves every table of up to this many rows, then of twice as
-# many, and so on: recompiling for each length costs seconds.
-SMALLEST_BUCKET = 16
-# The same for the groups of pushes that have something in common.
+# Groups of pushes that have something in common come in multiples of this: one compiled
+# program serves several numbers of them.
 GROUPS = 4
 # Azimuths closer than this are one direction [rad].
 SAME_AZIMUTH = np.radians(0.5)
@@ -122,11 +120,6 @@ def n_azimuths(alpha: np.ndarray) -> int:
     # The seam: 0° and 180° are the same axis.
     n_steps = np.round(np.pi / SAME_AZIMUTH)
     return int(np.unique(np.mod(doubled, n_steps)).size)
-
-
-def bucket(n: int) -> int:
-    """Padded length for n rows: a power of two, not less than the smallest bucket."""
-    return max(SMALLEST_BUCKET, 1 << (n - 1).bit_length())
 
 
 def sampling_names(

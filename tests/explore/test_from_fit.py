@@ -1,5 +1,8 @@
 """Which mechanics are believed, and where the belief is the engine's."""
 
+import gc
+
+import jax
 import numpy as np
 import pytest
 
@@ -7,9 +10,12 @@ from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.from_fit import believe
+from pushfit.fit import programs
 from pushfit.fit.assess.tilt_check import do_draws_tilt
 from pushfit.fit.identify import identify_table
 from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.setup import build_problem
+from pushfit.fit.sweep.prior import make_target
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp
 from tests.explore.worlds import COMPONENTS, TRUTH
@@ -160,3 +166,49 @@ def test_the_mechanics_believed_are_those_that_lead_the_identification():
     found = identify_table(made, own.settings, seed=0, engine="sweep")
     assert found.by_mechanics[0].mechanics == "tilting"
     assert believe(made, own, 0).grasp.mechanics == "tilting"
+
+
+def growing(n):
+    """An exploration of n pushes, no two of them alike."""
+    return simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians(np.linspace(5.0, 85.0, n)),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=0.05,
+        rng=np.random.default_rng(0),
+        channels=COMPONENTS,
+        state_sd=True,
+    )
+
+
+def test_a_table_that_grows_is_drawn_from_by_few_programs():
+    """An exploration of 60 pushes needs three lengths; each costs tens of megabytes."""
+    asked = question(5.0, "linear")
+    lengths = set()
+    for n in range(1, 61):
+        setup = build_problem(growing(n), asked.settings)
+        target = make_target(setup.problem, np.pi / 2, is_growing=True)
+        pooled = target.pooled.problem
+        lengths.add((pooled.pushes.theta.size, *pooled.mask.shape))
+    assert len(lengths) == 3
+
+
+def test_redraws_compile_nothing_and_keep_nothing(monkeypatch):
+    """Fresh draws from 17 to 32 pushes are made by the same two programs."""
+    asked, made, n_live = question(5.0, "linear"), set(), []
+    program = programs._program
+
+    def noted(function, folder, form):
+        made.add((function, form))
+        return program(function, folder, form)
+
+    monkeypatch.setattr(programs, "_program", noted)
+    for n in (17, 18, 25, 31, 32):
+        believe(growing(n), asked, n)
+        gc.collect()
+        n_live.append(len(jax.live_arrays()))
+    names = [function.__name__ for function, _ in made]
+    assert (names.count("_sheet"), names.count("_draws")) == (1, 1)
+    assert n_live[1:] == n_live[:-1]

@@ -72,7 +72,11 @@ def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn:
     if setup.noise.follows_fit:
         setup = settle_noise(setup, reference_alpha)
     posterior = sweep_posterior(
-        setup, seed=seed, reference_alpha=reference_alpha, reach=reach_of(settings)
+        setup,
+        seed=seed,
+        reference_alpha=reference_alpha,
+        reach=reach_of(settings),
+        is_growing=True,
     )
     if posterior.status is FitStatus.OK:
         return _Drawn(setup=setup, posterior=posterior)

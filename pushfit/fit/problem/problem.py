@@ -34,6 +34,9 @@ from pushfit.parameters import OF_GRASP, SIGNED, SIX
 
 # Degrees of freedom of the Student-t likelihood: heavy tails with a finite variance.
 STUDENT_DOF = 4.0
+# One compiled program serves every table of up to this many rows, then of twice as
+# many, and so on: recompiling for each length costs seconds.
+SMALLEST_BUCKET = 16
 
 P = TypeVar("P", Parameters, Contact)
 A = TypeVar("A", Array, np.ndarray)
@@ -251,6 +254,11 @@ class Problem(eqx.Module):
         sharpness = jnp.exp(w["ln_p"]) if "ln_p" in w else None
         no_sigma = jnp.zeros(len(self.channels))
         return State(group, preload, no_sigma, jnp.zeros(()), sharpness)
+
+
+def bucket(n: int) -> int:
+    """Padded length for n rows: a power of two, not less than the smallest bucket."""
+    return max(SMALLEST_BUCKET, 1 << (n - 1).bit_length())
 
 
 def grasp_with(grasp: Grasp, values: Mapping[str, Scalar]) -> Grasp:

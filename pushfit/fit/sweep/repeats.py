@@ -14,12 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.problem import Problem, bucket
 from pushfit.model import Pushes, as_float
 
 # Pushes closer than this in both angles, and in the log of their sd, are repeats.
 SAME = 1e-9
-# Rows come in multiples of this, so that few programs serve all tables.
+# Rows come in multiples of this, so that few programs serve all tables; those of one
+# that grows push by push in the buckets of tables, so that few serve it to its end.
 PADDING = 8
 
 
@@ -41,11 +42,12 @@ class Pooled(eqx.Module):
     is_single: bool = eqx.field(static=True)
 
 
-def pool_repeats(problem: Problem) -> Pooled:
+def pool_repeats(problem: Problem, *, is_growing: bool = False) -> Pooled:
     """Pool the rows of a problem.
 
     Args:
         problem: Problem with its noise weights settled.
+        is_growing: Whether more pushes are to come, so that lengths are to be few.
     """
     used = np.any(np.asarray(problem.mask), axis=0)
     observed = np.asarray(problem.observed)[:, used]
@@ -68,16 +70,23 @@ def pool_repeats(problem: Problem) -> Pooled:
     mean = np.stack([np.bincount(group, row, minlength=n) / count for row in observed])
     scatter = (observed - mean[:, group]) ** 2
     scatter = np.stack([np.bincount(group, row, minlength=n) for row in scatter])
-    pushes = Pushes(_padded(theta, 0.5), _padded(alpha, 0.0))
+
+    def padded(values: np.ndarray, fill: float) -> np.ndarray:
+        n = values.shape[-1]
+        n_padded = (bucket(n) if is_growing else -(-n // PADDING) * PADDING) - n
+        ends = np.full((*values.shape[:-1], n_padded), fill, dtype=values.dtype)
+        return np.concatenate([values, ends], axis=-1)
+
+    pushes = Pushes(padded(theta, 0.5), padded(alpha, 0.0))
     repeats = np.arange(pushes.theta.size)[:, None] == direction
-    mask = _padded(np.ones(mean.shape), 0.0) > 0
+    mask = padded(np.ones(mean.shape), 0.0) > 0
     pooled = replace(
         problem,
         pushes=pushes,
-        repeats=as_float(_padded(repeats.astype(float), 0.0)),
-        observed=_padded(mean, 0.0),
-        sd=_padded(sd[:, first], 0.0),
-        reference_sigma=_padded(sigma[:, first], 1.0),
+        repeats=as_float(padded(repeats.astype(float), 0.0)),
+        observed=padded(mean, 0.0),
+        sd=padded(sd[:, first], 0.0),
+        reference_sigma=padded(sigma[:, first], 1.0),
         mask=jnp.asarray(mask),
         shared=None
         if problem.shared is None
@@ -85,8 +94,8 @@ def pool_repeats(problem: Problem) -> Pooled:
     )
     return Pooled(
         pooled,
-        as_float(np.where(mask, _padded(count, 0.0), 0.0)),
-        as_float(_padded(scatter, 0.0)),
+        as_float(np.where(mask, padded(count, 0.0), 0.0)),
+        as_float(padded(scatter, 0.0)),
         has_sd=has_sd,
         is_single=is_single,
     )
@@ -98,10 +107,3 @@ def _alike(key: Float[np.ndarray, "k n"]) -> tuple[np.ndarray, np.ndarray]:
         np.rint(key / SAME), axis=1, return_index=True, return_inverse=True
     )
     return first, group
-
-
-def _padded(values: np.ndarray, fill: float) -> np.ndarray:
-    """Rows up to the next length that programs are compiled for."""
-    n = values.shape[-1]
-    ends = np.full((*values.shape[:-1], -n % PADDING), fill, dtype=values.dtype)
-    return np.concatenate([values, ends], axis=-1)
