@@ -186,6 +186,8 @@ def test_what_lies_out_of_reach_cannot_be_decided():
     run(own)
     assert own.state.answer is Answer.CANNOT
     assert "cannot be decided to ± 4.5°" in own.state.sentence
+    # Components are felt already.
+    assert own.state.sentence.endswith(" A wider reach or less noise would help.")
     # One hopeless forecast is no answer yet.
     *_, before, second, last = own.history.course
     assert last.answer is Answer.CANNOT

@@ -256,7 +256,7 @@ class Judge:
                     f"{names} cannot be decided to {half} on this grasp: however many "
                     "pushes are made within reach and limits, the chance stays at "
                     f"{_percent(state.p_unlimited)}. Known after {n} pushes: {known}. "
-                    "Force components, a wider reach or less noise would help."
+                    f"{_help(belief)} would help."
                 )
             case Answer.UNLIKELY:
                 text = (
@@ -302,6 +302,13 @@ def _answer(n_told: int, unlimited: float | None, before: Sequence[State]) -> An
 def _p_undefined(belief: Belief, angle: str) -> float:
     """Probability that the contact never rolls."""
     return float(belief.weights @ ~np.isfinite(belief.samples[angle]))
+
+
+def _help(belief: Belief) -> str:
+    """What would let an angle be decided that cannot be."""
+    if len(belief.channels) > 1:
+        return "A wider reach or less noise"
+    return "Force components, a wider reach or less noise"
 
 
 def _percent(share: float | None) -> str:
