@@ -21,6 +21,8 @@ from pushfit.data.recordings.units import in_degrees
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
 
+# Components of a recorded force.
+AXES = ("fx", "fy", "fz")
 # The paper's two protocols (section 5): three pushes per direction.
 THETA_SWEEP = PushSchedule.planned(
     np.radians(np.arange(-60.0, 61.0, 15.0)), np.radians(90.0), repeats=3
@@ -101,6 +103,8 @@ class Session:
         angle_resolution: Directions are reached within half of it, and recorded in
             multiples of it [rad].
         forces: Whether the three force components are recorded instead of a pressure.
+        normal: Which of fx, fy and fz is along the contact normal, with "-" before it
+            where pushing lowers it.
     """
 
     shape: Literal["triangle", "sine", "plateau"] = "triangle"
@@ -118,6 +122,7 @@ class Session:
     quantum: float | None = None
     angle_resolution: float = field(default=float(np.radians(1.0)))
     forces: bool = False
+    normal: str = "fz"
     channel: str = "pressure"
     unit: str = "n"
 
@@ -258,11 +263,15 @@ def _amplitudes(
     if not session.forces:
         return {session.channel: np.asarray(truth.height)}
     tangential = np.asarray(truth.height_tangential)
-    return {
-        "fx": tangential * np.cos(alpha),
-        "fy": tangential * np.sin(alpha),
-        "fz": np.asarray(truth.height_normal),
+    name = session.normal.removeprefix("-")
+    sign = -1.0 if session.normal.startswith("-") else 1.0
+    first, second = (axis for axis in AXES if axis != name)
+    changes = {
+        first: tangential * np.cos(alpha),
+        second: tangential * np.sin(alpha),
+        name: sign * np.asarray(truth.height_normal),
     }
+    return {axis: changes[axis] for axis in AXES}
 
 
 def sensed(

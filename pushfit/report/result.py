@@ -6,7 +6,7 @@ not in it, whether it is fresh or read back from a folder.
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ from pushfit.report.html.card import card_html, latex_table, markdown_table
 from pushfit.report.plain import Json
 from pushfit.report.store.archive import chains_tree
 from pushfit.report.store.folder import write_result_folder
-from pushfit.report.store.read import read_result
+from pushfit.report.store.read import read_extra, read_result
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.store.target import PARTS, left_out
 from pushfit.report.strings import symbol
@@ -93,7 +93,13 @@ class Result(Identification):
     `print(result)` is the whole report, a notebook shows a card. The fields are those
     of `Identification`: `theta_c`, `alpha_star`, `parameters`, `combinations`,
     `warnings`, `status`, `table`, `fit`, `posterior` and so on.
+
+    Args:
+        extra: Files of its folder that no identification makes, by name: journal and
+            picture of an exploration.
     """
+
+    extra: Mapping[str, bytes] = field(default_factory=dict)
 
     @classmethod
     def of(cls, identification: Identification) -> "Result":
@@ -185,7 +191,9 @@ class Result(Identification):
         lacking = left_out(*PARTS)
         if lacking:
             warnings.warn(lacking, stacklevel=2)
-        return write_result_folder(self, Path(folder), force=force, pictures=pictures)
+        return write_result_folder(
+            self, Path(folder), force=force, pictures=pictures, extra=self.extra
+        )
 
     def __str__(self) -> str:
         """The report."""
@@ -209,4 +217,4 @@ def load(folder: str | Path) -> Result:
     Raises:
         DataError: The folder is no result, lacks a part, or is of another schema.
     """
-    return Result.of(read_result(folder))
+    return replace(Result.of(read_result(folder)), extra=read_extra(folder))

@@ -85,6 +85,15 @@ def test_the_first_push_is_planned_for_the_sensor_that_there_is(grasp, capsys):
     assert gains[1] > 1.5 * gains[0]
 
 
+def test_a_simulated_sensor_is_mounted_as_the_settings_say(grasp, tmp_path, capsys):
+    grasp.write_text('[push]\nlength_mm = 5.0\n[peaks]\nnormal = "-Fn"\n')
+    out = str(tmp_path / "run")
+    words = ["--hand", "simulated", "--config", str(grasp), "--out", out]
+    assert main(["explore", *words, "--sigma", "0.05"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "normal = '-Fn' is no channel of the simulated sensor" in said
+
+
 def test_next_keeps_to_the_box_of_the_file(grasp, capsys):
     """z = 5 mm sin θ within 2.6 mm: θ up to 31.3°."""
     box = "workspace_mm = [[-5.0, 5.0], [-5.0, 5.0], [0.0, 2.6]]"

@@ -83,6 +83,24 @@ def test_a_hand_explores_to_the_end():
     np.testing.assert_allclose(np.degrees(own.table.theta) % 1.0, 0.0, atol=1e-6)
 
 
+# Heights of two sensors: each is good to a few of its own samples [N].
+SENSORS_DIFFER = 5 * SESSION.noise
+
+
+@pytest.mark.parametrize("normal", ["-fz", "fx", "-fy"])
+def test_a_hand_has_the_sensor_of_its_settings(normal):
+    """The same pushes, felt by a sensor that is mounted another way."""
+    tables = []
+    for name in ("fz", normal):
+        own, finger = explorer(budget=1), hand(session=replace(SESSION, normal=name))
+        explore(own, finger, settings=PeakSettings(normal=name))
+        assert reasons(own) == []
+        tables.append(own.table)
+    for channel in COMPONENTS:
+        heights = [table.heights(channel) for table in tables]
+        np.testing.assert_allclose(*heights, rtol=0, atol=SENSORS_DIFFER)
+
+
 def test_settings_say_how_far_joints_miss():
     plan = PushSchedule.planned(np.full(1000, 0.5), np.pi / 2, repeats=1)
     made = simulate_recording(

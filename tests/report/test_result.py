@@ -193,6 +193,18 @@ def test_saving_warns_of_what_a_missing_library_leaves_out(
     assert not (tmp_path / "out" / "report.html").exists()
 
 
+def test_an_explored_one_keeps_journal_and_picture(result, tmp_path, monkeypatch):
+    """Saved, read, saved and read again; no identification makes them anew."""
+    monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
+    monkeypatch.setattr(html_module, "figure_files", lambda _, **__: {})
+    extra = {"journal.jsonl": b"{}", "exploration.png": PNG}
+    replace(result, extra=extra).save(tmp_path / "first")
+    load(tmp_path / "first").save(tmp_path / "second")
+    for name, content in extra.items():
+        assert (tmp_path / "second" / name).read_bytes() == content
+    assert load(tmp_path / "second").extra == extra
+
+
 def test_the_result_of_a_result_is_itself(result):
     assert Result.of(result) is result
 

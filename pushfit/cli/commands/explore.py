@@ -212,6 +212,7 @@ def explore(
             scatter=scatter,
             forces=asked.has_forces(settings),
             seed=seed,
+            normal=settings.peaks.normal or "fz",
         )
     journal = out.with_name(f"{out.name}.journal.jsonl")
     explorer = asked.explorer(
@@ -258,7 +259,7 @@ def _run(
     from pushfit.report.figures.exploration import exploration_picture
     from pushfit.report.store.folder import write_result_folder
     from pushfit.report.store.summary import summary_dict
-    from pushfit.report.store.target import EXPLORATION
+    from pushfit.report.store.target import EXPLORATION, JOURNAL
     from pushfit.report.text.exploration import ADAPTIVE, state_dict
 
     peaks = settings.peaks
@@ -282,7 +283,7 @@ def _run(
         found,
         out,
         force=force,
-        extra={"journal.jsonl": journal.read_bytes(), EXPLORATION: picture},
+        extra={JOURNAL: journal.read_bytes(), EXPLORATION: picture},
     )
     session.wrote(out)
     if history.stopped is None or history.is_over:

@@ -15,7 +15,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.grasp import make_grasp
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
-from pushfit.data.simulate import Session, sensed, simulate_recording
+from pushfit.data.simulate import AXES, Session, sensed, simulate_recording
 from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError
 from pushfit.explore.belief.predict import force_of
@@ -193,7 +193,7 @@ class SimulatedHand:
             session = replace(session, level=0.0)
         time = np.arange(1, n + 1) / session.rate
         reading = sensed(time, np.zeros(n), session=session, rng=rng)
-        names = ("fx", "fy", "fz") if session.forces else (session.channel,)
+        names = AXES if session.forces else (session.channel,)
         return {name: reading.copy() for name in names}
 
     def _resting(self, seconds: float, rng: np.random.Generator) -> Recording:
@@ -303,22 +303,33 @@ def simulated_hand(
     scatter: float,
     forces: bool,
     seed: int,
+    normal: str = "fz",
 ) -> SimulatedHand:
     """A hand that holds the grasp of a configuration.
 
     Args:
         noise: Standard deviation of a sample [unit].
         scatter: Standard deviation of the height of a push, relative to it.
+        normal: Of force components, the one along the contact normal, see `Session`.
 
     Raises:
-        ConfigError: A parameter is missing, or the preload is no number.
+        ConfigError: A parameter is missing, the preload is no number, or there is no
+            such component.
     """
+    if normal.removeprefix("-") not in AXES:
+        raise ConfigError(
+            f"[peaks] normal = {normal!r} is no channel of the simulated sensor, which "
+            f"has {', '.join(AXES)}; name one of these to explore with it",
+            code="no_channel",
+        )
     preload = config.preload_in(unit)
     if isinstance(preload, str):
         raise ConfigError(
             "the preload of a simulated grasp needs to be a number", code="no_truth"
         )
-    session = replace(SESSION, unit=unit, noise=noise, level=preload, forces=forces)
+    session = replace(
+        SESSION, unit=unit, noise=noise, level=preload, forces=forces, normal=normal
+    )
     world = World(
         params=stated_parameters(config),
         grasp=make_grasp(config, unit),

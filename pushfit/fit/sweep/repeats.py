@@ -90,7 +90,7 @@ def pool_repeats(problem: Problem, *, is_growing: bool = False) -> Pooled:
         mask=jnp.asarray(mask),
         shared=None
         if problem.shared is None
-        else as_float(_padded(np.asarray(problem.shared)[:, :, used], 0.0)),
+        else as_float(padded(np.asarray(problem.shared)[:, :, used], 0.0)),
     )
     return Pooled(
         pooled,

@@ -30,7 +30,7 @@ from pushfit.report.plain import from_json
 from pushfit.report.store.archive import CURVES, one_row
 from pushfit.report.store.document import SCHEMA, Fit, Summary, made_of
 from pushfit.report.store.summary import quantities_in
-from pushfit.report.store.target import EXPLORATION
+from pushfit.report.store.target import EXPLORED
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -70,9 +70,9 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
 
 
 def read_extra(folder: str | Path) -> dict[str, bytes]:
-    """Files of a result folder that its page shows and no identification makes."""
-    path = Path(folder) / EXPLORATION
-    return {path.name: path.read_bytes()} if path.exists() else {}
+    """Journal and picture of an explored grasp, which no identification makes."""
+    paths = [Path(folder) / name for name in EXPLORED]
+    return {path.name: path.read_bytes() for path in paths if path.exists()}
 
 
 def read_result(folder: str | Path) -> Identification:

@@ -8,10 +8,10 @@ from pathlib import Path
 from pushfit.atomic import is_stream
 from pushfit.errors import ConfigError
 
-# What is read back from a result, a journal from that of an explored grasp.
-KEPT = frozenset({"peaks.csv", "result.nc", "summary.json", "journal.jsonl"})
-# The picture of how a grasp was explored, which no result makes anew.
-EXPLORATION = "exploration.png"
+# How a grasp was explored, which no result makes anew: what was told, and its picture.
+JOURNAL, EXPLORATION = EXPLORED = ("journal.jsonl", "exploration.png")
+# What is read back from a result.
+KEPT = frozenset({"peaks.csv", "result.nc", "summary.json", JOURNAL})
 CONTENT = KEPT | {"report.txt", "report.html", "figures", EXPLORATION}
 
 
