@@ -180,6 +180,18 @@ def test_priors_alone_do_not_say_that_an_angle_is_absent(is_guess):
     assert own.state.answer is Answer.DECIDING
 
 
+def test_a_decision_is_what_a_table_of_the_same_pushes_says():
+    """Draw for draw: the same seed, pushes and mechanics, as `next` takes them."""
+    own = explorer()
+    run(own)
+    assert own.state.answer is Answer.DECIDED
+    assert own.history.n_drawn == len(own.history.told)
+    after = explorer()
+    after.attach(own.table)
+    assert after.state.intervals == own.state.intervals
+    assert after.state.answer is Answer.DECIDED
+
+
 def test_what_lies_out_of_reach_cannot_be_decided():
     """θ_c = 45.6°, pushes to 10° only: a bound from one side, however many."""
     own = explorer(limits=Limits(theta_deg=(5.0, 10.0)))
