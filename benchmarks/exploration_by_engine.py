@@ -3,6 +3,7 @@
     python -m benchmarks.exploration_by_engine --truths 1000 --controls 300
     python -m benchmarks.exploration_by_engine --ask alpha_star --cap 36 --widths 60 20
     python -m benchmarks.exploration_by_engine --ask both --widths 60 20
+    python -m benchmarks.exploration_by_engine --strategies gain --learned 100
 
 Truths are draws of the default priors, and noise, which is stated, is 3 % of the median
 height of the candidates. Beliefs are those of pushfit's engine, weighed and drawn anew
@@ -10,7 +11,8 @@ by the rules of `Explorer`; a decision is a shortest 90 % posterior interval of 
 asked angle no wider than asked. With gain, forecasts are made as by `Explorer`, but
 pushes go on after it would have given up: those that decide all the same say how often
 that was wrong. Controls that must fail: noise believed 1.5 times too small, and
-stopping on likelihood sets.
+stopping on likelihood sets. With --learned also gain without a word on the noise, which
+repeats and its prior are to tell: nothing is decided before the eighth push.
 
 With --keep a run that was ended goes on, and prints what is known of all truths so far.
 """
@@ -32,8 +34,15 @@ from pushfit.explore.belief.belief import ANGLES, Belief, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, weighed
 from pushfit.explore.belief.predict import predict
+from pushfit.explore.belief.tables import noise_is_known
 from pushfit.explore.decide.next_push import Surveyor
-from pushfit.explore.decide.stopping import HOPELESS, IN_A_ROW, MIN_FORECAST, Judge
+from pushfit.explore.decide.stopping import (
+    HOPELESS,
+    IN_A_ROW,
+    MIN_FORECAST,
+    MIN_UNKNOWN_NOISE,
+    Judge,
+)
 from pushfit.explore.explorer import KEPT_SHARE
 from pushfit.explore.records import Answer, Told
 
@@ -56,6 +65,7 @@ class World:
     question: Question
     truths: Belief
     prior: Belief
+    unstated: Belief
     surveyor: Surveyor
 
     @classmethod
@@ -73,6 +83,7 @@ class World:
             question=question,
             truths=believe(None, question, 2 * seed + 1),
             prior=believe(None, question, 2 * seed),
+            unstated=believe(None, replace(question, sigma=None), 2 * seed),
             surveyor=Surveyor(question, LIMITS),
         )
 
@@ -91,20 +102,26 @@ class Course:
     n_drawn: int = 0
 
     @classmethod
-    def of(cls, world: World, number: int, *, seed: int, factor: float) -> "Course":
-        """Before the first push."""
+    def of(
+        cls, world: World, number: int, *, seed: int, factor: float | None
+    ) -> "Course":
+        """Before the first push; without a factor nothing is said of the noise."""
         theta, alpha = candidates(world)
         heights = predict(world.truths, theta, alpha).heights[:, :, number]
         size = np.linalg.norm(heights, axis=1)
         sigma = NOISE * float(np.median(size))
-        believed = np.full(len(world.question.channels), factor * sigma)
+        belief, believed = world.unstated, None
+        if factor is not None:
+            believed = factor * sigma
+            sd = np.full(len(world.question.channels), believed)
+            belief = replace(world.prior, sd=sd)
         return cls(
             world=world,
             number=number,
             seed=seed,
             sigma=sigma,
-            question=replace(world.question, sigma=factor * sigma),
-            belief=replace(world.prior, sd=believed),
+            question=replace(world.question, sigma=believed),
+            belief=belief,
         )
 
     def push(self, theta: float, alpha: float) -> None:
@@ -159,7 +176,7 @@ def run(
     widths: Sequence[float],
     cap: int,
     seed: int,
-    factor: float = 1.0,
+    factor: float | None = 1.0,
     with_sets: bool = False,
 ) -> dict[str, object]:
     """Pushes until the smallest width is decided: where each width was, and answers."""
@@ -199,9 +216,11 @@ def run(
 
 
 def is_decided(course: Course, judge: Judge) -> bool:
-    """Whether every interval is narrow enough."""
-    found = judge.intervals(course.belief, course.question)
-    return not judge.undecided(course.belief, found)
+    """Whether every interval is narrow enough, and the noise known well enough."""
+    told, question = course.told, course.question
+    found = judge.intervals(course.belief, question)
+    is_known = noise_is_known(told, question) or len(told) >= MIN_UNKNOWN_NOISE
+    return is_known and not judge.undecided(course.belief, found)
 
 
 def forecast(course: Course, judge: Judge) -> list:
@@ -282,6 +301,7 @@ def main() -> None:
     parser.add_argument("--strategies", nargs="+", choices=STRATEGIES)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--controls", type=int, default=0, metavar="TRUTHS")
+    parser.add_argument("--learned", type=int, default=0, metavar="TRUTHS")
     parser.add_argument("--minutes", type=float, default=np.inf)
     parser.add_argument("--keep", type=Path, help="file that results are added to")
     args = parser.parse_args()
@@ -290,16 +310,19 @@ def main() -> None:
     names = args.strategies or list(STRATEGIES)
     found: dict[str, list] = {name: [] for name in names}
     found |= {"sigma x 0.67": [], "likelihood sets": []} if args.controls else {}
+    found |= {"sigma learned": []} if args.learned else {}
     start = time.monotonic()
     done = _kept(args.keep)
     usual = {"widths": args.widths, "cap": args.cap, "seed": args.seed}
     for number in range(args.truths):
         if (time.monotonic() - start) > 60 * args.minutes:
             break
-        jobs = [(name, name, 1.0) for name in names]
+        jobs: list[tuple[str, str, float | None]] = [(n, n, 1.0) for n in names]
         is_control = number < args.controls
         if is_control:
             jobs.append(("sigma x 0.67", "gain", TOO_SMALL))
+        if number < args.learned:
+            jobs.append(("sigma learned", "gain", None))
         for label, name, factor in jobs:
             key = f"{args.ask} {args.channels} {label} {number}"
             if key not in done:
