@@ -10,7 +10,7 @@ import pytest
 
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
-from pushfit.fit import setup as setups
+from pushfit.fit.problem import problem as problems
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.profiles.profiles import likelihood_profiles
 from tests.fit.tables import case_table, setup_of
@@ -69,7 +69,7 @@ def test_the_order_of_rows_does_not_matter(table):
 
 def test_padding_does_not_matter(table, monkeypatch):
     one = fitted(table)
-    monkeypatch.setattr(setups, "SMALLEST_BUCKET", 64)
+    monkeypatch.setattr(problems, "SMALLEST_BUCKET", 64)
     assert setup_of(table).problem.observed.shape == (1, 64)
     other = fitted(table)
     assert_same_optimum(other, one)
