@@ -17,6 +17,7 @@ import typer
 from benchmarks.waiting import COMMANDS
 from pushfit.cli import main
 from pushfit.cli.app import app
+from pushfit.cli.commands import doctor
 from pushfit.cli.examples import EXAMPLES
 from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
@@ -128,6 +129,15 @@ def test_init_overwrites_only_by_force(tmp_path, capsys):
 def test_init_can_print(capsys):
     assert main(["init", "-"]) == 0
     assert capsys.readouterr().out.startswith("# What is known")
+
+
+def test_doctor_names_what_users_lack_and_not_what_developers_do(monkeypatch):
+    monkeypatch.setattr(doctor, "_version", {"numpy": "2", "pytest": "9"}.get)
+    versions = doctor.installed_versions()
+    assert versions["numpy"] == "2"
+    assert versions["pytest"] == "9"
+    assert versions["jinja2"] is versions["rosbags"] is None
+    assert not {"ruff", "mkdocs", "lmfit"} & versions.keys()
 
 
 def test_doctor_prints_one_document(capsys):

@@ -11,6 +11,8 @@ from pushfit.cli.session import Session
 from pushfit.errors import FitError
 
 SCHEMA = "pushfit.doctor/1"
+# How metadata name the extras of those who work on pushfit.
+FOR_DEVELOPERS = re.compile(r"extra == .(docs|bench|test)\b")
 # Single precision would be off by 1e-7.
 DOUBLE_PRECISION = 1e-14
 
@@ -54,11 +56,17 @@ def check_arithmetic() -> None:
 
 
 def installed_versions() -> dict[str, str | None]:
-    """Version of pushfit and of every package it can use; None where absent."""
-    names = ["pushfit"]
+    """Version of pushfit and of every package it can use; None where absent.
+
+    What only developers of pushfit need is left out where it is absent.
+    """
+    versions = {"pushfit": _version("pushfit")}
     for requirement in metadata.requires("pushfit") or []:
-        names.append(re.split(r"[^\w.-]", requirement, maxsplit=1)[0])
-    return {name: _version(name) for name in dict.fromkeys(names)}
+        name = re.split(r"[^\w.-]", requirement, maxsplit=1)[0]
+        version = _version(name)
+        if version or not FOR_DEVELOPERS.search(requirement):
+            versions[name] = version
+    return versions
 
 
 def _version(name: str) -> str | None:
