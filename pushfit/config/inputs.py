@@ -28,7 +28,10 @@ class CalibrationSection(Section):
         if self.name is None and lacking:
             raise ValueError(f"needs a name, or also {', '.join(lacking)}")
         if self.factor is not None and self.provenance is None:
-            raise ValueError("a factor of your own needs its provenance")
+            raise ValueError(
+                "a factor of your own needs its provenance; say where it comes from, "
+                'as in provenance = "data sheet"'
+            )
         return self
 
 

@@ -59,7 +59,10 @@ class PushSection(Section):
     def check_known_is_given(self) -> "PushSection":
         """Refuse to call a length known that is only the default."""
         if self.length_known and "length_mm" not in self.model_fields_set:
-            raise ValueError("length_known = true needs length_mm")
+            raise ValueError(
+                "length_known = true needs length_mm; state it, or leave length_known "
+                "out"
+            )
         return self
 
 

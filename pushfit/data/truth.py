@@ -90,4 +90,7 @@ def _centre(prior: Prior) -> float:
         return prior.lognormal.median
     if prior.uniform is not None:
         return (prior.uniform.low + prior.uniform.high) / 2
-    raise ConfigError("a prior in [parameters] states nothing", code="no_truth")
+    raise ConfigError(
+        "a prior in [parameters] states nothing; write NAME = { fixed = value }",
+        code="no_truth",
+    )

@@ -75,7 +75,8 @@ class Limits:
         low, high = self.theta_deg
         if not -90.0 <= low <= high <= 90.0:
             raise ConfigError(
-                f"limits: theta {low:g}° to {high:g}° is no range within -90° to 90°",
+                f"limits: theta {low:g}° to {high:g}° is no range within -90° to "
+                "90°; give low <= high",
                 code="limits",
             )
         if self.force is not None and not self.force > 0:
@@ -85,7 +86,12 @@ class Limits:
                 code="limits",
             )
         if not (self.theta_step_deg > 0 and self.alpha_step_deg > 0):
-            raise ConfigError("limits: steps must be above 0", code="limits")
+            raise ConfigError(
+                f"limits: steps of {self.theta_step_deg:g}° in theta and "
+                f"{self.alpha_step_deg:g}° in alpha must be above 0; state both in "
+                "degrees, or leave them out",
+                code="limits",
+            )
 
     def candidates(
         self, *, azimuths: tuple[float, float] | None, reference_alpha: float

@@ -119,10 +119,15 @@ def test_every_push_is_preceded_by_a_rest_and_followed_by_a_retraction():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"theta_deg": (50.0, 10.0)}, {"force": 0.0}, {"theta_step_deg": 0.0}]
+    ("wrong", "advice"),
+    [
+        ({"theta_deg": (50.0, 10.0)}, "give low <= high"),
+        ({"force": 0.0}, "leave it out"),
+        ({"theta_step_deg": 0.0}, "state both in degrees"),
+    ],
 )
-def test_limits_that_mean_nothing_are_refused(wrong):
-    with pytest.raises(ConfigError, match="limits"):
+def test_limits_that_mean_nothing_are_refused(wrong, advice):
+    with pytest.raises(ConfigError, match=f"limits.*{advice}"):
         Limits(**wrong)
 
 

@@ -179,9 +179,15 @@ def _first(path: str, reader: Any, topic: str) -> Any:
 def _refuse_too_large(
     path: str, fields: Sequence[Field], reader: Any, *, max_bytes: int
 ) -> None:
-    n = sum(reader.topics[topic].msgcount for topic in {f.topic for f in fields})
-    if not fields or n == 0:
-        raise refuse("no_rows", "the bag holds no messages of these topics", path=path)
+    topics = sorted({f.topic for f in fields})
+    n = sum(reader.topics[topic].msgcount for topic in topics)
+    if n == 0:
+        raise refuse(
+            "no_rows",
+            f"the bag holds no messages of {', '.join(topics) or 'a known field'}; map "
+            "a topic that has some, or record again with the sensor switched on",
+            path=path,
+        )
     needed = n * 8 * (len(fields) + 1)
     refuse_too_large(
         path,

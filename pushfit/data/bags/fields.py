@@ -63,7 +63,7 @@ def mapped_fields(
             raise refuse(
                 "missing_column",
                 f"{stated(mapping={key: target})} is not /topic.field of this bag; "
-                f"there are the topics {_described(reader)}",
+                f"name a field of one of its topics: {_described(reader)}",
                 path=path,
             )
         known = {u.name: u for u in (suffix, *_stated(units, name, key)) if u}
@@ -188,7 +188,7 @@ def bad_field(path: str, item: Field, *, message: Any, count: int) -> DataError:
     )
     return refuse(
         "missing_column",
-        f"message {count} of {item.topic} has no number {'.'.join(item.path)}; its "
-        f"fields are {names.replace('__msgtype__', '').strip(', ')}",
+        f"message {count} of {item.topic} has no number {'.'.join(item.path)}; "
+        f"map one of its fields: {names.replace('__msgtype__', '').strip(', ')}",
         path=path,
     )

@@ -219,8 +219,8 @@ def _normal(recording: Recording, normal: str) -> tuple[float, str]:
     sign, name = (-1.0, normal[1:]) if normal.startswith("-") else (1.0, normal)
     if name not in recording.channels or len(recording.channels) < 2:
         raise ConfigError(
-            f"peaks.normal = {normal!r} needs that channel and one across it; the "
-            f"recording has {', '.join(recording.channels) or 'none'}",
+            f"peaks.normal = {normal!r} needs that channel and one across it; map "
+            f"both, the recording has {', '.join(recording.channels) or 'none'}",
             code="channel",
         )
     units = set(recording.units.values())
@@ -237,8 +237,8 @@ def _enough(time: Float[np.ndarray, " n"], name: str) -> Float[np.ndarray, " n"]
     """Times, if there are enough for a push."""
     if len(time) < _MIN_SAMPLES:
         raise DataError(
-            f"channel {name!r} has {len(time)} samples; a push alone needs more than "
-            f"{_MIN_SAMPLES}",
+            f"channel {name!r} has {len(time)} samples; a push alone needs at least "
+            f"{_MIN_SAMPLES}: record longer, or take another channel",
             code="too_short",
         )
     return time

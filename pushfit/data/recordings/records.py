@@ -105,7 +105,7 @@ class Recording:
         """
         if channel not in self.channels:
             raise ConfigError(
-                f"no channel {channel!r} to calibrate; there are: "
+                f"no channel {channel!r} to calibrate; name one that is there: "
                 f"{', '.join(self.channels)}",
                 code="no_such_channel",
             )

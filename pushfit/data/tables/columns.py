@@ -243,6 +243,7 @@ def _common_unit(
         text = "one table has one unit, found " + ", ".join(
             f"{name} in {unit}" for name, unit in units.items()
         )
+        text += "; convert them, or leave out those of the other unit"
         first = next(iter(units))
         raise data_error([origin.problem("mixed_units", text, column=first, value="")])
     return next(iter(units.values()), None)

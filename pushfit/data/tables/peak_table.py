@@ -144,7 +144,7 @@ class PeakTable:
         """
         if channel not in self.channels:
             raise DataError(
-                f"the table has no channel {channel!r}; it has "
+                f"the table has no channel {channel!r}; take one that it has: "
                 f"{', '.join(self.channels)}",
                 code="unknown_channel",
             )

@@ -72,7 +72,11 @@ def canonical_frame(
     columns = read_columns(raw, LAYOUT, origin)
     frame, unit = columns.frame, columns.unit
     if unit is None:
-        raise DataError("a peak table needs heights", code="missing_column")
+        raise DataError(
+            "a peak table needs heights; name their column with its unit, "
+            "as in height_n",
+            code="missing_column",
+        )
     if "flags" not in frame:
         frame["flags"] = ""
     check_columns(columns, _rules(unit), origin)
@@ -169,11 +173,17 @@ _REASONS = {
         "missing_value",
         "stands for an empty cell; fill it or remove the row",
     ),
-    "sd": ("sd_range", "is no standard deviation; it must be above 0"),
+    "sd": ("sd_range", "is no standard deviation; give a number above 0"),
     "count": ("count_range", "is below 1; number pushes and repeats from 1"),
     "field_uniqueness": ("duplicate_push", "stands for two pushes; number them apart"),
-    "definition": ("unknown_definition", "is neither apex nor plateau"),
-    "flags": ("unknown_flag", "is no list of known flags, joined by ';'"),
+    "definition": (
+        "unknown_definition",
+        "is neither apex nor plateau; write one of them",
+    ),
+    "flags": (
+        "unknown_flag",
+        f"is no list of known flags; join by ';' those of {', '.join(FLAGS)}",
+    ),
 }
 
 

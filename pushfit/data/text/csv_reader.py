@@ -21,7 +21,7 @@ from jaxtyping import Int
 from pushfit.data.recordings.records import Source
 from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
-from pushfit.data.text.faults import data_error, refuse, refuse_too_large
+from pushfit.data.text.faults import data_error, no_rows, refuse, refuse_too_large
 from pushfit.data.text.layout_guess import STAMPS, Stamp
 from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile, open_text
@@ -82,7 +82,7 @@ def read_cells(
     body = find_body(text, layout, tail)
     scan = fast_scan(body) or _slow(body, kinds, tokens)
     if scan.n_rows == 0:
-        raise refuse("no_rows", "has a header but 0 data rows", path=text.path)
+        raise no_rows(text.path)
     # Text costs its characters and a reference; 64 bytes is a long label.
     needed = scan.n_rows * sum(64 if kind == "text" else 8 for kind in kinds.values())
     what = f"{scan.n_rows} rows of {len(kinds)} columns"

@@ -109,7 +109,8 @@ def find_layout(
     if not head:
         raise refuse(
             "no_line_ends",
-            f"no line end in the first {_HEAD_BYTES} bytes; is it a text table?",
+            f"no line end in the first {_HEAD_BYTES} bytes; export the signals as a "
+            "text table, one sample per line",
             path=text.path,
         )
     lines = head.decode(errors="replace").split("\n")[:_HEAD_LINES]

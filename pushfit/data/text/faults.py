@@ -50,6 +50,12 @@ def refuse(code: str, text: str, *, path: str, line: int | None = None) -> DataE
     return data_error([problem(code, text, path=path, line=line)])
 
 
+def no_rows(path: str) -> DataError:
+    """Refuse a table of names alone."""
+    text = "has a header but 0 data rows; record or export it again"
+    return refuse("no_rows", text, path=path)
+
+
 def refuse_too_large(
     path: str, what: str, *, needed: int, max_bytes: int, remedy: str
 ) -> None:

@@ -74,7 +74,10 @@ def _arrays(path: str, columns: Sequence[str]) -> tuple[Table, str]:
                 return _alike(loaded, path)
     except (ValueError, OSError, EOFError) as error:
         raise refuse(
-            "unreadable", f"is no NumPy file of numbers ({error})", path=path
+            "unreadable",
+            f"is no NumPy file of numbers ({error}); copy it again, or save its arrays "
+            "anew by np.savez, each of numbers alone",
+            path=path,
         ) from error
     kind = "NumPy .npy"
     if loaded.dtype.names:
@@ -104,7 +107,12 @@ def _alike(arrays: NpzFile, path: str) -> tuple[Table, str]:
     sizes = Counter(values.size for values in columns.values())
     n = max((size for size in sizes if sizes[size] > 1), default=max(sizes, default=0))
     if n == 0:
-        raise refuse("no_rows", "holds no array of numbers", path=path)
+        raise refuse(
+            "no_rows",
+            "holds no array of numbers; save one for the time and one for each signal, "
+            "as in np.savez(NAME, time_s=time, pressure_kpa=pressure)",
+            path=path,
+        )
     table = {name: values for name, values in columns.items() if values.size == n}
     aside = ", ".join(name for name in arrays.files if name not in table)
     return table, f"NumPy .npz{f', left aside {aside}' if aside else ''}"
@@ -179,7 +187,12 @@ def _columns(records: Iterator[dict[str, float]], path: str) -> Table:
     """Columns of those records that have all numbers that most of them have."""
     rows = list(records)
     if not rows:
-        raise refuse("no_rows", "holds no record with a number", path=path)
+        raise refuse(
+            "no_rows",
+            "holds no record with a number; log the readings of the sensor, or record "
+            "their topic as a bag",
+            path=path,
+        )
     names = Counter(map(tuple, rows)).most_common(1)[0][0]
     rows = [row for row in rows if row.keys() >= set(names)]
     table = {n: np.array([row[n] for row in rows]) for n in names}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pushfit.data.recordings.units import find_unit
-from pushfit.data.text.faults import STATE_COLUMNS, refuse
+from pushfit.data.text.faults import STATE_COLUMNS, no_rows, refuse
 from pushfit.errors import ConfigError, DataError
 
 # Blanks come last: they also separate the fields of tabbed files.
@@ -207,7 +207,8 @@ def _no_table(
     """Say why the first lines are no table."""
     filled = [i for i, line in enumerate(lines) if line.strip()]
     if not filled:
-        return refuse("empty_file", "the file holds blank lines only", path=path)
+        text = "the file holds blank lines only; record or export it again"
+        return refuse("empty_file", text, path=path)
     first = filled[0]
     by_delimiter = {d: split_line(uncommented(lines[first]), d) for d in DELIMITERS}
     delimiter, cells = max(by_delimiter.items(), key=lambda item: len(item[1]))
@@ -235,7 +236,7 @@ def _no_table(
             line=first + 1,
         )
     if len(filled) == 1:
-        return refuse("no_rows", "has a header but 0 data rows", path=path)
+        return no_rows(path)
     row = split_line(lines[filled[1]], delimiter)
     hint = ""
     if delimiter == "," and len(row) > len(cells):

@@ -138,7 +138,8 @@ def find_body(text: TextFile, layout: Layout, tail: Tail) -> Body:
         if position - last_end > _MAX_LINE:
             raise refuse(
                 "no_line_ends",
-                f"more than {_MAX_LINE} bytes without a line end; is it a text table?",
+                f"more than {_MAX_LINE} bytes without a line end; export the "
+                "signals as a text table, one sample per line",
                 path=text.path,
             )
         if zero >= 0:

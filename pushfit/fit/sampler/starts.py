@@ -129,7 +129,7 @@ def _cool(
     raise FitError(
         f"the sampler found no way from the prior to the data in {MAX_STAGES} stages "
         f"(stopped at {beta:.1e} of the way); the standard deviations of the heights "
-        "are probably too small",
+        "are probably too small: raise them, or leave their columns out",
         code="no_start_found",
     )
 

@@ -82,7 +82,7 @@ def compare_results(first: Identification, second: Identification) -> Comparison
         if not is_trusted(result):
             raise DataError(
                 "a result whose numerics are not to be trusted cannot be compared: "
-                f"{result.status.value}",
+                f"{result.status.value}; identify it again as its warnings say",
                 code="untrusted_result",
             )
     digests = {source.sha256 for source in first.table.sources}

@@ -115,8 +115,13 @@ def test_a_clock_is_no_example_of_a_signal(write):
 REFUSED = {
     # what the file is
     "empty": ("", {}, "empty_file", ["0 data rows"]),
-    "blank_lines_only": ("\n \n\n", {}, "empty_file", ["blank lines only"]),
-    "header_only": ("time_s,force_n\n", {}, "no_rows", ["0 data rows"]),
+    "blank_lines_only": (
+        "\n \n\n",
+        {},
+        "empty_file",
+        ["blank lines only", "export it"],
+    ),
+    "header_only": ("time_s,force_n\n", {}, "no_rows", ["0 data rows", "export it"]),
     "spreadsheet": (
         b"PK\x03\x04xl/",
         {},
@@ -592,5 +597,5 @@ def test_a_calibration_of_another_unit_or_channel_is_refused(write):
     recording = read_recording(write(GOOD))
     with pytest.raises(ConfigError, match="in kpa, but the calibration takes counts"):
         recording.calibrated("pressure", BIOTAC_PDC)
-    with pytest.raises(ConfigError, match="there are: pressure"):
+    with pytest.raises(ConfigError, match="name one that is there: pressure"):
         recording.calibrated("pdc", BIOTAC_PDC)

@@ -128,7 +128,9 @@ def test_all_bad_cells_are_reported_at_once(tmp_path):
 @pytest.mark.parametrize("value", ["0", "-0.1"])
 def test_a_standard_deviation_must_be_positive(tmp_path, value):
     text = f"theta_deg,alpha_deg,height_n,height_sd_n\n15,90,1,{value}\n"
-    assert rejected(tmp_path, text).code == "sd_range"
+    error = rejected(tmp_path, text)
+    assert error.code == "sd_range"
+    assert "give a number above 0" in str(error)
 
 
 def test_radians_under_a_degree_suffix_are_refused(tmp_path):
@@ -144,7 +146,9 @@ def test_a_header_alone_is_an_empty_table(tmp_path):
 
 def test_one_table_has_one_unit(tmp_path):
     text = "theta_deg,alpha_deg,height_n,height_normal_kpa\n15,90,1,1\n"
-    assert rejected(tmp_path, text).code == "mixed_units"
+    error = rejected(tmp_path, text)
+    assert error.code == "mixed_units"
+    assert "convert them" in str(error)
 
 
 def test_the_same_column_twice_is_refused(tmp_path):
@@ -157,9 +161,18 @@ def test_two_pushes_cannot_have_one_number(tmp_path):
     assert rejected(tmp_path, text).code == "duplicate_push"
 
 
-def test_an_unknown_flag_is_refused(tmp_path):
+def test_an_unknown_flag_is_refused_beside_the_known_ones(tmp_path):
     text = "theta_deg,alpha_deg,height_n,flags\n15,90,1,saturatd\n"
-    assert rejected(tmp_path, text).code == "unknown_flag"
+    error = rejected(tmp_path, text)
+    assert error.code == "unknown_flag"
+    assert "saturated" in str(error)
+
+
+def test_an_unknown_definition_is_refused_with_what_to_write(tmp_path):
+    text = "theta_deg,alpha_deg,height_n,definition\n15,90,1,top\n"
+    error = rejected(tmp_path, text)
+    assert error.code == "unknown_definition"
+    assert "write one of them" in str(error)
 
 
 @pytest.fixture

@@ -107,6 +107,22 @@ def test_numpy_columns_are_read_by_name(tmp_path):
         read_recording(tmp_path / "log.npy")
 
 
+DAMAGED = {
+    "cut.npy": (lambda path: path.write_bytes(b"\x93NUMPY\x01\x00"), "copy it again"),
+    "words.npz": (lambda path: np.savez(path, note=np.array("a")), "np.savez(NAME, "),
+    "mute.txt": (lambda path: path.write_text("header:\n---\n"), "as a bag"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_file_without_numbers_is_refused_with_what_to_do(tmp_path, name):
+    write, remedy = DAMAGED[name]
+    write(tmp_path / name)
+    with pytest.raises(DataError) as caught:
+        read_recording(tmp_path / name)
+    assert remedy in str(caught.value)
+
+
 def test_arrays_of_other_lengths_are_left_aside_and_named(tmp_path):
     time, force = np.arange(50) / 100, np.arange(50.0)
     path = tmp_path / "log.npz"
