@@ -5,6 +5,7 @@ stable word that scripts may test; the sentence may change between versions. Num
 non-success is not an error here: results carry a status (see `pushfit.fit.results`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -71,9 +72,29 @@ class DataError(PushfitError):
 
 
 class FitError(PushfitError):
-    """No trustworthy numbers could be computed from accepted input."""
+    """No trustworthy numbers could be computed from accepted input.
+
+    Args:
+        names: Coordinates of the points, in their order.
+        points: Where the solver stopped, best first; none where it did not begin.
+        costs: Sum of squared weighted residuals at each point.
+    """
 
     exit_code = 4
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        code: str,
+        problems: tuple[Problem, ...] = (),
+        names: tuple[str, ...] = (),
+        points: Sequence[Sequence[float]] = (),
+        costs: Sequence[float] = (),
+    ) -> None:
+        """Keep what was found beside the sentence."""
+        super().__init__(message, code=code, problems=problems)
+        self.names, self.points, self.costs = names, points, costs
 
 
 class ConvergenceError(FitError):

@@ -40,7 +40,10 @@ class FitStatus(enum.Enum):
 
     OK = "ok"
     NO_FINITE_START = "no start gave finite residuals; check the heights and the config"
-    MAX_STEPS = "the solver stopped at its step limit; report the table as a bug"
+    MAX_STEPS = (
+        "the solver stopped at its step limit; state a number for a preload or a "
+        "sharpness that is estimated, or push at more angles"
+    )
     NOT_CONVERGED = "the posterior has not converged; try another engine"
 
 

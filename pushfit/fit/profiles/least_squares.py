@@ -71,7 +71,8 @@ def fit_least_squares(
         throw: Raise instead of returning a result whose status is not OK.
 
     Raises:
-        FitError: If no start has finite residuals and `throw` is set.
+        FitError: If no start has finite residuals, or none arrived, and `throw` is
+            set; it carries points and costs.
     """
     setup = searched(setup, reference_alpha)
     found = polish(setup.problem, _starts(setup))
@@ -90,7 +91,8 @@ def fit_result(
         throw: Raise instead of returning a result whose status is not OK.
 
     Raises:
-        FitError: If the best has no finite residuals and `throw` is set.
+        FitError: If the best has no finite residuals or did not arrive, and `throw` is
+            set; it carries points and costs.
     """
     problem, (points, costs, is_done) = setup.problem, found
     mask = np.asarray(problem.mask)
@@ -107,7 +109,13 @@ def fit_result(
     else:
         status = FitStatus.MAX_STEPS
     if throw and status is not FitStatus.OK:
-        raise FitError(status.value, code=status.name.lower())
+        raise FitError(
+            status.value,
+            code=status.name.lower(),
+            names=problem.data_names,
+            points=points.tolist(),
+            costs=costs.tolist(),
+        )
     channel_index, column = np.nonzero(mask)
     predicted = _heights_at(problem, points[0])
     angles = critical_angles(problem, points, reference_alpha)

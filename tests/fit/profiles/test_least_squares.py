@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from pushfit.errors import FitError
 from pushfit.fit.profiles.guesses import guesses
 from pushfit.fit.profiles.least_squares import (
     MAX_ROUNDS,
     STALLED_DELTA_CHI_SQUARE,
     costs_at,
     fit_least_squares,
+    fit_result,
     polish,
     restarted,
 )
@@ -187,6 +189,25 @@ def test_a_walk_that_gains_next_to_nothing_has_arrived(share, is_done):
     _, costs, found = restarted(minimiser, np.zeros((1, 2)))
     assert found[0] == is_done
     np.testing.assert_allclose(costs, 10.0 - MAX_ROUNDS * gain, rtol=TWO_SOLVERS)
+
+
+@pytest.mark.parametrize(
+    ("costs", "code"),
+    [([7.0, 9.0], "max_steps"), ([np.inf, np.inf], "no_finite_start")],
+)
+def test_a_fit_that_did_not_arrive_says_how_far_it_came(costs, code):
+    case = CASES["firm"]
+    setup = setup_of(case_table(case))
+    far = np.array([[log_contact(case.params)[n] for n in setup.problem.data_names]])
+    points = np.concatenate([far + 0.1, far + 0.2])
+    found = (points, np.array(costs), np.zeros(2, dtype=bool))
+    with pytest.raises(FitError) as caught:
+        fit_result(setup, found, reference_alpha=np.pi / 2)
+    error = caught.value
+    assert error.code == code
+    assert error.names == setup.problem.data_names
+    np.testing.assert_array_equal(error.points, points)
+    np.testing.assert_array_equal(error.costs, costs)
 
 
 @pytest.mark.slow
