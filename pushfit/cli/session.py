@@ -29,6 +29,7 @@ from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
 from pushfit.report.store.target import refuse_inputs
 
+# Exit codes, beside those of the errors; as a shell has them, 128 + SIGINT and SIGPIPE.
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 # Arguments and options that name files to read. Loading what reads them takes seconds.
 INPUTS = (

@@ -29,6 +29,7 @@ from pushfit.fit.results import FitStatus, Identification, Piece, Verdict
 from pushfit.model import Pushes
 from pushfit.parameters import ANGLES
 
+# The usual probabilities, that of intervals by default among them.
 LEVELS = (0.5, 0.9, 0.95)
 QUANTITIES = (*ANGLES, "A", "B", "C_rr")
 # Probability of the binomial limits.

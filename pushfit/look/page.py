@@ -64,6 +64,7 @@ HELP = (
     "fill in a plan: every α in turn, at it all θ, or the other way round, each so "
     "often in a row."
 )
+# Heights of the picture and of a line of the table, width of a field [px].
 PICTURE, LINE, NARROW = 320, 25, 150
 # Lines of the table that are seen at once.
 SCREEN = 17

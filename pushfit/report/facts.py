@@ -32,6 +32,7 @@ from pushfit.report.strings import (
     with_unit,
 )
 
+# The strongest are shown; summary.json has all.
 MAX_CORRELATIONS = 8
 # Quantities that are a set of several pieces or with an open end, and their value.
 SEE_SET, UNQUOTED = "see set", "not quoted"

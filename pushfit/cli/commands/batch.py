@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from pushfit.batch.run import Batch
 
 SCHEMA = "pushfit.batch/1"
+# Exit code, of which docs/promises.md has the list.
 SOME_FAILED = 5
+# Items that failed and are named; failures.csv lists all.
 N_SHOWN = 5
 
 

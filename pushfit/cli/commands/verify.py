@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pushfit.report.store.reproduction import Reproduction
 
 SCHEMA = "pushfit.verify/1"
+# Numbers that moved and are named, the worst first; --json has all.
 N_SHOWN = 5
 
 

@@ -15,6 +15,7 @@ from pushfit.errors import ConfigError
 _MAGIC = b"\x89MCAP0\r\n"
 # Opcode, length and three zero fields: no summary, so readers scan the file itself.
 _FOOTER = b"\x02" + struct.pack("<Q", 20) + bytes(20)
+# Bytes copied at once: bags may be larger than the memory.
 _COPIED = 1 << 22
 
 

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+# Parts of a window, for five numbers; moments of each, over which a shape is averaged
+# as samples are.
 N_BINS = 16
 _FINE = 8
 

@@ -18,6 +18,7 @@ from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.humps import longest_run
 
+# Parts of a push above half its height, for five numbers; two samples in each at least.
 PROFILE_BINS = 32
 # A plateau stays within this share of its height for so long a part of the time above
 # half height, and scatters less than this. Of the recordings tried, held pushes have
@@ -32,6 +33,8 @@ _CALM, _MAX_CALMING = 0.035, 7
 _TOPS = np.linspace(-0.8, 0.8, 17)
 _ROUNDINGS = np.array([0.01, 0.1, 0.3, 1.0, 4.0])
 _MOMENTS = np.linspace(-0.95, 0.95, 20)
+# A shorter level is a round top. What a family leaves where none has its form: beyond
+# all squares, and finite, since the two are subtracted.
 _SHORTEST = 0.4
 _NEVER = 1e300
 # Gain that a level needs, in chi-square and as a share of the squared height: a round

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 
 from pushfit.data.pushes.detection import Extent
 
+# Two readings are alike at many a natural top.
 _MIN_SAMPLES = 3
 # A sensor at its limit may be noisy there: readings within this many sigma of the
 # largest count as the largest, if that is a small share of the height.

@@ -13,6 +13,8 @@ from pushfit.data.pushes.course import Course, View
 from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers, are_cut
 from pushfit.data.pushes.tracing import knots_for
 
+# Points of a course from foot to foot; averaging of the finer course, as a share of the
+# usual one.
 _GRID = 240
 _FINE = 0.125
 # A valley is deeper than noise makes one [sigma].

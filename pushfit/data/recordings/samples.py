@@ -19,6 +19,7 @@ from pushfit.errors import Problem
 Gaps = Literal["error", "split", "interpolate"]
 ThetaFrom = Literal["tangential", "normal"]
 
+# Faults of one kind that are listed; the others are counted.
 _MAX_LISTED = 10
 # Tactile sensors sample at 10 Hz to 10 kHz.
 _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6

@@ -27,6 +27,7 @@ from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile, open_text
 from pushfit.errors import DataError, Problem
 
+# Samples may take so much memory where the caller says nothing else.
 MAX_BYTES = 1 << 30
 # The parser holds all fields of a chunk, also those that are not needed.
 _CHUNK_CELLS = 1 << 18

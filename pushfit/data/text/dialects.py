@@ -26,6 +26,7 @@ Format = Literal[
     "auto", "native", "rostopic", "plotjuggler", "mcapcsv", "ros2csv", "bag"
 ]
 
+# What a layout is found by, however long the file: preamble, header, first rows.
 _HEAD_BYTES = 1 << 18
 _HEAD_LINES = 200
 _DESCRIBED = {

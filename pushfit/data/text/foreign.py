@@ -31,6 +31,7 @@ _PAIR = re.compile(
 _YAML = re.compile(
     rf"(?P<indent>[ ]*)(?P<key>[A-Za-z_]\w*):\s*(?P<value>\[.*\]|{_NUMBER})?\s*$"
 )
+# What tells a log from a table: a message of `rostopic echo` ends within.
 _HEAD = 1 << 14
 
 Table = dict[str, np.ndarray]

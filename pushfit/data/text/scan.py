@@ -18,6 +18,7 @@ from pushfit.data.text.textfile import TextFile
 
 Tail = Literal["drop", "keep", "error", "salvage"]
 
+# A file without line ends is refused before it fills the memory.
 _MAX_LINE = 1 << 26
 
 

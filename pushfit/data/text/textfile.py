@@ -24,6 +24,7 @@ from pushfit.data.text.files import (
 )
 from pushfit.errors import ConfigError
 
+# Bytes that are read at once: files may be larger than the memory.
 BLOCK = 1 << 22
 # A constant signal deflates some 100 times; a bomb of zeros 1030 times.
 _MAX_EXPANSION = 300

@@ -19,8 +19,10 @@ from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import Band, FitResult
 from pushfit.model import Pushes
 
+# Two angles show no curve. The fullest sweeps are drawn; more fill pages with pictures.
 MIN_ANGLES = 3
 MAX_BANDS = 16
+# Points of a curve, a degree apart where θ is swept; draws that make a band.
 N_GRID = 96
 N_DRAWS = 256
 # A sweep is drawn this far past its ends [deg].

@@ -31,6 +31,8 @@ LEVEL = 1e-3
 MIN_R_SQUARED = 0.8
 # Quantities that posterior and likelihood are compared by.
 CONTRADICTABLE = ("theta_c", "A", "B", "C_rr")
+# By chance one normal height in 1.7 million is farther. Chances come in steps of
+# 1/5000, a fifth of the level.
 OUTLIER_SIGMA = 5.0
 N_PERMUTATIONS = 4999
 # With fewer directions a pattern cannot be told from chance.

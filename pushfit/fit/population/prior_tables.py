@@ -15,6 +15,7 @@ from pushfit.fit.priors.tabulated_density import LogDensity, Table, make_table
 from pushfit.fit.problem.problem import Problem
 from pushfit.parameters import SIX, STIFF
 
+# Shapes kept at a time: tables of one setting share theirs.
 MAX_SHAPES = 256
 # Kind, first and second number of every prior by name; fixed values by name.
 Entries = tuple[tuple[str, str, float, float], ...]

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# Bins of the histogram: of 1° for elevations, of 2° for azimuths of an axis.
 N_BINS = 90
 # A legend where nothing is drawn: a map fills its axes.
 BELOW = MappingProxyType(

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
+# Bins of a histogram; points of a profile between those of its grid: no corner is seen.
 N_BINS = 60
 N_CURVE = 400
 # Largest Δχ² shown: 3.3 sigma, beyond every usual level; above a level of few degrees

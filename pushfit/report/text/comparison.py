@@ -10,6 +10,7 @@ from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import join_and
 
 SCHEMA = "pushfit.compare/1"
+# Columns of a terminal.
 WIDTH = 80
 # Larger factors are written as powers of ten.
 PLAIN_FACTOR = 1e4

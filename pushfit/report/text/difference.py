@@ -25,6 +25,7 @@ from pushfit.report.strings import (
 )
 
 SCHEMA = "pushfit.difference/1"
+# An axis is the same after half a turn [deg].
 HALF_TURN = 180.0
 # Beyond this share of draws without a critical angle the rest says too little.
 MAX_NONE = 0.05
