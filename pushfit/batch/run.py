@@ -77,6 +77,7 @@ def identify_batch(
         folders: Also write the complete result of every item.
         workers: Who works; this process if not stated.
         progress: Called with a stage and the share of it that is done.
+        identify: What identifies tables that share settings, as `identify_many` does.
 
     Raises:
         ConfigError: The batch as a whole cannot be done: a missing file, a wrong
