@@ -56,7 +56,7 @@ def writer(request, monkeypatch) -> list[str]:
     )
     stand_in(found, "fit.coverage.calibrate", f"{report}.difference.compare_results")
     stand_in([], "explore.explorer.Explorer.ask")
-    stand_in(Figure(), f"{report}.coverage.calibration_figure")
+    stand_in(Figure(), "report.figures.diagnostics.calibration_figure")
     stand_in(Figure(), "report.figures.exploration.exploration_picture")
     stand_in(Figure(), "report.figures.forest.forest_figure")
     stand_in("x" * 200, "report.html.result.render_html", "look.page.static_page")

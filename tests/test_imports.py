@@ -106,6 +106,14 @@ def test_no_module_needs_itself_by_way_of_others():
     assert len([*TopologicalSorter(needs).static_order()]) == len(paths)
 
 
+def test_text_is_written_without_figures():
+    """Figures may quote sentences; sentences that drew figures would be a circle."""
+    paths = [p for p in FILES if p.parent == PACKAGE / "report" / "text"]
+    names = [name for path in paths for name in imported_modules(path)]
+    assert paths
+    assert not [name for name in names if name.startswith("pushfit.report.figures")]
+
+
 @pytest.mark.parametrize("path", FILES, ids=module_name)
 def test_a_layer_does_not_know_what_is_none_of_its_business(path):
     roots = {name.split(".")[0] for name in imported_modules(path)}

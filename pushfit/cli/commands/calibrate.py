@@ -28,11 +28,8 @@ def calibrate(
     from pushfit.config import read_config
     from pushfit.fit.coverage import calibrate as measure
     from pushfit.report.figures import save_figure
-    from pushfit.report.text.coverage import (
-        calibration_dict,
-        calibration_figure,
-        calibration_text,
-    )
+    from pushfit.report.figures.diagnostics import calibration_figure
+    from pushfit.report.text.coverage import calibration_dict, calibration_text
 
     settings = read_config(config)
     peaks = load_table(table, settings)

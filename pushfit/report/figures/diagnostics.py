@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
+    from pushfit.fit.coverage import Calibration
+
 # Residuals that are shown as an alarm; the same limit as in the goodness of fit.
 OUTLIER_SIGMA = 5.0
 # More lines hide each other, more steps change no pixel, and both cost megabytes.
@@ -189,6 +191,16 @@ def trace_figure(
     )
     panels[0, 1].set_title("autocorrelation", fontsize=9)
     return figure
+
+
+def calibration_figure(calibration: "Calibration") -> "Figure":
+    """Measured over claimed coverage of the intervals."""
+    points: dict[str, list[Point]] = {}
+    for coverage in calibration.coverages:
+        if coverage.kind == "interval" and coverage.n_tables:
+            row = (coverage.prob, coverage.share, *coverage.limits)
+            points.setdefault(coverage.name, []).append(row)
+    return coverage_figure(points, n_tables=calibration.n_tables - calibration.n_failed)
 
 
 @styled

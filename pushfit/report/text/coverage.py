@@ -1,15 +1,10 @@
-"""A calibration for readers: text, JSON and figure."""
+"""A calibration for readers: text and JSON. Excluded: its figure (`report.figures`)."""
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 from pushfit.fit.coverage import Calibration, Coverage
-from pushfit.report.figures.diagnostics import coverage_figure
 from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import symbol
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCHEMA = "pushfit.calibrate/1"
 
@@ -74,16 +69,6 @@ def calibration_dict(calibration: Calibration) -> dict[str, Json]:
         },
     }
     return {key: json_safe(value) for key, value in content.items()}
-
-
-def calibration_figure(calibration: Calibration) -> "Figure":
-    """Measured over claimed coverage of the intervals."""
-    points: dict[str, list[tuple[float, float, float, float]]] = {}
-    for coverage in calibration.coverages:
-        if coverage.kind == "interval" and coverage.n_tables:
-            row = (coverage.prob, coverage.share, *coverage.limits)
-            points.setdefault(coverage.name, []).append(row)
-    return coverage_figure(points, n_tables=calibration.n_tables - calibration.n_failed)
 
 
 def _line(coverage: Coverage) -> str:

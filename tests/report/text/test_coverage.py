@@ -6,9 +6,9 @@ import numpy as np
 
 from pushfit.fit.coverage import Calibration, Coverage
 from pushfit.fit.results import Verdict
+from pushfit.report.figures.diagnostics import calibration_figure
 from pushfit.report.text.coverage import (
     calibration_dict,
-    calibration_figure,
     calibration_text,
 )
 
