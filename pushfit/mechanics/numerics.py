@@ -58,6 +58,10 @@ def softmin(
 
     Returns:
         A value in [2^(-1/p) min, min]; at the tie both arguments share the gradient.
+
+    Examples:
+        >>> print(f"{softmin(jnp.array(3.0), jnp.array(4.0), 2.0):.4f}")
+        2.4000
     """
     smaller, larger = jnp.minimum(a, b), jnp.maximum(a, b)
     if is_hard(sharpness):

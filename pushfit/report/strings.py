@@ -131,6 +131,10 @@ def spread_of(estimate: float, interval: tuple[float, float]) -> float:
     """Width that decides the digits of an estimate and its interval.
 
     Twice the shorter arm, so that the near end of a skewed interval keeps its digits.
+
+    Examples:
+        >>> spread_of(10.0, (9.0, 13.0))
+        2.0
     """
     low, high = interval
     arm = min(estimate - low, high - estimate)

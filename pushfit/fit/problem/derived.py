@@ -145,6 +145,13 @@ def equal_tailed_interval(
     Returns:
         Lower and upper end. For an axis the lower lies in [0, 180) and the upper may
         exceed 180, so that upper - lower is always the width.
+
+    Examples:
+        >>> equal_tailed_interval(np.arange(101.0), 0.5)
+        (25.0, 75.0)
+        >>> axis = np.array([178.0, 179.0, 0.0, 1.0, 2.0])
+        >>> [round(end, 6) for end in equal_tailed_interval(axis, 0.5, is_axis=True)]
+        [179.0, 181.0]
     """
     finite = samples[np.isfinite(samples)]
     if finite.size == 0:
