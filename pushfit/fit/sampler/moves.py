@@ -9,7 +9,7 @@ dimensions.
 
 import numpy as np
 from emcee.model import Model
-from emcee.moves import Move
+from emcee.moves import MHMove, Move
 from emcee.state import State
 from jaxtyping import Bool, Float, Int
 
@@ -58,17 +58,11 @@ class DifferenceMove(Move):
             scale = 2.38 / np.sqrt(2 * n_dim) / 10 ** random.rand(rows.size, 1)
             gamma = np.where(is_jump, 1.0, scale)
             proposals = state.coords[rows] + gamma * difference.reshape(-1, n_dim)
-            accepted |= _accept(
-                model,
-                state,
-                rows=rows,
-                proposals=proposals,
-                log_ratio=np.zeros(rows.size),
-            )
+            accepted |= _accept(model, state, rows=rows, proposals=proposals)
         return state, accepted
 
 
-class IndependenceMove(Move):
+class IndependenceMove(MHMove):
     """Proposals from a fixed distribution, wherever the walker is.
 
         accept with min(1, π(q) g(x) / (π(x) g(q)))
@@ -82,19 +76,15 @@ class IndependenceMove(Move):
 
     def __init__(self, mixture: Mixture) -> None:
         """Keep the proposal distribution."""
+        super().__init__(self.proposed)
         self.mixture = mixture
 
-    def propose(
-        self, model: Model, state: State
-    ) -> tuple[State, Bool[np.ndarray, " k"]]:
-        """Advance every walker once."""
-        rows = np.arange(len(state.coords))
-        proposals = self.mixture.sample(model.random, rows.size)
-        log_ratio = self.mixture.log_density(state.coords)
-        log_ratio -= self.mixture.log_density(proposals)
-        return state, _accept(
-            model, state, rows=rows, proposals=proposals, log_ratio=log_ratio
-        )
+    def proposed(
+        self, x: Float[np.ndarray, "k p"], random: np.random.RandomState
+    ) -> tuple[Float[np.ndarray, "k p"], Float[np.ndarray, " k"]]:
+        """Points q drawn from g, and ln g(x) - ln g(q)."""
+        q = self.mixture.sample(random, len(x))
+        return q, self.mixture.log_density(x) - self.mixture.log_density(q)
 
 
 def _random_pairs(
@@ -113,13 +103,12 @@ def _accept(
     *,
     rows: Int[np.ndarray, " m"],
     proposals: Float[np.ndarray, "m p"],
-    log_ratio: Float[np.ndarray, " m"],
 ) -> Bool[np.ndarray, " k"]:
-    """Metropolis-Hastings: move the accepted among `rows`, in place."""
+    """Metropolis: move the accepted among `rows`, in place."""
     log_prob, _ = model.compute_log_prob_fn(proposals)
     threshold = np.log(model.random.rand(rows.size))
     current = np.asarray(state.log_prob)
-    is_better = threshold < log_prob - current[rows] + log_ratio
+    is_better = threshold < log_prob - current[rows]
     moved = rows[is_better]
     state.coords[moved] = proposals[is_better]
     current[moved] = log_prob[is_better]

@@ -43,14 +43,9 @@ def z_of_mean(trace, expected, sd):
 class WrongMove(IndependenceMove):
     """Forgets that the mixture does not propose evenly."""
 
-    def propose(self, model, state):
-        rows = np.arange(len(state.coords))
-        proposals = self.mixture.sample(model.random, rows.size)
-        log_prob, _ = model.compute_log_prob_fn(proposals)
-        accepted = np.log(model.random.rand(rows.size)) < log_prob - state.log_prob
-        state.coords[accepted] = proposals[accepted]
-        state.log_prob[accepted] = log_prob[accepted]
-        return state, accepted
+    def proposed(self, x, random):
+        proposals, log_ratio = super().proposed(x, random)
+        return proposals, np.zeros_like(log_ratio)
 
 
 def radius_z(move, seed=0, n_steps=600):
