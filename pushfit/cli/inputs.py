@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pushfit.cli.options import Layout
+from pushfit.cli.options import SettingsOptions
 from pushfit.cli.session import Session
 from pushfit.errors import ConfigError
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def read_settings(
-    layout: Layout, *, rate: float | None = None, **peaks: Any
+    layout: SettingsOptions, *, rate: float | None = None, **peaks: Any
 ) -> "GraspConfig":
     """Settings of the files, and of the options that override them.
 

@@ -97,7 +97,7 @@ Rate = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class SettingsOptions:
     """Files of settings, and what is said over them of how recordings are laid out."""
 
     config: ConfigFile = None

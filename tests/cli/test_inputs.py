@@ -63,7 +63,7 @@ def test_an_option_that_is_no_pair_is_refused_with_an_example(option, log, capsy
 def test_a_zero_on_the_command_line_is_said(tmp_path, capsys):
     recording, settings = EXAMPLE / "theta_sweep.csv", tmp_path / "grasp.toml"
     settings.write_text("[peaks]\nbegin = 5.0\n")
-    begun = read_settings(options.Layout(config=settings), begin=0.0)
+    begun = read_settings(options.SettingsOptions(config=settings), begin=0.0)
     assert begun.peaks.begin == 0.0
     assert main(["peaks", str(recording), "--min-height", "0"]) == 2
     assert "min_height" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from pushfit.fit.priors.conditional_prior import (
     make_conditional_prior,
 )
 from pushfit.fit.priors.quadrature import draw_from_nodes
-from pushfit.fit.priors.tabulated_density import LogDensity, Table, make_table
+from pushfit.fit.priors.tabulated_density import LogDensity, TabulatedDensity, tabulate
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import encode, prior_x_samples
 from pushfit.fit.problem.problem import Problem
@@ -380,8 +380,8 @@ def _gathered(
     return InnerNodes(t=t, centre=centre, scale=scale, log_density=log_density)
 
 
-def _table(density: LogDensity | float) -> Table | None:
-    return make_table(density) if isinstance(density, LogDensity) else None
+def _table(density: LogDensity | float) -> TabulatedDensity | None:
+    return tabulate(density) if isinstance(density, LogDensity) else None
 
 
 @compiled

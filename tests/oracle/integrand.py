@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.fit.priors.tabulated_density import Table
+from pushfit.fit.priors.tabulated_density import TabulatedDensity
 from pushfit.fit.problem.problem import Problem
 from pushfit.model import Contact, Scalar, contact
 from tests.oracle.cells import GAUSS, KRONROD, NODES
@@ -96,9 +96,9 @@ class Integrand(eqx.Module):
 
     problem: Problem
     noise: NoiseGrid
-    prior_A: Table | None
-    prior_B: Table | None
-    prior_C: Table | None
+    prior_A: TabulatedDensity | None
+    prior_B: TabulatedDensity | None
+    prior_C: TabulatedDensity | None
     is_linear: bool = eqx.field(static=True)
     is_smooth: bool = eqx.field(static=True)
 
@@ -331,7 +331,7 @@ class Integrand(eqx.Module):
         return Inner(t, centre, scale, log_density, jnp.log(total) + peak, error)
 
 
-def _range(table: Table) -> tuple[Scalar, Scalar]:
+def _range(table: TabulatedDensity) -> tuple[Scalar, Scalar]:
     return table.start, table.end
 
 

@@ -23,7 +23,7 @@ def identify(
     recordings: options.Recordings,
     schedules: options.Schedules = None,
     *,
-    layout: options.Layout,
+    layout: options.SettingsOptions,
     invert: options.Invert = False,
     wanted: options.Analysis,
 ) -> int:
@@ -74,7 +74,7 @@ def demo(
         session,
         [folder / f"{sweep}_sweep.csv" for sweep in sweeps],
         [folder / f"{sweep}_schedule.csv" for sweep in sweeps],
-        layout=options.Layout(config=folder / "grasp.toml"),
+        layout=options.SettingsOptions(config=folder / "grasp.toml"),
         wanted=options.Analysis(
             out=out, pictures=pictures, seed=seed, json=json, force=force
         ),

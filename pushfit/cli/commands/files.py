@@ -46,7 +46,7 @@ def validate(
         typer.Argument(metavar="FILE...", help="Recordings, schedules, peak tables."),
     ],
     *,
-    layout: options.Layout,
+    layout: options.SettingsOptions,
     rate: options.Rate = None,
     json: options.Json = False,
 ) -> int:
@@ -84,7 +84,7 @@ def peaks(
     recording: options.RecordingFile,
     schedule: options.ScheduleFile = None,
     *,
-    layout: options.Layout,
+    layout: options.SettingsOptions,
     search: options.Search,
     exclude: options.Exclude = None,
     include: options.Include = None,

@@ -26,7 +26,7 @@ def look(
     recording: options.RecordingFile,
     schedule: options.ScheduleFile = None,
     *,
-    layout: options.Layout,
+    layout: options.SettingsOptions,
     search: options.Search,
     begin: options.From = None,
     end: options.To = None,

@@ -39,7 +39,7 @@ def verify(
     from pushfit.report.store.reproduction import compare_result
 
     summary = read_summary(result)
-    found = find_inputs(summary, result, inputs)
+    found = locate_inputs(summary, result, inputs)
     again = run_again(session, summary, found)
     comparison = compare_result(result, summary, again)
     if json:
@@ -49,7 +49,7 @@ def verify(
     return 0 if comparison.is_reproduced else FitError.exit_code
 
 
-def find_inputs(
+def locate_inputs(
     summary: dict[str, Any], result: Path, folder: Path | None
 ) -> dict[str, Path]:
     """Where inputs are now, by recorded name, each with the content it had then.

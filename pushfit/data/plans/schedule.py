@@ -14,10 +14,10 @@ from jaxtyping import Float, Int
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import in_degrees
-from pushfit.data.tables.columns import Layout, Origin, read_columns, read_rows
+from pushfit.data.tables.columns import KnownColumns, Origin, read_columns, read_rows
 from pushfit.data.tables.rules import check_columns
 
-LAYOUT = Layout(times=("time",))
+KNOWN = KnownColumns(times=("time",))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,7 +132,7 @@ class PushSchedule:
             DataError: A column or a cell breaks a rule.
         """
         origin = origin or Origin()
-        columns = read_columns(frame, LAYOUT, origin)
+        columns = read_columns(frame, KNOWN, origin)
         check_columns(columns, {}, origin)
         rows = columns.frame
         return cls(

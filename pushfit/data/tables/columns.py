@@ -84,7 +84,7 @@ def read_rows(path: str | Path, *, texts: tuple[str, ...] = ()) -> Rows:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class KnownColumns:
     """Columns that a kind of table may have, besides angles, push and repeat.
 
     Args:
@@ -141,7 +141,7 @@ class Columns:
     in_degrees: Mapping[str, str]
 
 
-def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
+def read_columns(raw: pd.DataFrame, known: KnownColumns, origin: Origin) -> Columns:
     """Recognise and convert the columns of a table of pushes.
 
     Args:
@@ -156,8 +156,8 @@ def read_columns(raw: pd.DataFrame, layout: Layout, origin: Origin) -> Columns:
             f"{origin.path or 'table'}: 0 data rows; give one row per push",
             code="no_rows",
         )
-    found, left_out = _recognise(raw, layout, origin)
-    unit = _common_unit(found, layout, origin)
+    found, left_out = _recognise(raw, known, origin)
+    unit = _common_unit(found, known, origin)
     frame = _convert(raw, found, unit=unit, origin=origin)
     notes = _number(frame, origin)
     if left_out:
@@ -178,7 +178,7 @@ class _Column:
 
 
 def _recognise(
-    raw: pd.DataFrame, layout: Layout, origin: Origin
+    raw: pd.DataFrame, known: KnownColumns, origin: Origin
 ) -> tuple[dict[str, _Column], list[str]]:
     """Which column is what, and the columns left out."""
     found: dict[str, _Column] = {}
@@ -188,7 +188,7 @@ def _recognise(
     for i, (given, stem) in enumerate(zip(columns.names, columns.stems, strict=True)):
         unit = columns.unit(i)
         column = _Column(given=given, stem=stem, unit=unit)
-        if stem not in (layout.bare if unit is None else layout.of(unit.quantity)):
+        if stem not in (known.bare if unit is None else known.of(unit.quantity)):
             left_out[given] = stem
         elif column.stem in found:
             first = found[column.stem].given
@@ -198,7 +198,7 @@ def _recognise(
             )
         else:
             found[column.stem] = column
-    problems += _doubtful(found, left_out, layout, origin=origin)
+    problems += _doubtful(found, left_out, known, origin=origin)
     if problems:
         raise data_error(problems)
     return found, list(left_out)
@@ -207,7 +207,7 @@ def _recognise(
 def _doubtful(
     found: dict[str, _Column],
     left_out: dict[str, str],
-    layout: Layout,
+    known: KnownColumns,
     *,
     origin: Origin,
 ) -> Iterator[Problem]:
@@ -215,29 +215,29 @@ def _doubtful(
     have = ", ".join([*(c.given for c in found.values()), *left_out])
     meant = set(found)
     for given, name in left_out.items():
-        near = difflib.get_close_matches(name, layout.stems, n=1, cutoff=_ALIKE)
+        near = difflib.get_close_matches(name, known.stems, n=1, cutoff=_ALIKE)
         if near and near[0] not in meant:
             meant.add(near[0])
-            text = f"is not known here; did you mean {layout.full_names(near[0])}?"
+            text = f"is not known here; did you mean {known.full_names(near[0])}?"
             yield origin.problem("near_miss_column", text, column=given, value=given)
     needed: list[tuple[str, ...]] = [(stem,) for stem in ANGLES]
-    if layout.any_of:
-        needed.append(layout.any_of)
+    if known.any_of:
+        needed.append(known.any_of)
     for stems in needed:
         if not meant.intersection(stems):
             text = f"is missing; the columns are {have}; add it or rename one"
-            wanted = layout.full_names(stems[0])
+            wanted = known.full_names(stems[0])
             yield origin.problem("missing_column", text, column=wanted, value=have)
 
 
 def _common_unit(
-    found: dict[str, _Column], layout: Layout, origin: Origin
+    found: dict[str, _Column], known: KnownColumns, origin: Origin
 ) -> str | None:
     """Unit that all signals share."""
     units = {
         column.given: column.unit.canonical
         for column in found.values()
-        if column.unit and column.stem in layout.signals
+        if column.unit and column.stem in known.signals
     }
     if len(set(units.values())) > 1:
         text = "one table has one unit, found " + ", ".join(

@@ -14,7 +14,7 @@ from pandas.util import hash_pandas_object
 from pushfit.data.recordings.records import Source
 from pushfit.data.tables.columns import Origin, Rows, read_rows
 from pushfit.data.tables.peak_table import PeakTable, is_parquet
-from pushfit.data.tables.rules import LAYOUT
+from pushfit.data.tables.rules import KNOWN
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import DataError
 
@@ -131,7 +131,7 @@ def _place(rows: Rows, row: int) -> str:
 def _read_rows(path: str | Path) -> Rows:
     """Cells of a long table."""
     if not is_parquet(path):
-        return read_rows(path, texts=(*LAYOUT.texts, COLUMN))
+        return read_rows(path, texts=(*KNOWN.texts, COLUMN))
     frame = pd.read_parquet(path, engine="pyarrow")
     frame.attrs.clear()
     source = Source(

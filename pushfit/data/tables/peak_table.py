@@ -22,7 +22,7 @@ from pushfit.data.tables.columns import Origin, read_rows
 from pushfit.data.tables.rules import (
     CHANNELS,
     EXCLUDING_FLAGS,
-    LAYOUT,
+    KNOWN,
     canonical_frame,
 )
 from pushfit.data.tables.traces import Trace
@@ -223,7 +223,7 @@ def read_table(path: str | Path) -> PeakTable:
     """
     if is_parquet(path):
         return _read_parquet(Path(path))
-    rows = read_rows(path, texts=LAYOUT.texts)
+    rows = read_rows(path, texts=KNOWN.texts)
     return PeakTable.from_frame(
         rows.frame, origin=rows.origin, sources=(rows.source,), notes=rows.notes
     )

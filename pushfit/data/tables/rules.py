@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pushfit.data.recordings.units import UNITS, implausible_angles
-from pushfit.data.tables.columns import Columns, Layout, Origin, read_columns
+from pushfit.data.tables.columns import Columns, KnownColumns, Origin, read_columns
 from pushfit.data.text.faults import data_error
 from pushfit.errors import DataError, Problem
 
@@ -45,7 +45,7 @@ EXCLUDING_FLAGS = frozenset(
 )
 
 _HEIGHTS = tuple(name for c in CHANNELS for name in (c, f"{c}_sd"))
-LAYOUT = Layout(
+KNOWN = KnownColumns(
     signals=(*_HEIGHTS, "baseline"),
     times=("t_start", "t_peak", "t_end"),
     texts=("definition", "flags"),
@@ -69,7 +69,7 @@ def canonical_frame(
         DataError: A column is missing, doubtful, twice there or in a wrong unit, or a
             cell breaks its rule; all breaches are in `problems`.
     """
-    columns = read_columns(raw, LAYOUT, origin)
+    columns = read_columns(raw, KNOWN, origin)
     frame, unit = columns.frame, columns.unit
     if unit is None:
         raise DataError(
@@ -85,8 +85,8 @@ def canonical_frame(
         "theta_deg",
         "alpha_deg",
         "repeat",
-        *(f"{name}_{unit}" for name in LAYOUT.signals),
-        *(f"{name}_s" for name in LAYOUT.times),
+        *(f"{name}_{unit}" for name in KNOWN.signals),
+        *(f"{name}_s" for name in KNOWN.times),
         "definition",
         "flags",
     ]

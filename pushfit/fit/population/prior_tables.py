@@ -11,7 +11,7 @@ import numpy as np
 
 from pushfit.fit.priors.conditional_prior import make_conditional_prior
 from pushfit.fit.priors.distributions import Prior
-from pushfit.fit.priors.tabulated_density import LogDensity, Table, make_table
+from pushfit.fit.priors.tabulated_density import LogDensity, TabulatedDensity, tabulate
 from pushfit.fit.problem.problem import Problem
 from pushfit.parameters import SIX, STIFF
 
@@ -22,7 +22,7 @@ Entries = tuple[tuple[str, str, float, float], ...]
 Values = tuple[tuple[str, float], ...]
 
 
-def prior_tables(problem: Problem) -> dict[str, Table]:
+def prior_tables(problem: Problem) -> dict[str, TabulatedDensity]:
     """Densities of ln A, ln B and ln C_rr by name of the number, if it is free."""
     priors = {n: p for n, p in problem.priors.items() if n in SIX}
     stiff = [priors.get(name) for name in STIFF]
@@ -46,7 +46,7 @@ def prior_tables(problem: Problem) -> dict[str, Table]:
 
 
 @functools.lru_cache(maxsize=MAX_SHAPES)
-def _shape(entries: Entries, fixed: Values) -> Mapping[str, Table]:
+def _shape(entries: Entries, fixed: Values) -> Mapping[str, TabulatedDensity]:
     priors = {name: Prior(kind, a, b) for name, kind, a, b in entries}
     prior = make_conditional_prior(priors, dict(fixed))
     densities = {
@@ -54,4 +54,4 @@ def _shape(entries: Entries, fixed: Values) -> Mapping[str, Table]:
         "B": prior.tangential.density(),
         "C_rr": prior.C_rr,
     }
-    return {n: make_table(d) for n, d in densities.items() if isinstance(d, LogDensity)}
+    return {n: tabulate(d) for n, d in densities.items() if isinstance(d, LogDensity)}

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.fit.assess.reporting_rules import is_trusted
-from pushfit.fit.priors.tabulated_density import Table
+from pushfit.fit.priors.tabulated_density import TabulatedDensity
 from pushfit.fit.results import Identification, Quantity
 from pushfit.parameters import STIFFNESSES
 
@@ -65,7 +65,7 @@ def flat_values(identification: Identification) -> dict[str, Cell]:
 
 
 def pooled_draws(
-    identification: Identification, priors: Mapping[str, Table]
+    identification: Identification, priors: Mapping[str, TabulatedDensity]
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Draws of what can be compared between grasps, and their prior densities.
 
@@ -104,7 +104,7 @@ def pooled_draws(
 
 
 def tabulated_prior(
-    prior: Table, values: Float[np.ndarray, " n"]
+    prior: TabulatedDensity, values: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
     """Log density from its table; 20 points per standard deviation need no cubic."""
     heights = np.asarray(prior.values)

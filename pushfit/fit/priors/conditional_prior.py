@@ -19,8 +19,8 @@ from pushfit.fit.priors.quadrature import draw_from_nodes, gauss_legendre
 from pushfit.fit.priors.tabulated_density import (
     LogDensity,
     Values,
-    make_table,
     prior_density,
+    tabulate,
     tabulated,
 )
 
@@ -118,7 +118,7 @@ class Pair(abc.ABC):
         density = self.density()
         if not isinstance(density, LogDensity):
             raise TypeError("both of the pair are fixed, and have no quantiles")
-        table = make_table(density)
+        table = tabulate(density)
         start, step = float(table.start), float(table.step)
         rows = np.linspace(start, start + step * (table.values.size - 1), N_ROWS)
         t, log_joint, _ = self._joint(rows)

@@ -45,7 +45,7 @@ class LogDensity:
     log_prob: Callable[[Values], Values]
 
 
-class Table(eqx.Module):
+class TabulatedDensity(eqx.Module):
     """Log density on a regular grid, for use inside compiled code."""
 
     start: Float[Array, ""]
@@ -59,7 +59,7 @@ class Table(eqx.Module):
         """Last grid point."""
         return self.start + self.step * (self.values.size - 1)
 
-    def shifted(self, by: float) -> "Table":
+    def shifted(self, by: float) -> "TabulatedDensity":
         """Density of the log of a number that is exp(by) times as large."""
         moved = (self.start + by, self.mean + by)
         return eqx.tree_at(lambda t: (t.start, t.mean), self, moved)
@@ -100,11 +100,11 @@ def prior_density(prior: Prior) -> LogDensity:
     return _interpolated(grid, np.asarray(log_prior_at(prior, inside)), float(scale))
 
 
-def make_table(density: LogDensity) -> Table:
+def tabulate(density: LogDensity) -> TabulatedDensity:
     """Table of a density over the part of its range that holds all but e^-80 of it.
 
     Returns:
-        Table; grid points beyond twice that depth are held there, to stay finite.
+        The table; grid points beyond twice that depth are held there, to stay finite.
     """
     coarse = np.linspace(density.lower, density.upper, 513)
     level = np.nan_to_num(density.log_prob(coarse), nan=-np.inf)
@@ -121,7 +121,7 @@ def make_table(density: LogDensity) -> Table:
     mass[[0, -1]] /= 2
     mean = np.sum(mass * grid) / np.sum(mass)
     sd = np.sqrt(np.sum(mass * (grid - mean) ** 2) / np.sum(mass))
-    return Table(
+    return TabulatedDensity(
         start=as_float(low),
         step=as_float((high - low) / (n - 1)),
         values=as_float(values),
@@ -139,7 +139,7 @@ def tabulated(density: LogDensity) -> LogDensity:
     Returns:
         Density with the ends of the table.
     """
-    table = make_table(density)
+    table = tabulate(density)
     values = np.asarray(table.values)
     grid = float(table.start) + float(table.step) * np.arange(values.size)
     return _interpolated(grid, values, density.scale)

@@ -82,7 +82,7 @@ def draw_profile(
     shade(axes, pieces, DATA)
 
 
-def draw_posterior(
+def draw_densities(
     axes: "Axes",
     samples: Float[np.ndarray, " n"],
     prior: Float[np.ndarray, " m"],
@@ -151,7 +151,7 @@ def quantity_figure(
         height = 0.8 + 1.5 * n_panels
         figure, room = sheet(fig, width=1.5 * COLUMN, height=height)
         panels = room.subplots(n_panels, 1, sharex=True, squeeze=False)[:, 0]
-    draw_posterior(panels[-1], samples, prior, marker=marker, limits=limits)
+    draw_densities(panels[-1], samples, prior, marker=marker, limits=limits)
     if profile is not None:
         draw_profile(
             panels[0],

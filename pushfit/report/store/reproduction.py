@@ -42,7 +42,7 @@ OF_ONE_CHAIN = frozenset(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
+class Deviation:
     """One place where two results differ.
 
     Args:
@@ -73,7 +73,7 @@ class Reproduction:
     """
 
     n_numbers: int
-    differences: tuple[Difference, ...]
+    differences: tuple[Deviation, ...]
     environment: Mapping[str, tuple[str | None, str | None]]
 
     @property
@@ -208,7 +208,7 @@ def _is_number(leaf: Leaf) -> TypeGuard[float]:
 
 def _difference(
     where: str, *, recorded: Leaf, found: Leaf, allowed: float
-) -> Difference:
+) -> Deviation:
     """The difference in one place, of arrays that at the worst element."""
     if isinstance(recorded, np.ndarray) and isinstance(found, np.ndarray):
         if recorded.shape == found.shape:
@@ -223,7 +223,7 @@ def _difference(
         if where.startswith("alpha_star"):
             gap = min(gap % HALF_TURN, -gap % HALF_TURN)
         is_tolerated = is_tolerated or gap <= allowed
-    return Difference(
+    return Deviation(
         where=where,
         recorded=json_safe(recorded),
         found=json_safe(found),
