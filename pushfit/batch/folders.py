@@ -1,4 +1,7 @@
-"""The folder of a batch, and in it the folders of single items."""
+"""The folder of a batch, and in it the folders of single items.
+
+Excluded: what is kept of the items in one file (`pushfit.batch.store`).
+"""
 
 import hashlib
 import re

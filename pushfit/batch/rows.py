@@ -1,4 +1,7 @@
-"""One row for each item of a batch: what it was, and what came out."""
+"""One row for each item of a batch: what it was, and what came out.
+
+Excluded: the numbers of one result (`pushfit.fit.population.result_row`).
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

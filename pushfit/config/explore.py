@@ -1,4 +1,7 @@
-"""What an exploration keeps to, besides elevations and force, which are asked for."""
+"""What an exploration keeps to, besides elevations and force, which are asked for.
+
+Excluded: how an exploration keeps to it (`pushfit.explore.limits`).
+"""
 
 from typing import Annotated
 

@@ -1,4 +1,7 @@
-"""The text of `grasp.toml`: read it, say what is wrong with it, write a template."""
+"""The text of `grasp.toml`: read it, say what is wrong with it, write a template.
+
+Excluded: what the sections may say (`pushfit.config.schema`).
+"""
 
 import difflib
 import inspect

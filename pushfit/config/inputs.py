@@ -1,4 +1,7 @@
-"""How recordings are laid out and how pushes are found in them."""
+"""How recordings are laid out and how pushes are found in them.
+
+Excluded: the readers and the search that it steers (`pushfit.data`).
+"""
 
 from typing import Annotated, Literal
 

@@ -1,4 +1,7 @@
-"""Priors as `[parameters.NAME]` states them, in SI or sensor units per metre."""
+"""Priors as `[parameters.NAME]` states them, in SI or sensor units per metre.
+
+Excluded: the densities of these priors (`pushfit.fit.priors.distributions`).
+"""
 
 from collections.abc import Iterator
 from typing import Any

@@ -1,4 +1,7 @@
-"""Conversions between what a sensor reads and newtons, as far as they are known."""
+"""Conversions between what a sensor reads and newtons, as far as they are known.
+
+Excluded: units of samples and their conversion (`pushfit.data.recordings.units`).
+"""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,7 @@
-"""A simulation as a configuration states it: parameters, grasp and sensor."""
+"""A simulation as a configuration states it: parameters, grasp and sensor.
+
+Excluded: the simulation itself (`pushfit.data.simulate`).
+"""
 
 import numpy as np
 

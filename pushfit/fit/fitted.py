@@ -1,4 +1,7 @@
-"""A table fitted, and drawn from: what precedes all judgement of it."""
+"""A table fitted, and drawn from: what precedes all judgement of it.
+
+Excluded: the judgement (`pushfit.fit.identify`).
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,7 @@
-"""The address of the page: on this machine only, and only for who knows its token."""
+"""The address of the page: on this machine only, and only for who knows its token.
+
+Excluded: the page itself (`pushfit.look.page`).
+"""
 
 import secrets
 

@@ -1,4 +1,7 @@
-"""Results as tables: parameters for a notebook, correlations for the reports."""
+"""Results as tables: parameters for a notebook, correlations for the reports.
+
+Excluded: the rows of a page (`pushfit.report.html.card`).
+"""
 
 import itertools
 from dataclasses import dataclass

@@ -1,4 +1,7 @@
-"""Names of picture files: known before anything that could draw is loaded."""
+"""Names of picture files: known before anything that could draw is loaded.
+
+Excluded: drawing and writing them (`pushfit.report.figures.style`).
+"""
 
 from pathlib import Path
 

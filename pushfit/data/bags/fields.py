@@ -1,4 +1,7 @@
-"""Which numbers in the messages of a bag are channels, and how to get at them."""
+"""Which numbers in the messages of a bag are channels, and how to get at them.
+
+Excluded: opening a bag and going through it (`pushfit.data.bags.bag`).
+"""
 
 import re
 from collections.abc import Callable, Mapping, Sequence

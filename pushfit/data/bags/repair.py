@@ -1,4 +1,7 @@
-"""What a bag lacks: message definitions, or its end."""
+"""What a bag lacks: message definitions, or its end.
+
+Excluded: reading what is then whole (`pushfit.data.bags.bag`).
+"""
 
 import re
 import struct

@@ -1,4 +1,7 @@
-"""Noise of rests, by the scatter within blocks of their samples and between them."""
+"""Noise of rests, by the scatter within blocks of their samples and between them.
+
+Excluded: which samples are a rest, and its level (`pushfit.data.peaks.rests`).
+"""
 
 import numpy as np
 from jaxtyping import Float, Int

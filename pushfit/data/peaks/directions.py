@@ -1,4 +1,7 @@
-"""Directions of pushes from the angles recorded with them."""
+"""Directions of pushes from the angles recorded with them.
+
+Excluded: directions from a schedule (`pushfit.data.plans.pairing`).
+"""
 
 from collections.abc import Sequence
 

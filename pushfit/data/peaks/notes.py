@@ -1,4 +1,7 @@
-"""What there is to tell about pushes that were taken from a recording."""
+"""What there is to tell about pushes that were taken from a recording.
+
+Excluded: refusals for want of pushes (`pushfit.data.pushes.chosen`).
+"""
 
 from collections.abc import Sequence
 

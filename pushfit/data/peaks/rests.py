@@ -1,4 +1,7 @@
-"""The rests between pushes: their level, their drift and their noise."""
+"""The rests between pushes: their level, their drift and their noise.
+
+Excluded: noise within blocks of samples (`pushfit.data.peaks.blocks`).
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace

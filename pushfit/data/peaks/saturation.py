@@ -1,4 +1,7 @@
-"""Which pushes reach the end of the sensor's range, so that their tops are cut."""
+"""Which pushes reach the end of the sensor's range, so that their tops are cut.
+
+Excluded: pushes held at a level (`pushfit.data.peaks.apex_or_plateau`).
+"""
 
 from collections.abc import Sequence
 

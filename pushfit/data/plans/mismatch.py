@@ -1,4 +1,7 @@
-"""How to say that a recording does not hold the pushes that were planned."""
+"""How to say that a recording does not hold the pushes that were planned.
+
+Excluded: the pairing itself (`pushfit.data.plans.alignment`).
+"""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,7 @@
-"""How samples scatter about the course of a signal."""
+"""How samples scatter about the course of a signal.
+
+Excluded: noise of rests (`pushfit.data.peaks.rests`).
+"""
 
 from dataclasses import dataclass
 

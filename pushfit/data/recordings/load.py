@@ -1,4 +1,8 @@
-"""From files and settings to recordings and tables, as every command reads them."""
+"""From files and settings to recordings and tables, as every command reads them.
+
+Excluded: the readers themselves, of recordings (`pushfit.data.recordings.recording`)
+and of tables (`pushfit.data.tables.peak_table`).
+"""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,7 @@
-"""What a recording holds: time, channels, push angles, and where they came from."""
+"""What a recording holds: time, channels, push angles, and where they came from.
+
+Excluded: how one is read from a file (`pushfit.data.recordings.recording`).
+"""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,7 @@
-"""Long tables: the pushes of many grasps in one file, told apart by a column."""
+"""Long tables: the pushes of many grasps in one file, told apart by a column.
+
+Excluded: tables of one grasp (`pushfit.data.tables.peak_table`).
+"""
 
 import gzip
 import hashlib

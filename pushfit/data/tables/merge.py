@@ -1,4 +1,7 @@
-"""One table of peak heights from the tables of several recordings of one grasp."""
+"""One table of peak heights from the tables of several recordings of one grasp.
+
+Excluded: tables of many grasps (`pushfit.data.tables.grasps`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

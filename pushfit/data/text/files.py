@@ -1,4 +1,7 @@
-"""What a path leads to, before its content is read."""
+"""What a path leads to, before its content is read.
+
+Excluded: its text, decompressed and decoded (`pushfit.data.text.textfile`).
+"""
 
 import codecs
 import difflib

@@ -1,4 +1,7 @@
-"""Does tilting matter to θ_c, and which mechanics leads where both were computed."""
+"""Does tilting matter to θ_c, and which mechanics leads where both were computed.
+
+Excluded: the other warnings of a result (`pushfit.fit.assess.warnings`).
+"""
 
 import numpy as np
 from jaxtyping import Array, Float

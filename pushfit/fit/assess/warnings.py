@@ -1,4 +1,7 @@
-"""Warnings that travel with a result: each has a stable code and a sentence."""
+"""Warnings that travel with a result: each has a stable code and a sentence.
+
+Excluded: whether the model describes the heights (`pushfit.fit.assess.model_checking`).
+"""
 
 from collections.abc import Iterator
 

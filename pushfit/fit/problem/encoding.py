@@ -1,4 +1,7 @@
-"""Physical values as points in sampling coordinates, and draws from the prior there."""
+"""Physical values as points in sampling coordinates, and draws from the prior there.
+
+Excluded: the coordinates of the data (`pushfit.fit.problem.data_coordinates`).
+"""
 
 import dataclasses
 from collections.abc import Mapping

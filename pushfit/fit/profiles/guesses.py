@@ -1,4 +1,7 @@
-"""Points from which least squares begins: few, but decades and shapes apart."""
+"""Points from which least squares begins: few, but decades and shapes apart.
+
+Excluded: the polish of these points (`pushfit.fit.profiles.least_squares`).
+"""
 
 import itertools
 

@@ -1,4 +1,7 @@
-"""A mixture that resembles a cloud of draws: a proposal for weights and for walkers."""
+"""A mixture that resembles a cloud of draws: a proposal for weights and for walkers.
+
+Excluded: the moves of walkers by it (`pushfit.fit.sampler.moves`).
+"""
 
 import warnings
 from dataclasses import dataclass

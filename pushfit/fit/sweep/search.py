@@ -1,4 +1,7 @@
-"""Conditional modes: damped Gauss-Newton steps with some coordinates held."""
+"""Conditional modes: damped Gauss-Newton steps with some coordinates held.
+
+Excluded: the grid of them, and their masses (`pushfit.fit.sweep.sheet`).
+"""
 
 from collections.abc import Callable
 from typing import Protocol, TypeVar, runtime_checkable

@@ -1,4 +1,7 @@
-"""Densities between nodes: exponential on each segment, and draws from them."""
+"""Densities between nodes: exponential on each segment, and draws from them.
+
+Excluded: densities on a regular grid (`pushfit.fit.priors.tabulated_density`).
+"""
 
 import equinox as eqx
 import jax.numpy as jnp

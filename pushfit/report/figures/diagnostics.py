@@ -1,4 +1,7 @@
-"""Figures for judging what is claimed: residuals, traces, autocorrelation, coverage."""
+"""Figures for judging what is claimed: residuals, traces, autocorrelation, coverage.
+
+Excluded: figures of the answers (`pushfit.report.figures.posterior`).
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING

@@ -1,4 +1,7 @@
-"""Where an exploration stands: what is known, what pushes would tell, how it went."""
+"""Where an exploration stands: what is known, what pushes would tell, how it went.
+
+Excluded: its sentences (`pushfit.report.text.exploration`).
+"""
 
 from collections.abc import Sequence
 from types import MappingProxyType

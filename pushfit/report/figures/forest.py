@@ -1,4 +1,7 @@
-"""Two results in one figure: for each quantity both intervals on an axis of its own."""
+"""Two results in one figure: for each quantity both intervals on an axis of its own.
+
+Excluded: the subtraction (`pushfit.report.text.difference`).
+"""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING

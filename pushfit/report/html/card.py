@@ -1,4 +1,7 @@
-"""A result in a notebook, in a paper and on a page: the same rows, three notations."""
+"""A result in a notebook, in a paper and on a page: the same rows, three notations.
+
+Excluded: the whole page of a result (`pushfit.report.html.result`).
+"""
 
 import base64
 import html

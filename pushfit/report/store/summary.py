@@ -1,4 +1,7 @@
-"""`summary.json`: everything that the reports say, as one JSON-safe dictionary."""
+"""`summary.json`: everything that the reports say, as one JSON-safe dictionary.
+
+Excluded: its keys and their types (`pushfit.report.store.document`).
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

@@ -1,4 +1,7 @@
-"""Where results may be written: checked before anything is computed for them."""
+"""Where results may be written: checked before anything is computed for them.
+
+Excluded: writing them (`pushfit.report.store.folder`).
+"""
 
 import os
 from collections.abc import Iterable

@@ -1,4 +1,8 @@
-"""A comparison of models for readers: text and JSON."""
+"""A comparison of models for readers: text and JSON.
+
+Excluded: the scores (`pushfit.fit.comparison`), and two results of one model
+(`pushfit.report.text.difference`).
+"""
 
 import math
 import textwrap

@@ -1,4 +1,7 @@
-"""An exploration for people and scripts: sentences, and a document."""
+"""An exploration for people and scripts: sentences, and a document.
+
+Excluded: its picture (`pushfit.report.figures.exploration`).
+"""
 
 from collections.abc import Sequence
 

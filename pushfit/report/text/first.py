@@ -1,4 +1,7 @@
-"""What is known of θ_c before the posterior is: a line for who waits."""
+"""What is known of θ_c before the posterior is: a line for who waits.
+
+Excluded: the report of the result (`pushfit.report.text.result`).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
