@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -89,6 +90,7 @@ class Asked:
         Args:
             channels: Those of a table that was made before.
         """
+        from pushfit.explore.belief.from_fit import believe
         from pushfit.explore.explorer import Explorer
         from pushfit.explore.limits import Limits
 
@@ -104,6 +106,8 @@ class Asked:
             unit=unit,
             journal=journal,
             seed=seed,
+            # Without a journal one question is asked, and what it takes is made once.
+            source=partial(believe, is_growing=journal is not None),
         )
 
 

@@ -37,11 +37,16 @@ TYPICAL_NOISE = 0.05
 IMMENSE = 1e6
 
 
-def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
+def believe(
+    table: PeakTable | None, question: Question, seed: int, *, is_growing: bool = True
+) -> Belief:
     """What a table of pushes leaves to be believed.
 
     Where the settings leave the mechanics open and the tilt is large, both are drawn
     by, and those lead that would lead its identification.
+
+    Args:
+        is_growing: Whether more pushes are to come, so that programs are to be few.
 
     Returns:
         `N_DRAWS` draws of the posterior, or of the prior without a usable push.
@@ -51,9 +56,9 @@ def believe(table: PeakTable | None, question: Question, seed: int) -> Belief:
     table = _with_open_direction(table, question)
     settings, _ = prepared(table, question.settings)
     first, *others = settings.by_mechanics()
-    drawn = _drawn(table, first, seed)
+    drawn = _drawn(table, first, seed, is_growing=is_growing)
     if others and is_tilt_large(drawn.setup, drawn.posterior):
-        other = _drawn(table, others[0], seed)
+        other = _drawn(table, others[0], seed, is_growing=is_growing)
         if do_draws_tilt(drawn.posterior, other.posterior, prob=settings.report.prob):
             drawn = other
     return belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
@@ -65,7 +70,9 @@ class _Drawn:
     posterior: PosteriorResult
 
 
-def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn:
+def _drawn(
+    table: PeakTable, settings: GraspConfig, seed: int, *, is_growing: bool
+) -> _Drawn:
     """Draws by the sweep, or where they are not to be trusted by emcee."""
     setup = build_problem(table, settings)
     reference_alpha = reference_azimuth(table, settings)
@@ -76,7 +83,7 @@ def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn:
         seed=seed,
         reference_alpha=reference_alpha,
         reach=reach_of(settings),
-        is_growing=True,
+        is_growing=is_growing,
     )
     if posterior.status is FitStatus.OK:
         return _Drawn(setup=setup, posterior=posterior)
