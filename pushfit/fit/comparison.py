@@ -20,14 +20,11 @@ from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
-from pushfit.fit.fitted import Fitted, draw_posterior, fit_table, with_noise
+from pushfit.fit.fitted import Fitted, draw_posterior, fit_table
 from pushfit.fit.problem.encoding import encode
-from pushfit.fit.problem.noise import with_plain_noise
+from pushfit.fit.problem.noise import with_noise, with_plain_noise
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.repeat_effects import (
-    both_ways,
-    is_crossed,
-)
+from pushfit.fit.problem.repeat_effects import both_ways, is_crossed
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult

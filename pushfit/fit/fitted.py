@@ -6,7 +6,6 @@ Excluded: the judgement (`pushfit.fit.identify`).
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from pushfit.fit.assess.warnings import (
     table_warnings,
 )
 from pushfit.fit.problem.averaging import averaged, averaging_warning
+from pushfit.fit.problem.noise import with_noise
 from pushfit.fit.problem.repeat_effects import (
     repeat_effect,
     repeat_warning,
@@ -346,9 +346,3 @@ def reach_of(config: GraspConfig) -> tuple[float, float]:
     """Lowest and highest azimuth that the finger can push in [rad]."""
     low, high = config.reach.alpha_deg
     return float(np.radians(low)), float(np.radians(high))
-
-
-def with_noise(config: GraspConfig, **keys: Any) -> GraspConfig:
-    """The configuration with other keys of `[noise]`."""
-    noise = config.noise.model_copy(update=keys)
-    return config.model_copy(update={"noise": noise})

@@ -141,7 +141,7 @@ class Problem(eqx.Module):
 
     @property
     def log_determinant(self) -> Scalar:
-        """Of the map from noise to that of its own: 0 where nothing is shared."""
+        """Log determinant of the map in `differences`; 0 where nothing is shared."""
         if self.shared is None:
             return jnp.zeros(())
         return -jnp.sum(jnp.log1p(_volumes(self.shared, self.reference_sigma))) / 2

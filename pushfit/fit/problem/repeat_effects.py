@@ -18,7 +18,7 @@ from pushfit.errors import ConfigError
 from pushfit.fit.results import ResultWarning
 
 ARTICLES = {"offset": "an", "gain": "a"}
-# Chances of an F test that is in no doubt against another.
+# A gain is one whose chance is at most this share of that of an offset.
 PLAINLY_LIKELIER = 0.1
 # Rounds of least squares for gains, each of which squares the share that is left.
 N_ROUNDS = 8
@@ -100,8 +100,11 @@ def _effects(
 ) -> Float[np.ndarray, " r"]:
     """What each repeat was moved by, or its factor less 1."""
     used, (_, repeat) = before.is_used, both_ways(before)
-    old, new = (np.bincount(repeat, t.heights(channel)[used]) for t in (before, after))
-    return (old - new) / np.bincount(repeat) if kind == "offset" else old / new - 1
+    old, new = (table.heights(channel)[used] for table in (before, after))
+    size = np.ones(new.size) if kind == "offset" else new
+    # Components have either sign, and may add up to nothing.
+    moved = np.bincount(repeat, size * (old - new))
+    return moved / np.maximum(np.bincount(repeat, size**2), TINY)
 
 
 def repeat_warning(before: PeakTable, after: PeakTable, kind: str) -> ResultWarning:

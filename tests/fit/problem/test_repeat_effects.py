@@ -233,6 +233,19 @@ def test_what_repeats_may_have_in_common_is_as_wide_as_it_says(kind, n_repeats):
     assert low <= n_hits <= high
 
 
+def test_the_sign_of_a_component_says_nothing_of_gains():
+    """Pairs of opposite heights add up to nothing in each repeat."""
+    one = case_table(CASES["firm"], theta_deg=np.arange(5, 85, 5), alpha_deg=[0] * 16)
+    _, repeat = both_ways(one)
+    heights = GAIN[repeat] * np.repeat(np.arange(1.0, 9.0), 6)
+    found = []
+    for sign in (1.0, np.repeat(np.tile([1.0, -1.0], 8), 3)):
+        table = replace(one, frame=one.frame.assign(height_n=sign * heights))
+        alone = without_repeat_effects(table, "gain")
+        found.append(np.abs(effect_sds(table, alone, "gain")["height"]))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["offset", "gain"])
 def test_a_stated_effect_needs_no_repeated_direction(kind):
     """Each of two sweeps of one pass has an effect of its own, as large as stated."""
