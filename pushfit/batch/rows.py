@@ -36,12 +36,17 @@ class Answers:
 
 
 def collect(
-    plan: Plan, failed: Mapping[str, Failure], find: Callable[[str], Finished | None]
+    plan: Plan,
+    failed: Mapping[str, Failure],
+    find: Callable[[str], Finished | None],
+    *,
+    worded: Callable[[str], str],
 ) -> Answers:
     """All that is known of the items, in an order that computing does not change.
 
     Args:
         failed: What failed, by key of the item.
+        worded: Puts messages into the words of who reads them.
     """
     first: dict[str, str] = {}
     failures = list(plan.failures)
@@ -56,7 +61,10 @@ def collect(
         rows.append(_row(item.name, finished) | about)
     return Answers(
         rows=tuple(sorted(rows, key=lambda row: str(row["item"]))),
-        failures=tuple(sorted(failures, key=lambda failure: failure.item)),
+        failures=tuple(
+            replace(failure, message=worded(failure.message))
+            for failure in sorted(failures, key=lambda failure: failure.item)
+        ),
     )
 
 

@@ -59,6 +59,7 @@ def identify_batch(
     folders: bool = False,
     workers: Workers | None = None,
     progress: Progress | None = None,
+    worded: Callable[[str], str] = str,
     identify: IdentifyMany = identify_many,
 ) -> Batch:
     """Identify every recording, every table, and every grasp of a long table.
@@ -77,6 +78,8 @@ def identify_batch(
         folders: Also write the complete result of every item.
         workers: Who works; this process if not stated.
         progress: Called with a stage and the share of it that is done.
+        worded: Puts what the library says into the words of who reads it; workers
+            import it by name.
         identify: What identifies tables that share settings, as `identify_many` does.
 
     Raises:
@@ -112,11 +115,13 @@ def identify_batch(
         n_failed = len(failed)
         if folders:
             whole = [item for key, item in unique.items() if key not in failed]
-            write = partial(write_folder, engine=engine, folder=folder / FOLDER)
+            write = partial(
+                write_folder, engine=engine, folder=folder / FOLDER, worded=worded
+            )
             failed |= _write_folders(
                 write, whole, workers, folder=folder, store=store, report=report
             )
-        answers = collect(plan, failed, store.get)
+        answers = collect(plan, failed, store.get, worded=worded)
         report("pooling", 0.0)
         population = pool_items(unique.values(), store.get)
         files = write_outputs(folder, answers, population)

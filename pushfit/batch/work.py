@@ -71,16 +71,21 @@ def load(item: Item) -> tuple[str, PeakTable] | Failure:
     return kind, table
 
 
-def write_folder(chunk: Chunk, *, engine: str, folder: Path) -> list[str | Failure]:
+def write_folder(
+    chunk: Chunk, *, engine: str, folder: Path, worded: Callable[[str], str]
+) -> list[str | Failure]:
     """Identify and write each item alone; digests of `summary.json`, or failures."""
-    return [_write_folder(item, engine, folder) for item in chunk]
+    return [_write_folder(item, engine, folder, worded) for item in chunk]
 
 
-def _write_folder(item: Item, engine: str, folder: Path) -> str | Failure:
+def _write_folder(
+    item: Item, engine: str, folder: Path, worded: Callable[[str], str]
+) -> str | Failure:
     found = load(item)
     if isinstance(found, Failure):
         return found
     kind, table = found
+    table = replace(table, notes=tuple(map(worded, table.notes)))
     plan = (item.schedule,) if item.schedule is not None else ()
     given = item.config.model_dump(mode="json")
     recipe = Recipe(config=given, recordings=(item.path,), schedules=plan)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pushfit.batch import work
 from pushfit.batch.folders import folder_name
 from pushfit.batch.outputs import guarded
 from pushfit.batch.run import identify_batch
@@ -326,6 +327,28 @@ def test_the_draws_of_an_item_are_kept_for_pooling(runs, tmp_path):
     assert kept is not None
     np.testing.assert_array_equal(kept.draws["theta_c_deg"], expected.normal(size=5))
     assert json.loads(json.dumps(kept.values)) == kept.values
+
+
+def test_folders_have_the_notes_in_the_words_of_who_reads_them(runs, monkeypatch):
+    """A push that pulls back is told of in a note, which names a setting."""
+    time = np.arange(0.0, 18.0, 0.01)
+    level = np.random.default_rng(0).standard_normal(time.size)
+    for k, height in enumerate([-200, 100, 120]):
+        level += height * np.exp(-(((time - 6 * k - 3) / 0.4) ** 2))
+    columns = {"time_s": time, "f_n": level, "theta_deg": 30.0, "alpha_deg": 0.0}
+    pd.DataFrame(columns).to_csv(runs / "log.csv", index=False)
+    seen = []
+
+    def refuse(table, *arguments: object, **options: object) -> None:
+        seen.extend(table.notes)
+        raise DataError("enough", code="enough")
+
+    monkeypatch.setattr(work, "identify_table", refuse)
+    run("runs/log.csv", folders=True)
+    run("runs/log.csv", out="words", folders=True, worded=str.upper)
+    n = len(seen) // 2
+    assert any("`signed=True`" in note for note in seen[:n])
+    assert seen[n:] == [note.upper() for note in seen[:n]]
 
 
 @pytest.mark.slow

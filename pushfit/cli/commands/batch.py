@@ -65,6 +65,7 @@ def batch(
             folders=folders,
             workers=those,
             progress=progress,
+            worded=session.worded,
         )
     report(session, found, is_json=json)
     return SOME_FAILED if found.failures else 0

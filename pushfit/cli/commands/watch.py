@@ -50,7 +50,7 @@ def watch(
         # A file that still grows is read when it has stopped.
         if now and now == before and now != done:
             try:
-                found = identify_batch([folder], **asdict(items))
+                found = identify_batch([folder], **asdict(items), worded=session.worded)
                 report(session, found, is_json=False)
             except DataError as error:
                 session.warn(str(error))

@@ -55,6 +55,17 @@ def test_some_failures_have_an_exit_code_of_their_own(runs, capsys):
     assert "failed       1" in captured.out
 
 
+def test_failures_speak_of_settings_as_a_command_does(runs, capsys):
+    rows = "\n".join(["force_n", *(str(k % 7) for k in range(200)), ""])
+    Path(runs, "log.csv").write_text(rows)
+    assert main(["batch", "runs", "--out", "out"]) == 5
+    assert "by recording.rate" in capsys.readouterr().err
+    for name in ("failures.csv", "report.html"):
+        text = Path("out", name).read_text(encoding="utf-8")
+        assert "by recording.rate" in text
+        assert "`rate`" not in text
+
+
 def test_nothing_to_do_is_a_rejected_input(runs, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert main(["batch", "empty", "--out", "out"]) == 3
