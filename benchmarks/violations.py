@@ -55,10 +55,14 @@ REMEDIES = {
 }
 # Those that need repeats.
 REPEATED = ("commands", "offset", "gain")
-# Switches of what the default leaves open.
+# Other settings for every cell: what the default leaves open, switched off, and whole
+# degrees as the resolution of the angles, anew for each push or alike in repeats.
+_ROUNDED = f"[noise]\ntheta_sd_deg = {1 / np.sqrt(12):.4f}\n"
 SWITCHES = {
     "hard": '[transition]\nsharpness = "hard"\n',
     "normal": '[noise]\nlikelihood = "normal"\n',
+    "resolution": _ROUNDED,
+    "resolution_alike": f'{_ROUNDED}angle_errors = "shared"\n',
 }
 SETTINGS = ("default", "remedy", *SWITCHES)
 SHARPNESS, JOINT_SD_DEG, TAILS_DOF, SHARE, GAIN_SD = 4.0, 1.0, 2.5, 0.05, 0.03
