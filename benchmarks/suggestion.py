@@ -5,8 +5,8 @@
 A step is what lies between a height and the next push: the push is told, the belief
 weighed anew, the forecast made, all candidates surveyed and the best suggested. Steps
 in which the engine draws anew stand by themselves, with the memory that they leave the
-process with: a finger retracts meanwhile, and a suggestion takes that long. Processor
-times of one process, its programs compiled before. Noise grows with the
+process with: a finger rests meanwhile, as it does before each push in any case.
+Processor times of one process, its programs compiled before. Noise grows with the
 pushes attached, so that as much is left to be found out after 300 as after 10.
 """
 

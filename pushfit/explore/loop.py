@@ -80,9 +80,9 @@ def _push(
     asked = displacement(suggestion.theta, suggestion.alpha, length)
     if not _is_allowed(hand, suggestion, length=length, limits=limits):
         return Felt(table=None, fault="out_of_reach")
-    hand.wait(limits.rest_s)
+    hand.rest(limits.rest_s)
     outcome = _moved(hand, asked, limits.force)
-    hand.wait(limits.rest_s)
+    hand.rest(limits.rest_s)
     recording = hand.samples(outcome.t_start - RESTS * limits.rest_s)
     return feel(
         recording,

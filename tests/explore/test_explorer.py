@@ -192,14 +192,21 @@ def test_a_decision_is_what_a_table_of_the_same_pushes_says():
     assert after.state.answer is Answer.DECIDED
 
 
-def test_what_lies_out_of_reach_cannot_be_decided():
+@pytest.mark.parametrize(
+    ("channels", "advice"),
+    [
+        (("height",), " Force components, a wider reach or less noise would help."),
+        # Components are felt already.
+        (COMPONENTS, " A wider reach or less noise would help."),
+    ],
+)
+def test_what_lies_out_of_reach_cannot_be_decided(channels, advice):
     """θ_c = 45.6°, pushes to 10° only: a bound from one side, however many."""
-    own = explorer(limits=Limits(theta_deg=(5.0, 10.0)))
-    run(own)
+    own = explorer(limits=Limits(theta_deg=(5.0, 10.0)), channels=channels)
+    run(own, channels=channels)
     assert own.state.answer is Answer.CANNOT
     assert "cannot be decided to ± 4.5°" in own.state.sentence
-    # Components are felt already.
-    assert own.state.sentence.endswith(" A wider reach or less noise would help.")
+    assert own.state.sentence.endswith(advice)
     # One hopeless forecast is no answer yet.
     *_, before, second, last = own.history.course
     assert last.answer is Answer.CANNOT

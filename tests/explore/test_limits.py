@@ -86,8 +86,8 @@ class Watched:
     def stop(self):
         self.inner.stop()
 
-    def wait(self, seconds):
-        self.inner.wait(seconds)
+    def rest(self, seconds):
+        self.inner.rest(seconds)
 
     def samples(self, since):
         return self.inner.samples(since)

@@ -287,7 +287,7 @@ def test_a_hand_that_passes_by_pushes_is_where_it_would_be():
     assert later.clock == whole.clock
     after = [(finger, finger.clock) for finger in (whole, later)]
     for finger, _ in after:
-        finger.wait(0.5)
+        finger.rest(0.5)
         finger.push(np.array([0.0, 3e-3, 4e-3]), max_force=None)
     felt = [finger.samples(since) for finger, since in after]
     np.testing.assert_array_equal(felt[0].time, felt[1].time)

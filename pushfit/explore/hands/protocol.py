@@ -77,8 +77,12 @@ class Hand(Protocol):
         """Stop moving at once."""
         ...
 
-    def wait(self, seconds: float) -> None:
-        """Let time pass while the sensor goes on."""
+    def rest(self, seconds: float) -> None:
+        """Rest while the sensor goes on.
+
+        Counted from the last return of this or of `retract`: a time for which somebody
+        thought meanwhile is rest as well.
+        """
         ...
 
     def samples(self, since: float) -> Recording:

@@ -111,9 +111,9 @@ class SimulatedHand:
             rest: Rest before each and after it [s].
         """
         for _ in range(n):
-            self.wait(rest)
+            self.rest(rest)
             self.push(np.array([0.0, 0.0, 1e-3]), max_force=None)
-            self.wait(rest)
+            self.rest(rest)
         self.retract()
 
     def retract(self) -> None:
@@ -123,8 +123,8 @@ class SimulatedHand:
     def stop(self) -> None:
         """Nothing moves while nobody pushes."""
 
-    def wait(self, seconds: float) -> None:
-        """Let the sensor rest."""
+    def rest(self, seconds: float) -> None:
+        """Let the sensor rest; no time of its clock passes while somebody thinks."""
         rng = np.random.default_rng([self.seed, self.n_pushes, 1])
         self._parts.append(self._resting(seconds, rng))
 

@@ -43,8 +43,9 @@ class RosHand:
         self._has_forces = has_forces
         self._reach = Reach(theta_deg=theta_deg, alpha_deg=alpha_deg)
         self._samples: deque[tuple[float, float, float, float]] = deque(maxlen=KEPT)
-        # When the touch node and the position node last spoke.
-        self._heard = self._answered = 0.0
+        # When the touch node and the position node last spoke, and when the finger was
+        # last back or had rested.
+        self._heard = self._answered = self._still_since = 0.0
         self._status: dict[float, tuple[int, str]] = {}
         self._reached: dict[float, Float[np.ndarray, 3]] = {}
         self._changed = threading.Condition()
@@ -116,6 +117,7 @@ class RosHand:
                 "controller, and the same command goes on",
                 code="not_retracted",
             )
+        self._still_since = time.monotonic()
 
     def _call(self, answers: "queue.SimpleQueue[Any]") -> None:
         """Call to retract; None is the answer of a node that is gone."""
@@ -139,9 +141,10 @@ class RosHand:
         """Cancel whatever the position node does; it then takes the finger back."""
         self._cancel.publish(ros().actionlib_msgs.GoalID())
 
-    def wait(self, seconds: float) -> None:
-        """Let time pass."""
-        time.sleep(seconds)
+    def rest(self, seconds: float) -> None:
+        """Sleep for what is left of the rest."""
+        time.sleep(max(0.0, self._still_since + seconds - time.monotonic()))
+        self._still_since = time.monotonic()
 
     def samples(self, since: float) -> Recording:
         """Samples as they came since a moment; the directions are those reached."""

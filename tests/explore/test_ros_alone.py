@@ -1,4 +1,4 @@
-"""A node without a master ends at once, with or without ROS on this machine."""
+"""What nodes do without a master, and a hand between pushes: without ROS, too."""
 
 import socket
 import time
@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from pushfit.errors import DataError
-from pushfit.explore.hands.ros import messages
+from pushfit.explore.hands.ros import hand, messages
 
 # Connecting and hearing nothing, each for a second; and a busy machine [s].
 AT_ONCE = 5 * messages.PATIENCE
@@ -37,3 +37,31 @@ def test_a_node_does_not_wait_for_a_master(monkeypatch, is_mute):
     assert caught.value.code == "no_master"
     assert uri in str(caught.value)
     assert time.monotonic() - begun < AT_ONCE
+
+
+class Clock:
+    """A clock that goes on while somebody sleeps."""
+
+    def __init__(self):
+        self.now, self.sleeps = 100.0, []
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.sleeps.append(seconds)
+        self.now += seconds
+
+
+@pytest.mark.parametrize(("thought", "slept"), [(0.0, 0.5), (0.3, 0.2), (2.0, 0.0)])
+def test_time_to_think_is_rest(monkeypatch, thought, slept):
+    """The finger stays for what is left, and never goes before it has rested."""
+    clock = Clock()
+    monkeypatch.setattr(hand, "time", clock)
+    finger = object.__new__(hand.RosHand)
+    finger._call = lambda answers: answers.put(SimpleNamespace(success=True))
+    finger.retract()
+    for _ in range(2):
+        clock.now += thought
+        finger.rest(0.5)
+    assert clock.sleeps == pytest.approx([slept, slept])
