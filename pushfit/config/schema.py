@@ -7,6 +7,7 @@ reference page are made from them. Excluded: the text of the file
 
 import hashlib
 import json
+import math
 import operator
 from typing import Annotated, Literal
 
@@ -192,12 +193,17 @@ class NoiseSection(Section):
     gain_sd: Positive | None = setting(
         "the same of a gain, as a share of the heights", example=0.03
     )
-    theta_sd_deg: NotNegative | None = setting(
-        "error of every elevation, 1 sd [deg]; absent: 0, "
-        "and a warning where errors of 1 deg would matter",
+    theta_sd_deg: NotNegative | Literal["estimate"] | None = setting(
+        'error of every elevation, 1 sd [deg], or "estimate": as the residuals have '
+        "it; absent: the same where repeats speak for it, else 0, and a warning where "
+        "errors of 1 deg would matter",
         example=1.0,
     )
-    alpha_sd_deg: NotNegative | None = setting("the same of every azimuth", example=1.0)
+    alpha_sd_deg: NotNegative | None = setting(
+        "error of every azimuth, 1 sd [deg]; absent: that of elevations where it is "
+        "estimated, else 0",
+        example=1.0,
+    )
     angle_errors: Literal["each", "shared"] = setting(
         '"each" push has errors of its own, or all repeats of a direction have '
         '"shared" ones, and are averaged',
@@ -211,6 +217,14 @@ class NoiseSection(Section):
             if sd is not None:
                 return kind, sd
         return self.repeats, None
+
+    @property
+    def angle_sd(self) -> tuple[float, float]:
+        """Errors of θ and α [rad]; NaN where the residuals are to tell."""
+        theta, alpha = self.theta_sd_deg or 0.0, self.alpha_sd_deg
+        if theta == "estimate":
+            theta, alpha = math.nan, math.nan if alpha is None else alpha
+        return math.radians(theta), math.radians(alpha or 0.0)
 
     @model_validator(mode="after")
     def check_errors_agree(self) -> "NoiseSection":

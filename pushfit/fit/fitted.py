@@ -13,6 +13,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.violations import (
+    ANGLE_ERRORS,
     HEAVY_TAILED,
     LEVEL,
     PROPORTIONAL,
@@ -34,12 +35,13 @@ from pushfit.fit.problem.repeat_effects import (
     repeat_warning,
     without_repeat_effects,
 )
+from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.profiles.least_squares import (
     fit_least_squares,
     searched,
     settle_noise,
 )
-from pushfit.fit.profiles.weights import share_gain, tail_gain
+from pushfit.fit.profiles.weights import repeat_gain, share_gain, tail_gain
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -59,6 +61,9 @@ MIN_TAIL_GAIN = -0.5
 # The same of noise in proportion to the height, above which it is taken: twice it is
 # exceeded once in 1000 tables without, half of a chi-square of one degree of freedom.
 MIN_SHARE_GAIN = 4.8
+# The same of errors of the angles, by repeats alone: exceeded once in 20 tables of
+# exact angles, which costs little, as small as errors then come to.
+MIN_ANGLE_GAIN = 1.35
 # Chance of giving repeats that are alike effects of their own, which costs little: how
 # much they may have in common is as small as they differ.
 REPEAT_LEVEL = 0.05
@@ -126,8 +131,15 @@ def fit_table(
         config = with_noise(config, repeats=kind if is_shown else "alike")
     if config.noise.likelihood == "auto":
         return _more_evident(table, config, searching)
-    if config.noise.height_share == "auto":
-        return _with_share_if_shown(table, config, searching)
+    return _with_uneven_if_shown(table, config, searching)
+
+
+def _fit_as_stated(
+    table: PeakTable,
+    config: GraspConfig,
+    searching: Callable[[Setup], None] | None = None,
+) -> Fitted:
+    """Least squares by one kind of noise."""
     config, warnings = prepared(table, config)
     stated, (kind, _) = config.noise.sigma, config.noise.repeat_effect
     if config.noise.angle_errors == "shared":
@@ -170,25 +182,43 @@ def fit_table(
     )
 
 
-def _with_share_if_shown(
+def _with_uneven_if_shown(
     table: PeakTable,
     config: GraspConfig,
-    searching: Callable[[Setup], None] | None,
+    searching: Callable[[Setup], None] | None = None,
 ) -> Fitted:
-    """The fit by noise in proportion to the height where its residuals ask for it."""
-    even = fit_table(table, with_noise(config, height_share=0.0), searching=searching)
+    """The fit by angles that err, or by noise in proportion, where either is shown.
+
+    Errors of the angles have to show in what repeats scatter, too: what a wrong model
+    leaves is often largest where heights are steep.
+    """
     noise = config.noise
-    # The scatter of repeats holds the share already, and stated errors of angles, if
-    # they are wrong, look like one.
+    is_open = noise.height_share == "auto"
+    if is_open:
+        config = with_noise(config, height_share=0.0)
+    even = _fit_as_stated(table, config, searching)
+    # The scatter of repeats holds both already, and stated errors of angles, if they
+    # are wrong, look like a share.
     is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
-    others = [v for v in even.shown if v.code not in (PROPORTIONAL, HEAVY_TAILED)]
+    own = (ANGLE_ERRORS, PROPORTIONAL, HEAVY_TAILED)
+    others = [v for v in even.shown if v.code not in own]
     if is_held or not even.shown or any(v.p_value < LEVEL for v in others):
         return even
-    problem = even.setup.problem
-    gain = share_gain(problem, even.fit)
-    # Noise of several sizes has heavy tails, and these make a share likelier.
-    if gain > MIN_SHARE_GAIN and gain > tail_gain(problem, even.fit, "sampled"):
-        return fit_table(table, with_noise(config, height_share="estimate"))
+    problem, fit = even.setup.problem, even.fit
+    # Noise of several sizes has heavy tails, and these make either likelier.
+    tails = tail_gain(problem, fit, "sampled")
+    share = share_gain(problem, fit, fit.predicted) if is_open else 0.0
+    is_other = bool(even.setup.noise.shared) or noise.height_share not in ("auto", 0.0)
+    if noise.theta_sd_deg is None and not is_other:
+        slopes = np.hypot(*angle_slopes(problem, fit.estimate))
+        groups = even.table.groups[list(even.setup.rows)]
+        _, direction = np.unique(groups, return_inverse=True)
+        angles = share_gain(problem, fit, slopes[np.asarray(problem.mask)])
+        is_shown = repeat_gain(problem, slopes, direction) > MIN_ANGLE_GAIN
+        if is_shown and angles > max(share, tails):
+            return _fit_as_stated(table, with_noise(config, theta_sd_deg="estimate"))
+    if share > MIN_SHARE_GAIN and share > tails:
+        return _fit_as_stated(table, with_noise(config, height_share="estimate"))
     return even
 
 
@@ -198,10 +228,13 @@ def _more_evident(
     searching: Callable[[Setup], None] | None,
 ) -> Fitted:
     """The fit by normal or by Student-t noise, whichever has the higher evidence."""
-    normal = fit_table(
-        table, with_noise(config, likelihood="normal"), searching=searching
+    normal = _with_uneven_if_shown(
+        table, with_noise(config, likelihood="normal"), searching
     )
-    config = with_noise(config, height_share=normal.config.noise.height_share)
+    chosen = normal.config.noise
+    config = with_noise(
+        config, height_share=chosen.height_share, theta_sd_deg=chosen.theta_sd_deg
+    )
     kind = normal.setup.noise.kind
     gain = tail_gain(normal.setup.problem, normal.fit, kind)
     if not gain > MIN_TAIL_GAIN or _is_explained(normal.shown):
@@ -210,8 +243,8 @@ def _more_evident(
     if kind == "pooled":
         # The scatter of repeats is no scale of a Student-t distribution.
         config = with_noise(config, sigma="sampled")
-        rival = fit_table(table, with_noise(config, likelihood="normal"))
-    student = fit_table(table, with_noise(config, likelihood="student_t"))
+        rival = _fit_as_stated(table, with_noise(config, likelihood="normal"))
+    student = _fit_as_stated(table, with_noise(config, likelihood="student_t"))
     swept = [sweep(fitted, CHOOSING_SEED) for fitted in (rival, student)]
     first, second = (
         np.nan if s.log_evidence is None else s.log_evidence for s in swept

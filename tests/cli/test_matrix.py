@@ -26,6 +26,7 @@ NOISES = {
     "as it is": "",
     "shared angles": 'theta_sd_deg = 1.0\nangle_errors = "shared"\n',
     "angles": "theta_sd_deg = 1.0\nalpha_sd_deg = 1.0\n",
+    "estimated angles": 'theta_sd_deg = "estimate"\n',
     "student": 'likelihood = "student_t"\n',
     "proportional": 'height_share = "estimate"\n',
     "offset": 'repeats = "offset"\n',

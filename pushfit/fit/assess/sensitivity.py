@@ -42,7 +42,9 @@ def angle_error_warnings(
     Not where sigma is sampled: scatter about the fit holds what joints add.
     """
     noise = found.config.noise
-    stated = (noise.theta_sd_deg, noise.alpha_sd_deg)
+    stated = [noise.theta_sd_deg, noise.alpha_sd_deg]
+    if np.isnan(noise.angle_sd[1]):
+        stated[1] = stated[0]
     quoted = {"θ_c": found.theta_c, "α*": found.alpha_star}
     quoted = {s: q.name for s, q in quoted.items() if q.interval is not None}
     is_told = setup.noise.kind == "sampled" or None not in stated

@@ -25,6 +25,7 @@ from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.fit.setup import Setup
 
+ANGLE_ERRORS = "looks_like_angle_errors"
 HEAVY_TAILED, PROPORTIONAL = "looks_heavy_tailed", "looks_proportional"
 # Chance of naming an assumption that holds, per alternative.
 LEVEL = 1e-3
@@ -144,7 +145,7 @@ def _steep(
         return None
     size = np.degrees(np.sqrt(excess))
     return Violation(
-        code="looks_like_angle_errors",
+        code=ANGLE_ERRORS,
         p_value=p_value,
         text="heights scatter most where they are steep in θ, as if elevations erred "
         f"by about {size:.1g}°: set [noise] theta_sd_deg",

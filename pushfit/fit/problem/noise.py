@@ -56,8 +56,8 @@ class Noise:
         degrees_of_freedom: Of the estimate of sigma; infinite where it was given, NaN
             where it is sampled and the residuals will tell.
         angle_sd: Standard deviations of θ and α of every push, which its height
-            scatters by as well [rad].
-        height_share: Noise in proportion to the height, as a share of it; None where
+            scatters by as well [rad]; NaN where the residuals are to tell.
+        height_share: Noise in proportion to the height, as a share of it; NaN where
             the residuals are to tell.
         shared: Standard deviations of what pushes of a repeat have in common, per
             channel, repeat and row [table unit]; without any, there are no groups.
@@ -69,7 +69,7 @@ class Noise:
     sigma: Mapping[str, Float[np.ndarray, " n"]]
     degrees_of_freedom: float
     angle_sd: tuple[float, float] = (0.0, 0.0)
-    height_share: float | None = 0.0
+    height_share: float = 0.0
     shared: Mapping[str, Float[np.ndarray, "r n"]] = field(default_factory=dict)
     warnings: tuple[ResultWarning, ...] = ()
 
@@ -127,10 +127,8 @@ def _of_each(
         scatter: What repeats of a channel say of it, and its degrees of freedom.
     """
     choice, sds = config.noise.sigma, _given(table)
-    stated = (config.noise.theta_sd_deg, config.noise.alpha_sd_deg)
-    angle_sd = (math.radians(stated[0] or 0.0), math.radians(stated[1] or 0.0))
-    share = config.noise.height_share
-    height_share = None if share == "estimate" else float(share)
+    angle_sd, share = config.noise.angle_sd, config.noise.height_share
+    height_share = math.nan if share == "estimate" else float(share)
     # Both make repeats scatter beyond the sd of their heights, and unequally.
     is_uneven = any(angle_sd) or height_share != 0
     warnings: tuple[ResultWarning, ...] = ()

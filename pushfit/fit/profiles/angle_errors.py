@@ -34,20 +34,5 @@ def angle_slopes(
     heights = heights_of(problem, predict_points(problem, y[None], turned))[0]
     of_theta, of_alpha = np.split(heights, 2, axis=1)
     differences = [np.subtract(*np.split(h, 2, axis=1)) for h in (of_theta, of_alpha)]
-    return -np.stack(differences) / (2 * STEP)
-
-
-def angle_scatter(
-    problem: Problem, y: Float[np.ndarray, " q"], angle_sd: tuple[float, float]
-) -> Float[np.ndarray, "c n"]:
-    """Standard deviations that errors of the angles add to heights [table unit].
-
-    Args:
-        problem: Problem, its coordinates those of y.
-        y: Data coordinates of a fit.
-        angle_sd: Standard deviations of θ and α [rad].
-    """
-    if not any(angle_sd):
-        return np.zeros(problem.mask.shape)
-    slopes = np.where(problem.mask, angle_slopes(problem, y), 0.0)
-    return np.hypot(slopes[0] * angle_sd[0], slopes[1] * angle_sd[1])
+    slopes = -np.stack(differences) / (2 * STEP)
+    return np.where(problem.mask, slopes, 0.0)

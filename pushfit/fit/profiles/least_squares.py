@@ -17,11 +17,10 @@ from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import linearised, residuals_at
-from pushfit.fit.profiles.angle_errors import angle_scatter
 from pushfit.fit.profiles.curve import search
 from pushfit.fit.profiles.weights import (
-    height_share,
-    share_warning,
+    uneven_noise,
+    uneven_warnings,
     with_known_noise,
     with_noise_of,
 )
@@ -230,13 +229,8 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     for _ in range(3 if has_weights else 1):
         points, _, _ = polish(problem, points, 1 if has_weights else MAX_ROUNDS)
         predicted = _heights_at(problem, points[0])
-        added = angle_scatter(problem, points[0], noise.angle_sd)
+        added, shares = uneven_noise(stated, noise, points[0], predicted)
         problem = with_known_noise(stated, added)
-        share = noise.height_share
-        if share is None:
-            share = height_share(problem, predicted, is_sampled=is_sampled)
-        if share:
-            problem = with_known_noise(problem, share * np.abs(predicted))
         if is_sampled:
             problem = with_noise_of(problem, predicted)
     if setup.search is not None:
@@ -245,8 +239,8 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
             # Other weights have other best fits, near the first ones.
             found = search(problem, reference_alpha, found)
         setup = replace(setup, search=found)
-    if noise.height_share is None:
-        noise = replace(noise, warnings=(*noise.warnings, share_warning(share)))
+    warnings = (*noise.warnings, *uneven_warnings(noise, shares))
+    noise = replace(noise, warnings=warnings)
     return replace(setup, problem=problem, noise=noise)
 
 

@@ -1,17 +1,20 @@
-"""Noise that the errors of a fit tell: constant, and in proportion to the height.
+"""Noise that the errors of a fit tell: constant, and in proportion to some size.
 
-Where sigma is sampled least squares take the one whose chi-square is n - p. The share
-of the height, like the errors of angles, is a plug-in: known noise of every row, by the
-heights of the best fit, which is sought again under the new weights.
+Where sigma is sampled least squares take the one whose chi-square is n - p. Shares of
+the height, or of slopes where angles err, are plug-ins: known noise of every row, by
+the heights of the best fit, which is sought again under the new weights.
 """
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from pushfit.fit.problem.noise import Noise
 from pushfit.fit.problem.problem import STUDENT_DOF, Problem
+from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.model import as_float
 
@@ -21,6 +24,8 @@ MOST, HALF = 10.0, 0.5
 # Fewer residuals beyond the unknowns show no share: the fit takes most of what low
 # heights scatter.
 MIN_FREEDOM = 20
+# Of the share of the height and the errors of both angles, which is which.
+IS_HEIGHT = np.array([True, False, False])
 
 
 def with_known_noise(problem: Problem, added: Float[np.ndarray, "c n"]) -> Problem:
@@ -37,26 +42,81 @@ def with_known_noise(problem: Problem, added: Float[np.ndarray, "c n"]) -> Probl
     )
 
 
-def height_share(
-    problem: Problem, predicted: Float[np.ndarray, "c n"], *, is_sampled: bool
-) -> float:
-    """The most likely noise in proportion to the height, as a share of it.
+def uneven_noise(
+    problem: Problem,
+    noise: Noise,
+    y: Float[np.ndarray, " q"],
+    predicted: Float[np.ndarray, "c n"],
+) -> tuple[Float[np.ndarray, "c n"], Float[np.ndarray, "3"]]:
+    """Noise that differs from push to push, and what was open of it.
 
-        variance = sd² + sigma² + share² height²
+    Angles whose errors nobody states err alike.
 
-    One share for all channels; squared errors count n / (n - p)-fold for what the fit
-    took of them.
+    Args:
+        problem: Problem without this noise.
+        y: Data coordinates of a fit.
+        predicted: Its heights [table unit].
+
+    Returns:
+        Standard deviations to add [table unit]; the share of the height, and the errors
+        of θ and α [rad].
+    """
+    slopes = np.zeros((2, *predicted.shape))
+    if any(noise.angle_sd):
+        slopes = angle_slopes(problem, y)
+    sizes = np.stack([predicted, *slopes])
+    shares = np.array([noise.height_share, *noise.angle_sd])
+    is_open = np.isnan(shares)
+    if np.any(is_open):
+        known = np.nan_to_num(shares)[:, None, None] * sizes
+        wanted = [w & is_open for w in (IS_HEIGHT, ~IS_HEIGHT) if np.any(w & is_open)]
+        found = likeliest_shares(
+            with_known_noise(problem, _root_sum(known)),
+            predicted,
+            np.stack([_root_sum(sizes[rows]) for rows in wanted]),
+            is_sampled=noise.kind == "sampled",
+        )
+        for rows, share in zip(wanted, found, strict=True):
+            shares[rows] = share
+    return _root_sum(shares[:, None, None] * sizes), shares
+
+
+def _root_sum(parts: Float[np.ndarray, "k c n"]) -> Float[np.ndarray, "c n"]:
+    """Parts in quadrature."""
+    return np.sqrt(np.sum(parts**2, axis=0))
+
+
+def likeliest_shares(
+    problem: Problem,
+    predicted: Float[np.ndarray, "c n"],
+    sizes: Float[np.ndarray, "k c n"],
+    *,
+    is_sampled: bool,
+) -> Float[np.ndarray, " k"]:
+    """The most likely noise in proportion to sizes, as shares of them.
+
+        variance = sd² + sigma² + Σ share² size²
+
+    Each share is that of all channels; squared errors count n / (n - p)-fold for what
+    the fit took of them.
 
     Args:
         predicted: Heights of the fit [table unit].
+        sizes: What noise is in proportion to, such as the heights [table unit].
         is_sampled: Whether each channel has a sigma beside its sd.
     """
-    heights = predicted[np.asarray(problem.mask)]
-    return _likeliest_share(problem, heights, is_sampled=is_sampled)[0]
+    mask = np.asarray(problem.mask)
+    errors = Errors.of_fit(problem, predicted[mask])
+    return _likeliest(errors, sizes[:, mask], is_sampled=is_sampled)[0]
 
 
-def share_gain(problem: Problem, fit: FitResult) -> float:
+def share_gain(
+    problem: Problem, fit: FitResult, size: Float[np.ndarray, " m"]
+) -> float:
     """How much likelier noise in proportion makes the residuals of a fit by even noise.
+
+    Args:
+        size: What noise may be in proportion to, row by row [table unit].
 
     Returns:
         Log ratio of the largest likelihoods at the same heights, with and without a
@@ -65,44 +125,114 @@ def share_gain(problem: Problem, fit: FitResult) -> float:
     """
     if fit.degrees_of_freedom < MIN_FREEDOM:
         return 0.0
-    _, with_share = _likeliest_share(problem, fit.predicted, is_sampled=True)
-    _, without = _likeliest_share(problem, fit.predicted, is_sampled=True, most=0.0)
+    return _gain(Errors.of_fit(problem, fit.predicted), size)
+
+
+def repeat_gain(
+    problem: Problem,
+    size: Float[np.ndarray, "c n"],
+    direction: Int[np.ndarray, " r"],
+) -> float:
+    """How much likelier noise in proportion makes what repeats of a direction scatter.
+
+    No model is in it, so that a wrong one looks like no such noise.
+
+    Args:
+        size: What noise may be in proportion to [table unit].
+        direction: Number of the direction of each push, padding left out.
+
+    Returns:
+        As `share_gain` has it; 0 where there are hardly any repeats.
+    """
+    n_repeats = np.bincount(direction) - 1
+    if np.sum(n_repeats) < MIN_FREEDOM:
+        return 0.0
+
+    def mean(values: Float[np.ndarray, "c n"]) -> Float[np.ndarray, "c g"]:
+        sums = [np.bincount(direction, row[: direction.size]) for row in values]
+        return np.stack(sums) / (n_repeats + 1)
+
+    observed, sd = np.asarray(problem.observed), np.asarray(problem.sd)
+    squares = mean(observed**2) - mean(observed) ** 2
+    is_repeated = np.tile(n_repeats > 0, (len(squares), 1))
+    count = np.tile(n_repeats, (len(squares), 1))[is_repeated]
+    errors = Errors(
+        squares=squares[is_repeated] * (count + 1) / count,
+        known=mean(sd**2)[is_repeated],
+        channel=np.nonzero(is_repeated)[0],
+        count=count.astype(float),
+    )
+    return _gain(errors, np.sqrt(mean(size**2))[is_repeated])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Errors:
+    """Mean squares of errors, and what is known of their noise.
+
+    Args:
+        squares: Mean squares [table unit²].
+        known: Variances that are stated [table unit²].
+        channel: Number of the channel.
+        count: Degrees of freedom of each mean.
+    """
+
+    squares: Float[np.ndarray, " m"]
+    known: Float[np.ndarray, " m"]
+    channel: Int[np.ndarray, " m"]
+    count: Float[np.ndarray, " m"]
+
+    @classmethod
+    def of_fit(cls, problem: Problem, predicted: Float[np.ndarray, " m"]) -> "Errors":
+        """Those of a fit, row by row, padding left out."""
+        mask = np.asarray(problem.mask)
+        errors = predicted - np.asarray(problem.observed)[mask]
+        return cls(
+            squares=errors**2 / _share_left(problem),
+            known=np.asarray(problem.sd)[mask] ** 2,
+            channel=np.nonzero(mask)[0],
+            count=np.ones(errors.size),
+        )
+
+
+def _gain(errors: Errors, size: Float[np.ndarray, " m"]) -> float:
+    """Log ratio of the largest likelihoods, with and without a share of a size."""
+    _, with_share = _likeliest(errors, size[None], is_sampled=True)
+    _, without = _likeliest(errors, size[None], is_sampled=True, most=0.0)
     return with_share - without
 
 
-def _likeliest_share(
-    problem: Problem,
-    heights: Float[np.ndarray, " m"],
+def _likeliest(
+    errors: Errors,
+    sizes: Float[np.ndarray, "k m"],
     *,
     is_sampled: bool,
     most: float = MOST,
-) -> tuple[float, float]:
-    """The share of `height_share`, and the log likelihood with it up to a constant.
+) -> tuple[Float[np.ndarray, " k"], float]:
+    """The shares of `likeliest_shares`, and the log likelihood up to a constant.
 
     Args:
-        heights: Of the fit, those of padding left out [table unit].
         most: Largest variance in proportion, in mean squares of the errors.
     """
-    mask = np.asarray(problem.mask)
-    errors = heights - np.asarray(problem.observed)[mask]
-    squares = errors**2 / _share_left(problem)
-    known = np.asarray(problem.sd)[mask] ** 2
-    channel = np.nonzero(mask)[0]
-    columns = [heights**2]
+    squares, count = errors.squares, errors.count
+    columns = list(sizes**2)
     if is_sampled:
-        columns += [(channel == c).astype(float) for c in range(mask.shape[0])]
+        columns += [
+            (errors.channel == c).astype(float) for c in range(max(errors.channel) + 1)
+        ]
     scale = max(float(np.mean(squares)), 1e-300)
-    design = np.stack([column / np.mean(column) for column in columns], axis=1)
+    means = np.array([max(float(np.mean(column)), 1e-300) for column in columns])
+    design = np.stack(columns, axis=1) / means
     # What no component may fall below: variances stay finite for perfect heights.
     floor = 1e-9 * scale
 
     def cost(shares: np.ndarray) -> tuple[float, np.ndarray]:
-        variance = known + scale * (design @ shares) + floor
-        slope = (1 - squares / variance) / variance
-        value = float(np.sum(np.log(variance) + squares / variance))
+        variance = errors.known + scale * (design @ shares) + floor
+        slope = count * (1 - squares / variance) / variance
+        value = float(count @ (np.log(variance) + squares / variance))
         return value, scale * (design.T @ slope)
 
-    bounds = [(0.0, most)] + [(0.0, MOST)] * (design.shape[1] - 1)
+    k = len(sizes)
+    bounds = [(0.0, most)] * k + [(0.0, MOST)] * (len(columns) - k)
     found = scipy.optimize.minimize(
         cost,
         np.minimum(HALF, [top for _, top in bounds]),
@@ -110,8 +240,7 @@ def _likeliest_share(
         bounds=bounds,
         method="L-BFGS-B",
     )
-    share = float(np.sqrt(scale * found.x[0] / np.mean(columns[0])))
-    return share, -float(found.fun) / 2
+    return np.sqrt(scale * found.x[:k] / means[:k]), -float(found.fun) / 2
 
 
 def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Problem:
@@ -179,18 +308,29 @@ def _best_tail_gain(residuals: Float[np.ndarray, " n"]) -> float:
     return float(np.sum(student - normal))
 
 
-def share_warning(share: float) -> ResultWarning:
-    """Say which noise in proportion to the height the residuals show.
+def uneven_warnings(
+    noise: Noise, shares: Float[np.ndarray, "3"]
+) -> Iterator[ResultWarning]:
+    """Say what residuals show of noise that was left to them.
 
     Args:
-        share: It, as a share of the height.
+        shares: What it came to; see `uneven_noise`.
     """
-    return ResultWarning(
-        code="height_share",
-        text=f"beside a constant part heights scatter by {share:.2g} of their size, as "
-        f"their residuals have it; [noise] height_share = {share:.2g} keeps it, and 0 "
-        "has noise alone that is the same for all",
-    )
+    share, angle_sd = shares[0], np.degrees(shares[1])
+    if np.isnan(noise.height_share):
+        yield ResultWarning(
+            code="height_share",
+            text=f"beside a constant part heights scatter by {share:.2g} of their "
+            f"size, as their residuals have it; [noise] height_share = {share:.2g} "
+            "keeps it, and 0 has noise alone that is the same for all",
+        )
+    if np.isnan(noise.angle_sd[0]):
+        yield ResultWarning(
+            code="angle_errors",
+            text="beside a constant part heights scatter where they are steep, as if "
+            f"angles erred by {angle_sd:.2g}°; [noise] theta_sd_deg = {angle_sd:.2g} "
+            "keeps it, and 0 has angles that are exact",
+        )
 
 
 def _share_left(problem: Problem) -> float:

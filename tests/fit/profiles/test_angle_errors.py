@@ -3,11 +3,13 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.fitted import fit_table
+from pushfit.fit.fitted import MIN_ANGLE_GAIN, fit_table
+from pushfit.fit.profiles.angle_errors import angle_slopes
+from pushfit.fit.profiles.weights import repeat_gain
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -108,11 +110,121 @@ def test_errors_of_the_angles_explain_scatter_beyond_the_sd():
     )
     stated = fit_table(table, config("[noise]\ntheta_sd_deg = 1.0\n"))
     assert "scatter_exceeds_sd" not in {n.code for n in stated.warnings}
-    plain = fit_table(table, config('[noise]\nsigma = "given"\n'))
+    plain = fit_table(
+        table, config('[noise]\nsigma = "given"\ntheta_sd_deg = 0.0\n')
+    )
     dof = stated.fit.degrees_of_freedom
     low, high = stats.chi2.interval(0.999, dof)
     assert plain.fit.chi_square > 2 * high
     assert low < stated.fit.chi_square < high
+
+
+# The paper's own pushes, both components; 51 pushes know an error to about a tenth.
+COMPONENTS = ("height_normal", "height_tangential")
+JOINTS_DEG, N_SE = 1.0, 3.5
+
+
+def missing(kind: str, seed: int, *, repeats: int = 3) -> PeakTable:
+    """Pushes whose joints are exact, or miss anew, or alike in all repeats."""
+    rng = np.random.default_rng(seed)
+    theta_deg = np.repeat(np.arange(5.0, 86.0, 5.0), repeats)
+    off = {
+        "exact": lambda: np.zeros(theta_deg.size),
+        "anew": lambda: rng.normal(0.0, JOINTS_DEG, theta_deg.size),
+        "alike": lambda: np.repeat(rng.normal(0.0, JOINTS_DEG, 17), repeats),
+    }[kind]()
+    real = case_table(
+        CASES["firm"],
+        theta_deg=theta_deg + off,
+        alpha_deg=np.full(off.size, 90.0),
+        repeats=1,
+        channels=COMPONENTS,
+    )
+    noise = 0.002 * rng.standard_normal((2, off.size))
+    heights = {
+        name: real.heights(name) + row
+        for name, row in zip(COMPONENTS, noise, strict=True)
+    }
+    return PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.full(off.size, np.pi / 2),
+        heights=heights,
+        unit="n",
+    )
+
+
+def errors_of(fitted) -> float:
+    """Errors of the angles that a fit speaks of [deg]."""
+    (told,) = [n.text for n in fitted.warnings if n.code == "angle_errors"]
+    return float(told.split("erred by ")[1].split("°")[0])
+
+
+def test_errors_of_the_angles_are_found():
+    """Of 204 pushes: each channel alone would know them to 1 / √(2 · 204)."""
+    table = missing("anew", 0, repeats=12)
+    fitted = fit_table(table, config('[noise]\ntheta_sd_deg = "estimate"\n'))
+    assert abs(errors_of(fitted) / JOINTS_DEG - 1) < N_SE / np.sqrt(2 * 204) + 0.005
+    stated = fit_table(table, config(f"[noise]\ntheta_sd_deg = {errors_of(fitted)}\n"))
+    # Printed to two digits.
+    np.testing.assert_allclose(fitted.fit.sigma, stated.fit.sigma, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kind", "chosen"), [("exact", None), ("anew", "estimate"), ("alike", None)]
+)
+def test_angles_err_where_repeats_say_so(kind, chosen):
+    """What all repeats of a direction share looks like a wrong model as well.
+
+    Of six seeds in a row; repeats of seed 1 do by chance, as one table in 20.
+    """
+    fitted = [fit_table(missing(kind, seed), config()) for seed in range(2, 8)]
+    assert [one.config.noise.theta_sd_deg for one in fitted] == 6 * [chosen]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "theta_sd_deg = 0.0\n",
+        "alpha_sd_deg = 2.0\n",
+        'sigma = "pooled"\n',
+        "height_share = 0.01\n",
+    ],
+)
+def test_angles_are_left_alone_where_something_is_stated(text):
+    fitted = fit_table(missing("anew", 0), config(f"[noise]\n{text}"))
+    assert fitted.config.noise.theta_sd_deg in (0.0, None)
+
+
+@pytest.mark.parametrize("kind", ["exact", "anew"])
+def test_repeats_gain_the_ratio_of_the_likelihoods(kind):
+    """By normal densities of deviations from means, over a fine grid of both parts."""
+    table = missing(kind, 1)
+    fitted = fit_table(table, config("[noise]\ntheta_sd_deg = 0.0\n"))
+    problem, fit = fitted.setup.problem, fitted.fit
+    slopes = np.hypot(*angle_slopes(problem, fit.estimate))
+    _, direction = np.unique(table.groups, return_inverse=True)
+    # Helmert contrasts of each direction: two independent errors per channel.
+    contrasts = np.array([[1, -1, 0] / np.sqrt(2), [1, 1, -2] / np.sqrt(6)])
+    observed = np.stack([table.heights(name) for name in COMPONENTS])
+    errors = np.einsum("kr,cgr->cgk", contrasts, observed.reshape(2, 17, 3))
+    size = slopes[:, : 3 * 17 : 3, None]
+
+    def level(x) -> float:
+        variance = np.exp(x[1:])[:, None, None] + np.exp(x[0]) * size**2
+        return float(np.sum(stats.norm.logpdf(errors, scale=np.sqrt(variance))))
+
+    ways = [
+        optimize.minimize(
+            lambda x, low=low: -level(np.r_[low if low else x[0], x[1:]]),
+            np.log([1e-4, 1e-5, 1e-5]),
+            method="Nelder-Mead",
+            options={"xatol": 1e-6, "fatol": 1e-8, "maxiter": 4000},
+        ).fun
+        for low in (-60.0, None)
+    ]
+    found = repeat_gain(problem, slopes, direction)
+    np.testing.assert_allclose(found, ways[0] - ways[1], atol=2e-3)
+    assert (found > MIN_ANGLE_GAIN) == (kind == "anew")
 
 
 SHARED = ANGLES + 'angle_errors = "shared"\n'

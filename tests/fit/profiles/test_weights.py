@@ -9,7 +9,7 @@ from scipy import stats
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.fitted import MIN_SHARE_GAIN, fit_table
-from pushfit.fit.profiles.weights import height_share, share_gain, tail_gain
+from pushfit.fit.profiles.weights import likeliest_shares, share_gain, tail_gain
 from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
@@ -63,7 +63,8 @@ def test_half_of_all_tables_without_a_share_show_none():
     for _ in range(N_DRAWN):
         noise = np.where(mask, 0.05 * rng.standard_normal(mask.shape), 0.0)
         drawn = replace(problem, observed=predicted + noise)
-        found.append(height_share(drawn, predicted, is_sampled=True))
+        (share,) = likeliest_shares(drawn, predicted, predicted[None], is_sampled=True)
+        found.append(share)
     low, high = stats.binom.interval(0.999, N_DRAWN, 0.5)
     assert low <= np.sum(np.array(found) < NONE) <= high
     assert np.max(found) < 0.05
@@ -123,7 +124,7 @@ def test_a_share_gains_the_ratio_of_the_likelihoods(share):
     levels = -np.sum(np.log(variance) + squares / variance, axis=2) / 2
     expected = np.max(levels) - np.max(levels[:, 0])
     assert (expected > MIN_SHARE_GAIN) == (share > 0)
-    found = share_gain(fitted.setup.problem, fitted.fit)
+    found = share_gain(fitted.setup.problem, fitted.fit, heights)
     np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
@@ -137,4 +138,4 @@ def test_few_pushes_show_no_share():
         unit="n",
     )
     fitted = fit_table(few, config(CONSTANT))
-    assert share_gain(fitted.setup.problem, fitted.fit) == 0.0
+    assert share_gain(fitted.setup.problem, fitted.fit, fitted.fit.predicted) == 0.0
