@@ -110,9 +110,7 @@ def test_errors_of_the_angles_explain_scatter_beyond_the_sd():
     )
     stated = fit_table(table, config("[noise]\ntheta_sd_deg = 1.0\n"))
     assert "scatter_exceeds_sd" not in {n.code for n in stated.warnings}
-    plain = fit_table(
-        table, config('[noise]\nsigma = "given"\ntheta_sd_deg = 0.0\n')
-    )
+    plain = fit_table(table, config('[noise]\nsigma = "given"\ntheta_sd_deg = 0.0\n'))
     dof = stated.fit.degrees_of_freedom
     low, high = stats.chi2.interval(0.999, dof)
     assert plain.fit.chi_square > 2 * high
