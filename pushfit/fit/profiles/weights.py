@@ -325,11 +325,13 @@ def uneven_warnings(
             "keeps it, and 0 has noise alone that is the same for all",
         )
     if np.isnan(noise.angle_sd[0]):
+        keys = ("theta_sd_deg", "alpha_sd_deg")[: 1 + np.isnan(noise.angle_sd[1])]
+        stated = " and ".join(f"{key} = {angle_sd:.2g}" for key in keys)
         yield ResultWarning(
             code="angle_errors",
             text="beside a constant part heights scatter where they are steep, as if "
-            f"angles erred by {angle_sd:.2g}°; [noise] theta_sd_deg = {angle_sd:.2g} "
-            "keeps it, and 0 has angles that are exact",
+            f"angles erred by {angle_sd:.2g}°; [noise] {stated} would state it, and 0 "
+            "has angles that are exact",
         )
 
 
