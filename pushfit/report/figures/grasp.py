@@ -102,7 +102,7 @@ def draw_side(axes: "Axes", marker: Marker, theta_deg: Sequence[float]) -> None:
         FancyBboxPatch((-1, -1.05), 2, 1.05, boxstyle=style, fc=PALE, ec=GREY, zorder=0)
     )
     axes.add_patch(Circle((0, 0.3), 0.3, fc="white", ec=GREY))
-    for x in (-0.55, 0.55):
+    for x in (-0.67, 0.67):
         axes.add_patch(Wedge((x, -1.35), 0.3, 0, 360, fc="white", ec=GREY))
     for theta in np.unique(np.round(theta_deg, 3)):
         x, y = _ray(theta, REACH, down=True)
@@ -117,12 +117,12 @@ def draw_side(axes: "Axes", marker: Marker, theta_deg: Sequence[float]) -> None:
     axes.plot([0, 0.8], [0, 0], color=BLACK, lw=0.8)
     if marker.estimates:
         _label(axes, math_symbol("theta_c"), marker.estimates[0], down=True)
-    words = f"from the side: below {math_symbol('theta_c')} the object rolls"
-    axes.text(0, -1.9, words, ha="center", parse_math=True)
+    words = f"from the side:\nbelow {math_symbol('theta_c')} the object rolls"
+    axes.text(0, -1.78, words, ha="center", va="top", parse_math=True)
     for text, place in (("finger", (0, 0.3)), ("supports", (0, -1.35))):
-        axes.text(*place, text, ha="center", va="center", fontsize=7, color=GREY)
-    axes.text(-0.9, -0.95, "object", fontsize=7, color=GREY)
-    axes.set(xlim=(-1.3, 1.3), ylim=(-2.0, 0.75), aspect="equal")
+        axes.text(*place, text, ha="center", va="center", fontsize=8, color=GREY)
+    axes.text(-0.9, -0.95, "object", fontsize=8, color=GREY)
+    axes.set(xlim=(-1.3, 1.3), ylim=(-2.3, 0.75), aspect="equal")
 
 
 def draw_top(
@@ -152,10 +152,10 @@ def draw_top(
     axes.text(1.03, -0.05, "x", fontsize=9)
     if marker.estimates:
         _label(axes, math_symbol("alpha_star"), marker.estimates[0], down=False)
-    words = f"from above: along {math_symbol('alpha_star')} it gives way most easily"
-    axes.text(0, -1.3, words, ha="center", parse_math=True)
-    axes.text(-1.1, -0.9, "lines: pushed; sector: within reach", fontsize=7, color=GREY)
-    axes.set(xlim=(-1.35, 1.35), ylim=(-1.45, 1.3), aspect="equal")
+    words = f"from above: along {math_symbol('alpha_star')}\nit gives way most easily"
+    axes.text(0, -1.12, words, ha="center", va="top", parse_math=True)
+    axes.text(-1.1, -0.9, "lines: pushed\nsector: within reach", fontsize=8, color=GREY)
+    axes.set(xlim=(-1.35, 1.35), ylim=(-1.7, 1.3), aspect="equal")
 
 
 @styled
@@ -176,7 +176,7 @@ def grasp_figure(
         reach_deg: Azimuths that the finger can push in [deg].
         fig: Figure or subfigure to draw into; None makes one.
     """
-    figure, room = sheet(fig, width=2 * COLUMN, height=0.95 * COLUMN)
+    figure, room = sheet(fig, width=1.4 * COLUMN, height=0.82 * COLUMN)
     side, top = room.subplots(1, 2)
     draw_side(side, theta_c, list(theta_deg))
     draw_top(top, alpha_star, alpha_deg=list(alpha_deg), reach_deg=reach_deg)
