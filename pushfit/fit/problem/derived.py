@@ -53,6 +53,7 @@ def critical_angles(
 ) -> Float[np.ndarray, " k"]:
     """θ_c at many data coordinates [rad]; see `critical_angle_at`."""
     alpha = as_float(reference_alpha)
+    problem = problem.of_data
     return in_chunks(lambda rows: _angles(problem, rows, alpha), points, N_POINTS)
 
 

@@ -42,7 +42,7 @@ def predict_points(
     """
 
     def states(rows: Int[np.ndarray, " m"]) -> State[Contact]:
-        return _of_points(problem, points[rows])
+        return _of_points(problem.of_data, points[rows])
 
     return _predict(problem.grasp, states, len(points), pushes)
 

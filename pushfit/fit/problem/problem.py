@@ -112,6 +112,15 @@ class Problem(eqx.Module):
     shared: Float[Array, "c g n"] | None = None
 
     @property
+    def of_data(self) -> "Problem":
+        """The same for functions of y: it lacks what these do not ask for.
+
+        Problems that differ by priors, or by whether sigma is sampled, so share their
+        programs.
+        """
+        return replace(self, priors={}, names=())
+
+    @property
     def n_constraints(self) -> int:
         """Data coordinates that what is known beforehand holds in place."""
         return 0 if self.constraint is None else self.constraint.shape[0]

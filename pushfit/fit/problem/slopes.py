@@ -71,7 +71,7 @@ def residuals_at(
         derivatives.
     """
     rows = np.minimum(np.arange(N_POINTS), len(points) - 1)
-    found = _residuals_at(problem, as_float(points[rows]))
+    found = _residuals_at(problem.of_data, as_float(points[rows]))
     residuals, jacobians = (np.asarray(a)[: len(points)] for a in found)
     return residuals, jacobians
 

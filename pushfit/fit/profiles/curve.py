@@ -201,13 +201,16 @@ def profile_curve(
 
 
 def _of_means(problem: Problem) -> tuple[Problem, float]:
-    """The problem of the means of repeats, and what they scatter: no fit changes it."""
+    """The problem of the means of repeats, at data coordinates, and what they scatter.
+
+    No fit changes that.
+    """
     pooled = pool_repeats(problem)
     means = pooled.problem
     mask, sigma = np.asarray(means.mask), np.array(means.reference_sigma)
     scatter = float(np.sum((np.asarray(pooled.scatter) / sigma**2)[mask]))
     sigma[mask] /= np.sqrt(np.asarray(pooled.count)[mask])
-    return replace(means, reference_sigma=as_float(sigma)), scatter
+    return replace(means.of_data, reference_sigma=as_float(sigma)), scatter
 
 
 def _valleys(

@@ -165,7 +165,9 @@ def polish(
     Returns:
         Points, sums of squared residuals, and whether the solver met its tolerance.
     """
-    return restarted(lambda points: _polish(problem, points), starts, max_rounds)
+    return restarted(
+        lambda points: _polish(problem.of_data, points), starts, max_rounds
+    )
 
 
 def restarted(
@@ -343,7 +345,7 @@ def costs_at(
 ) -> Float[np.ndarray, " k"]:
     """Sum of squared residuals at data coordinates."""
     heights = heights_of(problem, predict_points(problem, points, problem.pushes))
-    sums = _sums_of_squares(problem, as_float(heights), as_float(points))
+    sums = _sums_of_squares(problem.of_data, as_float(heights), as_float(points))
     return np.asarray(sums)
 
 
