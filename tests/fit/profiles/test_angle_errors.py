@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import optimize, stats
+from scipy import linalg, optimize, stats
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
@@ -195,20 +195,23 @@ def test_angles_are_left_alone_where_something_is_stated(text):
 
 @pytest.mark.parametrize("kind", ["exact", "anew"])
 def test_repeats_gain_the_ratio_of_the_likelihoods(kind):
-    """By normal densities of deviations from means, over a fine grid of both parts."""
-    table = missing(kind, 1)
+    """By normal densities of contrasts, of two or three repeats of a direction."""
+    whole = missing(kind, 1)
+    table = PeakTable.from_frame(whole.frame.drop(index=range(2, 51, 6)))
     fitted = fit_table(table, config("[noise]\ntheta_sd_deg = 0.0\n"))
     problem, fit = fitted.setup.problem, fitted.fit
     slopes = np.hypot(*angle_slopes(problem, fit.estimate))
     _, direction = np.unique(table.groups, return_inverse=True)
-    # Helmert contrasts of each direction: two independent errors per channel.
-    contrasts = np.array([[1, -1, 0] / np.sqrt(2), [1, 1, -2] / np.sqrt(6)])
-    observed = np.stack([table.heights(name) for name in COMPONENTS])
-    errors = np.einsum("kr,cgr->cgk", contrasts, observed.reshape(2, 17, 3))
-    size = slopes[:, : 3 * 17 : 3, None]
+    errors, size = [], []
+    for name, slope in zip(COMPONENTS, slopes, strict=True):
+        rows = [np.flatnonzero(direction == g) for g in range(17)]
+        own = [linalg.helmert(r.size) @ table.heights(name)[r] for r in rows]
+        errors.append(np.concatenate(own))
+        size.append(np.concatenate([slope[r[1:]] for r in rows]))
+    assert len(errors[0]) == 25
 
     def level(x) -> float:
-        variance = np.exp(x[1:])[:, None, None] + np.exp(x[0]) * size**2
+        variance = np.exp(x[1:])[:, None] + np.exp(x[0]) * np.square(size)
         return float(np.sum(stats.norm.logpdf(errors, scale=np.sqrt(variance))))
 
     ways = [
