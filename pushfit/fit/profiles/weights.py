@@ -153,7 +153,8 @@ def repeat_gain(
         return np.stack(sums) / (n_repeats + 1)
 
     observed, sd = np.asarray(problem.observed), np.asarray(problem.sd)
-    squares = mean(observed**2) - mean(observed) ** 2
+    deviations = observed[:, : direction.size] - mean(observed)[:, direction]
+    squares = mean(deviations**2)
     is_repeated = np.tile(n_repeats > 0, (len(squares), 1))
     count = np.tile(n_repeats, (len(squares), 1))[is_repeated]
     errors = Errors(
