@@ -16,20 +16,38 @@ OFF_DEG, NOISE = 0.2, 1e-3
 # Slopes at 0° against differences over 0.2°, and means of thousands of draws.
 CURVATURE = 0.1
 WORD = "elevations_taken_as_exact"
+# Elevations at one azimuth, and azimuths at one elevation.
+BOTH_DEG = np.array(
+    [[20.0, 30.0, 55.0, *5 * [70.0]], [*3 * [90.0], 0.0, 36.0, 72.0, 108.0, 144.0]]
+)
 
 
 def table(off_deg=0.0) -> PeakTable:
     """Six pushes, elevations other than stated."""
-    azimuths = np.full(THETA_DEG.size, 90.0)
-    pushed = {"alpha_deg": azimuths, "repeats": 3}
-    real = case_table(CASES["firm"], theta_deg=THETA_DEG + off_deg, **pushed)
+    stated = np.stack([THETA_DEG, np.full(THETA_DEG.size, 90.0)])
+    return pushed("firm", stated, stated + [[1.0], [0.0]] * np.asarray(off_deg))
+
+
+def pushed(case: str, stated_deg, real_deg, *, noise: float = NOISE) -> PeakTable:
+    """Pushes in other directions than stated, thrice."""
+    real_theta_deg, real_alpha_deg = real_deg
+    real = case_table(
+        CASES[case], theta_deg=real_theta_deg, alpha_deg=real_alpha_deg, repeats=3
+    )
+    theta, alpha = np.radians(np.repeat(stated_deg, 3, axis=1))
     return PeakTable.from_arrays(
-        theta=np.radians(np.repeat(THETA_DEG, 3)),
-        alpha=np.full(3 * THETA_DEG.size, np.pi / 2),
+        theta=theta,
+        alpha=alpha,
         heights={"height": real.heights("height")},
-        sd={"height": np.full(3 * THETA_DEG.size, NOISE)},
+        sd={"height": np.full(theta.size, noise)},
         unit="n",
     )
+
+
+def table_of_both(off_deg=0.0) -> PeakTable:
+    """Both kinds of sweeps, azimuths other than stated."""
+    real = BOTH_DEG + [[0.0], [1.0]] * np.asarray(off_deg)
+    return pushed("ellipse", BOTH_DEG, real, noise=NOISE / 10)
 
 
 def identified(of: PeakTable, text: str = ""):
@@ -56,6 +74,30 @@ def test_predicted_shift_is_that_of_elevations_that_are_off(found):
     setup = fit_table(table(), config()).setup
     shifts = angle_error_shifts(setup, found, ("theta_c",))
     assert shifts[0, 0] == pytest.approx(expected, rel=CURVATURE)
+
+
+def test_predicted_shift_is_that_of_azimuths_that_are_off():
+    """The same of azimuths, where pushes are steep enough to feel the ellipse."""
+    names = ("theta_c", "alpha_star")
+    exact = table_of_both()
+    found = identified(exact)
+    means = [
+        [np.mean(one.posterior.samples[name]) for name in names]
+        for one in (
+            found,
+            *(
+                identified(table_of_both(OFF_DEG * k))
+                for k in np.eye(BOTH_DEG.shape[1])
+            ),
+        )
+    ]
+    moved = np.linalg.norm(np.array(means[1:]) - means[0], axis=0)
+    shifts = angle_error_shifts(fit_table(exact, config()).setup, found, names)
+    expected = COMMON_SD_DEG / OFF_DEG * moved
+    np.testing.assert_allclose(shifts[1], expected, rtol=CURVATURE)
+    (told,) = [n.text for n in found.warnings if n.code == "azimuths_taken_as_exact"]
+    assert "α* by about" in told
+    assert "alpha_sd_deg" in told
 
 
 def test_what_hangs_on_exact_elevations_is_said(found):
