@@ -41,7 +41,7 @@ COMMANDS = {
     "verify": ["verify", "result"],
     "next": ["next", "peaks.csv", "--config", CONFIG],
     "compare": ["compare", "peaks.csv", "--config", CONFIG],
-    "calibrate": ["calibrate", "peaks.csv", "--config", CONFIG, "--tables", "4"],
+    "coverage": ["coverage", "peaks.csv", "--config", CONFIG, "--tables", "4"],
 }
 # What has no θ_c to say before it is done, or none at all.
 SILENT = {"validate", "peaks", "report", "init", "doctor"}

@@ -21,7 +21,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 # Commands that fit or sample; the rest take a second at most.
 SLOW = {
     *("identify", "fit", "sample", "demo", "batch"),
-    *("verify", "report", "calibrate", "compare", "diff", "watch"),
+    *("verify", "report", "coverage", "compare", "diff", "watch"),
     *("next", "explore"),
 }
 

@@ -12,7 +12,7 @@ import pytest
 import pushfit
 from pushfit import workflow
 from pushfit.errors import ConfigError, DataError
-from pushfit.fit.coverage import calibrate
+from pushfit.fit.coverage import coverage_study
 from pushfit.fit.results import Identification, Recipe
 from tests.batch.makers import table_text
 
@@ -88,14 +88,14 @@ def test_the_seed_is_zero_unless_stated(table, asked):
 
 def test_every_function_for_users_has_the_same_seed():
     public = [getattr(pushfit, name) for name in pushfit.__all__]
-    functions = [*filter(inspect.isroutine, public), calibrate, pushfit.Explorer]
+    functions = [*filter(inspect.isroutine, public), coverage_study, pushfit.Explorer]
     seeds = {
         function.__name__: inspect.signature(function).parameters["seed"].default
         for function in functions
         if "seed" in inspect.signature(function).parameters
     }
     assert seeds == dict.fromkeys(seeds, 0)
-    assert {"identify", "compare_models", "calibrate", "Explorer"} <= set(seeds)
+    assert {"identify", "compare_models", "coverage_study", "Explorer"} <= set(seeds)
 
 
 @pytest.mark.parametrize(

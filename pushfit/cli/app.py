@@ -9,8 +9,8 @@ import pushfit
 from pushfit.cli.commands import (
     analysis,
     batch,
-    calibrate,
     compare,
+    coverage,
     doctor,
     explore,
     files,
@@ -67,7 +67,7 @@ for function in (
     files.init,
     results.report,
     verify.verify,
-    calibrate.calibrate,
+    coverage.coverage,
     compare.compare,
     results.diff,
     batch.batch,
@@ -78,6 +78,7 @@ for function in (
 ):
     command(app)(function)
 command(app, "sample", help="Another name of fit.")(analysis.fit)
+command(app, "calibrate", help="The former name of coverage.")(coverage.coverage)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

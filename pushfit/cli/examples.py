@@ -47,9 +47,13 @@ EXAMPLES = {
         "pushfit verify result",
         "exit code 0 says that every number is the same",
     ),
-    "calibrate": (
-        "pushfit calibrate peaks.csv -c grasp.toml --tables 40 --plot coverage.png",
+    "coverage": (
+        "pushfit coverage peaks.csv -c grasp.toml --tables 40 --plot coverage.png",
         "a claim outside its limits is not to be relied on",
+    ),
+    "calibrate": (
+        "pushfit calibrate peaks.csv -c grasp.toml",
+        "use `pushfit coverage`, which is its name from the next release on",
     ),
     "compare": (
         "pushfit compare peaks.csv -c grasp.toml",

@@ -75,7 +75,7 @@ class Coverage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+class CoverageStudy:
     """Measured coverage for one design, by quantity, kind and probability."""
 
     coverages: tuple[Coverage, ...]
@@ -99,14 +99,14 @@ class Simulation:
     truths: Mapping[str, Float[np.ndarray, " n"]]
 
 
-def calibrate(
+def coverage_study(
     table: PeakTable,
     config: GraspConfig,
     *,
     n_tables: int,
     seed: int = 0,
     progress: Callable[[str, float], None] | None = None,
-) -> Calibration:
+) -> CoverageStudy:
     """Measure the coverage of intervals and sets for the pushes of a table.
 
     Args:
@@ -123,7 +123,7 @@ def calibrate(
     problem = fitted.setup.problem
     if not problem.names:
         raise ConfigError(
-            "every parameter is fixed, so there is no interval to calibrate; "
+            "every parameter is fixed, so there is no interval to test; "
             "leave one free in [parameters]",
             code="nothing_free",
         )
@@ -146,7 +146,7 @@ def calibrate(
         pairs = [(result, float(truths[index])) for index, result in trusted]
         pairs = [(result, truth) for result, truth in pairs if np.isfinite(truth)]
         coverages += _coverages(name, pairs, prob=config.report.prob)
-    return Calibration(
+    return CoverageStudy(
         coverages=tuple(coverages),
         verdicts={
             name: Counter(getattr(result, name).verdict for _, result in trusted)

@@ -328,7 +328,7 @@ def test_help_shows_the_example_on_a_line_of_its_own(capsys):
         ["identify", "none.csv"],
         ["peaks", "none.csv"],
         ["compare", "none.csv"],
-        ["calibrate", "none.csv"],
+        ["coverage", "none.csv"],
         ["simulate", "none.csv", "-o", "x.csv"],
     ],
     ids=lambda a: a[0],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pushfit.fit.coverage import Coverage, _holds, calibrate, simulate_tables
+from pushfit.fit.coverage import Coverage, _holds, coverage_study, simulate_tables
 from pushfit.fit.fitted import fit_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
@@ -88,7 +88,7 @@ def test_a_set_holds_what_lies_in_a_piece_of_it(pieces, truth, is_axis, expected
 @pytest.mark.slow
 def test_intervals_cover_at_the_level_that_they_claim(fitted):
     """The binomial test of each claim, at a level shared by all of them."""
-    found = calibrate(fitted.table, config(), n_tables=100, seed=0)
+    found = coverage_study(fitted.table, config(), n_tables=100, seed=0)
     assert found.n_failed == 0
     intervals = [c for c in found.coverages if c.kind == "interval"]
     for c in intervals:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-    from pushfit.fit.coverage import Calibration
+    from pushfit.fit.coverage import CoverageStudy
 
 # Residuals that are shown as an alarm; the same limit as in the goodness of fit.
 OUTLIER_SIGMA = 5.0
@@ -196,14 +196,14 @@ def trace_figure(
     return figure
 
 
-def calibration_figure(calibration: "Calibration") -> "Figure":
+def study_figure(study: "CoverageStudy") -> "Figure":
     """Measured over claimed coverage of the intervals."""
     points: dict[str, list[Point]] = {}
-    for coverage in calibration.coverages:
+    for coverage in study.coverages:
         if coverage.kind == "interval" and coverage.n_tables:
             row = (coverage.prob, coverage.share, *coverage.limits)
             points.setdefault(coverage.name, []).append(row)
-    return coverage_figure(points, n_tables=calibration.n_tables - calibration.n_failed)
+    return coverage_figure(points, n_tables=study.n_tables - study.n_failed)
 
 
 @styled

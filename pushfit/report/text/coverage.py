@@ -1,17 +1,17 @@
-"""A calibration for readers: text and JSON. Excluded: its figure (`report.figures`)."""
+"""Measured coverage for readers: text and JSON. Excluded: its figure."""
 
 from dataclasses import asdict
 
-from pushfit.fit.coverage import Calibration, Coverage
+from pushfit.fit.coverage import Coverage, CoverageStudy
 from pushfit.report.plain import Json, json_safe
 from pushfit.report.strings import symbol
 
-SCHEMA = "pushfit.calibrate/1"
+SCHEMA = "pushfit.coverage/1"
 
 
-def calibration_text(calibration: Calibration) -> str:
+def study_text(study: CoverageStudy) -> str:
     """Counts with what they can tell."""
-    c = calibration
+    c = study
     lines = [
         f"{c.n_tables} tables of {c.n_pushes} pushes, truths drawn from the priors, "
         f"engine {c.engine}",
@@ -45,15 +45,15 @@ def calibration_text(calibration: Calibration) -> str:
     return "\n".join(lines)
 
 
-def calibration_dict(calibration: Calibration) -> dict[str, Json]:
+def study_dict(study: CoverageStudy) -> dict[str, Json]:
     """The same as one JSON-safe document."""
     content = {
         "schema": SCHEMA,
-        "n_tables": calibration.n_tables,
-        "n_failed": calibration.n_failed,
-        "n_pushes": calibration.n_pushes,
-        "engine": calibration.engine,
-        "seed": calibration.seed,
+        "n_tables": study.n_tables,
+        "n_failed": study.n_failed,
+        "n_pushes": study.n_pushes,
+        "engine": study.engine,
+        "seed": study.seed,
         "coverage": [
             asdict(coverage)
             | {
@@ -61,11 +61,11 @@ def calibration_dict(calibration: Calibration) -> dict[str, Json]:
                 "limits": coverage.limits,
                 "is_compatible": coverage.is_compatible,
             }
-            for coverage in calibration.coverages
+            for coverage in study.coverages
         ],
         "verdicts": {
             name: {verdict.value: n for verdict, n in counts.items()}
-            for name, counts in calibration.verdicts.items()
+            for name, counts in study.verdicts.items()
         },
     }
     return {key: json_safe(value) for key, value in content.items()}

@@ -1,22 +1,22 @@
-"""A calibration as text and JSON: counts, and what they can tell."""
+"""A study of coverage as text and JSON: counts, and what they can tell."""
 
 import json
 
 import numpy as np
 
-from pushfit.fit.coverage import Calibration, Coverage
+from pushfit.fit.coverage import Coverage, CoverageStudy
 from pushfit.fit.results import Verdict
-from pushfit.report.figures.diagnostics import calibration_figure
+from pushfit.report.figures.diagnostics import study_figure
 from pushfit.report.text.coverage import (
-    calibration_dict,
-    calibration_text,
+    study_dict,
+    study_text,
 )
 
 
-def made(n_held: int) -> Calibration:
+def made(n_held: int) -> CoverageStudy:
     """Twenty tables, of which one failed."""
     rows = [("interval", 0.5, 10), ("interval", 0.9, n_held), ("set", 0.9, 0)]
-    return Calibration(
+    return CoverageStudy(
         coverages=tuple(
             Coverage(
                 name="theta_c",
@@ -37,7 +37,7 @@ def made(n_held: int) -> Calibration:
 
 
 def test_a_claim_inside_its_limits_is_not_marked():
-    text = calibration_text(made(17))
+    text = study_text(made(17))
     assert "!" not in text
     assert "every claim lies inside its limits" in text
     assert "θ_c was called not_determined 15, determined 4" in text
@@ -46,7 +46,7 @@ def test_a_claim_inside_its_limits_is_not_marked():
 
 def test_a_claim_outside_its_limits_is_marked():
     """10 of 19 is compatible with 76 % at most."""
-    text = calibration_text(made(10))
+    text = study_text(made(10))
     marked = [line for line in text.splitlines() if line.startswith("!")]
     assert len(marked) == 1
     assert "90 % interval" in marked[0]
@@ -54,9 +54,9 @@ def test_a_claim_outside_its_limits_is_marked():
 
 
 def test_the_document_is_strict_json_and_says_unknown_as_null():
-    document = calibration_dict(made(17))
+    document = study_dict(made(17))
     assert json.loads(json.dumps(document, allow_nan=False)) == document
-    assert document["schema"] == "pushfit.calibrate/1"
+    assert document["schema"] == "pushfit.coverage/1"
     by_kind = {(c["kind"], c["prob"]): c for c in document["coverage"]}
     assert by_kind["set", 0.9]["share"] is None
     assert by_kind["interval", 0.9]["share"] == 17 / 19
@@ -64,7 +64,7 @@ def test_the_document_is_strict_json_and_says_unknown_as_null():
 
 
 def test_the_figure_shows_what_was_measured():
-    (axes,) = calibration_figure(made(17)).axes
+    (axes,) = study_figure(made(17)).axes
     (container,) = axes.containers
     drawn = np.asarray(container.lines[0].get_ydata(), dtype=float)
     np.testing.assert_allclose(drawn, [100 * 10 / 19, 100 * 17 / 19], rtol=1e-12)

@@ -1,4 +1,4 @@
-"""`pushfit calibrate`: the whole way for a user's table."""
+"""`pushfit coverage`: the whole way for a user's table."""
 
 import json
 
@@ -14,7 +14,7 @@ def test_few_tables_are_counted_and_nothing_is_claimed_of_them(
     monkeypatch.chdir(tmp_path)
     write_table(case_table(CASES["firm"], noise=0.03, seed=1), "peaks.csv")
     (tmp_path / "grasp.toml").write_text(TOML + HARD)
-    words = ["calibrate", "peaks.csv", "-c", "grasp.toml", "--tables", "2"]
+    words = ["coverage", "peaks.csv", "-c", "grasp.toml", "--tables", "2"]
     words += ["--seed", "3"]
     assert main([*words, "--plot", "coverage.svg", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

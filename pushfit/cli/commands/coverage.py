@@ -1,4 +1,4 @@
-"""`pushfit calibrate`: how often intervals would hold the truth for these pushes."""
+"""`pushfit coverage`: how often intervals would hold the truth for these pushes."""
 
 from typing import Annotated
 
@@ -10,7 +10,7 @@ from pushfit.cli.output import refuse_picture
 from pushfit.cli.session import Session
 
 
-def calibrate(
+def coverage(
     session: Session,
     table: options.TableFile,
     config: options.ConfigFile = None,
@@ -26,19 +26,21 @@ def calibrate(
     """Measure how often intervals hold the truth for these pushes."""
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
-    from pushfit.fit.coverage import calibrate as measure
+    from pushfit.fit.coverage import coverage_study
     from pushfit.report.figures import save_figure
-    from pushfit.report.figures.diagnostics import calibration_figure
-    from pushfit.report.text.coverage import calibration_dict, calibration_text
+    from pushfit.report.figures.diagnostics import study_figure
+    from pushfit.report.text.coverage import study_dict, study_text
 
     settings = read_config(config)
     peaks = load_table(table, settings)
     with session.progress() as progress:
-        found = measure(peaks, settings, n_tables=tables, seed=seed, progress=progress)
+        found = coverage_study(
+            peaks, settings, n_tables=tables, seed=seed, progress=progress
+        )
     if plot is not None:
-        save_figure(calibration_figure(found), plot)
+        save_figure(study_figure(found), plot)
         session.wrote(plot)
     if json:
-        session.print_json(calibration_dict(found))
+        session.print_json(study_dict(found))
     else:
-        print(calibration_text(found))
+        print(study_text(found))
