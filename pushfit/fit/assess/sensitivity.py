@@ -21,12 +21,10 @@ from jaxtyping import Float
 
 from pushfit.fit.problem.derived import unwrapped
 from pushfit.fit.problem.predictions import heights_of, predict_draws
-from pushfit.fit.profiles.angle_errors import angle_slopes
+from pushfit.fit.profiles.angle_errors import COMMON_SD, angle_slopes
 from pushfit.fit.results import FitStatus, Identification, ResultWarning
 from pushfit.fit.setup import Setup
 
-# Error of joints that resolve whole degrees [deg].
-COMMON_SD_DEG = 1.0
 # An error of this share of the posterior's own deviation beside it leaves intervals of
 # 90 % that hold the truth 88 times in 100.
 MATTERS = 1 / 3
@@ -63,10 +61,10 @@ def angle_error_warnings(
         if sd is None and parts:
             yield ResultWarning(
                 code=f"{word}s_taken_as_exact",
-                text=f"{word}s are taken as exact; errors of {COMMON_SD_DEG:g}° would "
-                f"move {' and '.join(parts)}, which intervals leave out: set [noise] "
-                f'{key}, with angle_errors = "shared" if repeats miss alike, or 0 if '
-                "they are exact",
+                text=f"{word}s are taken as exact; errors of "
+                f"{np.degrees(COMMON_SD):g}° would move {' and '.join(parts)}, which "
+                f"intervals leave out: set [noise] {key}, with angle_errors = "
+                '"shared" if repeats miss alike, or 0 if they are exact',
             )
 
 
@@ -88,9 +86,9 @@ def angle_error_shifts(
     angles -= np.mean(angles, axis=1, keepdims=True)
     covariance = np.tensordot(angles, predicted, axes=1) / rows.size
     weight = np.where(problem.mask, np.asarray(problem.reference_sigma) ** -2.0, 0.0)
-    slopes = angle_slopes(problem, found.fit.estimate)
+    slopes = np.mean(angle_slopes(problem, found.fit.estimate), axis=1)
     shifts = np.einsum("qcn,cn,acn->aqn", covariance, weight, slopes)
     pushes = np.stack([problem.pushes.theta, problem.pushes.alpha])
     _, direction = np.unique(pushes, axis=1, return_inverse=True)
     by_direction = shifts @ np.eye(direction.max() + 1)[direction]
-    return np.radians(COMMON_SD_DEG) * np.sqrt(np.sum(by_direction**2, axis=2))
+    return COMMON_SD * np.sqrt(np.sum(by_direction**2, axis=2))

@@ -6,9 +6,13 @@ standard deviations s_θ and s_α, drawn anew for every push, add
     (∂h/∂θ)² s_θ² + (∂h/∂α)² s_α²
 
 to the variance of every height. Slopes are those of the model at the best fit, which is
-sought again under the new weights. Excluded: an offset that all repeats of a direction
-share, and its correlation between the channels of one push.
+sought again under the new weights. At θ_c, and wherever else an error may reach beyond
+a bend, the square is the mean of those to either side over one standard deviation.
+Excluded: an offset that all repeats of a direction share, and its correlation between
+the channels of one push.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -17,22 +21,45 @@ from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.problem import Problem
 from pushfit.model import Pushes
 
-# Far above the rounding of forces and far below the angles that bend them [rad].
-STEP = 1e-6
+# Of joints that resolve whole degrees: how far errors reach that nobody states [rad].
+COMMON_SD = float(np.radians(1.0))
+# Far above the rounding of forces [rad].
+SHORTEST = 1e-6
 
 
 def angle_slopes(
-    problem: Problem, y: Float[np.ndarray, " q"]
-) -> Float[np.ndarray, "2 c n"]:
-    """Slopes of noise-free heights in θ and α [table unit/rad]."""
+    problem: Problem,
+    y: Float[np.ndarray, " q"],
+    reach: Sequence[float] = (COMMON_SD, COMMON_SD),
+) -> Float[np.ndarray, "2 2 c n"]:
+    """Slopes of noise-free heights in θ and α, behind and ahead [table unit/rad].
+
+    Args:
+        reach: How far errors of θ and α reach [rad].
+    """
     theta, alpha = np.asarray(problem.pushes.theta), np.asarray(problem.pushes.alpha)
-    # Central differences: before and behind along each angle.
+    s_theta, s_alpha = steps = np.maximum(reach, SHORTEST)
     turned = Pushes(
-        np.concatenate([theta - STEP, theta + STEP, theta, theta]),
-        np.concatenate([alpha, alpha, alpha - STEP, alpha + STEP]),
+        np.concatenate([theta, theta - s_theta, theta + s_theta, theta, theta]),
+        np.concatenate([alpha, alpha, alpha, alpha - s_alpha, alpha + s_alpha]),
     )
     heights = heights_of(problem, predict_points(problem, y[None], turned))[0]
-    of_theta, of_alpha = np.split(heights, 2, axis=1)
-    differences = [np.subtract(*np.split(h, 2, axis=1)) for h in (of_theta, of_alpha)]
-    slopes = -np.stack(differences) / (2 * STEP)
+    here, *beside = np.split(heights, 5, axis=1)
+    behind, ahead = np.stack(beside[::2]), np.stack(beside[1::2])
+    slopes = (
+        np.stack([here - behind, ahead - here], axis=1) / steps[:, None, None, None]
+    )
     return np.where(problem.mask, slopes, 0.0)
+
+
+def steepness(
+    problem: Problem,
+    y: Float[np.ndarray, " q"],
+    reach: Sequence[float] = (COMMON_SD, COMMON_SD),
+) -> Float[np.ndarray, "2 c n"]:
+    """What errors of θ and α make heights scatter by, per error [table unit/rad].
+
+    Args:
+        reach: How far errors of θ and α reach [rad].
+    """
+    return np.sqrt(np.mean(angle_slopes(problem, y, reach) ** 2, axis=1))

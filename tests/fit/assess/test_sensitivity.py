@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.sensitivity import COMMON_SD_DEG, angle_error_shifts
+from pushfit.fit.assess.sensitivity import angle_error_shifts
 from pushfit.fit.fitted import fit_table
 from pushfit.fit.identify import identify_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
 THETA_DEG = np.arange(10.0, 86.0, 15.0)
-# Far below the slopes that bend, far above the noise.
-OFF_DEG, NOISE = 0.2, 1e-3
+# What is asked for; what is tried, far below the bends and far above the noise.
+COMMON_SD_DEG, OFF_DEG, NOISE = 1.0, 0.2, 1e-3
 # Slopes at 0° against differences over 0.2°, and means of thousands of draws.
 CURVATURE = 0.1
 WORD = "elevations_taken_as_exact"

@@ -1,5 +1,7 @@
 """Errors of the angles scatter heights by the model's own slopes."""
 
+from itertools import product
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,14 +10,14 @@ from scipy import linalg, optimize, stats
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.fitted import MIN_ANGLE_GAIN, fit_table
-from pushfit.fit.profiles.angle_errors import angle_slopes
+from pushfit.fit.profiles.angle_errors import steepness
 from pushfit.fit.profiles.weights import repeat_gain
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
 ANGLES = "[noise]\ntheta_sd_deg = 1.0\nalpha_sd_deg = 2.0\n"
-# Central differences of plain formulas, step 1e-6 rad; see the table of tolerances.
-FINITE_DIFFERENCE = 1e-6
+ANGLE_SDS = np.radians([1.0, 2.0])
+# Weights are settled with the fit.
 TOLERANCE = 1e-6
 
 
@@ -34,32 +36,31 @@ def heights(theta, alpha, values, S_p=0.005):
 
 def sweep(**changes) -> PeakTable:
     """Both angles swept, on an ellipse, the sd of heights stated."""
-    theta = np.r_[np.arange(7.0, 86.0, 8.0), np.full(8, 22.0)]
+    theta = np.r_[np.arange(9.0, 86.0, 8.0), np.full(8, 70.0)]
     alpha = np.r_[np.full(10, 90.0), np.arange(5.0, 180.0, 22.0)]
     words = {"noise": 0.02, "seed": 3, "repeats": 1} | changes
     return case_table(CASES["ellipse"], theta_deg=theta, alpha_deg=alpha, **words)
 
 
 def test_the_likelihood_is_that_of_a_dense_covariance():
-    """Cov = diag(sd²) + J S Jᵀ, a column of J for each angle of each push."""
-    table = sweep()
+    """Cov = diag(sd²) + J Jᵀ / 2, a column of J for each angle of each push, off by one
+    standard deviation to either side; some reach beyond θ_c."""
+    table = sweep(noise=0.0005)
     fitted = fit_table(table, config(ANGLES))
     problem, fit = fitted.setup.problem, fitted.fit
     values = dict(zip(fit.names, fit.estimate, strict=True))
     theta, alpha = table.theta, table.alpha
-    columns = []
-    for angle in (0, 1):
+    assert np.min(np.abs(np.degrees(theta) - fit.modes[0].theta_c_deg)) < 1.0
+    exact, columns = heights(theta, alpha, values), []
+    for angle, side in product((0, 1), (-1.0, 1.0)):
         for push in range(table.n_pushes):
-            step = np.zeros((2, table.n_pushes))
-            step[angle, push] = FINITE_DIFFERENCE
-            high = heights(theta + step[0], alpha + step[1], values)
-            low = heights(theta - step[0], alpha - step[1], values)
-            columns.append((high - low) / (2 * FINITE_DIFFERENCE))
-    slopes = np.array(columns).T
-    scatter = np.repeat(np.radians([1.0, 2.0]) ** 2, table.n_pushes)
-    covariance = np.diag(table.sd("height") ** 2) + slopes * scatter @ slopes.T
+            off = np.zeros((2, table.n_pushes))
+            off[angle, push] = side * ANGLE_SDS[angle]
+            columns.append(heights(theta + off[0], alpha + off[1], values) - exact)
+    moved = np.array(columns).T
+    covariance = np.diag(table.sd("height") ** 2) + moved @ moved.T / 2
     expected = stats.multivariate_normal.logpdf(
-        table.heights("height"), heights(theta, alpha, values), covariance
+        table.heights("height"), exact, covariance
     )
     state = problem.data_state(jnp.asarray(fit.estimate))
     found = float(problem.log_likelihood(state))
@@ -200,7 +201,7 @@ def test_repeats_gain_the_ratio_of_the_likelihoods(kind):
     table = PeakTable.from_frame(whole.frame.drop(index=range(2, 51, 6)))
     fitted = fit_table(table, config("[noise]\ntheta_sd_deg = 0.0\n"))
     problem, fit = fitted.setup.problem, fitted.fit
-    slopes = np.hypot(*angle_slopes(problem, fit.estimate))
+    slopes = np.hypot(*steepness(problem, fit.estimate))
     _, direction = np.unique(table.groups, return_inverse=True)
     errors, size = [], []
     for name, slope in zip(COMPONENTS, slopes, strict=True):
@@ -246,21 +247,20 @@ def gain_of_a_step(table, fitted, log_density) -> tuple[float, float]:
 
 
 def test_shared_errors_are_those_of_a_dense_covariance():
-    """Cov = diag(sd²) + J S Jᵀ, a column of J for each angle of each direction."""
+    """Cov = diag(sd²) + J Jᵀ / 2, a column of J for each side of each direction."""
     table = sweep(repeats=3)
     fitted = fit_table(table, config(SHARED))
     fit = fitted.fit
     assert fitted.table.is_used.sum() == 18
     values = dict(zip(fit.names, fit.estimate, strict=True))
     covariance = np.diag(table.sd("height") ** 2)
-    for angle, sd in enumerate(np.radians([1.0, 2.0])):
+    exact = heights(table.theta, table.alpha, values)
+    for angle, side in product((0, 1), (-1.0, 1.0)):
         for direction in range(18):
-            step = np.zeros((2, table.n_pushes))
-            step[angle, table.groups == direction] = FINITE_DIFFERENCE
-            high = heights(table.theta + step[0], table.alpha + step[1], values)
-            low = heights(table.theta - step[0], table.alpha - step[1], values)
-            slope = (high - low) / (2 * FINITE_DIFFERENCE)
-            covariance += sd**2 * np.outer(slope, slope)
+            off = np.zeros((2, table.n_pushes))
+            off[angle, table.groups == direction] = side * ANGLE_SDS[angle]
+            real = heights(table.theta + off[0], table.alpha + off[1], values)
+            covariance += np.outer(real - exact, real - exact) / 2
 
     def log_density(values) -> float:
         mean = heights(table.theta, table.alpha, values)
