@@ -35,7 +35,7 @@ from pushfit.fit.problem.repeat_effects import (
     repeat_warning,
     without_repeat_effects,
 )
-from pushfit.fit.profiles.angle_errors import steepness
+from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
 from pushfit.fit.profiles.least_squares import (
     fit_least_squares,
     searched,
@@ -210,7 +210,7 @@ def _with_uneven_if_shown(
     share = share_gain(problem, fit, fit.predicted) if is_open else 0.0
     is_other = bool(even.setup.noise.shared) or noise.height_share not in ("auto", 0.0)
     if noise.theta_sd_deg is None and not is_other:
-        steep = np.hypot(*steepness(problem, fit.estimate))
+        steep = np.hypot(*steepness(angle_slopes(problem, fit.estimate)))
         groups = even.table.groups[list(even.setup.rows)]
         _, direction = np.unique(groups, return_inverse=True)
         angles = share_gain(problem, fit, steep[np.asarray(problem.mask)])

@@ -21,7 +21,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
 from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.repeat_effects import ARTICLES, repeat_effect
-from pushfit.fit.profiles.angle_errors import steepness
+from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.fit.setup import Setup
 
@@ -75,7 +75,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     # Rows of the Jacobian beyond the data are what is known beforehand.
     basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
     free = residuals - basis @ (basis.T @ residuals)
-    slope = steepness(problem, fit.estimate)[0][mask]
+    slope = steepness(angle_slopes(problem, fit.estimate))[0][mask]
     found: list[Violation | None] = [
         _steep(free, slope / fit.sigma),
         _tall(free, fit.predicted / fit.sigma),

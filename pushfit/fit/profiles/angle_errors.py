@@ -52,14 +52,10 @@ def angle_slopes(
     return np.where(problem.mask, slopes, 0.0)
 
 
-def steepness(
-    problem: Problem,
-    y: Float[np.ndarray, " q"],
-    reach: Sequence[float] = (COMMON_SD, COMMON_SD),
-) -> Float[np.ndarray, "2 c n"]:
+def steepness(slopes: Float[np.ndarray, "2 2 c n"]) -> Float[np.ndarray, "2 c n"]:
     """What errors of θ and α make heights scatter by, per error [table unit/rad].
 
     Args:
-        reach: How far errors of θ and α reach [rad].
+        slopes: Those of `angle_slopes`.
     """
-    return np.sqrt(np.mean(angle_slopes(problem, y, reach) ** 2, axis=1))
+    return np.sqrt(np.mean(slopes**2, axis=1))

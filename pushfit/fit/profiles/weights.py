@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from pushfit.fit.problem.noise import Noise
 from pushfit.fit.problem.problem import STUDENT_DOF, Problem
-from pushfit.fit.profiles.angle_errors import COMMON_SD, steepness
+from pushfit.fit.profiles.angle_errors import COMMON_SD, angle_slopes, steepness
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.model import as_float
 
@@ -64,7 +64,7 @@ def uneven_noise(
     steep = np.zeros((2, *predicted.shape))
     if any(noise.angle_sd):
         reach = [COMMON_SD if np.isnan(sd) else sd for sd in noise.angle_sd]
-        steep = steepness(problem, y, reach)
+        steep = steepness(angle_slopes(problem, y, reach))
     sizes = np.stack([predicted, *steep])
     shares = np.array([noise.height_share, *noise.angle_sd])
     is_open = np.isnan(shares)

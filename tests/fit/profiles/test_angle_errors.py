@@ -10,7 +10,7 @@ from scipy import linalg, optimize, stats
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.fitted import MIN_ANGLE_GAIN, fit_table
-from pushfit.fit.profiles.angle_errors import steepness
+from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
 from pushfit.fit.profiles.weights import repeat_gain
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
@@ -201,7 +201,7 @@ def test_repeats_gain_the_ratio_of_the_likelihoods(kind):
     table = PeakTable.from_frame(whole.frame.drop(index=range(2, 51, 6)))
     fitted = fit_table(table, config("[noise]\ntheta_sd_deg = 0.0\n"))
     problem, fit = fitted.setup.problem, fitted.fit
-    slopes = np.hypot(*steepness(problem, fit.estimate))
+    slopes = np.hypot(*steepness(angle_slopes(problem, fit.estimate)))
     _, direction = np.unique(table.groups, return_inverse=True)
     errors, size = [], []
     for name, slope in zip(COMPONENTS, slopes, strict=True):
