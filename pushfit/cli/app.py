@@ -51,7 +51,7 @@ def pushfit_command(
 ) -> None:
     """From recordings of slight pushes to contact parameters, theta_c and alpha*.
 
-    Exit codes: 0 ok, 1 a bug, 2 usage or config, 3 input rejected, 4 a result not to
+    Exit codes: 0 ok, 1 a bug, 2 usage or config, 3 input rejected, 4 numerics not to
     be trusted, 5 some items of a batch failed, 130 interrupted.
     """
 

@@ -53,7 +53,7 @@ EXAMPLES = {
     ),
     "calibrate": (
         "pushfit calibrate peaks.csv -c grasp.toml",
-        "use `pushfit coverage`, which is its name from the next release on",
+        "use `pushfit coverage`, its name from now on",
     ),
     "compare": (
         "pushfit compare peaks.csv -c grasp.toml",

@@ -3,6 +3,7 @@
 Text and page lay out the same rows, so that neither says more than the other.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -177,7 +178,9 @@ def _optima(identification: Identification) -> str:
         angle = mode.theta_c_deg
         where = "none" if angle is None else format_angle(angle, spread=1.0)
         shown.append(f"θ_c {where} (χ² {mode.chi_square:.1f})")
-    return f"{len(modes)}: {', '.join(shown)}"
+    # Optima that differ in what no angle shows read alike.
+    alike = [f"{n} × {text}" if n > 1 else text for text, n in Counter(shown).items()]
+    return f"{len(modes)}: {', '.join(alike)}"
 
 
 def _posterior(identification: Identification) -> str:

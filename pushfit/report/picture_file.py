@@ -26,8 +26,8 @@ def picture_format(path: Path) -> str:
         return suffix
     if not suffix and is_stream(path):
         return FORMATS[0]
+    fault = f"the suffix .{suffix} is no format for pictures" if suffix else "no suffix"
     raise ConfigError(
-        f"{path}: the suffix {path.suffix!r} is no format for pictures; end the name "
-        f"in {', '.join(f'.{name}' for name in FORMATS)}",
+        f"{path}: {fault}; end the name in {', '.join(f'.{name}' for name in FORMATS)}",
         code="picture_format",
     )

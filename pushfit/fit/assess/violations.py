@@ -31,6 +31,8 @@ HEAVY_TAILED, PROPORTIONAL = "looks_heavy_tailed", "looks_proportional"
 LEVEL = 1e-3
 # The same where the model is rejected, so that something does not hold.
 LEVEL_IF_REJECTED = 0.05
+# No joint errs by more; where heights scatter so, something else does not hold [deg].
+LARGEST_DEG = 20.0
 # Sharpness of the soft transition that residuals are compared with.
 SOFT = 4.0
 # Fewer residuals than this beyond the coordinates show no shape, and fewer than the
@@ -144,6 +146,8 @@ def _steep(
     if excess <= 0:
         return None
     size = np.degrees(np.sqrt(excess))
+    if size > LARGEST_DEG:
+        return None
     return Violation(
         code=ANGLE_ERRORS,
         p_value=p_value,

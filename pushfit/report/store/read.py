@@ -54,9 +54,10 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
+        fault = getattr(error, "strerror", None) or error
         raise DataError(
             f"{folder}: not a result, because {path.name} cannot be read "
-            f"({error}); name the folder of a result",
+            f"({fault}); name the folder of a result",
             code="not_a_result",
         ) from error
     schema = summary.get("schema") if isinstance(summary, dict) else None

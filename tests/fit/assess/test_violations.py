@@ -10,6 +10,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.violations import (
     LEVEL,
     Violation,
+    _steep,
     violation_warnings,
     violations,
 )
@@ -91,6 +92,16 @@ def test_nothing_is_named_where_nothing_is_violated():
     """Five tests of twelve tables at 1e-3: two false alarms once in 10³ seeds."""
     alternatives = [v for table in found("nothing") for v in table]
     assert sum(v.p_value < LEVEL for v in alternatives) <= 1
+
+
+@pytest.mark.parametrize(("error_deg", "is_named"), [(5.0, True), (40.0, False)])
+def test_no_joint_errs_by_as_much_as_a_wrong_model_may_ask_for(error_deg, is_named):
+    """Scatter in proportion to slopes, beside one of unit variance."""
+    rng = np.random.default_rng(0)
+    slope = np.linspace(0.0, 100.0, 200)
+    free = np.radians(error_deg) * slope * rng.standard_normal(200)
+    told = _steep(free + rng.standard_normal(200), slope)
+    assert (told is not None and told.p_value < LEVEL) == is_named
 
 
 def test_rounding_speaks_against_nothing():

@@ -37,6 +37,13 @@ def test_the_angle_of_an_object_that_tilts_is_quoted_with_the_push_length(
     assert sentence.startswith("The critical angle θ_c for pushes of 5 mm at α = 90°")
 
 
+def test_optima_that_read_alike_are_counted(determined):
+    one = determined.fit.modes[0]
+    fit = replace(determined.fit, modes=(one, one, replace(one, chi_square=99.0)))
+    text = " ".join(render_text(replace(determined, fit=fit)).split())
+    assert re.search(r"3: 2 × θ_c \S+ \(χ² \S+\), θ_c \S+ \(χ² 99.0\)", text)
+
+
 def test_a_wide_interval_is_given_without_a_middle(make_identification):
     wide = make_angle("theta_c", 40.0, interval=(12.0, 71.0))
     result = make_identification(theta_c=wide)
