@@ -265,6 +265,7 @@ def test_a_picture_of_an_unknown_format_is_refused_with_the_known_ones(
     assert main(["peaks", recording, "--plot", str(tmp_path / name)]) == 2
     said = capsys.readouterr().err
     assert "bug" not in said
+    assert ("no suffix" if name == "x" else f"suffix {name[1:]}") in said
     assert ".png, .svg, .pdf" in said
 
 
