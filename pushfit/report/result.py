@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from pushfit.fit.results import Identification, Quantity
+from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.facts import quantity_cells, verdict_word
 from pushfit.report.figures import plot
@@ -51,9 +51,10 @@ class Value(Quantity):
         """Estimate.
 
         Raises:
-            ValueError: There is none to quote.
+            ValueError: There is none to quote, or the model that gives it does not
+                describe the heights.
         """
-        if self.estimate is None:
+        if self.estimate is None or self.verdict is Verdict.PROVISIONAL:
             raise ValueError(
                 f"{self.name} has no single estimate: "
                 f"{verdict_word(self.verdict)}; see its interval and sets"
@@ -69,7 +70,9 @@ class Value(Quantity):
         value, interval, unit, verdict, _ = quantity_cells(self)
         around = f"({interval})" if interval else ""
         number = f"{value}{unit}" if unit == "°" else f"{value} {unit}".strip()
-        return " ".join(part for part in (number, around) if part) or verdict
+        text = " ".join(part for part in (number, around) if part)
+        is_claimed = text and self.verdict is not Verdict.PROVISIONAL
+        return text if is_claimed else f"{text} {verdict}".strip()
 
     def __repr__(self) -> str:
         """The same with its name and verdict."""

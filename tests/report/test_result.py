@@ -61,6 +61,15 @@ def test_what_may_not_be_quoted_is_no_number(two_modes, unknown_length):
         float(Result.of(unknown_length).params["K_sn"])
 
 
+def test_what_a_rejected_model_gives_is_shown_but_no_number(inadequate):
+    theta_c = Result.of(inadequate).theta_c
+    assert theta_c.estimate is not None
+    assert str(theta_c).endswith("° provisional")
+    for number in (float, "{:.1f}".format):
+        with pytest.raises(ValueError, match="theta_c has no single estimate: prov"):
+            number(theta_c)
+
+
 def test_the_frame_begins_with_the_angles(result):
     frame = result.to_frame()
     assert list(frame.index[:2]) == ["theta_c", "alpha_star"]
