@@ -9,9 +9,12 @@ import pytest
 
 from pushfit.config import read_config
 from pushfit.data.grasp import make_grasp
+from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.plans.schedule import read_schedule
+from pushfit.data.recordings.recording import read_recording
 from pushfit.data.simulate import ALPHA_SWEEP
 from pushfit.data.truth import simulate_from_config, stated_parameters
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, DataError
 from pushfit.model import Pushes, forward
 
 FOLDER = Path(__file__).parents[1] / "examples" / "foam_box"
@@ -92,3 +95,10 @@ def test_the_seed_decides_the_noise():
     )
     np.testing.assert_array_equal(one.channels["pressure"], same.channels["pressure"])
     assert not np.array_equal(one.channels["pressure"], other.channels["pressure"])
+
+
+def test_a_schedule_of_the_other_sweep_is_refused():
+    recording = read_recording(FOLDER / "theta_sweep.csv")
+    with pytest.raises(DataError, match="that of another recording") as caught:
+        extract_peaks(recording, read_schedule(FOLDER / "alpha_schedule.csv"))
+    assert caught.value.code == "push_mismatch"

@@ -66,8 +66,10 @@ def fit_rows(identification: Identification) -> list[tuple[str, str]]:
     fit, quality = identification.fit, identification.goodness_of_fit
     unit = unit_label(identification.table.unit)
     channels = join_and([c.replace("_", " ") for c in identification.table.channels])
+    is_preloaded = identification.config.grasp.preload[1] is not None
     rows = [
         ("data", f"{fit.n_data} values ({channels} in {unit}), {fit.n_free} free"),
+        ("preload", "" if is_preloaded else "taken as 0, as none is stated"),
         (
             "chi-square",
             f"{format_number(quality.chi_square)} for {quality.degrees_of_freedom} "

@@ -52,6 +52,11 @@ class Alignment:
         return self.other is not None
 
     @property
+    def is_of_another(self) -> bool:
+        """Whether the schedule is run through often, but a run's pushes do not fit."""
+        return self.n_odd * self.n_cycles > len(self.hump) and self.n_cycles > 1
+
+    @property
     def missing(self) -> tuple[int, ...]:
         """Planned pushes without a hump, as positions in the repeated schedule."""
         return tuple(np.flatnonzero(self.hump < 0).tolist())

@@ -62,6 +62,13 @@ def mismatch_error(
 
 def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> str:
     """The assignments between which the times do not decide, and what would."""
+    if pairs.is_of_another:
+        return (
+            f". {pairs.n_cycles} runs through the schedule leave more pushes missing "
+            "or over than it has: it looks like that of another recording. Schedules "
+            "go with recordings by their order; if it is the right one, take what is "
+            "found by `allow_missing=True`"
+        )
     if pairs.other is None:
         return ""
     differ = np.flatnonzero(pairs.hump != pairs.other)[:_MAX_SHOWN]

@@ -54,17 +54,18 @@ class Paired:
         return np.inf if self.alignment is None else float(self.alignment.n_odd)
 
     def refuse_doubt(self, settings: PeakSettings) -> None:
-        """Refuse an assignment that is not the only one.
+        """Refuse an assignment that is not the only one, or by another's schedule.
 
         Args:
             settings: Whether the user wants the likeliest one all the same.
 
         Raises:
-            DataError: Another assignment is nearly as good (`push_mismatch`).
+            DataError: Another assignment is nearly as good, or several runs through
+                the schedule leave the pushes of one missing or over (`push_mismatch`).
         """
         if self.schedule is None or self.alignment is None or settings.allow_missing:
             return
-        if self.alignment.is_ambiguous:
+        if self.alignment.is_ambiguous or self.alignment.is_of_another:
             raise mismatch_error(self.schedule, self.alignment, self.found.extents)
 
     def notes(self) -> list[str]:

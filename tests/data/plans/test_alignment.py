@@ -77,6 +77,16 @@ def test_a_schedule_of_one_cycle_repeats():
     assert (result.n_cycles, result.is_complete) == (3, True)
 
 
+@pytest.mark.parametrize(("pause", "is_of_another"), [(0, False), (9, True)])
+def test_runs_that_lack_more_pushes_than_one_has_are_of_another_schedule(
+    pause, is_of_another
+):
+    beats = np.arange(16) + pause * (np.arange(16) // 4)
+    result = aligned(PERIOD * beats, n_planned=9)
+    assert result.n_cycles == 2
+    assert result.is_of_another is is_of_another
+
+
 def test_planned_times_locate_a_push_in_an_uneven_schedule():
     planned = np.cumsum([0, 2, 2, 6, 2, 9, 2, 2, 4, 2.0])
     recorded = np.delete(planned + 100.0, 5)

@@ -44,6 +44,13 @@ def test_optima_that_read_alike_are_counted(determined):
     assert re.search(r"3: 2 × θ_c \S+ \(χ² \S+\), θ_c \S+ \(χ² 99.0\)", text)
 
 
+@pytest.mark.parametrize(("grasp", "is_said"), [({}, True), ({"preload_n": 2}, False)])
+def test_a_preload_that_nobody_stated_is_said(make_identification, grasp, is_said):
+    config = GraspConfig(push={"length_mm": 5.0}, grasp=grasp)
+    text = render_text(make_identification(config=config))
+    assert ("taken as 0, as none is stated" in text) is is_said
+
+
 def test_a_wide_interval_is_given_without_a_middle(make_identification):
     wide = make_angle("theta_c", 40.0, interval=(12.0, 71.0))
     result = make_identification(theta_c=wide)
