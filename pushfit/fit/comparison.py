@@ -20,7 +20,8 @@ from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
-from pushfit.fit.fitted import Fitted, draw_posterior, fit_table
+from pushfit.fit.fitted import Fitted, Listener, draw_posterior
+from pushfit.fit.identify import fitted_by_leading
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.noise import with_noise, with_plain_noise
 from pushfit.fit.problem.problem import Problem
@@ -29,6 +30,7 @@ from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import build_problem
+from pushfit.fit.stages import Stages, stages_of
 
 # Sharpness of the soft model where the configuration names none: at θ_c the tangential
 # force then lies 8 % below the hard switch, at half and at twice the ratio of the two
@@ -83,7 +85,7 @@ class ModelScore:
     """One model and how well it accounts for the pushes.
 
     Args:
-        name: "hard", "soft" or "no_rolling" by the mechanics of the configuration;
+        name: "hard", "soft" or "no_rolling" by the mechanics that lead;
             "tilting" or "linear" for a hard transition by the other mechanics;
             a key of `NOISES` for other noise, all else as configured.
         sharpness: Sharpness of the transition, infinite for a hard switch; None where
@@ -145,11 +147,13 @@ class Comparison:
     """The same pushes under several models.
 
     Args:
+        mechanics: Which the table would be identified by, and all models but one are.
         why_no_evidence: Why there is none; None where there is.
         noise: Noise model of all of them: "given", "pooled" or "sampled".
     """
 
     models: tuple[ModelScore, ...]
+    mechanics: str
     why_no_evidence: str | None
     n_pushes: int
     noise: str
@@ -171,9 +175,10 @@ def compare_models(
 ) -> Comparison:
     """Fit a table with several transitions, by other mechanics, and with other noise.
 
-    The pushes left out and where sigma is known from are settled once, under the
-    configuration as it is, so that all models answer for the same heights. Sigma is
-    sampled where it would be pooled: repeats tell that of normal constant noise alone.
+    The mechanics, the pushes left out and where sigma is known from are settled once,
+    under the configuration as it is, so that all models answer for the same heights.
+    Sigma is sampled where it would be pooled: repeats tell that of normal constant
+    noise alone.
 
     Args:
         config: Configuration in force. A sharpness in it is that of the soft model; a
@@ -189,7 +194,11 @@ def compare_models(
         FitError: If no start gives finite residuals, or nothing is free.
     """
     # Other noise is one of the models, not what all of them have.
-    fitted = fit_table(table, with_plain_noise(config))
+    plain = with_plain_noise(config)
+    stages = Stages(stages_of(plain, "auto"))
+    fitted, _ = fitted_by_leading(
+        table, plain, seed=seed, stages=stages, hearing=Listener()
+    )
     sigma = fitted.setup.noise.kind
     sigma = "sampled" if sigma == "pooled" else sigma
     configs = rival_configs(
@@ -204,6 +213,7 @@ def compare_models(
     has_evidence = any(score.log_evidence is not None for score in scores)
     return Comparison(
         models=against_best(scores),
+        mechanics=fitted.setup.problem.grasp.mechanics,
         why_no_evidence=None if has_evidence else NO_EVIDENCE,
         n_pushes=len(fitted.setup.rows),
         noise=sigma,

@@ -102,13 +102,12 @@ def identify_table(
         check_place(checkpoint)
     stages = stages or Stages(stages_of(config, engine))
     hearing = listener or Listener()
-    fits = _fitted_by_all(table, config, stages, hearing)
-    answers = [_measured(f, seed, stages, hearing) for f in fits if len(fits) > 1]
-    answers = _leading_first(answers)
-    fitted = answers[0].fitted if answers else fits[0]
+    fitted, others = fitted_by_leading(
+        table, config, seed=seed, stages=stages, hearing=hearing
+    )
     stages.begin(f"likelihood sets by {_mechanics(fitted)} mechanics")
     profiles = _profiles(fitted, tuple(ANGLES) if is_brief else None)
-    if not answers:
+    if not others:
         hearing.confined(fitted, profiles.get("theta_c"))
         stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
     if engine == "emcee":
@@ -125,7 +124,7 @@ def identify_table(
         fitted,
         profiles,
         posterior,
-        others=tuple(other.answer for other in answers[1:]),
+        others=others,
         seed=seed,
         is_brief=is_brief,
     )
@@ -234,6 +233,22 @@ class _Measured:
     fitted: Fitted
     swept: PosteriorResult
     answer: MechanicsAnswer
+
+
+def fitted_by_leading(
+    table: PeakTable,
+    config: GraspConfig,
+    *,
+    seed: int,
+    stages: Stages,
+    hearing: Listener,
+) -> tuple[Fitted, tuple[MechanicsAnswer, ...]]:
+    """Least squares by the mechanics that lead, and what the other ones answer."""
+    fits = _fitted_by_all(table, config, stages, hearing)
+    answers = [_measured(f, seed, stages, hearing) for f in fits if len(fits) > 1]
+    answers = _leading_first(answers)
+    fitted = answers[0].fitted if answers else fits[0]
+    return fitted, tuple(other.answer for other in answers[1:])
 
 
 def _fitted_by_all(

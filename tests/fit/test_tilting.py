@@ -11,7 +11,7 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording, simulate_table
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.advice import measurements
-from pushfit.fit.comparison import rival_configs
+from pushfit.fit.comparison import compare_models, rival_configs
 from pushfit.fit.fitted import fit_table, reach_of
 from pushfit.fit.identify import identify_table
 from pushfit.fit.problem.constraint_terms import held_names, held_values
@@ -286,6 +286,19 @@ def test_the_mechanics_that_lead_are_those_of_the_push(push_length, leading):
         assert alone.theta_c.estimate == answer.theta_c.estimate
         # Checks of the mechanics alone may withhold its interval.
         assert dataclasses.replace(alone, theta_c=answer.theta_c) == answer
+
+
+@pytest.mark.slow
+def test_models_are_compared_by_the_mechanics_that_lead():
+    """As heights of 5 mm are of mechanics that tilt, the others are less evident."""
+    text = f"[push]\nlength_mm = {1e3 * PUSH}\n{LENGTH}{HARD}"
+    found = compare_models(
+        pushed(channels=COMPONENTS), parse_config(text, path="grasp.toml"), seed=1
+    )
+    assert found.mechanics == "tilting"
+    models = {model.name: model for model in found.models}
+    assert models["linear"].is_less_evident
+    assert not models["hard"].is_less_evident
 
 
 def test_two_supports_join_the_mechanics_and_their_rivals():

@@ -340,6 +340,7 @@ def make_comparison(
         why_no_evidence=None
         if evidence
         else "the stiffness ellipse adds two dimensions",
+        mechanics="linear",
         n_pushes=20,
         noise="given",
         seed=0,

@@ -28,7 +28,8 @@ def comparison_text(comparison: Comparison) -> str:
     )
     lines = [
         *(_wrapped(sentence) for sentence in _warnings(comparison)),
-        f"{comparison.n_pushes} pushes, noise {comparison.noise}, "
+        f"{comparison.n_pushes} pushes, {comparison.mechanics} mechanics, "
+        f"noise {comparison.noise}, "
         f"engine {join_and(list(dict.fromkeys(m.engine for m in comparison.models)))}",
         "",
         header,
@@ -100,6 +101,7 @@ def comparison_dict(comparison: Comparison) -> dict[str, Json]:
         "schema": SCHEMA,
         "status": comparison.status.name.lower(),
         "n_pushes": comparison.n_pushes,
+        "mechanics": comparison.mechanics,
         "noise": comparison.noise,
         "seed": comparison.seed,
         "why_no_evidence": comparison.why_no_evidence,
