@@ -14,13 +14,10 @@ if TYPE_CHECKING:
     from pushfit.data.tables.peak_table import PeakTable
 
 
-def read_settings(
-    layout: SettingsOptions, *, rate: float | None = None, **peaks: Any
-) -> "GraspConfig":
+def read_settings(layout: SettingsOptions, **peaks: Any) -> "GraspConfig":
     """Settings of the files, and of the options that override them.
 
     Args:
-        rate: Samples per second of recordings without a time.
         peaks: What options say of `[peaks]`; None, False and [] say nothing.
 
     Raises:
@@ -34,7 +31,7 @@ def read_settings(
         "map": dict(_pair(text, "--map") for text in layout.map or ()) or None,
         "unit": dict(_pair(text, "--unit") for text in layout.unit or ()) or None,
         "columns": None if names is None else [n.strip() for n in names.split(",")],
-        "rate": rate,
+        "rate": layout.rate,
     }
     # 0 is said, though Python takes it for False.
     silent = (type(None), bool, list)

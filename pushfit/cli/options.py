@@ -90,10 +90,6 @@ From = Annotated[
 To = Annotated[
     float | None, typer.Option("--to", metavar="T", help="Second to end at.")
 ]
-Rate = Annotated[
-    float | None,
-    typer.Option(metavar="HZ", help="Samples per second, where no column is a time."),
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,13 +115,18 @@ class SettingsOptions:
         str | None,
         typer.Option(metavar="A,B,...", help="Names of the columns of a bare table."),
     ] = None
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ", help="Samples per second, where no column is a time."
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Search:
     """What is said over the settings of where a push is, and how high."""
 
-    rate: Rate = None
     channel: Annotated[
         str | None, typer.Option(metavar="NAME", help="Channel that shows the pushes.")
     ] = None

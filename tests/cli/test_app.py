@@ -376,6 +376,14 @@ def test_all_commands_take_their_settings_alike():
     )
 
 
+def test_whatever_reads_a_recording_can_be_told_how_it_is_laid_out():
+    group = typer.main.get_command(app)
+    options = {"--format", "--map", "--unit", "--columns", "--rate", "--profile"}
+    for name in ("identify", "validate", "peaks", "look"):
+        known = {word for p in group.commands[name].params for word in p.opts}
+        assert options <= known, name
+
+
 @pytest.mark.parametrize(("words", "level"), [([], "3"), (["--debug"], None)])
 def test_what_xla_logs_is_for_debugging(words, level, monkeypatch):
     """It calls it an error that a program takes minutes to compile."""

@@ -18,6 +18,7 @@ from pushfit.data.recordings.units import BIOTAC_PDC
 from pushfit.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "foam_box"
+ALPHA_SWEEP = EXAMPLE / "alpha_sweep.csv"
 COUNTS = "t,pdc\n" + "".join(f"{k / 100:.2f},{2440 + k % 3}\n" for k in range(20))
 MAPPED = ["--map", "time=t", "--unit", "time=s", "--map", "pressure=pdc"]
 
@@ -47,6 +48,14 @@ def test_a_table_without_names_is_named_on_the_command_line(tmp_path, capsys):
     path.write_text("0,1.5\n0.01,1.25\n0.02,1.5\n")
     found = facts(capsys, path, "--columns", "time_s, force_n")
     assert found["channels"] == ["force_n"]
+
+
+def test_identify_reads_a_column_without_times_by_its_rate(tmp_path, capsys):
+    samples = [row.split(",")[1] for row in ALPHA_SWEEP.read_text().splitlines()]
+    path = tmp_path / "bare.csv"
+    path.write_text("\n".join(samples))
+    assert main(["identify", str(path), "--rate", "50"]) == 3
+    assert "18 pushes" in capsys.readouterr().err
 
 
 def test_a_dialect_that_is_not_known_is_refused_with_those_that_are(log, capsys):

@@ -65,7 +65,7 @@ def test_arguments_are_put_in_the_words_of_a_command(library, command):
     ("content", "command", "library", "line"),
     [
         ("0,1\n1,2\n", "validate", "`rate=100` if none", "--rate 100 if none"),
-        ("0,1\n1,2\n", "identify", "`rate=100` if", "recording.rate = 100 if"),
+        ("0,1\n1,2\n", "identify", "`rate=100` if", "--rate 100 if"),
         (
             "t_s,pdc\n0,1\n1,2\n",
             "peaks",

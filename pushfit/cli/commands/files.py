@@ -47,7 +47,6 @@ def validate(
     ],
     *,
     layout: options.SettingsOptions,
-    rate: options.Rate = None,
     json: options.Json = False,
 ) -> int:
     """Say what files hold, or what is wrong with them."""
@@ -55,7 +54,7 @@ def validate(
     from pushfit.data.recordings.load import reader_options
     from pushfit.data.text.files import existing_files
 
-    settings = read_settings(layout, rate=rate)
+    settings = read_settings(layout)
     existing_files(files)
     checked = {path: check_files([path], **reader_options(settings)) for path in files}
     problems = [problem for of_file in checked.values() for problem in of_file]
