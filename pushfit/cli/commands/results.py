@@ -53,7 +53,10 @@ def diff(
     )
 
     found = compare_results(read_result(first), read_result(second))
-    if plot is not None and found.differences:
+    if plot is not None and not found.differences:
+        reasons = "; ".join(found.left_out)
+        session.warn(f"{plot} is not drawn: nothing can be compared ({reasons})")
+    elif plot is not None:
         labels = (first.name, second.name)
         save_figure(forest_figure(found.differences, labels=labels), plot)
         session.wrote(plot)

@@ -121,6 +121,26 @@ def test_the_figure_has_a_row_for_each_quantity(determined, later):
     assert (low, high) == determined.theta_c.interval
 
 
+def test_a_picture_of_nothing_is_said_not_to_be_drawn(
+    determined, later, tmp_path, monkeypatch, capsys
+):
+    ours = replace(determined, combinations=(), parameters=())
+    ours = replace(ours, **{a: dropped(ours, a) for a in ("theta_c", "alpha_star")})
+    results = {"before": ours, "after": later}
+    monkeypatch.setattr(stored, "read_result", lambda folder: results[folder.name])
+    plot = tmp_path / "diff.svg"
+    assert main(["diff", "before", "after", "--plot", str(plot)]) == 0
+    said = capsys.readouterr().err
+    assert f"warning: {plot} is not drawn: nothing can be compared (θ_c, bec" in said
+    assert "α*, because in the first result it is not determined" in said
+    assert not plot.exists()
+
+
+def dropped(result, name):
+    unknown = {"estimate": None, "interval": None, "verdict": Verdict.NOT_DETERMINED}
+    return replace(getattr(result, name), **unknown)
+
+
 def test_the_command_prints_one_document(
     determined, later, tmp_path, monkeypatch, capsys
 ):
