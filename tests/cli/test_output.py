@@ -28,6 +28,17 @@ def test_what_a_missing_library_leaves_out_is_said_before_the_work(
     assert ("pip install jinja2" in first) is (parts is not None)
 
 
+@pytest.mark.parametrize(("is_terminal", "code"), [(True, 2), (False, 3)])
+def test_a_page_is_refused_on_a_terminal_alone(
+    is_terminal, code, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: is_terminal)
+    assert main(["report", str(tmp_path)]) == code
+    said = capsys.readouterr().err
+    assert ("name a file by --out" in said) is is_terminal
+    assert ("not a result" in said) is not is_terminal
+
+
 def test_a_page_that_nothing_can_fill_in_is_refused_before_a_result_is_read(
     tmp_path, monkeypatch, capsys
 ):

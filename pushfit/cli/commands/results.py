@@ -1,5 +1,6 @@
 """`report` and `diff`: what finished results say, without fitting again."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +9,7 @@ import typer
 from pushfit.cli import options
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
 from pushfit.cli.session import Session
+from pushfit.errors import ConfigError
 
 
 def report(
@@ -20,6 +22,12 @@ def report(
     force: options.Force = False,
 ) -> None:
     """One HTML page of a finished result, figures inside."""
+    if output is None and sys.stdout.isatty():
+        raise ConfigError(
+            "a page of HTML is nothing to read on a terminal; name a file by --out, or "
+            "redirect it by > report.html",
+            code="page_on_terminal",
+        )
     from pushfit.report.html.pages import check_templates
 
     check_templates()
