@@ -139,6 +139,8 @@ def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth, capsys):
     again = subprocess.run(
         [*command, *EXPLORE, "--force"], capture_output=True, text=True
     )
+    sentence, *_ = again.stdout.splitlines()
+    assert (again.stdout + again.stderr).count(sentence) == 1
     # The last word has the table's identification, which read_result returns.
     *_, last = again.stdout.splitlines()
     told = ANSWERS["theta_c"](read_result(out)).sentence
