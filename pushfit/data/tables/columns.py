@@ -20,14 +20,10 @@ from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import UNITS, Unit, in_degrees
 from pushfit.data.text.csv_reader import read_csv_strict
-from pushfit.data.text.faults import data_error, problem
+from pushfit.data.text.faults import ALIKE, data_error, problem
 from pushfit.errors import DataError, Problem
 
 COUNTS = ("push", "repeat")
-
-# Names at least this alike are one name misspelt: `heigth` and `height` are 0.83
-# alike, `height_left` and `height` 0.71.
-_ALIKE = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,7 +211,7 @@ def _doubtful(
     have = ", ".join([*(c.given for c in found.values()), *left_out])
     meant = set(found)
     for given, name in left_out.items():
-        near = difflib.get_close_matches(name, known.stems, n=1, cutoff=_ALIKE)
+        near = difflib.get_close_matches(name, known.stems, n=1, cutoff=ALIKE)
         if near and near[0] not in meant:
             meant.add(near[0])
             text = f"is not known here; did you mean {known.full_names(near[0])}?"

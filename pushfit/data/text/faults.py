@@ -10,6 +10,9 @@ STATE_COLUMNS = (
     "state them in order, for example `columns=['time_s', 'pressure_kpa', '...']` "
     "where ... stands for all others, and `rate=100` if none is a time"
 )
+# Names at least this alike are one name misspelt: `heigth` and `height` are 0.83
+# alike, `height_left` and `height` 0.71, `truth.toml` and `strval.toml` 0.67.
+ALIKE = 0.8
 
 
 def problem(

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pushfit.data.text.faults import refuse
+from pushfit.data.text.faults import ALIKE, refuse
 from pushfit.errors import ConfigError, Problem
 
 # First bytes, what they are, what to do about it.
@@ -81,7 +81,7 @@ def existing_file(path: str | Path) -> str:
     if not given.exists():
         folder = given.parent
         siblings = [p.name for p in folder.iterdir()] if folder.is_dir() else []
-        near = difflib.get_close_matches(given.name, siblings, n=1)
+        near = difflib.get_close_matches(given.name, siblings, n=1, cutoff=ALIKE)
         hint = f"; did you mean {folder / near[0]}?" if near else ""
         raise ConfigError(f"{path}: no such file{hint}", code="file_not_found")
     if not os.access(given, os.R_OK):

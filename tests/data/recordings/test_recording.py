@@ -423,6 +423,11 @@ def test_a_missing_path_names_the_nearest_one(write):
     assert f"did you mean {path}?" in str(error)
 
 
+def test_a_missing_path_names_no_other_that_only_ends_alike(write):
+    error = refusal(write(GOOD, "strval.toml").with_name("truth.toml"))
+    assert "did you mean" not in str(error)
+
+
 def test_a_folder_is_not_a_recording(tmp_path):
     assert refusal(tmp_path).code == "is_a_folder"
 
