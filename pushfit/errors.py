@@ -18,6 +18,11 @@ def stated(**arguments: object) -> str:
     return f"`{', '.join(f'{name}={value!r}' for name, value in arguments.items())}`"
 
 
+def installed_by(extra: str) -> str:
+    """How to get the libraries of an extra, as pushfit itself is in no index."""
+    return f"`pip install '.[{extra}]'` in the checkout"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
     """One thing wrong with one place of an input.

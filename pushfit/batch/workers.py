@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, TypeVar
 from pushfit.atomic import unfinished
 from pushfit.batch.items import Failure, Item
 from pushfit.batch.work import Chunk
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, installed_by
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -196,7 +196,7 @@ def _client(workers: Workers) -> Iterator["Client"]:
     if find_spec("distributed") is None:
         raise ConfigError(
             "worker processes need dask.distributed, which is not installed; "
-            "pip install distributed, or do without `workers`",
+            f"{installed_by('distributed')}, or do without `workers`",
             code="no_distributed",
         )
     from dask import config

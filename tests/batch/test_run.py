@@ -313,7 +313,7 @@ def test_names_that_differ_have_folders_that_differ():
 
 def test_a_process_that_is_limited_needs_dask(runs, monkeypatch):
     monkeypatch.setattr("pushfit.batch.workers.find_spec", lambda name: None)
-    with pytest.raises(ConfigError, match=r"pip install distributed"):
+    with pytest.raises(ConfigError, match=r"pip install '.\[distributed\]'"):
         run(workers=Workers(n=2))
 
 

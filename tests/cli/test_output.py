@@ -25,7 +25,7 @@ def test_what_a_missing_library_leaves_out_is_said_before_the_work(
     assert main(words) in (3, 5)
     first, *_ = capsys.readouterr().err.splitlines()
     assert first.startswith(f"warning: {parts} will be left out" if parts else "error")
-    assert ("pip install jinja2" in first) is (parts is not None)
+    assert ("pip install '.[report]'" in first) is (parts is not None)
 
 
 @pytest.mark.parametrize(("is_terminal", "code"), [(True, 2), (False, 3)])
@@ -44,4 +44,4 @@ def test_a_page_that_nothing_can_fill_in_is_refused_before_a_result_is_read(
 ):
     monkeypatch.setattr("pushfit.report.html.pages.find_spec", lambda name: None)
     assert main(["report", str(tmp_path)]) != 0
-    assert "pip install jinja2" in capsys.readouterr().err
+    assert "pip install '.[report]'" in capsys.readouterr().err

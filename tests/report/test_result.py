@@ -196,7 +196,7 @@ def test_saving_warns_of_what_a_missing_library_leaves_out(
     for module in ("target", "folder"):
         place = f"pushfit.report.store.{module}.find_spec"
         monkeypatch.setattr(place, lambda name: None)
-    said = "report.html and corner plots will be left out.*pip install jinja2 corner"
+    said = r"report.html and corner plots will be left out.*pip install '.\[report\]'"
     with pytest.warns(UserWarning, match=said):
         result.save(tmp_path / "out")
     assert not (tmp_path / "out" / "report.html").exists()

@@ -14,7 +14,7 @@ from pushfit.cli import options
 from pushfit.cli.inputs import read_settings
 from pushfit.cli.output import refuse_existing, write_text
 from pushfit.cli.session import Session
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, installed_by
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -54,8 +54,8 @@ def look(
         refuse_existing(export, force=force)
     if find_spec("bokeh") is None:
         raise ConfigError(
-            "look needs the library Bokeh, which is not installed; pip install bokeh, "
-            "or take `pushfit peaks --plot`",
+            "look needs the library Bokeh, which is not installed; "
+            f"{installed_by('look')}, or take `pushfit peaks --plot`",
             code="look_unavailable",
         )
     settings = read_settings(layout, **asdict(search), begin=begin, end=end)

@@ -29,7 +29,7 @@ from pushfit.data.recordings.samples import Samples
 from pushfit.data.recordings.units import UNITS
 from pushfit.data.text.faults import refuse, refuse_too_large
 from pushfit.data.text.files import FileStamp, sha256_of
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, installed_by
 
 
 @dataclass(slots=True, kw_only=True)
@@ -118,7 +118,7 @@ def _open_reader(path: str, readable: str, definitions: str | None) -> Any:
     except ImportError as error:
         raise ConfigError(
             f"{path}: bags need the library rosbags, which is not installed; "
-            "pip install rosbags",
+            + installed_by("ros"),
             code="ros_not_installed",
         ) from error
     # Bags from before ROS 2 Iron carry no definitions; the standard types have stayed

@@ -14,7 +14,7 @@ from importlib import resources
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, installed_by
 from pushfit.parameters import NAMED, named
 from pushfit.report.strings import printable, symbol
 
@@ -73,7 +73,7 @@ def check_templates() -> None:
     if find_spec("jinja2") is None:
         raise ConfigError(
             "the HTML report needs Jinja2, which is not installed; "
-            "pip install jinja2, or use the text report",
+            f"{installed_by('report')}, or use the text report",
             code="html_unavailable",
         )
 

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from pushfit.atomic import is_stream
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, installed_by
 
 # How a grasp was explored, which no result makes anew: what was told, and its picture.
 JOURNAL, EXPLORATION = EXPLORED = ("journal.jsonl", "exploration.png")
@@ -37,7 +37,7 @@ def left_out(*libraries: str) -> str:
     lacking = " and ".join(PARTS[library] for library in missing)
     return (
         f"{lacking} will be left out, for want of {' and '.join(missing)}; "
-        f"pip install {' '.join(missing)}"
+        + installed_by("report")
     )
 
 

@@ -171,7 +171,7 @@ def test_a_missing_library_is_said_before_the_recording_is_read(
     (place / "a.csv").write_text("no recording at all")
     monkeypatch.setattr(look_module, "find_spec", lambda name: None)
     assert main(["look", "a.csv", "--no-browser"]) == 2
-    assert "not installed; pip install bokeh" in capsys.readouterr().err
+    assert "not installed; `pip install '.[look]'` in the" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
