@@ -34,8 +34,9 @@ EXAMPLES = {
         "open results/report.html and load it again when something has come",
     ),
     "simulate": (
-        "pushfit simulate schedule.csv -c truth.toml -o simulated.csv",
-        "`pushfit identify simulated.csv -s schedule.csv`",
+        "pushfit simulate schedule.csv -c truth.toml --unit kpa --noise 0.1 "
+        "-o simulated.csv",
+        "`pushfit identify simulated.csv -s schedule.csv -c grasp.toml`",
     ),
     "demo": ("pushfit demo -o demo_result", "open demo_result/report.html"),
     "init": (
@@ -68,8 +69,9 @@ EXAMPLES = {
         "make the first push of the list, add its height to the table, ask again",
     ),
     "explore": (
-        "pushfit explore --hand simulated -c grasp.toml --out explored",
-        "pushfit report explored shows what was found and how it went",
+        "pushfit explore --hand simulated -c grasp.toml --unit kpa --theta -60 60 "
+        "--sigma 0.1 --out explored",
+        "open explored/report.html: what was found and how it went",
     ),
     "doctor": ("pushfit doctor", "give what it prints along with a report of a bug"),
 }

@@ -4,6 +4,7 @@ import inspect
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -17,7 +18,7 @@ import typer
 from benchmarks.waiting import COMMANDS
 from pushfit.cli import main
 from pushfit.cli.app import app
-from pushfit.cli.commands import doctor
+from pushfit.cli.commands import doctor, explore
 from pushfit.cli.examples import EXAMPLES
 from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
@@ -308,6 +309,20 @@ def test_every_command_ends_its_help_with_an_example_that_it_understands():
         assert (first, second) == ("pushfit", name)
         # Raises for an option or argument that the command does not have.
         known.make_context(name, arguments)
+
+
+def test_the_examples_that_fit_nothing_work_on_the_foam_box(tmp_path, monkeypatch):
+    """With its files under the names of the examples; of `explore` all but pushes."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("truth.toml", "grasp.toml"):
+        shutil.copy(EXAMPLE / name, name)
+    for name in ("sweep.csv", "schedule.csv"):
+        shutil.copy(EXAMPLE / f"theta_{name}", name)
+    monkeypatch.setattr(explore, "_run", lambda *_, **__: 0)
+    for name in ("validate", "peaks", "simulate", "explore"):
+        assert main(shlex.split(EXAMPLES[name][0])[1:]) == 0
+    # What comes after `simulate` begins with this.
+    assert main(["peaks", "simulated.csv", "-s", "schedule.csv"]) == 0
 
 
 @pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS)
