@@ -12,10 +12,13 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from pushfit.atomic import atomic_path
+from pushfit.data.recordings.recognise import Columns
 from pushfit.data.recordings.records import Source
 from pushfit.data.recordings.units import in_degrees
 from pushfit.data.tables.columns import KnownColumns, Origin, read_columns, read_rows
-from pushfit.data.tables.rules import check_columns
+from pushfit.data.tables.rules import CHANNELS, check_columns
+from pushfit.data.tables.rules import KNOWN as TABLE
+from pushfit.data.text.faults import refuse
 
 KNOWN = KnownColumns(times=("time",))
 
@@ -153,9 +156,18 @@ def read_schedule(path: str | Path) -> PushSchedule:
             counted, `push` and `repeat`; `time_s` if the pushes were timed.
 
     Raises:
-        DataError: The file cannot be read or breaks a rule.
+        DataError: The file cannot be read, is a table of peak heights (`wrong_kind`) or
+            breaks a rule.
     """
-    rows = read_rows(path)
+    rows = read_rows(path, texts=TABLE.texts)
+    if not {*Columns([str(name) for name in rows.frame]).stems}.isdisjoint(CHANNELS):
+        raise refuse(
+            "wrong_kind",
+            "is a table of peak heights, no schedule; `pushfit fit` takes it by "
+            "itself, and its columns push, theta_deg, alpha_deg and repeat alone are "
+            "a schedule",
+            path=str(path),
+        )
     return PushSchedule.from_frame(rows.frame, origin=rows.origin, source=rows.source)
 
 

@@ -32,6 +32,14 @@ def test_an_impossible_elevation_is_named(tmp_path):
         read_schedule(written(tmp_path, "theta_deg,alpha_deg\n60,90\n97,90\n"))
 
 
+@pytest.mark.parametrize("more", [("height_kpa", "1.5"), ("height_n,flags", "1.5,cut")])
+def test_a_table_of_peaks_is_called_what_it_is(more, tmp_path):
+    names, cells = more
+    path = written(tmp_path, f"theta_deg,alpha_deg,{names}\n30,0,{cells}\n")
+    with pytest.raises(DataError, match=r"table of peak heights.*`pushfit fit`"):
+        read_schedule(path)
+
+
 def test_a_schedule_without_directions_is_refused(tmp_path):
     with pytest.raises(DataError) as caught:
         read_schedule(written(tmp_path, "push,repeat\n1,1\n"))
