@@ -305,9 +305,21 @@ def test_a_wrong_schedule_is_not_answered_by_a_page_of_pushes(capsys):
     schedule = str(EXAMPLE / "theta_schedule.csv")
     assert main(["peaks", recording, "-s", schedule]) == 3
     said = capsys.readouterr().err
-    assert said.startswith(f"error: {recording}: 108 pushes are planned, 18 found: ")
+    told = f"108 pushes are planned in {schedule}, 18 found: "
+    assert said.startswith(f"error: {recording}: {told}")
+    assert "a row for each push" not in said
     assert "and 87 more" in said
-    assert len(said) < 800
+    assert len(said.replace(f"{EXAMPLE}/", "")) < 800
+
+
+def test_a_schedule_that_is_too_short_is_named_with_what_to_add(tmp_path, capsys):
+    plan = tmp_path / "short.csv"
+    rows = (EXAMPLE / "alpha_schedule.csv").read_text().splitlines()
+    plan.write_text("\n".join(rows[:-1]))
+    assert main(["peaks", str(ALPHA_SWEEP), "-s", str(plan)]) == 3
+    said = capsys.readouterr().err
+    assert f"17 pushes are planned in {plan}, 18 found" in said
+    assert "Give the schedule a row for each push that was made, or a column" in said
 
 
 def test_a_counter_is_never_proposed_as_a_pressure(capsys):

@@ -51,8 +51,9 @@ def mismatch_error(
         for j in pairs.extra
     ]
     n_found = plan.n_pushes - len(pairs.missing) + len(pairs.extra)
+    where = f" in {path}" if path else ""
     return DataError(
-        f"{plan.n_pushes} pushes are planned, {n_found} found: "
+        f"{plan.n_pushes} pushes are planned{where}, {n_found} found: "
         f"{_first([p.message for p in problems], '; ') or 'not in their rhythm'}"
         f"{_doubt(plan, pairs, extents)}",
         code="push_mismatch",
@@ -80,9 +81,11 @@ def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> s
     window = (
         stated(exclude=[extents[j].window for j in humps]) if humps else "`exclude`"
     )
+    is_short = len(pairs.extra) > len(pairs.missing)
+    rows = "a row for each push that was made, or " if is_short else ""
     return (
         f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
-        "the schedule a column time_s, leave out what is no push by "
+        f"the schedule {rows}a column time_s, leave out what is no push by "
         f"{window}, state `min_height`, or take (a) by `allow_missing=True`. "
         f"Found of planned by (theta, alpha) in (a): {_counts(plan, pairs)}"
     )
