@@ -24,6 +24,7 @@ from pushfit.data.recordings.load import configured_recording, reader_options
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
+from pushfit.data.text.faults import counted
 from pushfit.errors import ConfigError, PushfitError
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
@@ -178,8 +179,9 @@ def gather(
         return tables[0]
     if plans and len(plans) != len(loaded):
         raise ConfigError(
-            f"{len(loaded)} recordings and {len(plans)} schedules; give one schedule "
-            "for each recording, in the same order",
+            f"{counted(len(loaded), 'recording')} and "
+            f"{counted(len(plans), 'schedule')}; give one schedule for each recording, "
+            "in the same order",
             code="schedule_count",
         )
     schedules = [_load_plan(plan) for plan in plans] or [None] * len(loaded)
@@ -199,7 +201,8 @@ def _check_tables(
 ) -> None:
     """Refuse a table together with what it makes no sense with."""
     if len(loaded) > 1:
-        kinds = f"{len(tables)} tables and {len(loaded) - len(tables)} recordings"
+        recordings = counted(len(loaded) - len(tables), "recording")
+        kinds = f"{counted(len(tables), 'table')} and {recordings}"
         raise ConfigError(
             f"{kinds} at once; give recordings only, or one table "
             "(`merge_tables` makes one of several)",

@@ -103,7 +103,7 @@ def test_every_function_for_users_has_the_same_seed():
     [
         (("none.csv",), ConfigError, "no such file"),
         ((PLAN,), DataError, "is a schedule"),
-        (([SWEEP, SWEEP], PLAN), ConfigError, "2 recordings and 1 schedules"),
+        (([SWEEP, SWEEP], PLAN), ConfigError, "2 recordings and 1 schedule;"),
         ((SWEEP,), DataError, "no angles"),
     ],
 )
@@ -115,7 +115,7 @@ def test_inputs_that_do_not_go_together_are_refused(arguments, error, words):
 def test_a_table_goes_with_nothing_else(table):
     with pytest.raises(ConfigError, match="takes no schedule"):
         pushfit.identify(table, PLAN)
-    with pytest.raises(ConfigError, match="1 tables and 1 recordings"):
+    with pytest.raises(ConfigError, match="1 table and 1 recording at once"):
         pushfit.identify([table, SWEEP])
 
 

@@ -92,13 +92,15 @@ def load_peaks(
         reader_options,
     )
     from pushfit.data.tables.merge import merge_tables
+    from pushfit.data.text.faults import counted
     from pushfit.data.text.files import existing_files
 
     existing_files([*recordings, *schedules])
     if schedules and len(schedules) != len(recordings):
         raise ConfigError(
-            f"{len(recordings)} recordings and {len(schedules)} schedules; give "
-            "--schedule once for each recording, in the same order",
+            f"{counted(len(recordings), 'recording')} and "
+            f"{counted(len(schedules), 'schedule')}; give --schedule once for "
+            "each recording, in the same order",
             code="schedule_count",
         )
     tables = []

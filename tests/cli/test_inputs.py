@@ -215,6 +215,12 @@ def test_a_recording_named_twice_is_not_counted_twice(capsys):
     assert "has the same bytes" in capsys.readouterr().err
 
 
+def test_recordings_and_schedules_are_counted_in_english(capsys):
+    sweep, plan = str(EXAMPLE / "theta_sweep.csv"), str(EXAMPLE / "theta_schedule.csv")
+    assert main(["identify", sweep, sweep, "-s", plan]) == 2
+    assert "2 recordings and 1 schedule; give --schedule" in capsys.readouterr().err
+
+
 def test_an_inverted_signal_is_turned_from_the_command_line(tmp_path, capsys):
     header, *rows = (EXAMPLE / "theta_sweep.csv").read_text().splitlines()
     at = header.split(",").index("pressure_kpa")
