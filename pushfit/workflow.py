@@ -64,6 +64,7 @@ def identify(
             the recordings have angle columns, and for a table.
         config: What is known of grasp and sensor: a `grasp.toml`, its content, or what
             `read_config` gives.
+        seed: Seed of all randomness: with the same one, the same numbers.
         engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws are
             not to be trusted.
         progress: Called with a stage and the share of it that is done; None shows both

@@ -98,6 +98,12 @@ def test_every_function_for_users_has_the_same_seed():
     assert {"identify", "compare_models", "coverage_study", "Explorer"} <= set(seeds)
 
 
+def test_what_identify_takes_is_explained():
+    told = inspect.getdoc(pushfit.identify)
+    names = inspect.signature(pushfit.identify).parameters
+    assert [name for name in names if f"\n    {name}: " not in told] == []
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "words"),
     [
