@@ -85,6 +85,7 @@ def test_tables_have_a_row_for_every_number(result):
     latex = result.to_latex()
     assert latex.count(r"\\") == n_rows + 1
     assert r"$\theta_c$ & 40" in latex
+    assert r" & unit & verdict \\" in latex
 
 
 def test_a_latex_table_escapes_what_users_write(hostile):

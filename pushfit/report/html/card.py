@@ -56,9 +56,8 @@ def markdown_table(identification: Identification) -> str:
 
 def latex_table(identification: Identification) -> str:
     """All numbers as a LaTeX table in the style of booktabs."""
-    header = (*header_of(identification)[:-1], "")
     lines = [r"\begin{tabular}{lrlll}", r"\toprule"]
-    lines += [_latex_line(map(_latex, header)), r"\midrule"]
+    lines += [_latex_line(map(_latex, header_of(identification))), r"\midrule"]
     for name, *rest in quantity_rows(identification):
         record = named(name)
         letter = record.math if record else _latex(name)
