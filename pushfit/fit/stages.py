@@ -11,7 +11,8 @@ from pushfit.registry import mechanics_named
 
 Progress = Callable[[str, float], None]
 # Processor seconds of the example, with programs kept and with nothing compiled, as
-# `python -m benchmarks.stages` prints them; those of emcee are a guess.
+# `python -m benchmarks.stages` prints them; those of emcee are a guess, and those of a
+# picture are of `pushfit next --plot`.
 SECONDS = MappingProxyType(
     {
         "least squares by linear mechanics": (2.3, 27.9),
@@ -26,6 +27,7 @@ SECONDS = MappingProxyType(
         "checks": (1.6, 17.0),
         "next push": (1.2, 4.0),
         "report and figures": (13.5, 11.3),
+        "picture": (4.8, 4.4),
     }
 )
 
@@ -44,6 +46,11 @@ def stages_of(config: GraspConfig, engine: str) -> tuple[str, ...]:
     elif len(words) == 1:
         names.append(f"posterior {words[0]}")
     return (*names, "checks")
+
+
+def posterior_stage(config: GraspConfig) -> str:
+    """What draws by the mechanics of settings are called, which leave none open."""
+    return f"posterior by {config.grasp.mechanics} mechanics"
 
 
 def usual_seconds(stages: Sequence[str], *, is_compiled: bool = True) -> float:

@@ -128,7 +128,14 @@ def test_compare_finds_that_the_object_rolls(place, capsys, monkeypatch):
 
 def test_next_ranks_pushes_after_the_table(place, capsys):
     words = ["next", "result/peaks.csv", "-c", "grasp.toml", "-n", "3"]
-    found = said(capsys, *words)
+    assert main([*words, "--plot", "next.png", "--json"]) == 0
+    shown = capsys.readouterr()
+    found = json.loads(shown.out)
     assert found["schema"] == "pushfit.next/1"
     assert found["n_pushes"] == 24
     assert len(found["suggestions"]) == 3
+    stages = [line.split(":")[0] for line in shown.err.splitlines()]
+    assert stages[-4:] == [
+        *("posterior by linear mechanics", "next push", "picture"),
+        "wrote next.png",
+    ]

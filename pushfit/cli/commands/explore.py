@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pushfit.explore.explorer import Explorer
     from pushfit.explore.hands.protocol import Hand
     from pushfit.explore.loop import Step
+    from pushfit.fit.stages import Stages
 
 # The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
 REACH = (5.0, 85.0)
@@ -84,11 +85,13 @@ class Asked:
         unit: str,
         seed: int,
         journal: Path | None = None,
+        stages: "Stages | None" = None,
     ) -> "Explorer":
         """What chooses the pushes.
 
         Args:
             channels: Those of a table that was made before.
+            stages: Hears what is done until something is believed.
         """
         from pushfit.explore.belief.from_fit import believe
         from pushfit.explore.explorer import Explorer
@@ -107,7 +110,7 @@ class Asked:
             journal=journal,
             seed=seed,
             # Without a journal one question is asked, and what it takes is made once.
-            source=partial(believe, is_growing=journal is not None),
+            source=partial(believe, is_growing=journal is not None, stages=stages),
         )
 
 
@@ -130,28 +133,37 @@ def next(
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
     from pushfit.fit.programs import loaded_ahead
-    from pushfit.fit.stages import stages_of
+    from pushfit.fit.stages import Stages, posterior_stage, stages_of
 
     settings = read_config(asked.config)
-    with loaded_ahead("; ".join(("next push", *stages_of(settings, "sweep")))):
-        from pushfit.data.tables.peak_table import read_table
-        from pushfit.report.text.exploration import next_dict, next_text
+    own = [] if table is None else map(posterior_stage, settings.by_mechanics())
+    names = [*own, "next push", *["picture"] * (plot is not None)]
+    analysis = "; ".join(("next push", *stages_of(settings, "sweep")))
+    with session.progress() as progress:
+        with loaded_ahead(analysis) as is_compiled:
+            from pushfit.data.tables.peak_table import read_table
+            from pushfit.report.text.exploration import next_dict, next_text
 
-        made = None if table is None else read_table(table)
-        explorer = asked.explorer(
-            settings,
-            channels=None if made is None else made.channels,
-            unit=unit if made is None else made.unit,
-            seed=seed,
-        )
-        if made is not None:
-            explorer.attach(made)
-        suggestions = explorer.ask(n)
+            made = None if table is None else read_table(table)
+            stages = Stages(names, progress, is_compiled=is_compiled)
+            explorer = asked.explorer(
+                settings,
+                channels=None if made is None else made.channels,
+                unit=unit if made is None else made.unit,
+                seed=seed,
+                stages=stages,
+            )
+            if made is not None:
+                explorer.attach(made)
+            stages.begin("next push")
+            suggestions = explorer.ask(n)
+        if plot is not None:
+            stages.begin("picture")
+            from pushfit.report.figures import save_figure
+            from pushfit.report.figures.exploration import exploration_picture
+
+            save_figure(exploration_picture(explorer, suggestions), plot)
     if plot is not None:
-        from pushfit.report.figures import save_figure
-        from pushfit.report.figures.exploration import exploration_picture
-
-        save_figure(exploration_picture(explorer, suggestions), plot)
         session.wrote(plot)
     if json:
         session.print_json(next_dict(explorer, suggestions))

@@ -26,6 +26,7 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.profiles.least_squares import settle_noise
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import Setup, build_problem, n_azimuths
+from pushfit.fit.stages import Stages, posterior_stage
 from pushfit.fit.sweep.posterior import sweep_posterior
 from pushfit.model import Grasp
 
@@ -38,7 +39,12 @@ IMMENSE = 1e6
 
 
 def believe(
-    table: PeakTable | None, question: Question, seed: int, *, is_growing: bool = True
+    table: PeakTable | None,
+    question: Question,
+    seed: int,
+    *,
+    is_growing: bool = True,
+    stages: Stages | None = None,
 ) -> Belief:
     """What a table of pushes leaves to be believed.
 
@@ -47,6 +53,7 @@ def believe(
 
     Args:
         is_growing: Whether more pushes are to come, so that programs are to be few.
+        stages: Hears which mechanics draws are made by.
 
     Returns:
         `N_DRAWS` draws of the posterior, or of the prior without a usable push.
@@ -56,8 +63,11 @@ def believe(
     table = _with_open_direction(table, question)
     settings, _ = prepared(table, question.settings)
     first, *others = settings.by_mechanics()
+    stages = stages or Stages(())
+    stages.begin(posterior_stage(first))
     drawn = _drawn(table, first, seed, is_growing=is_growing)
     if others and is_tilt_large(drawn.setup, drawn.posterior):
+        stages.begin(posterior_stage(others[0]))
         other = _drawn(table, others[0], seed, is_growing=is_growing)
         if do_draws_tilt(drawn.posterior, other.posterior, prob=settings.report.prob):
             drawn = other
