@@ -5,9 +5,10 @@ stable word that scripts may test; the sentence may change between versions. Num
 non-success is not an error here: results carry a status (see `pushfit.fit.results`).
 """
 
+import copyreg
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 
 def stated(**arguments: object) -> str:
@@ -62,6 +63,10 @@ class PushfitError(Exception):
         super().__init__(message)
         self.code = code
         self.problems = problems
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go from process to process: without it only what is positional does."""
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
 
 
 class ConfigError(PushfitError):

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pushfit.cli import options
+from pushfit.cli.aside import begun
 from pushfit.cli.inputs import load_peaks, load_table, read_settings
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import Session
@@ -28,14 +30,12 @@ def identify(
     wanted: options.Analysis,
 ) -> int:
     """From recordings of pushes to theta_c and alpha*."""
-
-    def load(settings: "GraspConfig") -> "PeakTable":
-        return load_peaks(session, recordings, schedules or [], config=settings)
-
+    settings = read_settings(layout, invert=invert)
+    load = partial(load_peaks, session, recordings, schedules or [], config=settings)
     return analyse(
         session,
-        load,
-        read_settings(layout, invert=invert),
+        begun(load),
+        settings,
         wanted,
         recordings=tuple(str(path) for path in recordings),
         schedules=tuple(str(path) for path in schedules or ()),
@@ -52,10 +52,9 @@ def fit(
     """From a table of peaks to theta_c and alpha*."""
     from pushfit.config import read_config
 
-    def load(settings: "GraspConfig") -> "PeakTable":
-        return load_table(table, settings)
-
-    return analyse(session, load, read_config(config), wanted, table=str(table))
+    settings = read_config(config)
+    load = partial(load_table, table, settings)
+    return analyse(session, load, settings, wanted, table=str(table))
 
 
 def demo(
@@ -83,7 +82,7 @@ def demo(
 
 def analyse(
     session: Session,
-    load: Callable[["GraspConfig"], "PeakTable"],
+    load: Callable[[], "PeakTable"],
     settings: "GraspConfig",
     wanted: options.Analysis,
     **inputs: Any,
@@ -106,7 +105,7 @@ def analyse(
         from pushfit.fit.results import FitStatus, Recipe
         from pushfit.report.text.first import First
 
-        table = load(settings)
+        table = load()
         if wanted.checkpoint is not None:
             keep(f"the chain is kept in {wanted.checkpoint}; the same command goes on")
         later = ["next push"] + ["report and figures"] * (wanted.out is not None)

@@ -1,0 +1,67 @@
+"""Work in a process of its own: the same outcome, whatever happens to it."""
+
+import pickle
+import subprocess
+import sys
+
+import pytest
+
+from pushfit.cli.aside import begun
+from pushfit.errors import ConvergenceError, DataError, Problem
+
+# Without JAX, as commands begin.
+SCRIPT = """
+import os, sys
+from pushfit.cli.aside import begun
+from pushfit.errors import DataError
+
+HERE = os.getpid()
+
+def refuse():
+    raise DataError("no such push", code="no_push")
+
+def die():
+    if os.getpid() != HERE:
+        os._exit(1)
+    return "done here"
+
+assert "jax" not in sys.modules
+is_aside = begun(os.getpid)() != HERE
+assert is_aside is (sys.platform == "linux")
+assert begun(die)() == "done here"
+try:
+    begun(refuse)()
+except DataError as error:
+    print(error.code, error, os.getpid() == HERE)
+"""
+
+
+def test_what_comes_of_work_aside_is_what_would_come_of_it_here():
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "no_push no such push True\n"
+    assert done.stderr == ""
+
+
+def test_beside_jax_work_is_done_when_it_is_waited_for():
+    def work() -> int:
+        return 1
+
+    assert begun(work) is work
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        DataError(
+            "row 3: no", code="no", problems=(Problem(code="no", message="row 3"),)
+        ),
+        ConvergenceError("stopped", code="stopped", names=("K_sn",), costs=(1.0,)),
+    ],
+)
+def test_errors_go_from_process_to_process_whole(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert vars(again) == vars(error)
