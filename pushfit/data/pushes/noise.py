@@ -12,6 +12,8 @@ from jaxtyping import Bool, Float
 _NOISE_SAMPLES = 20_000
 # Even steps that differ by this much are equal but for rounding.
 _EQUAL = 1.01
+# Noise of what is simulated without any, as a share of the whole signal.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +54,7 @@ class Noise:
         # A median of steps in counts would be 1 or 2, by what else is in the file.
         ordered = np.sort(moving)
         middle = ordered[moving.size // 4 : moving.size - moving.size // 4]
-        sigma = 1.443 * float(middle.mean())
+        sigma = max(1.443 * float(middle.mean()), _ROUNDING * float(np.ptp(signal)))
         return cls(sigma=sigma, quantum=quantum)
 
     def of_mean(self, n_samples: float) -> float:

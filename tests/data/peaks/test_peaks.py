@@ -63,6 +63,15 @@ def test_heights_of_a_biotac_like_sweep_are_the_true_ones(shape):
     assert np.abs(pulls(table, made)).max() < MAX_PULL
 
 
+@pytest.mark.parametrize("shape", ["triangle", "sine"])
+def test_heights_without_noise_are_the_true_ones(shape):
+    """Equal readings at the top of the highest plateau are those of a limit."""
+    made = simulated(session=Session(shape=shape))
+    table = extract_peaks(made.recording, ALPHA_SWEEP)
+    assert table.is_used.all()
+    np.testing.assert_allclose(table.heights("height"), made.truth.height, rtol=0.01)
+
+
 def test_a_preloaded_theta_sweep_has_dips_below_the_plane_and_humps_above():
     made = simulated(THETA_SWEEP, Grasp(push_length=5e-3, gain=200.0, preload=2.0))
     table = extract_peaks(made.recording, THETA_SWEEP)
