@@ -4,6 +4,7 @@ Libraries are loaded under the lock of the interpreter, so that a thread would g
 nothing.
 """
 
+import signal
 import sys
 from collections.abc import Callable
 from multiprocessing import get_context
@@ -42,7 +43,9 @@ def begun(work: Callable[[], T]) -> Callable[[], T]:
 
 
 def _tell(work: Callable[[], T], sender: Connection) -> None:
-    """Send what work returns, or what it raises."""
+    """Send what work returns, or what it raises; a signal ends it, whatever was set."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
     try:
         message = work(), None
     except Exception as error:

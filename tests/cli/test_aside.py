@@ -44,6 +44,19 @@ def test_what_comes_of_work_aside_is_what_would_come_of_it_here():
     assert done.stderr == ""
 
 
+def test_who_does_not_wait_for_work_aside_ends_at_once():
+    """Commands have a handler of their own, which leaves signals to a thread."""
+    script = """
+import signal, time
+from functools import partial
+from pushfit.cli.aside import begun
+
+signal.signal(signal.SIGTERM, lambda number, frame: None)
+begun(partial(time.sleep, 3600))
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
+
+
 def test_beside_jax_work_is_done_when_it_is_waited_for():
     def work() -> int:
         return 1
