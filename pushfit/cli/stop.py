@@ -60,6 +60,8 @@ def stoppable() -> Iterator[None]:
         for number, handler in before.items():
             signal.signal(number, handler)
         signal.set_wakeup_fd(descriptor)
+        # Closed it would go on in processes that were forked meanwhile.
+        writer.shutdown(socket.SHUT_WR)
         writer.close()
         thread.join()
         reader.close()

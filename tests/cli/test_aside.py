@@ -44,17 +44,25 @@ def test_what_comes_of_work_aside_is_what_would_come_of_it_here():
     assert done.stderr == ""
 
 
-def test_who_does_not_wait_for_work_aside_ends_at_once():
-    """Commands have a handler of their own, which leaves signals to a thread."""
+def test_a_command_that_does_not_wait_for_work_aside_ends_at_once():
     script = """
-import signal, time
+import time
 from functools import partial
 from pushfit.cli.aside import begun
+from pushfit.cli.stop import stoppable
 
-signal.signal(signal.SIGTERM, lambda number, frame: None)
-begun(partial(time.sleep, 3600))
+with stoppable():
+    begun(partial(time.sleep, 3600))
+    print("refused")
 """
-    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert (done.stdout, done.stderr) == ("refused\n", "")
 
 
 def test_beside_jax_work_is_done_when_it_is_waited_for():
