@@ -249,8 +249,7 @@ def test_an_unknown_engine_is_refused():
         identify_table(table, config(), seed=0, engine="nuts")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("repeats", [1, 3])
+@pytest.mark.parametrize("repeats", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_constant_heights_without_sd_bound_an_angle_from_one_side(repeats):
     """Any θ_c below the lowest push fits them: A = B, and nothing rolls."""
     theta = np.radians(np.repeat(np.arange(5.0, 86.0, 5.0), repeats))

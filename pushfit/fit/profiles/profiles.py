@@ -5,15 +5,22 @@ standard error enters: sets come from thresholds on the profile alone, so two se
 critical angles stay two, and an end that no push bounds stays open.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.profiles.curve import LEVEL, Curve, first_values, profile_curve
+from pushfit.fit.profiles.curve import (
+    LEVEL,
+    N_FIRST,
+    Curve,
+    first_values,
+    profile_curve,
+)
 from pushfit.fit.profiles.derived_profiles import implied_profiles
 from pushfit.fit.profiles.held import imposable
 from pushfit.fit.profiles.least_squares import costs_at, searched
@@ -26,6 +33,9 @@ from pushfit.parameters import unit_of
 UNPROFILED = ("f1", "f2", "ln_s", "ln_L", "ln_p")
 # Distance from the end of the reach that stands for none [deg].
 JUMP = 1e-6
+# Where the next value lies above so many levels, it does not tell where between them
+# the curve crosses one.
+STEEP = 100.0
 
 
 def likelihood_profiles(
@@ -109,25 +119,42 @@ def _curves(
             continue
         at_modes = _values_at(problem, name, modes, reference_alpha)
         is_found = search.is_thorough and name == search.quantity
+        along = partial(
+            profile_curve,
+            problem,
+            index,
+            pool=pool,
+            reference_alpha=reference_alpha,
+            level=LEVEL if np.isinf(level) else level,
+        )
         if is_found and reference_alpha == search.reference_alpha:
             curve = _weighed_anew(problem, search.curve)
         else:
-            curve = profile_curve(
-                problem,
-                index,
-                first_values(problem, name, at_modes),
-                pool,
-                reference_alpha=reference_alpha,
-                level=LEVEL if np.isinf(level) else level,
-            )
+            curve = along(first_values(problem, name, at_modes))
         # Of the other modes most lie above the profile.
         around = np.interp(at_modes, curve.values, curve.chi_square)
         known = np.isfinite(at_modes) & ~(costs > around)
         exact = Curve(
             values=at_modes[known], points=modes[known], chi_square=costs[known]
         )
-        curves[name] = curve.joined(exact)
+        curves[name] = _with_crossings(curve.joined(exact), along, level)
     return curves
+
+
+def _with_crossings(
+    curve: Curve, along: Callable[[Float[np.ndarray, " g"]], Curve], level: float
+) -> Curve:
+    """A curve with more values where it crosses a level in one steep step.
+
+    Args:
+        along: Best fits along a range of values.
+    """
+    delta, values = curve.chi_square - np.min(curve.chi_square), curve.values
+    for i in np.flatnonzero(np.diff(delta <= level)):
+        if level * STEEP < np.max(delta[i : i + 2]) < np.inf:
+            between = np.linspace(*values[i : i + 2], N_FIRST)
+            curve = curve.joined(along(between))
+    return curve
 
 
 def _weighed_anew(problem: Problem, curve: Curve) -> Curve:
