@@ -4,6 +4,7 @@ Libraries are loaded under the lock of the interpreter, so that a thread would g
 nothing.
 """
 
+import contextlib
 import signal
 import sys
 from collections.abc import Callable
@@ -11,10 +12,14 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import TypeVar
 
+from pushfit.errors import PushfitError
+
 T = TypeVar("T")
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
-def begun(work: Callable[[], T]) -> Callable[[], T]:
+
+def aside(work: Callable[[], T]) -> Callable[[], T]:
     """Begin work that needs no JAX, whose threads no fork survives.
 
     Returns:
@@ -25,14 +30,18 @@ def begun(work: Callable[[], T]) -> Callable[[], T]:
         return work
     fork = get_context("fork")
     receiver, sender = fork.Pipe(duplex=False)
-    # A daemon ends with this process.
-    fork.Process(target=_tell, args=(work, sender), daemon=True).start()
+    # A daemon ends with this process, or when nobody is left to be told.
+    process = fork.Process(target=_tell, args=(work, receiver, sender), daemon=True)
+    # What signals do here they must not do there, not even once.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    process.start()
+    signal.pthread_sigmask(signal.SIG_SETMASK, before)
     sender.close()
 
     def outcome() -> T:
         try:
             found, error = receiver.recv()
-        except EOFError:
+        except (EOFError, OSError):
             # Whatever ended it is met again here.
             return work()
         if error is not None:
@@ -42,12 +51,16 @@ def begun(work: Callable[[], T]) -> Callable[[], T]:
     return outcome
 
 
-def _tell(work: Callable[[], T], sender: Connection) -> None:
-    """Send what work returns, or what it raises; a signal ends it, whatever was set."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+def _tell(work: Callable[[], T], receiver: Connection, sender: Connection) -> None:
+    """Send what work returns, or what the user can mend; a signal ends it."""
+    receiver.close()
+    signal.set_wakeup_fd(-1)
+    for number in SIGNALS:
         signal.signal(number, signal.SIG_DFL)
-    try:
-        message = work(), None
-    except Exception as error:
-        message = None, error
-    sender.send(message)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    with contextlib.suppress(Exception):
+        try:
+            message = work(), None
+        except PushfitError as error:
+            message = None, error
+        sender.send(message)

@@ -30,7 +30,7 @@ from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.setup import build_problem
-from pushfit.fit.stages import Stages, stages_of
+from pushfit.fit.stages import Stages
 
 # Sharpness of the soft model where the configuration names none: at θ_c the tangential
 # force then lies 8 % below the hard switch, at half and at twice the ratio of the two
@@ -195,9 +195,10 @@ def compare_models(
     """
     # Other noise is one of the models, not what all of them have.
     plain = with_plain_noise(config)
-    stages = Stages(stages_of(plain, "auto"))
+    if progress is not None:
+        progress("mechanics that lead", 0.0)
     fitted, _ = fitted_by_leading(
-        table, plain, seed=seed, stages=stages, hearing=Listener()
+        table, plain, seed=seed, stages=Stages(()), hearing=Listener()
     )
     sigma = fitted.setup.noise.kind
     sigma = "sampled" if sigma == "pooled" else sigma

@@ -36,8 +36,9 @@ if TYPE_CHECKING:
 class Value(Quantity):
     """One number with everything that may honestly be said of it.
 
-    `float(value)` and `f"{value:.3g}"` give the estimate, `str(value)` estimate,
-    interval and unit with the digits that the interval justifies.
+    `float(value)` and `f"{value:.3g}"` give the estimate where it may be quoted,
+    `str(value)` estimate, interval and unit with the digits that the interval
+    justifies.
     """
 
     __slots__ = ()
@@ -76,7 +77,8 @@ class Value(Quantity):
 
     def __repr__(self) -> str:
         """The same with its name and verdict."""
-        return f"<{self.name}: {self}, {verdict_word(self.verdict)}>"
+        text, word = str(self), verdict_word(self.verdict)
+        return f"<{self.name}: {text if text.endswith(word) else f'{text}, {word}'}>"
 
 
 class _Named(dict[str, Value]):

@@ -6,13 +6,13 @@ import sys
 
 import pytest
 
-from pushfit.cli.aside import begun
+from pushfit.cli.aside import aside
 from pushfit.errors import ConvergenceError, DataError, Problem
 
 # Without JAX, as commands begin.
 SCRIPT = """
 import os, sys
-from pushfit.cli.aside import begun
+from pushfit.cli.aside import aside
 from pushfit.errors import DataError
 
 HERE = os.getpid()
@@ -25,12 +25,24 @@ def die():
         os._exit(1)
     return "done here"
 
+def fail():
+    raise KeyError("a bug")
+
+def much():
+    return bytes(10**6), os.getpid() != HERE
+
 assert "jax" not in sys.modules
-is_aside = begun(os.getpid)() != HERE
+is_aside = aside(os.getpid)() != HERE
 assert is_aside is (sys.platform == "linux")
-assert begun(die)() == "done here"
+assert aside(die)() == "done here"
+assert aside(much)() == (bytes(10**6), is_aside)
 try:
-    begun(refuse)()
+    aside(fail)()
+except KeyError as error:
+    # With the traceback of the work.
+    assert error.__traceback__.tb_next.tb_next is not None
+try:
+    aside(refuse)()
 except DataError as error:
     print(error.code, error, os.getpid() == HERE)
 """
@@ -48,11 +60,11 @@ def test_a_command_that_does_not_wait_for_work_aside_ends_at_once():
     script = """
 import time
 from functools import partial
-from pushfit.cli.aside import begun
+from pushfit.cli.aside import aside
 from pushfit.cli.stop import stoppable
 
 with stoppable():
-    begun(partial(time.sleep, 3600))
+    aside(partial(time.sleep, 3600))
     print("refused")
 """
     done = subprocess.run(
@@ -65,11 +77,38 @@ with stoppable():
     assert (done.stdout, done.stderr) == ("refused\n", "")
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="work is not done aside")
+def test_work_aside_ends_when_nobody_is_left_to_be_told():
+    script = """
+import os, signal, time
+from pushfit.cli.aside import aside
+
+def work():
+    print(os.getpid(), flush=True)
+    time.sleep(0.5)
+    return bytes(10**6)
+
+aside(work)
+time.sleep(0.2)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    # Its end of the pipe is closed when it is gone.
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.stdout.strip().isdigit()
+    assert done.stderr == ""
+
+
 def test_beside_jax_work_is_done_when_it_is_waited_for():
     def work() -> int:
         return 1
 
-    assert begun(work) is work
+    assert aside(work) is work
 
 
 @pytest.mark.parametrize(

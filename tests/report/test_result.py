@@ -65,6 +65,7 @@ def test_what_a_rejected_model_gives_is_shown_but_no_number(inadequate):
     theta_c = Result.of(inadequate).theta_c
     assert theta_c.estimate is not None
     assert str(theta_c).endswith("° provisional")
+    assert repr(theta_c) == f"<theta_c: {theta_c}>"
     for number in (float, "{:.1f}".format):
         with pytest.raises(ValueError, match="theta_c has no single estimate: prov"):
             number(theta_c)

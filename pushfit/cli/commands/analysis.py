@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pushfit.cli import options
-from pushfit.cli.aside import begun
+from pushfit.cli.aside import aside
 from pushfit.cli.inputs import load_peaks, load_table, read_settings
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import Session
@@ -34,7 +34,7 @@ def identify(
     load = partial(load_peaks, session, recordings, schedules or [], config=settings)
     return analyse(
         session,
-        begun(load),
+        load,
         settings,
         wanted,
         recordings=tuple(str(path) for path in recordings),
@@ -96,6 +96,9 @@ def analyse(
     if wanted.out is not None:
         check_target(wanted.out, force=wanted.force)
         warn_of_missing(session, *PARTS)
+    if "recordings" in inputs:
+        # Which takes as long as JAX does.
+        load = aside(load)
     from pushfit.fit.programs import loaded_ahead
     from pushfit.fit.stages import Stages, stages_of
 

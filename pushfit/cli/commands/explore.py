@@ -293,8 +293,6 @@ def _run(
         )
     if json:
         session.say(state.sentence, style="bold")
-    else:
-        print(state.sentence, flush=True)
     found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
     found = replace(with_next_push(found), warnings=(*found.warnings, ADAPTIVE))
     picture = figure_bytes(exploration_picture(explorer), "png")
@@ -314,6 +312,7 @@ def _run(
     if json:
         session.print_json({**summary_dict(found), "exploration": state_dict(state)})
     else:
+        print(state.sentence)
         for name in explorer.question.ask:
             print(f"Identified from all pushes: {ANSWERS[name](found).sentence}")
     return 0 if found.status is FitStatus.OK else FitError.exit_code

@@ -53,8 +53,10 @@ class Alignment:
 
     @property
     def is_of_another(self) -> bool:
-        """Whether the schedule is run through often, but a run's pushes do not fit."""
-        return self.n_odd * self.n_cycles > len(self.hump) and self.n_cycles > 1
+        """Whether many pushes, more than a run has, do not fit several runs."""
+        n_planned = len(self.hump)
+        is_much = self.n_odd * self.n_cycles > n_planned and 4 * self.n_odd > n_planned
+        return is_much and self.n_cycles > 1
 
     @property
     def missing(self) -> tuple[int, ...]:

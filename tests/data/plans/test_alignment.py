@@ -87,6 +87,14 @@ def test_runs_that_lack_more_pushes_than_one_has_are_of_another_schedule(
     assert result.is_of_another is is_of_another
 
 
+def test_a_few_odd_pushes_of_many_short_runs_are_no_other_schedule():
+    times = np.delete(humps(40), 11)
+    times = np.sort(np.append(times, times[[15, 25]] + 0.45 * PERIOD))
+    result = aligned(times, n_planned=2)
+    assert (result.n_cycles, result.n_odd) == (20, 3)
+    assert not result.is_of_another
+
+
 def test_planned_times_locate_a_push_in_an_uneven_schedule():
     planned = np.cumsum([0, 2, 2, 6, 2, 9, 2, 2, 4, 2.0])
     recorded = np.delete(planned + 100.0, 5)
