@@ -152,7 +152,7 @@ def _with_crossings(
     delta, values = curve.chi_square - np.min(curve.chi_square), curve.values
     for i in np.flatnonzero(np.diff(delta <= level)):
         if level * STEEP < np.max(delta[i : i + 2]) < np.inf:
-            between = np.linspace(*values[i : i + 2], N_FIRST)
+            between = np.linspace(values[i], values[i + 1], N_FIRST)
             curve = curve.joined(along(between))
     return curve
 
