@@ -1,6 +1,7 @@
 """Work in a process of its own: the same outcome, whatever happens to it."""
 
 import pickle
+import signal
 import subprocess
 import sys
 
@@ -48,12 +49,20 @@ except DataError as error:
 """
 
 
-def test_what_comes_of_work_aside_is_what_would_come_of_it_here():
+def ran(script: str) -> tuple[int, str, str]:
+    """Code, output and errors of a script, once nobody can write to it any more."""
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
     )
-    assert done.stdout == "no_push no such push True\n"
-    assert done.stderr == ""
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_what_comes_of_work_aside_is_what_would_come_of_it_here():
+    assert ran(SCRIPT) == (0, "no_push no such push True\n", "")
 
 
 def test_a_command_that_does_not_wait_for_work_aside_ends_at_once():
@@ -67,14 +76,7 @@ with stoppable():
     aside(partial(time.sleep, 3600))
     print("refused")
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
-    assert (done.stdout, done.stderr) == ("refused\n", "")
+    assert ran(script) == (0, "refused\n", "")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="work is not done aside")
@@ -92,16 +94,9 @@ aside(work)
 time.sleep(0.2)
 os.kill(os.getpid(), signal.SIGKILL)
 """
-    # Its end of the pipe is closed when it is gone.
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
-    assert done.stdout.strip().isdigit()
-    assert done.stderr == ""
+    code, out, errors = ran(script)
+    assert (code, errors) == (-signal.SIGKILL, "")
+    assert out.strip().isdigit()
 
 
 def test_beside_jax_work_is_done_when_it_is_waited_for():
