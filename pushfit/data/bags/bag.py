@@ -118,7 +118,7 @@ def _open_reader(path: str, readable: str, definitions: str | None) -> Any:
     except ImportError as error:
         raise ConfigError(
             f"{path}: bags need the library rosbags, which is not installed; "
-            + installed_by("ros"),
+            f"{installed_by('ros')}",
             code="ros_not_installed",
         ) from error
     # Bags from before ROS 2 Iron carry no definitions; the standard types have stayed

@@ -53,10 +53,9 @@ class Alignment:
 
     @property
     def is_of_another(self) -> bool:
-        """Whether many pushes, more than a run has, do not fit several runs."""
-        n_planned = len(self.hump)
-        is_much = self.n_odd * self.n_cycles > n_planned and 4 * self.n_odd > n_planned
-        return is_much and self.n_cycles > 1
+        """Whether a quarter of several runs, and more than one has, does not fit."""
+        share = len(self.hump) / min(self.n_cycles, 4)
+        return self.n_cycles > 1 and self.n_odd > share
 
     @property
     def missing(self) -> tuple[int, ...]:

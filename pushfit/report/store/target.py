@@ -37,7 +37,7 @@ def left_out(*libraries: str) -> str:
     lacking = " and ".join(PARTS[library] for library in missing)
     return (
         f"{lacking} will be left out, for want of {' and '.join(missing)}; "
-        + installed_by("report")
+        f"{installed_by('report')}"
     )
 
 
