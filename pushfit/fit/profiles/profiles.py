@@ -131,14 +131,20 @@ def _curves(
             curve = _weighed_anew(problem, search.curve)
         else:
             curve = along(first_values(problem, name, at_modes))
-        # Of the other modes most lie above the profile.
-        around = np.interp(at_modes, curve.values, curve.chi_square)
-        known = np.isfinite(at_modes) & ~(costs > around)
-        exact = Curve(
-            values=at_modes[known], points=modes[known], chi_square=costs[known]
-        )
-        curves[name] = _with_crossings(curve.joined(exact), along, level)
+        # Most modes but the best lie above the profile; the better ones are part of it.
+        for value, point, cost in zip(at_modes, modes, costs, strict=True):
+            around = np.interp(value, curve.values, curve.chi_square)
+            if np.isfinite(value) and not cost > around:
+                curve = curve.joined(_of_one(value, point, cost))
+        curves[name] = _with_crossings(curve, along, level)
     return curves
+
+
+def _of_one(value: float, point: Float[np.ndarray, " q"], cost: float) -> Curve:
+    """A curve of a single fit."""
+    return Curve(
+        values=np.array([value]), points=point[None], chi_square=np.array([cost])
+    )
 
 
 def _with_crossings(
