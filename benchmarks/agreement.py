@@ -27,8 +27,8 @@ from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.programs import in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.sampler.emcee_posterior import sample_posterior
+from pushfit.fit.sampler.mixture import fit_mixture
 from pushfit.fit.setup import Setup
-from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.fit.sweep.posterior import WeightedDraws, weighted_draws
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS

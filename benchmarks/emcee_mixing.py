@@ -24,10 +24,10 @@ from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.programs import in_chunks
 from pushfit.fit.sampler.chains import Densities, advance
 from pushfit.fit.sampler.diagnostics import autocorr_time
+from pushfit.fit.sampler.mixture import fit_mixture
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.sampler.starts import starting_points
 from pushfit.fit.setup import build_problem
-from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.model import Grasp, Parameters
 
 NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")

@@ -21,7 +21,7 @@ from pushfit.errors import ConvergenceError
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.sampler import checkpoint
-from pushfit.fit.sweep.mixture import Mixture
+from pushfit.fit.sampler.mixture import Mixture
 
 # Rows per call of the compiled density, the usual number of walkers. A difference move
 # asks for half of them; one program with idle rows is still faster than two calls.

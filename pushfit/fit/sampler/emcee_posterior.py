@@ -26,10 +26,10 @@ from pushfit.fit.results import Diagnostics, FitResult, FitStatus, PosteriorResu
 from pushfit.fit.sampler.chains import Densities, Run, keep, resume
 from pushfit.fit.sampler.checkpoint import fingerprint
 from pushfit.fit.sampler.diagnostics import MIN_AUTOCORR_TIMES, diagnose
+from pushfit.fit.sampler.mixture import fit_mixture
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.sampler.starts import starting_points
 from pushfit.fit.setup import Setup
-from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import as_float
 

@@ -13,7 +13,7 @@ from emcee.moves import MHMove, Move
 from emcee.state import State
 from jaxtyping import Bool, Float, Int
 
-from pushfit.fit.sweep.mixture import Mixture
+from pushfit.fit.sampler.mixture import Mixture
 
 # Share of the difference moves that jump by the whole difference of two walkers: what
 # carries a walker from one mode straight into another.

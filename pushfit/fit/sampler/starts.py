@@ -16,8 +16,8 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import FitResult
 from pushfit.fit.sampler.chains import advance
+from pushfit.fit.sampler.mixture import fit_mixture
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
-from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.model import as_float
 from pushfit.parameters import PARAMETERS, POSITIVE
 

@@ -16,15 +16,17 @@ from jaxtyping import Array, Float
 
 from pushfit.errors import FitError
 from pushfit.fit.problem.derived import samples_mapping
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.sampler.mixture import Mixture, fit_mixture
 from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.draws import Draw, draw, n_uniforms
-from pushfit.fit.sweep.mixture import fit_mixture
 from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet
 from pushfit.fit.sweep.target import Target
 from pushfit.model import Scalar, as_float
+
+LogProb = Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]]
 
 # Draws of one call, and effective draws that are enough: the mean of any quantity is
 # then good to 0.03 of its standard deviation.
@@ -42,10 +44,13 @@ HEAVY_PARETO_K = 0.5
 # components, the draws it is fitted to, and how many of these must count.
 MAX_REFINEMENTS = 3
 N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 4096, 500.0
-# Power of the weights that these are drawn by. By the weights themselves far tails were
-# proposed too seldom: of table uniform 1 of `benchmarks.agreement --tables 5` the sd of
-# f1 was 0.22 of itself too small, so it is 0.11.
-FITTED_POWER = 0.5
+# Before that they take so many steps of emcee in the posterior to this power, half of
+# them by a mixture fitted to themselves: far tails, where a proposal had few draws or
+# none, are filled. Without it standard deviations of 5 tables among 99 were too small
+# by up to 0.16.
+SPREADING_POWER, N_SPREADING = 0.5, 12
+# Densities of one call: half the walkers move at a time.
+N_ROWS = N_FITTED // 2
 # Draws of equal weight that are returned.
 N_RETURNED = 8192
 
@@ -80,14 +85,10 @@ class WeightedDraws:
         return self.ess >= TOO_FEW and self.pareto_k <= MAX_PARETO_K
 
     def resampled(
-        self, n: int, rng: np.random.Generator, *, power: float = 1.0
+        self, n: int, rng: np.random.Generator
     ) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"]]:
-        """Draws of equal weight in random order, and their log densities.
-
-        Args:
-            power: Of the weights; below 1 tails get more than their share.
-        """
-        ends = np.cumsum(np.exp(power * self.log_weights))
+        """Draws of equal weight in random order, and their log densities."""
+        ends = np.cumsum(np.exp(self.log_weights))
         ticks = (np.arange(n) + rng.uniform()) / n
         rows = np.searchsorted(ends, ticks * ends[-1])
         rows = rng.permutation(np.minimum(rows, ends.size - 1))
@@ -177,23 +178,52 @@ def _refined(
     target: Target, found: WeightedDraws, rng: np.random.Generator
 ) -> WeightedDraws:
     """Draws proposed by a mixture that resembles draws of the posterior."""
-    x, _ = found.resampled(N_FITTED, rng, power=FITTED_POWER)
-    mixture = fit_mixture(x, rng, n_components=N_COMPONENTS)
     random = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
+
+    def log_prob(x: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
+        return in_chunks(lambda rows: _log_probs(target, rows), x, N_ROWS)
+
+    x, _ = found.resampled(N_FITTED, rng)
+    mixture = fit_mixture(x, rng, n_components=N_COMPONENTS)
+    x = _spread(log_prob, x, mixture, random)
+    mixture = fit_mixture(x, rng, n_components=N_COMPONENTS)
 
     def batch() -> Draw:
         x = mixture.sample(random, N_DRAWS)
-        log_prob = _log_probs(target, as_float(x))
-        log_weight = np.asarray(log_prob) - mixture.log_density(x)
+        log_probs = log_prob(x)
         return Draw(
             x=as_float(x),
-            log_weight=as_float(log_weight),
-            log_prob=log_prob,
+            log_weight=as_float(log_probs - mixture.log_density(x)),
+            log_prob=as_float(log_probs),
             outer=as_float(x[:, 0]),  # any coordinate orders them
         )
 
     n_refinements = found.n_refinements + 1
     return replace(_drawn(batch, ENOUGH), n_refinements=n_refinements)
+
+
+def _spread(
+    log_prob: LogProb,
+    x: Float[np.ndarray, "n p"],
+    mixture: Mixture,
+    random: np.random.RandomState,
+) -> Float[np.ndarray, "n p"]:
+    """Draws of a posterior moved to where its power has its mass."""
+    # Slow to load, and few tables need them.
+    from pushfit.fit.sampler.chains import advance  # noqa: PLC0415
+    from pushfit.fit.sampler.moves import (  # noqa: PLC0415
+        DifferenceMove,
+        IndependenceMove,
+    )
+
+    chain, _ = advance(
+        lambda x: SPREADING_POWER * log_prob(x),
+        x,
+        N_SPREADING,
+        moves=[(DifferenceMove(1), 0.5), (IndependenceMove(mixture), 0.5)],
+        random=random,
+    )
+    return chain[-1]
 
 
 def _drawn(batch: Callable[[], Draw], enough: float) -> WeightedDraws:

@@ -7,8 +7,8 @@ from scipy import special, stats
 
 from pushfit.fit.sampler.chains import advance
 from pushfit.fit.sampler.diagnostics import autocorr_time
+from pushfit.fit.sampler.mixture import DEGREES_OF_FREEDOM, fit_mixture
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
-from pushfit.fit.sweep.mixture import DEGREES_OF_FREEDOM, fit_mixture
 
 N_ENSEMBLES, N_WALKERS, N_DIM = 4, 64, 6
 N_TOTAL = N_ENSEMBLES * N_WALKERS
