@@ -41,6 +41,14 @@ class Mixture:
     means: Float[np.ndarray, "c p"]
     factors: Float[np.ndarray, "c p p"]
 
+    def beside(self, other: "Mixture") -> "Mixture":
+        """Both as one, each with half of the weight."""
+        return Mixture(
+            weights=np.concatenate([self.weights, other.weights]) / 2,
+            means=np.concatenate([self.means, other.means]),
+            factors=np.concatenate([self.factors, other.factors]),
+        )
+
     def sample(
         self, random: np.random.RandomState, n: int
     ) -> Float[np.ndarray, "{n} p"]:
