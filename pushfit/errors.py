@@ -109,3 +109,8 @@ class FitError(PushfitError):
 
 class ConvergenceError(FitError):
     """A sampler or solver stopped before its answer could be trusted."""
+
+
+def counted(n: int, noun: str) -> str:
+    """Number of things, one of which is called by a noun."""
+    return f"{n} {noun}{'' if n == 1 else 's'}"

@@ -24,8 +24,7 @@ from pushfit.data.recordings.load import configured_recording, reader_options
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
-from pushfit.data.text.faults import counted
-from pushfit.errors import ConfigError, PushfitError
+from pushfit.errors import ConfigError, PushfitError, counted
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify import identify_table
 from pushfit.fit.programs import loaded_ahead

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pushfit.cli.options import SettingsOptions
 from pushfit.cli.session import Session
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, counted
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -92,7 +92,6 @@ def load_peaks(
         reader_options,
     )
     from pushfit.data.tables.merge import merge_tables
-    from pushfit.data.text.faults import counted
     from pushfit.data.text.files import existing_files
 
     existing_files([*recordings, *schedules])

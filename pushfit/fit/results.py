@@ -16,6 +16,9 @@ from jaxtyping import Bool, Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 
+# Residuals that count as outliers; one normal height in 1.7 million is farther [sd].
+OUTLIER_SIGMA = 5.0
+
 Piece = tuple[float | None, float | None]
 
 
@@ -308,7 +311,7 @@ class GoodnessOfFit:
         lack_of_fit_p_value: F test of lack of fit against repeats; None without
             repeats.
         pattern_p_value: Test for residuals that follow neighbours in direction.
-        outliers: Labels of pushes whose residual is beyond 5 sigma.
+        outliers: Labels of pushes whose residual is beyond `OUTLIER_SIGMA`.
         is_adequate: False if the model does not describe the data.
         sentence: The verdict in words.
         predictive: Posterior predictive checks; empty where draws are not to be

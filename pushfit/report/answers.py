@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.errors import counted
 from pushfit.fit.assess.reporting_rules import Pieces, is_trusted, pieces_for
 from pushfit.fit.results import (
     FitStatus,
@@ -174,11 +175,8 @@ def _reason(identification: Identification, quantity: Quantity) -> str:
         many = "the heights show no preferred direction"
     n_different = np.unique(angles[identification.used].round(6)).size
     if n_different < MIN_DIRECTIONS:
-        plural = "" if n_different == 1 else "s"
-        return (
-            f"the pushes have only {n_different} {few}{plural}, "
-            f"and at least {MIN_DIRECTIONS} are needed"
-        )
+        only = counted(n_different, few)
+        return f"the pushes have only {only}, and at least {MIN_DIRECTIONS} are needed"
     profile = identification.profiles.get(quantity.name)
     if profile is not None and profile.degrees_of_freedom < 1:
         return (

@@ -78,11 +78,6 @@ def listed(texts: Sequence[str], most: int = 12) -> str:
     return shown + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
-def counted(n: int, noun: str) -> str:
-    """Number of things, one of which is called by a noun."""
-    return f"{n} {noun}{'' if n == 1 else 's'}"
-
-
 def did_you_mean(text: str, known: Collection[str]) -> str:
     """Give the end of a sentence that names the nearest known word, if one is near."""
     near = difflib.get_close_matches(text, list(known), n=1)

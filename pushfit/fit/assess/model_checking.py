@@ -17,6 +17,7 @@ from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.problem.noise import Noise
 from pushfit.fit.profiles.profile_sets import profile_set
 from pushfit.fit.results import (
+    OUTLIER_SIGMA,
     FitResult,
     GoodnessOfFit,
     LikelihoodProfile,
@@ -31,9 +32,7 @@ LEVEL = 1e-3
 MIN_R_SQUARED = 0.8
 # Quantities that posterior and likelihood are compared by.
 CONTRADICTABLE = ("theta_c", "A", "B", "C_rr")
-# By chance one normal height in 1.7 million is farther. Chances come in steps of
-# 1/5000, a fifth of the level.
-OUTLIER_SIGMA = 5.0
+# Chances come in steps of 1/5000, a fifth of the level.
 N_PERMUTATIONS = 4999
 # With fewer directions a pattern cannot be told from chance.
 MIN_DIRECTIONS = 8

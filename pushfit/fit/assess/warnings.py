@@ -11,6 +11,7 @@ import scipy
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import counted
 from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.results import (
@@ -51,9 +52,8 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
     if n_elevations < 3:
         yield ResultWarning(
             code="few_elevations",
-            text=f"pushes have only {n_elevations} distinct "
-            f"{'elevation' if n_elevations == 1 else 'elevations'}; the critical angle "
-            "needs several on both sides of it",
+            text=f"pushes have only {counted(n_elevations, 'distinct elevation')}; the "
+            "critical angle needs several on both sides of it",
         )
     if "definition" in table.frame:
         definitions = set(table.frame["definition"][table.is_used]) - {""}

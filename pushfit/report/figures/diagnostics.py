@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
+from pushfit.fit.results import OUTLIER_SIGMA
 from pushfit.report.figures.style import (
     ALARM,
     BLACK,
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
     from pushfit.fit.coverage import CoverageStudy
 
-# Residuals that are shown as an alarm; the same limit as in the goodness of fit.
-OUTLIER_SIGMA = 5.0
 # More lines hide each other, more steps change no pixel, and both cost megabytes.
 MAX_TRACES = 4
 MAX_STEPS = 400

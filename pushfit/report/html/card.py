@@ -7,6 +7,7 @@ import base64
 import html
 from collections.abc import Sequence
 
+from pushfit.errors import counted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.parameters import named
 from pushfit.report.answers import Answer, alpha_star_answer, theta_c_answer
@@ -88,7 +89,7 @@ def card_html(identification: Identification) -> str:
     if identification.warnings:
         n = len(identification.warnings)
         items = [_text("li", warning.text) for warning in identification.warnings]
-        title = f"{n} warning{'s' if n > 1 else ''}"
+        title = counted(n, "warning")
         parts.append(_details(title, f"<ul>{''.join(items)}</ul>"))
     parts.append(_details("All numbers", _table(identification)))
     return f'<div style="{CARD}">{"".join(parts)}</div>'
