@@ -23,11 +23,14 @@ from pushfit.model import Contact, Scalar, contact
 from tests.oracle.cells import GAUSS, KRONROD, NODES
 from tests.oracle.noise_grid import NoiseGrid
 
-# Inner nodes: three panels in t, where coordinate = centre + scale sinh(t). The middle
-# one holds ±3.6 standard deviations, the outer ones reach 200 of them or the prior's
-# end, whichever is nearer.
+# Inner nodes: panels in t, where coordinate = centre + scale sinh(t). Those between
+# these shares of the core hold ±3.6 standard deviations, the outer ones reach 200 of
+# them or the prior's end, whichever is nearer. With one panel in the core standard
+# deviations of draws were 0.6 % too small.
 CORE, REACH = 2.0, 6.0
-N_NODES = 3 * NODES.size
+SHARES = (-1.0, 0.0, 1.0)
+N_PANELS = len(SHARES) + 1
+N_NODES = N_PANELS * NODES.size
 N_SCREEN = 13
 # Gauss-Newton steps towards the centre of a ridge, on the model and on scalars.
 LM_STEPS, SCALAR_STEPS = 16, 8
@@ -303,9 +306,9 @@ class Integrand(eqx.Module):
         centre = jnp.clip(centre, low, high)
         bottom = jnp.maximum(jnp.arcsinh((low - centre) / scale), -REACH)
         top = jnp.minimum(jnp.arcsinh((high - centre) / scale), REACH)
-        edges = jnp.stack(
-            [bottom, jnp.maximum(-CORE, bottom / 2), jnp.minimum(CORE, top / 2), top]
-        )
+        low_core, high_core = jnp.maximum(-CORE, bottom / 2), jnp.minimum(CORE, top / 2)
+        core = low_core + (high_core - low_core) * (1 + jnp.asarray(SHARES)) / 2
+        edges = jnp.concatenate([bottom[None], core, top[None]])
         half = (edges[1:] - edges[:-1]) / 2
         t = ((edges[1:] + edges[:-1]) / 2)[:, None] + jnp.outer(
             half, jnp.asarray(NODES)
@@ -316,7 +319,7 @@ class Integrand(eqx.Module):
         log_density = jnp.where(jnp.isnan(log_density), -jnp.inf, log_density)
         peak = jnp.max(log_density)
         peak = jnp.where(jnp.isfinite(peak), peak, 0.0)
-        f = jnp.exp(log_density - peak).reshape(3, -1)
+        f = jnp.exp(log_density - peak).reshape(N_PANELS, -1)
         kronrod, gauss = (
             half * (f @ jnp.asarray(KRONROD)),
             half * (f @ jnp.asarray(GAUSS)),

@@ -20,7 +20,10 @@ from tests.problems import CASES
 
 NOISE = 0.01
 N_TABLES = 12
-CONSTANT = '[noise]\nlikelihood = "normal"\nheight_share = 0.0\nrepeats = "alike"\n'
+CONSTANT = (
+    '[noise]\nlikelihood = "normal"\nheight_share = 0.0\ntheta_sd_deg = 0.0\n'
+    'repeats = "alike"\n'
+)
 
 
 def pushes(kind: str, seed: int) -> PeakTable:
