@@ -17,10 +17,10 @@ import pandas as pd
 
 from pushfit.cache import keep_programs
 from pushfit.config import GraspConfig, config_of, read_config
+from pushfit.data.check import expect_kind, file_kind
+from pushfit.data.load import configured_recording, reader_options
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule, read_schedule
-from pushfit.data.recordings.check import expect_kind, file_kind
-from pushfit.data.recordings.load import configured_recording, reader_options
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table

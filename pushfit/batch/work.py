@@ -12,8 +12,8 @@ from pathlib import Path
 from pushfit.batch.folders import SUMMARY, folder_name
 from pushfit.batch.items import Failure, Item
 from pushfit.batch.store import Finished
-from pushfit.data.recordings.check import file_kind
-from pushfit.data.recordings.load import (
+from pushfit.data.check import file_kind
+from pushfit.data.load import (
     configured_peaks,
     configured_recording,
     reader_options,

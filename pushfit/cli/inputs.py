@@ -85,8 +85,8 @@ def load_peaks(
     Raises:
         ConfigError: The schedules do not go with the recordings.
     """
-    from pushfit.data.recordings.check import expect_kind
-    from pushfit.data.recordings.load import (
+    from pushfit.data.check import expect_kind
+    from pushfit.data.load import (
         configured_peaks,
         configured_recording,
         reader_options,
@@ -123,8 +123,8 @@ def load_table(path: Path, config: "GraspConfig") -> "PeakTable":
     Raises:
         DataError: It is something else, or breaks a rule.
     """
-    from pushfit.data.recordings.check import expect_kind
-    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.check import expect_kind
+    from pushfit.data.load import reader_options
     from pushfit.data.tables.peak_table import read_table
 
     expect_kind(path, "table", **reader_options(config))

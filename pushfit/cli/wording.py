@@ -81,7 +81,7 @@ def _values(value: object = True) -> list[list[str]]:
 
 def _setting(argument: str) -> str:
     """What options and settings call an argument of a reader."""
-    from pushfit.data.recordings.load import READER_NAMES
+    from pushfit.data.load import READER_NAMES
 
     return next(
         (key for key, name in READER_NAMES.items() if name == argument), argument

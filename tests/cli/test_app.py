@@ -24,7 +24,7 @@ from pushfit.cli.session import Session
 from pushfit.config import GraspConfig, read_config
 from pushfit.config.inputs import RecordingSection
 from pushfit.data.grasp import make_grasp
-from pushfit.data.recordings.load import reader_options
+from pushfit.data.load import reader_options
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.samples import Gaps, ThetaFrom
 from pushfit.data.text.dialects import Format

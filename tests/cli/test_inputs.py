@@ -12,7 +12,7 @@ from pushfit.cli import options
 from pushfit.cli.app import main
 from pushfit.cli.inputs import read_settings
 from pushfit.config import parse_config, read_config
-from pushfit.data.recordings.load import reader_options
+from pushfit.data.load import reader_options
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.units import BIOTAC_PDC
 from pushfit.errors import ConfigError

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pushfit.config import parse_config, read_config, template
+from pushfit.data.load import configured_recording
 from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule, read_schedule, write_schedule
-from pushfit.data.recordings.load import configured_recording
 from pushfit.errors import ConfigError, DataError
 from pushfit.look.state import Look, angles_of
 from tests.look.makers import DIP, FAINT, HUMPS, TIME, TOUCH, a_look, recording, rounded

@@ -50,8 +50,8 @@ def validate(
     json: options.Json = False,
 ) -> int:
     """Say what files hold, or what is wrong with them."""
-    from pushfit.data.recordings.check import check_files
-    from pushfit.data.recordings.load import reader_options
+    from pushfit.data.check import check_files
+    from pushfit.data.load import reader_options
     from pushfit.data.text.files import existing_files
 
     settings = read_settings(layout)
@@ -97,8 +97,8 @@ def peaks(
     refuse_picture(plot, force=force)
     if output is not None:
         refuse_existing(output, force=force)
-    from pushfit.data.recordings.check import expect_kind
-    from pushfit.data.recordings.load import configured_recording, reader_options
+    from pushfit.data.check import expect_kind
+    from pushfit.data.load import configured_recording, reader_options
     from pushfit.data.tables.peak_table import write_table
 
     settings = read_settings(
@@ -208,9 +208,9 @@ def simulate(
 
 def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
     """What was recognised in one file."""
+    from pushfit.data.check import file_kind
+    from pushfit.data.load import reader_options
     from pushfit.data.plans.schedule import read_schedule
-    from pushfit.data.recordings.check import file_kind
-    from pushfit.data.recordings.load import reader_options
     from pushfit.data.recordings.recording import read_recording
     from pushfit.data.tables.peak_table import read_table
 

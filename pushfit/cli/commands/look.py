@@ -80,9 +80,9 @@ def read_look(
     session: Session, recording: Path, *, schedule: Path | None, settings: "GraspConfig"
 ) -> "Look":
     """What the page is going to show."""
+    from pushfit.data.check import expect_kind
+    from pushfit.data.load import configured_recording, reader_options
     from pushfit.data.plans.schedule import read_schedule
-    from pushfit.data.recordings.check import expect_kind
-    from pushfit.data.recordings.load import configured_recording, reader_options
     from pushfit.look.state import Look
 
     expect_kind(recording, "recording", **reader_options(settings))

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pushfit.atomic import atomic_path
-from pushfit.data.recordings.check import file_kind
+from pushfit.data.check import file_kind
 from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
 from pushfit.errors import DataError

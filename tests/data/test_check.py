@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pushfit.data.recordings.check import check_files, file_kind
+from pushfit.data.check import check_files, file_kind
 from pushfit.data.recordings.recording import read_recording
 from pushfit.errors import DataError
 
