@@ -48,8 +48,8 @@ N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 4096, 500.0
 FITTED_POWER = 0.5
 # Another is fitted to them after so many steps of emcee in the posterior to this power,
 # half of them by the first: it fills far tails, where the sweep had few draws or none.
-# Without it standard deviations of 5 tables among 99 were too small by up to 0.16;
-# alone it leaves a third of the effective draws of wide posteriors.
+# Without it standard deviations of five tables among 99 were too small, with it of two
+# among 100; alone it leaves a third of the effective draws of wide posteriors.
 SPREADING_POWER, N_SPREADING = 0.5, 12
 # Densities of one call: half the walkers move at a time.
 N_ROWS = N_FITTED // 2
@@ -214,8 +214,8 @@ def _spread(
     mixture: Mixture,
     random: np.random.RandomState,
 ) -> Float[np.ndarray, "n p"]:
-    """Draws of a posterior moved to where its power has its mass."""
-    # Slow to load, and few tables need them.
+    """Draws of a posterior, moved to where a power of it has its mass."""
+    # Slow to load, and not every table needs them.
     from pushfit.fit.sampler.chains import advance  # noqa: PLC0415
     from pushfit.fit.sampler.moves import (  # noqa: PLC0415
         DifferenceMove,
