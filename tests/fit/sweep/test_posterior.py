@@ -17,6 +17,7 @@ from pushfit.fit import identify
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
+from pushfit.fit.sampler.mixture import fit_mixture
 from pushfit.fit.sweep import posterior as engine
 from pushfit.fit.sweep import prior
 from pushfit.fit.sweep.prior import make_target
@@ -280,6 +281,20 @@ def test_a_far_tail_keeps_its_part_when_draws_are_drawn_anew(monkeypatch):
         found.append(np.sqrt(weights @ centred**2))
     truth = np.sqrt(1 - share + share * (width**2 + shift**2) - (share * shift) ** 2)
     assert np.sqrt(np.mean((np.array(found) / truth - 1) ** 2)) < 0.03
+
+
+def test_draws_are_spread_to_where_a_power_of_the_posterior_has_its_mass():
+    """The square root of a normal density has standard deviations √2 times as large."""
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((engine.N_SPREAD, 3))
+    spread = engine._spread(
+        lambda x: -np.sum(x**2, axis=1) / 2,
+        x,
+        fit_mixture(x, rng, n_components=engine.N_COMPONENTS),
+        np.random.RandomState(0),
+    )
+    # Four standard errors of so many independent draws, and four more for few steps.
+    assert spread.std(axis=0) == pytest.approx(np.full(3, np.sqrt(2)), rel=0.125)
 
 
 @pytest.mark.slow
