@@ -46,14 +46,14 @@ MAX_REFINEMENTS = 3
 N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 4096, 500.0
 # Power of the weights that these are drawn by: a fit to a few of them leaves out tails.
 FITTED_POWER = 0.5
-# Another is fitted to so many of them after some steps of emcee in the posterior to
-# this power, half of the steps by the first: it fills far tails, where the sweep had
-# few draws or none. Without it standard deviations of five tables among 99 were too
-# small, with it of two among 100; alone it leaves a third of the effective draws of
-# wide posteriors.
-N_SPREAD, N_STEPS, SPREADING_POWER = 2048, 12, 0.5
+# Another is fitted to them after so many steps of emcee in the posterior to this power,
+# half of them by the first: it fills far tails, where the sweep had few draws or none.
+# Without it standard deviations of five tables among 99 were too small, with it of two
+# among 100 (half as many draws leave some more); alone it leaves a third of the
+# effective draws of wide posteriors.
+N_STEPS, SPREADING_POWER = 12, 0.5
 # Densities of one call: half the walkers move at a time.
-N_ROWS = N_SPREAD // 2
+N_ROWS = N_FITTED // 2
 # Draws of equal weight that are returned.
 N_RETURNED = 8192
 
@@ -192,7 +192,7 @@ def _refined(
 
     x, _ = found.resampled(N_FITTED, rng, power=FITTED_POWER)
     mixture = fit_mixture(x, rng, n_components=N_COMPONENTS)
-    spread = _spread(log_prob, x[:N_SPREAD], mixture, random)
+    spread = _spread(log_prob, x, mixture, random)
     mixture = mixture.beside(fit_mixture(spread, rng, n_components=N_COMPONENTS))
 
     def batch() -> Draw:
