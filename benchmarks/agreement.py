@@ -35,6 +35,7 @@ from pushfit.fit.sweep import posterior
 from pushfit.fit.sweep.draws import n_uniforms
 from pushfit.fit.sweep.posterior import WeightedDraws, weighted_draws
 from pushfit.fit.sweep.prior import make_target
+from pushfit.fit.sweep.target import Target
 from pushfit.model import as_float
 from tests.fit.kinds import KINDS
 
@@ -127,13 +128,10 @@ def evidence(
     return float(np.log(ratio.mean()) + np.max(log_weight)), float(error)
 
 
-def by_the_sweep_alone(
-    problem: Problem, n_calls: int, rng: np.random.Generator
-) -> WeightedDraws:
+def by_the_sweep_alone(target: Target, rng: np.random.Generator) -> WeightedDraws:
     """Draws that the sweep proposes, however few of them count."""
-    target = make_target(problem, ALPHA)
     sheet = posterior._sheet(target)
-    shifts = rng.uniform(size=(n_calls, n_uniforms(target)))
+    shifts = rng.uniform(size=(N_CALLS, n_uniforms(target)))
     parts = [posterior._draws(target, sheet, as_float(shift)) for shift in shifts]
     draws = jax.tree.map(lambda *a: np.concatenate(a), *parts)
     return posterior._weighed(draws.x, draws.log_prob, draws.log_weight)
@@ -153,7 +151,7 @@ def compared(table: str, setup: Setup, seed: int) -> list[Difference] | str:
     found = list(_all_differences(table, problem, sweeps, chain, seed))
     missed = {one.what: one.value for one in found if one.is_miss}
     if missed:
-        alone = by_the_sweep_alone(problem, N_CALLS, np.random.default_rng([seed, 4]))
+        alone = by_the_sweep_alone(target, np.random.default_rng([seed, 4]))
         print(f"{table}: {alone.ess:.0f} of {len(alone.x)} draws of the sweep count")
         for one in differences(table, problem, [alone], chain):
             if one.what in missed:

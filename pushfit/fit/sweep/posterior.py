@@ -48,9 +48,9 @@ N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 4096, 500.0
 FITTED_POWER = 0.5
 # Another is fitted to them after so many steps of emcee in the posterior to this power,
 # half of them by the first: it fills far tails, where the sweep had few draws or none.
-# Without it standard deviations of five tables among 99 were too small, with it of two
-# among 100 (half as many draws leave some more); alone it leaves a third of the
-# effective draws of wide posteriors.
+# Without it standard deviations of two_supports 3 and tilting 0 of
+# `benchmarks.agreement --tables 5` were too small by 0.16 and 0.12; alone it leaves a
+# third of the effective draws of wide posteriors.
 N_STEPS, SPREADING_POWER = 12, 0.5
 # Densities of one call: half the walkers move at a time.
 N_ROWS = N_FITTED // 2
