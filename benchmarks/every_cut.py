@@ -13,7 +13,7 @@ recording itself cuts are left aside.
 import argparse
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -129,13 +129,14 @@ def rests(recording: Recording, pushes: Sequence[Push]) -> list[tuple[float, flo
         push.t_start: Feet.together([push.feet])
         for push in find_pushes(recording, settings=PeakSettings(channel=CHANNEL))
     }
-    feet = [own[push.start] for push in pushes]
+    far = np.array([np.inf])
+    feet = [replace(own[push.start], lowest=-far, highest=far) for push in pushes]
     lasts = [-np.inf, *(push.end for push in pushes[:-1])]
     firsts = [*(push.start for push in pushes[1:]), np.inf]
     return [
         (
-            max(float(one.before(np.array([-np.inf]))[0][0]), last),
-            min(float(one.after(np.array([np.inf]))[1][0]), first),
+            max(float(one.before[0][0]), last),
+            min(float(one.after()[1][0]), first),
         )
         for one, last, first in zip(feet, lasts, firsts, strict=True)
     ]

@@ -129,14 +129,13 @@ class _Beside:
         what is settled, to judge the noise.
         """
         feet = self.feet
-        lowest, highest = feet.room(self.time)
-        before = np.stack(feet.before(lowest), axis=1)
-        after = np.stack(feet.after(highest, waited=_WAITED), axis=1)
+        before = np.stack(feet.before, axis=1)
+        after = np.stack(feet.after(waited=_WAITED), axis=1)
         if is_long:
             most = MAX_SAMPLES * feet.step
             reach = np.clip(feet.width, _LEAST_JUDGED * most, most)
-            before[:, 0] = np.maximum(before[:, 0] - reach, lowest)
-            after[:, 1] = np.minimum(after[:, 1] + reach, highest)
+            before[:, 0] = np.maximum(before[:, 0] - reach, feet.lowest)
+            after[:, 1] = np.minimum(after[:, 1] + reach, feet.highest)
             after = np.maximum(after, after[:, :1])
         return np.searchsorted(self.time, before), np.searchsorted(self.time, after)
 

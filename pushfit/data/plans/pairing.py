@@ -181,6 +181,8 @@ def _where_it_was_to_be(
         peak=when,
         half_down=min(when + half, when + after),
         end=when + after,
+        lowest=max([*(e.t_end for e in others if e.t_end < when), -np.inf]),
+        highest=min([*(e.t_start for e in others if e.t_start > when), np.inf]),
         height=float(np.median([e.height for e in others])),
         moved=0.0,
         step=others[0].feet.step,

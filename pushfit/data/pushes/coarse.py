@@ -201,6 +201,8 @@ def _coarse(humps: Humps, trace: _Trace, sigma: float) -> Feet[np.ndarray]:
         peak=trace.at(humps.peaks),
         half_down=trace.at(half_down),
         end=trace.at(end),
+        lowest=trace.at(start),
+        highest=trace.at(end),
         height=heights,
         moved=np.zeros(len(heights)),
         step=np.full(len(heights), trace.step),

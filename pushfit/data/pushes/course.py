@@ -68,7 +68,7 @@ class Course:
         when: Float[np.ndarray, "p m"],
         *,
         tau: Float[np.ndarray, "p 1"],
-        ends: tuple[Float[np.ndarray, "p 1"], Float[np.ndarray, "p 1"]],
+        ends: tuple[Float[np.ndarray, "#p 1"], Float[np.ndarray, "#p 1"]],
     ) -> Float[np.ndarray, "p m"]:
         """Running means; over what there is of their windows at the ends.
 

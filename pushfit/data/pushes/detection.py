@@ -111,7 +111,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     is_low = is_low[whose]
     is_cut = are_cut(view, feet)
     is_push = ~_are_trends(feet, is_cut=is_cut, time=time, is_low=is_low)
-    is_jerk = _are_jerks(feet)
+    is_jerk = _are_jerks(feet, is_cut=is_cut)
     heights = feet.height[is_push & ~is_jerk]
     smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
     is_brush = (feet.height < smallest) | is_jerk
@@ -201,9 +201,17 @@ def _are_trends(
     return is_reading | ~(rises | falls) | (is_long & ~(rises & falls))
 
 
-def _are_jerks(feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
-    """What is far briefer than a push beside it: a jerk on contact or on retracting."""
+def _are_jerks(
+    feet: Feet[np.ndarray], *, is_cut: Bool[np.ndarray, " p"]
+) -> Bool[np.ndarray, " p"]:
+    """What is far briefer than a push beside it: a jerk on contact or on retracting.
+
+    A push that is cut may be as wide as the others are.
+    """
     gap, width = feet.start[1:] - feet.end[:-1], feet.width
+    if not is_cut.all():
+        usual = float(np.median(width[~is_cut]))
+        width = np.where(is_cut, np.maximum(width, usual), width)
     before = _BRIEFER * np.maximum(width[:-1], gap) < width[1:]
     after = _BRIEFER * np.maximum(width[1:], gap) < width[:-1]
     return np.append(before, False) | np.append(False, after)

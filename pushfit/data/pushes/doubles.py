@@ -43,8 +43,7 @@ def join_one(
     pairs = np.flatnonzero(~is_rest[:-1] & is_clear[:-1] & is_clear[1:] & is_near)
     if pairs.size == 0:
         return feet, places
-    room = feet.room(view.time)
-    ends = room[0][:, None], room[1][:, None]
+    ends = feet.lowest[:, None], feet.highest[:, None]
     top = view.course.smooth(feet.peak[:, None], tau=tau[:, None], ends=ends)[:, 0]
     first = (top - feet.height - np.maximum(feet.moved, 0.0))[pairs]
     last = (top - feet.height + np.minimum(feet.moved, 0.0))[pairs + 1]
@@ -59,19 +58,17 @@ def join_one(
         peak=np.where(tops[0] >= tops[1], left.peak, right.peak),
         half_down=right.half_down,
         end=right.end,
+        highest=right.highest,
         height=np.maximum(*tops) - np.maximum(first, last),
         moved=last - first,
     )
-    room = room[0][pairs], room[1][pairs + 1]
     # By the middle of both rests, for drift under two pushes fills no valley. Averaging
     # fills a short rest: in a finer course half of the share has to do.
     usual = both.averaging(view)
     fine = np.maximum(_FINE * usual, right.step) if view.smoothing is None else usual
     moved = np.abs(both.moved) / 2
     shares = [
-        _valleys(view.course, both, room, tau=own, sigmas=0.0, moved=moved)[2].min(
-            axis=1
-        )
+        _valleys(view.course, both, tau=own, sigmas=0.0, moved=moved)[2].min(axis=1)
         for own in (usual, fine)
     ]
     is_one = (shares[0] >= view.split) & (shares[1] >= view.split / 2)
@@ -94,7 +91,6 @@ def part_doubles(
     when, y, share = _valleys(
         knots_for(feet, view),
         feet,
-        feet.room(view.time),
         tau=feet.averaging(view),
         sigmas=_SIGNIFICANT,
         moved=np.abs(feet.moved),
@@ -114,7 +110,6 @@ def part_doubles(
 def _valleys(
     course: Course,
     feet: Feet[np.ndarray],
-    room: tuple[Numbers, Numbers],
     *,
     tau: Numbers,
     sigmas: float,
@@ -126,7 +121,6 @@ def _valleys(
 
     Args:
         course: Running means of the samples [unit].
-        room: Times between which each is alone [s].
         tau: Averaging times [s].
         sigmas: So many times the noise is no valley.
         moved: How far below the higher of the rests heights are counted from [unit].
@@ -137,7 +131,8 @@ def _valleys(
     """
     length = (feet.end - feet.start)[:, None]
     when = feet.start[:, None] + length * np.linspace(0.0, 1.0, _GRID)
-    y = course.smooth(when, tau=tau[:, None], ends=(room[0][:, None], room[1][:, None]))
+    ends = feet.lowest[:, None], feet.highest[:, None]
+    y = course.smooth(when, tau=tau[:, None], ends=ends)
     # The foot is near the rest, or the rest is not that of this course.
     least = y.min(axis=1) - 2 * FOOT * np.ptp(y, axis=1)
     base = np.maximum(y.max(axis=1) - feet.height - moved, least)[:, None]
@@ -146,8 +141,9 @@ def _valleys(
         np.maximum.accumulate(y[:, ::-1], axis=1)[:, ::-1],
     )
     noise = sigmas * feet.noise(tau)
-    share = (y - base) / np.maximum(tops - base, 1e-300)
-    return when, y, np.where(tops - y > noise[:, None], share, 1.0)
+    is_valley = (tops > base) & (tops - y > noise[:, None])
+    share = (y - base) / np.where(is_valley, tops - base, 1.0)
+    return when, y, np.where(is_valley, share, 1.0)
 
 
 def _part(

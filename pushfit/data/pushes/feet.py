@@ -5,7 +5,7 @@ Excluded: how it is traced (`pushfit.data.pushes.tracing`) and the levels of the
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -26,6 +26,9 @@ _SPAN, LONGEST = 0.6, 1.0
 _FEWEST = 8
 # What is lower than this share of a push is rest to it, found or not.
 _WIGGLE = 0.1
+# So it rises beside a neighbour: by more than a foot, which is counted from the mean of
+# a rest instead of its lowest.
+_RISES = 0.07
 # Sensors recover after a release.
 _SETTLING = 0.4
 # Less of a rest than this share of what is wanted shows no level.
@@ -38,6 +41,10 @@ SHIFT = 0.08
 CLEAR, _MOST_SMOOTHING = 30.0, 3.0
 # So many times the noise is no foot; at most this share of a height is hidden by it.
 SIGMAS, _MOST_HIDDEN = 3.0, 0.75
+# Height over the noise of a mean that makes a top.
+SEEN = 6.0
+# Where a course is looked at for a neighbour, as shares of the time that may hold one.
+_OUTWARD = np.linspace(0.0, 1.0, 240)
 # A push begins a ninth of the way to half height before it passes the foot; so many
 # samples of rest show that it had not begun.
 _BEGINS, _SHOWN = 0.11, 3
@@ -56,6 +63,8 @@ class Feet(Generic[Number]):
         peak: Is highest, smoothed.
         half_down: Passes half of the height on the way down.
         end: Passes the foot on the way down.
+        lowest: Begin of the room before it, in which there is nothing else.
+        highest: End of the room after it.
         height: Smoothed top over the higher of the two rests [unit].
         moved: Rest after it over the rest before it, where both are seen [unit].
         step: Usual sampling step around it [s].
@@ -67,6 +76,8 @@ class Feet(Generic[Number]):
     peak: Number
     half_down: Number
     end: Number
+    lowest: Number
+    highest: Number
     height: Number
     moved: Number
     step: Number
@@ -118,16 +129,59 @@ class Feet(Generic[Number]):
         """Noise of means over times [s] [unit]."""
         return self.sigma * np.sqrt(np.minimum(1.0, self.step / tau))
 
-    def room(
-        self: "Feet[np.ndarray]", time: Float[np.ndarray, " n"]
-    ) -> tuple[Numbers, Numbers]:
-        """Halves of rests beside pushes in order: a cut between takes nothing [s]."""
-        n = len(self.start)
-        end, start = np.append(self.end, np.nan), np.append(self.start, np.nan)
-        earlier, later = self._neighbours(-1), self._neighbours(1)
-        lowest = np.where(earlier < 0, time[0], (end[earlier] + self.start) / 2)
-        highest = np.where(later == n, time[-1], (self.end + start[later]) / 2)
-        return np.minimum(lowest, self.start), np.maximum(highest, self.end)
+    def alone(self: "Feet[np.ndarray]", view: View) -> "Feet[np.ndarray]":
+        """The same, of all pushes in order, with halves of the rests beside them.
+
+        So a cut in the middle of a rest takes nothing from either push.
+        """
+        lowest, highest = (self._room(view, sign) for sign in (-1, 1))
+        return replace(
+            self,
+            lowest=np.minimum(lowest, self.start),
+            highest=np.maximum(highest, self.end),
+        )
+
+    def _room(self: "Feet[np.ndarray]", view: View, sign: int) -> Numbers:
+        """Ends of the rooms before pushes (-1) or after them (1) [s].
+
+        What is left of a neighbour that an end of the samples cuts has another foot:
+        there the room ends half way to where the course rises for the push itself,
+        unless that is something else that rises in between.
+        """
+        own, foot, half, far = (
+            (self.end, self.start, self.half_up, self.end)
+            if sign > 0
+            else (self.start, self.end, self.half_down, self.start)
+        )
+        place, end = self._neighbours(sign), float(view.time[-1 if sign > 0 else 0])
+        is_outer = (place < 0) | (place == len(own))
+        flank = np.append(np.abs(half - foot), 0.0)[place]
+        foot, far = (np.append(at, end)[place] for at in (foot, far))
+        room = np.where(is_outer, end, (own + foot) / 2)
+        rows = np.flatnonzero(sign * (end - far) <= self.step)
+        risen = self.rows(rows)._risen(view, sign)
+        own, flank, foot = own[rows], flank[rows], foot[rows]
+        most = np.maximum(np.abs(risen - own) / 2, flank)
+        is_its = sign * (foot - risen) < most
+        room[rows] = np.where(is_its, (own + risen) / 2, room[rows])
+        return room
+
+    def _risen(self: "Feet[np.ndarray]", view: View, sign: int) -> Numbers:
+        """Where courses rise again before pushes (-1) or after them (1); NaN never."""
+        own, tau = self.end if sign > 0 else self.start, self.averaging(view)
+        level = np.maximum(_RISES * self.height, SEEN * self.noise(tau))
+        flank = np.maximum(self.half_up - self.start, self.end - self.half_down)
+        reach = 2 * (flank + self.settling + 4 * self.span + self.width)
+        ends = view.time[[0, -1]]
+        when = np.clip(own[:, None] + sign * reach[:, None] * _OUTWARD, *ends)
+        first, last = ends[:, None, None]
+        y = view.course.smooth(when, tau=tau[:, None], ends=(first, last))
+        rise = y - np.minimum.accumulate(y, axis=1) - level[:, None]
+        rows, k = np.arange(len(own)), np.argmax(rise > 0, axis=1)
+        low, high = rise[rows, k - 1], rise[rows, k]
+        share = low / np.minimum(low - high, -1e-300)
+        passed = when[rows, k - 1] + share * (when[rows, k] - when[rows, k - 1])
+        return np.where(k > 0, passed, np.nan)
 
     def _neighbours(self: "Feet[np.ndarray]", step: int) -> Int[np.ndarray, " p"]:
         """Next pushes in one direction; what is far lower is but a wiggle of a rest."""
@@ -137,27 +191,32 @@ class Feet(Generic[Number]):
             found[is_wiggle] += step
         return found
 
-    def before(self: "Feet[np.ndarray]", lowest: Numbers) -> tuple[Numbers, Numbers]:
+    @property
+    def are_outer(
+        self: "Feet[np.ndarray]",
+    ) -> tuple[Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]]:
+        """Whether each of all pushes in order is the first, and whether the last."""
+        return self._neighbours(-1) < 0, self._neighbours(1) == len(self.start)
+
+    @property
+    def before(self: "Feet[np.ndarray]") -> tuple[Numbers, Numbers]:
         """Stretches whose level is the rest before the pushes, in their room [s]."""
         # In a short rest a part of it has to do.
-        guard = np.minimum(
-            _GUARD * (self.half_up - self.start), (self.start - lowest) / 2
-        )
-        last = self.start - guard
-        return np.minimum(np.maximum(last - self.span, lowest), last), last
+        room = self.start - self.lowest
+        last = self.start - np.minimum(_GUARD * (self.half_up - self.start), room / 2)
+        return np.minimum(np.maximum(last - self.span, self.lowest), last), last
 
     def after(
-        self: "Feet[np.ndarray]", highest: Numbers, *, waited: float = 0.5
+        self: "Feet[np.ndarray]", *, waited: float = 0.5
     ) -> tuple[Numbers, Numbers]:
         """Stretches whose level is the rest after the pushes [s].
 
         Args:
-            highest: Ends of their room [s].
             waited: Share of a short room that sensors may take to recover.
         """
         wait = np.maximum(_GUARD * (self.end - self.half_down), self.settling)
-        first = self.end + np.minimum(wait, waited * (highest - self.end))
-        return first, np.maximum(np.minimum(first + self.span, highest), first)
+        first = self.end + np.minimum(wait, waited * (self.highest - self.end))
+        return first, np.maximum(np.minimum(first + self.span, self.highest), first)
 
     @property
     def settling(self: "Feet[np.ndarray]") -> Numbers:
@@ -193,8 +252,7 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     late = feet.end + _BEGINS * (feet.end - feet.half_down)
     late += more * (feet.end - feet.peak)
     shown = np.searchsorted(time, [early, late])
-    lowest, highest = feet.room(time)
-    is_first, is_last = lowest <= time[0], highest >= time[-1]
+    is_first, is_last = feet.are_outer
     # A level over that of the other rest is one on the way, unless drift leads there
     # or it is held for as long as the push.
     length = np.maximum(feet.end - feet.start, feet.step)
@@ -202,8 +260,14 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
     is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
-    begins = (shown[0] < _SHOWN) | is_high[0] | (feet.start >= feet.half_up)
-    ends = (len(time) - shown[1] < _SHOWN) | is_high[1] | (feet.end <= feet.half_down)
+    # So is what is too short for a rest and has another level.
+    beside = np.array([feet.before, feet.after()])
+    before, after = (view.course.mean(*stretch) for stretch in beside)
+    is_way = np.abs(before - after) > high
+    is_way = is_way & (np.diff(beside, axis=1)[:, 0] < LEAST * feet.span)
+    begins = (shown[0] < _SHOWN) | is_high[0] | is_way[0] | (feet.start >= feet.half_up)
+    ends = (len(time) - shown[1] < _SHOWN) | is_high[1] | is_way[1]
+    ends |= feet.end <= feet.half_down
     return (is_first & begins) | (is_last & ends)
 
 

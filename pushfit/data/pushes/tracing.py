@@ -20,6 +20,7 @@ from pushfit.data.pushes.feet import (
     FOOT,
     LEAST,
     LONGEST,
+    SEEN,
     SIGMAS,
     WIDTH_PER_SMOOTHING,
     Feet,
@@ -36,12 +37,9 @@ _ROUNDS, _SAME, _REACH = 12, 1e-5, 2.0
 # one is judged by. More would only cost time.
 _KNOTS, _STEPS = 16, 250
 _UNIT = np.linspace(0.0, 1.0, _FINE)
-# Height over the noise of a mean that makes a top.
-_SEEN = 6.0
-
 # Noise is of no effect on the feet of a push that is so many times as high. What
 # moves for less than a share of its time tells nothing of it.
-_ANY_NOISE, _LEAST_MOVING = 100.0, 0.1
+_ANY_NOISE, _LEAST_MOVING = 400.0, 0.1
 # Standard deviation of a normal distribution over the mean size of its values.
 _OF_MEAN = 1.2533
 
@@ -58,18 +56,14 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
         coarse: Where all of the pushes are, in order, roughly.
     """
     time, noise_of = view.time, _noise_by_feet(view, coarse)
-    reach = 2 * _reach(coarse)
-    lowest, highest = coarse.room(time)
-    lowest = np.maximum(lowest, coarse.start - reach)
-    highest = np.minimum(highest, coarse.end + reach)
-    ends = np.searchsorted(time, [lowest, highest])
+    ends = np.searchsorted(time, [coarse.start, coarse.end])
     feet = replace(coarse, step=_usual_steps(time, ends))
-    course = knots_for(feet, view)
+    view = replace(view, course=knots_for(feet, view))
     for _ in range(_ROUNDS):
         was = feet
-        feet = replace(feet, sigma=noise_of(feet))
+        feet = replace(feet, sigma=noise_of(feet)).alone(view)
         tau = feet.averaging(view)
-        seen = _trace(course, feet, feet.room(time), tau=tau)
+        seen = _trace(view.course, feet, tau=tau)
         noise = feet.noise(tau)
         # A clear push is not left where it still is, or is again, half as high.
         is_clear = seen.height > CLEAR * noise
@@ -81,7 +75,7 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
             end=np.where(is_clear, np.maximum(seen.end, coarse.half_down), seen.end),
         )
         # What shrinks until it is as low as noise is held where it was more.
-        feet = seen.where(seen.height >= _SEEN * noise, feet)
+        feet = seen.where(seen.height >= SEEN * noise, feet)
         off = np.maximum(np.abs(feet.start - was.start), np.abs(feet.end - was.end))
         if np.all(off <= _SAME * feet.step):
             break
@@ -104,7 +98,8 @@ def _noise_by_feet(
     over the samples between the feet: those of one push and of no other.
     """
     whole = view.noise.sigma
-    if np.all(feet.height > _ANY_NOISE * whole):
+    is_clear = feet.height > _ANY_NOISE * whole
+    if is_clear.all():
         return lambda feet: np.full(len(feet.start), whole)
     size, is_moving = bends(view.time, view.signal, view.noise.quantum)
     over = Course.of(view.time[1:-1], np.where(is_moving, size, 0.0))
@@ -113,7 +108,7 @@ def _noise_by_feet(
     def noise(feet: Feet[np.ndarray]) -> Numbers:
         share = count.mean(feet.start, feet.end)
         own = _OF_MEAN * over.mean(feet.start, feet.end) / np.maximum(share, 1e-300)
-        return np.where(share > _LEAST_MOVING, own, whole)
+        return np.where(~is_clear & (share > _LEAST_MOVING), own, whole)
 
     return noise
 
@@ -136,15 +131,9 @@ def _reach(feet: Feet[np.ndarray]) -> Numbers:
     return _REACH * width + feet.half_up - feet.start + feet.end - feet.half_down
 
 
-def _trace(
-    course: Course,
-    feet: Feet[np.ndarray],
-    ends: tuple[Numbers, Numbers],
-    *,
-    tau: Numbers,
-) -> Feet[np.ndarray]:
+def _trace(course: Course, feet: Feet[np.ndarray], *, tau: Numbers) -> Feet[np.ndarray]:
     """One round: levels of the rests by the feet, then the feet by the levels."""
-    reach = _reach(feet)
+    reach, ends = _reach(feet), (feet.lowest, feet.highest)
     lowest = np.maximum(ends[0], feet.start - reach)
     highest = np.minimum(ends[1], feet.end + reach)
     # Not beyond the room of each push: a neighbour is no part of its course.
@@ -160,7 +149,7 @@ def _trace(
     inside = off <= np.maximum((feet.end - feet.start) / 2, off.min(axis=1))[:, None]
     peak = np.argmax(np.where(inside, y, -np.inf), axis=1)
     t_peak, top = _tops(smooth, when, peak)
-    before, after = _rests(course, feet, ends, y=y, peak=peak, top=top)
+    before, after = _rests(course, feet, y=y, peak=peak, top=top)
     rises = [np.maximum(top - rest, 1e-300) for rest in (before, after)]
     noise = SIGMAS * feet.noise(tau)
     feet_up, feet_down = (np.maximum(FOOT * rise, noise) for rise in rises)
@@ -182,6 +171,8 @@ def _trace(
         peak=t_peak,
         half_down=half_down,
         end=end,
+        lowest=feet.lowest,
+        highest=feet.highest,
         height=np.minimum(*rises),
         moved=after - before,
         step=feet.step,
@@ -192,27 +183,26 @@ def _trace(
 def _rests(
     course: Course,
     feet: Feet[np.ndarray],
-    ends: tuple[Numbers, Numbers],
     *,
     y: Float[np.ndarray, "p m"],
     peak: Int[np.ndarray, " p"],
     top: Numbers,
 ) -> tuple[Numbers, Numbers]:
     """Levels before and after pushes, each in place of the other if that is unseen."""
-    first, last = feet.before(ends[0])
+    first, last = feet.before
     part = np.minimum(LEAST * feet.span, last - first)
     noise = feet.noise(np.maximum(part, feet.step))
     far = np.maximum(FOOT * feet.height, SIGMAS * noise)
     before = _level(
         course, (first, last), part=(last - part, last), span=feet.span, far=far
     )
-    first, last = feet.after(ends[1])
+    first, last = feet.after()
     part = np.minimum(LEAST * feet.span, last - first)
     after = _level(
         course, (first, last), part=(first, first + part), span=feet.span, far=far
     )
     # What the samples begin or end with is a rest only if a push stands on it.
-    is_first, is_last = ends[0] <= course.time[0], ends[1] >= course.time[-1]
+    is_first, is_last = feet.lowest <= course.time[0], feet.highest >= course.time[-1]
     no_before = is_first & _is_top(before, after, top)
     no_after = is_last & _is_top(after, before, top)
     before = np.where(no_before, np.nan, before)

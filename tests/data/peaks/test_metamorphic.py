@@ -22,8 +22,9 @@ from pushfit.errors import DataError
 # What rounding and the judgement of the noise may change.
 SAME = 0.1
 RNG = 7
-# Share of heights that may move by more: .01 do, and .05 where feet are found once.
-FEW = 0.03
+# Share of heights that may move by more: none does, and .02 to .05 where feet are found
+# once or noise is that of the file.
+FEW = 0.01
 
 
 def simulated(heights=(100.0, 160.0, 130.0, 90.0, 150.0, 120.0), *, shape="triangle"):
@@ -232,7 +233,7 @@ def test_real_recordings_cut_at_rests_keep_their_pushes(real_signal):
 
 
 def test_real_recordings_cut_inside_a_push_flag_it_and_keep_the_rest(real_signal):
-    """The one beside shares a rest with what is left of it, whose foot is elsewhere."""
+    """Also those beside it, unless it is so low that its foot hides in theirs."""
     time, y, whole, _ = real_signal
     for k, share in zip(range(1, len(whole) - 1), cycle([0.5, 0.3, 0.7]), strict=False):
         begin, end = whole[k].start, whole[k].end
@@ -251,9 +252,12 @@ def test_real_recordings_cut_inside_a_push_flag_it_and_keep_the_rest(real_signal
             ]
             for part in (left, right)
         )
+        is_low = whole[k].height < min(whole[k - 1].height, whole[k + 1].height) / 2
+        within = 0.5 if is_low else SAME
         assert_real_same(left[:-1], whole[: k - 1])
         assert_real_same(right[1:], whole[k + 2 :])
-        assert_real_same([left[-1], right[0]], [whole[k - 1], whole[k + 1]], within=0.5)
+        beside = [left[-1], right[0]], [whole[k - 1], whole[k + 1]]
+        assert_real_same(*beside, within=within)
 
 
 def test_other_pushes_of_a_real_recording_change_nothing(real_signal):
@@ -338,6 +342,9 @@ HARD_CUTS = [
     ("p0_Pa", 68.67),
     ("p0_Pa", 68.85),
     ("p0_Pa", 69.14),
+    # A jerk beside what is left of its push; a rest level that steps under one.
+    ("trial2", 58.005),
+    ("real_hall", 1663502488.5572),
 ]
 
 
@@ -348,7 +355,7 @@ def test_a_cut_where_little_is_seen_of_a_push_loses_none(real_data, part, when):
     assert (cuts.lost, cuts.unflagged) == ((), ())
 
 
-@pytest.mark.parametrize("part", ["p0_Pa", "soft_skin/grid_r0.20"])
+@pytest.mark.parametrize("part", ["p0_Pa", "191542, p2_Pa", "soft_skin/grid_r0.20"])
 def test_cuts_far_from_bumpy_pushes_leave_their_heights(real_data, part):
     """So many that their feet lie elsewhere by where the search began."""
     (own,) = (r for name, r in recordings(real_data) if part in name)

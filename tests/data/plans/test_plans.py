@@ -94,6 +94,7 @@ def test_bumps_between_the_beats_are_named_as_extra(is_timed):
 def extents_at(times: np.ndarray) -> list[Extent]:
     """Humps a second wide, of which only the times are looked at."""
     own = {"height": 1.0, "moved": 0.0, "step": 0.01, "sigma": 0.01}
+    own |= {"lowest": -np.inf, "highest": np.inf}
     feet = [
         Feet(start=t - 1, half_up=t - 0.5, peak=t, half_down=t + 0.5, end=t + 1, **own)
         for t in times.tolist()
