@@ -183,7 +183,7 @@ class _Look:
         is_force = settings.normal is not None
         # The limit is that of the channel, not of its picture.
         limit = None if settings.limit is None or is_force else turned * settings.limit
-        # What is left out is no rest, and may show where the sensor ends.
+        # What is left out may show where the sensor ends.
         humps = [*chosen, *paired.left_out]
         measured = measure_heights(
             time,

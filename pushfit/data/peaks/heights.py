@@ -121,8 +121,8 @@ def measure_heights(
     Args:
         time: Sample times [s].
         signal: Samples [unit].
-        extents: All humps of the signal, in any order and at least one: what is none
-            of them is rest. Heights of those that go down are negative.
+        extents: Humps in any order and at least one. Heights of those that go down are
+            negative.
         definition: What the height is; "auto" decides by the shape of each push.
         limit: Largest reading of the sensor; None to recognise it [unit].
         is_missing: Whether each is but the moment of a push that has no hump; none

@@ -253,12 +253,11 @@ def rests_of(
     Args:
         time: Sample times [s].
         signal: Samples [unit].
-        extents: All humps of the signal, in any order; one may be there twice.
+        extents: Humps, in any order.
     """
-    humps = sorted(set(extents), key=lambda hump: hump.t_peak)
-    place = {hump: k for k, hump in enumerate(humps)}
-    rows = np.array([place[extent] for extent in extents])
-    beside = _Beside(time, signal, Feet.together([hump.feet for hump in humps]))
+    order = np.argsort([hump.t_peak for hump in extents], kind="stable")
+    rows = np.argsort(order)
+    beside = _Beside(time, signal, Feet.together([extents[k].feet for k in order]))
     noise = beside.noise()
     return noise.of(rows), beside.baselines(noise).of(rows)
 

@@ -175,14 +175,18 @@ def _where_it_was_to_be(
     if there:
         return min(there, key=lambda e: abs(e.middle - when))
     half = float(np.median([e.width for e in others])) / 2
+    start, end = when - before, when + after
+    humps = (*found.extents, *found.excluded)
+    last = max((e.t_end for e in humps if e.t_peak < when), default=-np.inf)
+    first = min((e.t_start for e in humps if e.t_peak >= when), default=np.inf)
     feet = Feet(
-        start=when - before,
-        half_up=max(when - half, when - before),
+        start=start,
+        half_up=max(when - half, start),
         peak=when,
-        half_down=min(when + half, when + after),
-        end=when + after,
-        lowest=max([*(e.t_end for e in others if e.t_end < when), -np.inf]),
-        highest=min([*(e.t_start for e in others if e.t_start > when), np.inf]),
+        half_down=min(when + half, end),
+        end=end,
+        lowest=min(start, (start + last) / 2),
+        highest=max(end, (end + first) / 2),
         height=float(np.median([e.height for e in others])),
         moved=0.0,
         step=others[0].feet.step,

@@ -209,12 +209,15 @@ def _are_jerks(
     A push that is cut may be as wide as the others are.
     """
     gap, width = feet.start[1:] - feet.end[:-1], feet.width
-    if not is_cut.all():
-        usual = float(np.median(width[~is_cut]))
-        width = np.where(is_cut, np.maximum(width, usual), width)
-    before = _BRIEFER * np.maximum(width[:-1], gap) < width[1:]
-    after = _BRIEFER * np.maximum(width[1:], gap) < width[:-1]
-    return np.append(before, False) | np.append(False, after)
+
+    def jerks(width: Float[np.ndarray, " p"]) -> Bool[np.ndarray, " p"]:
+        before = _BRIEFER * np.maximum(width[:-1], gap) < width[1:]
+        after = _BRIEFER * np.maximum(width[1:], gap) < width[:-1]
+        return np.append(before, False) | np.append(False, after)
+
+    others = width[~is_cut & ~jerks(width)]
+    usual = float(np.median(others)) if others.size else 0.0
+    return jerks(np.where(is_cut, np.maximum(width, usual), width))
 
 
 def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:

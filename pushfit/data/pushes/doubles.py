@@ -141,9 +141,8 @@ def _valleys(
         np.maximum.accumulate(y[:, ::-1], axis=1)[:, ::-1],
     )
     noise = sigmas * feet.noise(tau)
-    is_valley = (tops > base) & (tops - y > noise[:, None])
-    share = (y - base) / np.where(is_valley, tops - base, 1.0)
-    return when, y, np.where(is_valley, share, 1.0)
+    share = (y - base) / np.where(tops > base, tops - base, 1.0)
+    return when, y, np.where(tops - y > noise[:, None], share, 1.0)
 
 
 def _part(

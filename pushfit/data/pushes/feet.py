@@ -67,7 +67,7 @@ class Feet(Generic[Number]):
         highest: End of the room after it.
         height: Smoothed top over the higher of the two rests [unit].
         moved: Rest after it over the rest before it, where both are seen [unit].
-        step: Usual sampling step around it [s].
+        step: Usual sampling step in it [s].
         sigma: Noise of a sample in it [unit].
     """
 
@@ -179,7 +179,7 @@ class Feet(Generic[Number]):
         rise = y - np.minimum.accumulate(y, axis=1) - level[:, None]
         rows, k = np.arange(len(own)), np.argmax(rise > 0, axis=1)
         low, high = rise[rows, k - 1], rise[rows, k]
-        share = low / np.minimum(low - high, -1e-300)
+        share = low / np.where(k > 0, low - high, -1.0)
         passed = when[rows, k - 1] + share * (when[rows, k] - when[rows, k - 1])
         return np.where(k > 0, passed, np.nan)
 
@@ -260,11 +260,14 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
     is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
-    # So is what is too short for a rest and has another level.
+    # So is what is too short for a rest and far from the level of the other one.
     beside = np.array([feet.before, feet.after()])
     before, after = (view.course.mean(*stretch) for stretch in beside)
-    is_way = np.abs(before - after) > high
-    is_way = is_way & (np.diff(beside, axis=1)[:, 0] < LEAST * feet.span)
+    length = np.diff(beside, axis=1)[:, 0]
+    is_short = length < LEAST * feet.span
+    noise = SIGMAS * feet.noise(np.maximum(length.min(axis=0), feet.step))
+    is_far = np.abs(after - before - drift) > np.maximum(high, noise)
+    is_way = is_short & ~is_short[::-1] & is_far
     begins = (shown[0] < _SHOWN) | is_high[0] | is_way[0] | (feet.start >= feet.half_up)
     ends = (len(time) - shown[1] < _SHOWN) | is_high[1] | is_way[1]
     ends |= feet.end <= feet.half_down

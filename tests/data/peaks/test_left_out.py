@@ -9,7 +9,7 @@ import pytest
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks, measure_pushes
-from pushfit.data.plans.schedule import read_schedule
+from pushfit.data.plans.schedule import PushSchedule, read_schedule
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 
@@ -161,3 +161,18 @@ def test_a_force_or_a_dip_left_out_changes_no_other(settings, out):
     columns = [column for column in whole if str(column).startswith("height")]
     others = whole.drop(index=out)
     np.testing.assert_allclose(frame[columns], others[columns], rtol=0, atol=SAME)
+
+
+def test_what_is_left_out_is_no_rest_of_a_push_that_is_missing_beside_it():
+    tops = 2.0 + 4.0 * np.arange(6)
+    time = np.arange(0.0, 24.0, 0.01)
+    # One begins where that at 10 s, which is missing, was to begin.
+    humps = [*np.delete(tops, 2), 8.3]
+    y = sum(30.0 * np.clip(1 - np.abs(time - top), 0, None) for top in humps)
+    y = y + 0.1 * np.random.default_rng(5).standard_normal(time.size)
+    schedule = PushSchedule.in_order(theta=np.radians(tops), alpha=np.zeros(6))
+    settings = PeakSettings(exclude=((8.0, 8.6),), allow_missing=True)
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    row = extract_peaks(recording, schedule, settings=settings).frame.iloc[2]
+    assert row["flags"] == "missing"
+    assert abs(row["height_n"]) < 4 * row["height_sd_n"] < 1.0

@@ -168,3 +168,24 @@ def test_a_push_that_begins_at_half_of_its_height_is_cut(start, is_cut):
         split=0.5,
     )
     assert are_cut(view, feet).tolist() == [is_cut]
+
+
+@pytest.mark.parametrize("valley", [6.0, 15.0, 25.0])
+def test_a_whole_last_push_that_touches_its_neighbour_is_not_cut(valley):
+    """The little that is seen between them is no rest to compare that after it to."""
+    corners = ((0, 0), (4, 0), (5, 100), (6, valley), (7, 100), (8, 0), (8.15, 0))
+    assert [push.is_cut for push in found(*course(*corners))] == [False, False]
+
+
+def test_jerks_of_contact_are_no_pushes_also_where_the_last_push_is_cut():
+    """Each push begins with one; the last is cut while it rises."""
+    corners = [(0.0, 0.0)]
+    for start in (3.0, 10.0, 17.0, 24.0):
+        jerk = ((start, 0.0), (start + 0.04, 60.0), (start + 0.08, 0.0))
+        rise = ((start + 0.2, 0.0), (start + 0.4, 100.0))
+        corners += [*jerk, *rise, (start + 4.0, 100.0), (start + 4.2, 0.0)]
+    time, y = course(*corners, (30.0, 0.0), rate=500.0)
+    for end, is_cut in ((30.0, False), (24.5, True)):
+        pushes = found(time[time < end], y[time < end])
+        assert [one.is_cut for one in pushes] == [False, False, False, is_cut]
+        assert all(one.t_start % 7 > 3.1 for one in pushes)
