@@ -201,6 +201,7 @@ def _coarse(humps: Humps, trace: _Trace, sigma: float) -> Feet[np.ndarray]:
         peak=trace.at(humps.peaks),
         half_down=trace.at(half_down),
         end=trace.at(end),
+        # Rooms come with the tracing.
         lowest=trace.at(start),
         highest=trace.at(end),
         height=heights,
