@@ -30,6 +30,8 @@ def as_float(value: ArrayLike) -> Array:
     """Converter of container fields: any number becomes a float64 array."""
     if not isinstance(value, Array):
         value = np.asarray(value, dtype=np.float64)
+    elif value.dtype == np.float64 and not value.weak_type:
+        return value
     # Without the type JAX compiles a program for each shape.
     return jnp.asarray(value, dtype=jnp.float64)
 

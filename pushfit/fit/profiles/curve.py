@@ -6,19 +6,22 @@ One program serves every quantity of a problem, however it is imposed.
 from dataclasses import dataclass, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from pushfit.fit.problem.derived import critical_angle_at, critical_angles
+from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.profiles.followed import (
+    N_FIRST,
+    N_OTHERS,
+    N_TOGETHER,
+    Fits,
+    best_fits,
+)
 from pushfit.fit.profiles.guesses import guesses
 from pushfit.fit.profiles.held import Likelihood, imposable
-from pushfit.fit.programs import compiled
-from pushfit.fit.sweep.outer import follow, tempered
 from pushfit.fit.sweep.repeats import pool_repeats
-from pushfit.fit.sweep.search import descend
-from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion
+from pushfit.fit.sweep.target import IMPOSSIBLE
 from pushfit.model import as_float
 
 # Ends of the range of θ_c, without and with a preload, and of the soft axis [deg].
@@ -28,30 +31,17 @@ THETA_ENDS, PRELOADED_ENDS, AXIS_ENDS = (0.05, 89.95), (-89.0, 89.95), (-90.0, 9
 LOG_OFFSETS = np.geomspace(0.003, 8.0, 13)
 # Distance of an imposed θ_c from another crossing, where only a search tells [rad].
 SAME_ANGLE = 1e-6
+# Points that fits along a quantity begin from, with an ellipse and without: ways of
+# `N_TOGETHER`.
+N_POOL, N_PLAIN_POOL = 8 * N_TOGETHER, 3 * N_TOGETHER
 # Δχ² that a search resolves best, that of 90 %.
 LEVEL = 2.7
-# Values of a curve, and points that starts are chosen from.
-N_VALUES, N_FIRST = 96, 32
-N_POOL, N_PLAIN_POOL = 24, 8
-# Powers of the profile likelihood that place values, and the share each has; the rest
-# gathers where it crosses the level, within so many standard deviations.
-TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
-CROSSING, AT_CROSSING = 0.15, 0.35
 # The curve sees no fit that has no θ_c, and on the hard switch a node may halt above
-# one that has: from every second of its points, and from those that it began with, so
-# many steps lead down with nothing held. The lowest so many ends are kept, unless they
-# are one valley: of the same sum of squares, and near each other [log units].
-EVERY, N_DOWN, N_VALLEYS = 2, 12, 8
+# one that has: from some of its points, and from those that it began with, so many
+# steps lead down with nothing held. The lowest so many ends are kept, unless they are
+# one valley: of the same sum of squares, and near each other [log units].
+N_DOWN, N_VALLEYS = 12, 8
 SAME_COST, SAME_VALLEY = 0.01, 1.0
-# Sharpness of the transition in each round, for points of the pool in turn and
-# afterwards. Across the hard switch the other branch has no slope: a soft one leads
-# there, and sharpens round by round. Its own valley may be another one, and so half of
-# the points do without. Where forces are searched the switch is rounder, and programs
-# are slow to compile: points of the pool are not followed one by one.
-FAMILY_SHARPNESS = ((16.0, 1024.0), (4096.0, 4096.0))
-SHARPNESS = (256.0, 4096.0, 1e6, 1e6, 1e6, 1e6)
-# θ_c held where a point has none [rad].
-SOME_ANGLE = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,12 +109,12 @@ def search(
         reference_alpha = float(np.asarray(problem.pushes.alpha)[0])
     quantities, guessed = imposable(problem), guesses(problem)
     name = "theta_c" if "theta_c" in quantities else quantities[0]
-    others = guessed if before is None else np.resize(before.valleys, guessed.shape)
-    curve = profile_curve(
+    curve, ends = _followed(
         problem,
         quantities.index(name),
         first_values(problem, name, guessed[:, 0]),
-        guessed if before is None else before.curve.points,
+        along=guessed if before is None else before.curve.points,
+        down=guessed if before is None else before.valleys,
         reference_alpha=reference_alpha,
         level=LEVEL,
     )
@@ -134,7 +124,7 @@ def search(
         reference_alpha=reference_alpha,
         is_thorough=before is not None or "f1" not in problem.data_names,
         curve=curve,
-        valleys=_valleys(problem, np.concatenate([curve.points[::EVERY], others])),
+        valleys=_valleys(ends),
     )
 
 
@@ -178,26 +168,60 @@ def profile_curve(
         reference_alpha: Azimuth of θ_c [rad].
         level: Δχ² at the ends of the set that is wanted.
     """
+    curve, _ = _followed(
+        problem, index, values, along=pool, reference_alpha=reference_alpha, level=level
+    )
+    return curve
+
+
+def _followed(
+    problem: Problem,
+    index: int,
+    values: Float[np.ndarray, " g"],
+    *,
+    along: Float[np.ndarray, "p q"],
+    down: Float[np.ndarray, "k q"] | None = None,
+    reference_alpha: float,
+    level: float,
+) -> tuple[Curve, Fits]:
+    """Best fits along a quantity, and those with nothing held.
+
+    Args:
+        along: Data coordinates that the first begin from.
+        down: Those of the second beside the curve itself; None where none are wanted.
+    """
     means, scatter = _of_means(problem)
     n_pool = N_POOL if "f1" in problem.data_names else N_PLAIN_POOL
-    rows = np.linspace(0, len(pool) - 1, n_pool).round().astype(int)
-    at, points, cost = (
-        np.asarray(a)
-        for a in _curve(
-            means,
-            jax.device_put(np.asarray(index)),
-            as_float(values),
-            as_float(pool[rows]),
-            as_float(reference_alpha),
-            as_float(level),
-        )
+    target = Likelihood(
+        means,
+        jax.device_put(np.asarray(index)),
+        as_float(reference_alpha),
+        as_float(np.nan),
     )
-    chi_square = np.where(cost < IMPOSSIBLE, 2 * cost + scatter, np.inf)
+    others = along if down is None else down
+    found, ends = jax.tree.map(
+        np.asarray,
+        best_fits(
+            target,
+            as_float(values),
+            along=_spread(along, n_pool),
+            down=_spread(others, N_OTHERS),
+            level=as_float(level),
+            n_down=jax.device_put(np.asarray(0 if down is None else N_DOWN)),
+        ),
+    )
+    chi_square = np.where(found.costs < IMPOSSIBLE, 2 * found.costs + scatter, np.inf)
     if imposable(problem)[index] == "theta_c" and problem.grasp.law.is_tie is None:
-        angles = critical_angles(problem, points, reference_alpha)
-        is_other = ~(np.abs(angles - at) < SAME_ANGLE)
+        angles = critical_angles(problem, found.points, reference_alpha)
+        is_other = ~(np.abs(angles - found.values) < SAME_ANGLE)
         chi_square = np.where(is_other, np.inf, chi_square)
-    return Curve(values=at, points=points, chi_square=chi_square)
+    curve = Curve(values=found.values, points=found.points, chi_square=chi_square)
+    return curve, ends
+
+
+def _spread(points: Float[np.ndarray, "k q"], n: int) -> Float[Array, "n q"]:
+    """So many of the points, from the first to the last."""
+    return as_float(points[np.linspace(0, len(points) - 1, n).round().astype(int)])
 
 
 def _of_means(problem: Problem) -> tuple[Problem, float]:
@@ -213,13 +237,9 @@ def _of_means(problem: Problem) -> tuple[Problem, float]:
     return replace(means.of_data, reference_sigma=as_float(sigma)), scatter
 
 
-def _valleys(
-    problem: Problem, points: Float[np.ndarray, "n q"]
-) -> Float[np.ndarray, "k q"]:
-    """Ends of the ways down, the lowest first; always as many, repeated if need be."""
-    ends, costs = (
-        np.asarray(a) for a in _descended(_of_means(problem)[0], as_float(points))
-    )
+def _valleys(found: Fits) -> Float[np.ndarray, "k q"]:
+    """The lowest fits that are not alike; always as many, repeated if need be."""
+    ends, costs = np.asarray(found.points), np.asarray(found.costs)
     kept: list[int] = []
     for i in np.argsort(costs, kind="stable"):
         is_other = np.abs(costs[kept] - costs[i]) > SAME_COST
@@ -227,71 +247,3 @@ def _valleys(
         if np.all(is_other):
             kept.append(int(i))
     return ends[np.resize(kept[:N_VALLEYS], N_VALLEYS)]
-
-
-@compiled
-def _descended(
-    problem: Problem, points: Float[Array, "n q"]
-) -> tuple[Float[Array, "n q"], Float[Array, " n"]]:
-    # With its value free, too, whichever is held holds nothing.
-    target = Likelihood(problem, jnp.asarray(0), jnp.zeros(()))
-    is_free = target.is_free.at[0].set(True)
-
-    def one(y: Float[Array, " q"]) -> tuple[Array, Array]:
-        start = target.at(y[0], y)
-        end = descend(target, start[None], is_free, N_DOWN)
-        return target.point(end.y), end.cost
-
-    return jax.vmap(one)(points)
-
-
-@compiled
-def _curve(
-    problem: Problem,
-    index: Int[Array, ""],
-    values: Float[Array, " m"],
-    pool: Float[Array, "p q"],
-    reference_alpha: Float[Array, ""],
-    level: Float[Array, ""],
-) -> tuple[Float[Array, " g"], Float[Array, "g q"], Float[Array, " g"]]:
-    target = Likelihood(problem, index, reference_alpha)
-
-    def family(
-        y: Float[Array, " q"], rounds: Float[Array, " r"]
-    ) -> tuple[Array, Array]:
-        """Best fits along the values with θ_c as it is, where it can be held."""
-        if problem.grasp.law.is_searched:
-            return jax.vmap(lambda value: target.start(value, y))(values)
-        angle = critical_angle_at(problem, y, reference_alpha)
-        held = replace(target, angle=jnp.where(jnp.isnan(angle), SOME_ANGLE, angle))
-        nodes = follow(
-            held.softened,
-            rounds,
-            jax.vmap(lambda value: held.start(value, y)[0])(values),
-            held.is_free,
-            None,
-        )
-        w = jax.vmap(lambda w: target.at(w[0], held.point(w)))(nodes.y)
-        return w, nodes.cost
-
-    kinds = jnp.asarray(FAMILY_SHARPNESS)[jnp.arange(len(pool)) % 2]
-    w, costs = jax.vmap(family)(pool, kinds)
-    best = jnp.argmin(costs, axis=0)
-
-    def placing(nodes: Expansion) -> Float[Array, " g"]:
-        u = nodes.y[:, 0]
-        delta = nodes.cost - jnp.min(nodes.cost)
-        miss = (jnp.sqrt(2 * delta) - jnp.sqrt(level)) / CROSSING
-        at_level = tempered(u, -(miss**2) / 2, ((1.0, AT_CROSSING),))
-        return tempered(u, -delta, TEMPERS) + at_level
-
-    starts = w[best, jnp.arange(values.size)]
-    extra = jnp.arange(N_VALUES) % values.size
-    nodes = follow(
-        target.softened,
-        jnp.asarray(SHARPNESS),
-        starts[jnp.sort(extra)],
-        target.is_free,
-        placing,
-    )
-    return nodes.y[:, 0], jax.vmap(target.point)(nodes.y), nodes.cost

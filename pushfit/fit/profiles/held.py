@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from pushfit.fit.problem.derived import critical_angle_at
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import with_slopes
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, finite
@@ -23,6 +24,8 @@ from pushfit.model import Scalar
 SCALES = (1e-3, 1e3)
 # Least information on any coordinate: steps stay finite where heights say nothing.
 LEAST_INFORMATION = 1e-6
+# θ_c of what has none [rad].
+SOME_ANGLE = 0.1
 
 
 class Likelihood(eqx.Module):
@@ -34,13 +37,13 @@ class Likelihood(eqx.Module):
         problem: Problem.
         index: Which of `quantities` has the value.
         reference_alpha: Azimuth of θ_c [rad].
-        angle: θ_c where it is held, too [rad]; None where it is free.
+        angle: θ_c where it is held, too [rad]; NaN where it is free.
     """
 
     problem: Problem
     index: Int[Array, ""]
     reference_alpha: Scalar
-    angle: Scalar | None = None
+    angle: Scalar
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -65,8 +68,6 @@ class Likelihood(eqx.Module):
         slots = [names.index(str(replaced.get(q, q))) for q in self.quantities]
         at = jnp.arange(-1, len(names))
         is_free = (at >= 0) & (at != jnp.asarray(slots)[self.index])
-        if self.angle is None:
-            return is_free
         for is_used, pivot in self._second_pivots():
             is_free = is_free & ~(is_used & (at == names.index(pivot)))
         return is_free
@@ -74,7 +75,7 @@ class Likelihood(eqx.Module):
     def _second_pivots(self) -> list[tuple[Array, str]]:
         """Coordinates that may keep θ_c while another quantity is held, and when."""
         names = self.problem.data_names
-        is_left = self.index != len(names)
+        is_left = ~jnp.isnan(self.angle) & (self.index != len(names))
         law = self.problem.grasp.law
         if "theta_c" not in self.quantities or law.is_searched:
             return []
@@ -85,6 +86,17 @@ class Likelihood(eqx.Module):
                 found.append((is_left & is_other, pivot))
                 is_left = is_left & ~is_other
         return found
+
+    @property
+    def with_nothing_held(self) -> "Likelihood":
+        """The same where every coordinate may move: its value is one of them."""
+        return replace(
+            self, index=jnp.zeros_like(self.index), angle=jnp.asarray(jnp.nan)
+        )
+
+    def critical_angle(self, y: Float[Array, " q"]) -> Scalar:
+        """θ_c at data coordinates; NaN where the contact never rolls [rad]."""
+        return critical_angle_at(self.problem, y, self.reference_alpha)
 
     def softened(self, sharpness: Scalar) -> "Likelihood":
         """The same with a transition that is at most so sharp.
@@ -102,11 +114,10 @@ class Likelihood(eqx.Module):
     def point(self, w: Float[Array, " w"]) -> Float[Array, " q"]:
         """Data coordinates."""
         y = self.impose(w[0], w[1:])
-        if self.angle is None:
-            return y
         for is_used, pivot in self._second_pivots():
             at = self.problem.data_names.index(pivot)
-            value = self._pivot_value(pivot, self.angle, y)
+            angle = jnp.nan_to_num(self.angle, nan=SOME_ANGLE)
+            value = self._pivot_value(pivot, angle, y)
             y = y.at[at].set(jnp.where(is_used, value, y[at]))
         return y
 

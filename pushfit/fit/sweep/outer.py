@@ -20,7 +20,7 @@ from pushfit.fit.sweep.cholesky import (
     log_diagonal,
     solve,
 )
-from pushfit.fit.sweep.search import Objective, Round, in_rounds
+from pushfit.fit.sweep.search import Count, Objective, Round
 from pushfit.fit.sweep.segments import make_segments
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, Target
 from pushfit.model import Scalar
@@ -49,7 +49,7 @@ Placing = Callable[[Expansion], Float[Array, " n"]]
 
 def first_round(target: Target) -> Round:
     """The search at the first nodes of u."""
-    return begun(_first_starts(target), _is_followed(target), N_STEPS)
+    return begun(_first_starts(target), _is_followed(target))
 
 
 def later_round(target: Target, nodes: Expansion, number: Int[Array, ""]) -> Round:
@@ -62,7 +62,7 @@ def later_round(target: Target, nodes: Expansion, number: Int[Array, ""]) -> Rou
     def placing(nodes: Expansion) -> Float[Array, " n"]:
         return tempered(nodes.y[:, 0], jax.vmap(log_density)(nodes), TEMPERS)
 
-    return _next_round(
+    return next_round(
         target, nodes, _is_followed(target), placing, number == N_ROUNDS - 2
     )
 
@@ -73,90 +73,52 @@ def _is_followed(target: Target) -> Bool[Array, " q"]:
     return jnp.asarray([i > 0 and not _is_s(target, i) for i in range(q)])
 
 
-def follow(
-    target: Callable[[Scalar], Objective],
-    rounds: Float[Array, " r"],
-    starts: Float[Array, "n q"],
-    is_free: Bool[Array, " q"],
-    placing: Placing | None,
-) -> Expansion:
-    """Conditional modes at nodes of the first coordinate, ascending.
-
-    Args:
-        target: What is to be least in a round, given its number.
-        rounds: A number for each round.
-        starts: A point for each node.
-        is_free: Coordinates that follow the first.
-        placing: Where the nodes of the next round are wanted, some of them free to
-            slide to minima, but in the last; None where all stay.
-    """
-
-    def onward(
-        numbers: tuple[Scalar, Array], ends: Expansion, _: None
-    ) -> tuple[Expansion, Round, None]:
-        number, is_last_but_one = numbers
-        nodes = ascending(ends)
-        following = _next_round(
-            target(number), nodes, is_free, placing, is_last_but_one
-        )
-        return nodes, following, None
-
-    is_last_but_one = jnp.arange(rounds.size) == rounds.size - 2
-    _, nodes = in_rounds(
-        lambda numbers: target(numbers[0]),
-        (rounds, is_last_but_one),
-        begun(starts, is_free, N_STEPS),
-        None,
-        onward,
-    )
-    return jax.tree.map(lambda a: a[-1], nodes)
-
-
 def ascending(nodes: Expansion) -> Expansion:
     """Nodes by their first coordinate."""
     order = jnp.argsort(nodes.y[:, 0])
     return jax.tree.map(lambda a: a[order], nodes)
 
 
-def _next_round(
+def next_round(
     target: Objective,
     nodes: Expansion,
     is_free: Bool[Array, " q"],
-    placing: Placing | None,
+    placing: Placing,
     is_final: Bool[Array, ""],
 ) -> Round:
-    """The search at nodes that are placed anew.
+    """The search at nodes that are placed anew, some of them free to slide to minima.
 
     Args:
         target: What was least at the nodes.
         nodes: Ascending.
+        placing: Where they are wanted.
         is_final: Whether no other round follows it: what slides may halt halfway, above
             the nodes that it passes.
     """
     u = nodes.y[:, 0]
-    if placing is None:
-        return _round(_near(target, nodes, is_free, u), is_free)
     at = jnp.interp(jnp.linspace(0, 1, u.size - N_MODES), placing(nodes), u)
     at = jnp.concatenate([u[_minima(nodes)], at])
     slides = (jnp.arange(u.size) < N_MODES) & ~is_final
     is_first = jnp.arange(is_free.size) == 0
     along = slides[:, None] & is_first[None]
-    return _round(_near(target, nodes, is_free, at), is_free[None] | along)
+    return again(neighbouring(target, nodes, is_free, at), is_free[None] | along)
 
 
 def begun(
-    starts: Float[Array, "n q"], is_free: Bool[Array, " q"], n_steps: int
+    starts: Float[Array, "n q"], is_free: Bool[Array, " q"], n_steps: Count = N_STEPS
 ) -> Round:
     """A search that has one start for each node."""
     several = jnp.repeat(starts[:, None], N_NEAR, axis=1)
-    return replace(_round(several, is_free), n_starts=1, n_steps=n_steps)
+    return replace(again(several, is_free), n_starts=1, n_steps=n_steps)
 
 
-def _round(starts: Float[Array, "n k q"], is_free: Bool[Array, "..."]) -> Round:
-    """A search that tries all starts."""
+def again(starts: Float[Array, "n k q"], is_free: Bool[Array, "..."]) -> Round:
+    """A search that tries all starts, of an objective that is told nothing."""
+    n, _, q = starts.shape
     return Round(
         starts=starts,
-        is_free=jnp.broadcast_to(is_free, (starts.shape[0], starts.shape[2])),
+        is_free=jnp.broadcast_to(is_free, (n, q)),
+        held=jnp.zeros((n, 0)),
         n_starts=N_NEAR,
         n_steps=N_STEPS,
     )
@@ -250,7 +212,7 @@ def _ln_scale(target: Target, predicted: Float[Array, "c n"]) -> Array:
     return jnp.log(jnp.clip(jnp.nan_to_num(scale, nan=1.0), 1e-3, 1e3))
 
 
-def _near(
+def neighbouring(
     target: Objective,
     nodes: Expansion,
     is_free: Bool[Array, " q"],

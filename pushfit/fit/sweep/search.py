@@ -21,6 +21,7 @@ DAMPING, EASE, TIGHTEN = 1e-3, 0.2, 5.0
 
 N = TypeVar("N")
 S = TypeVar("S")
+K = TypeVar("K")
 Count = int | Int[Array, ""]
 
 
@@ -49,29 +50,34 @@ class Round(eqx.Module):
     Args:
         starts: Where each may begin.
         is_free: Which of its coordinates may move.
+        held: What its objective is told, beside the coordinates.
         n_starts: How many of the starts are tried.
         n_steps: Evaluations after those of the starts.
     """
 
     starts: Float[Array, "n k q"]
     is_free: Bool[Array, "n q"]
+    held: Float[Array, "n h"]
     n_starts: Count
     n_steps: Count
 
 
+# What is to be least, given what a search holds.
+Target = Callable[[Float[Array, " h"]], Objective]
+
+
 def in_rounds(
-    target: Callable[[N], Objective],
+    target: Target,
     numbers: N,
     first: Round,
     state: S,
-    onward: Callable[[N, Expansion, S], tuple[Expansion, Round, S]],
-) -> tuple[S, Expansion]:
+    onward: Callable[[N, Expansion, S], tuple[K, Round, S]],
+) -> tuple[S, K]:
     """Searches in rounds, each from what the one before found.
 
     All share one evaluation, which is what takes long to compile and to load.
 
     Args:
-        target: What is to be least in a round, given its numbers.
         numbers: For each round.
         onward: What is kept of a round, given its numbers and ends, and the next one.
 
@@ -79,15 +85,9 @@ def in_rounds(
         The last state, and what was kept, by round.
     """
 
-    def round_(carry: tuple[Round, S], number: N) -> tuple[tuple[Round, S], Expansion]:
+    def round_(carry: tuple[Round, S], number: N) -> tuple[tuple[Round, S], K]:
         this, state = carry
-        objective = target(number)
-        ends = jax.vmap(
-            lambda starts, is_free: descend(
-                objective, starts, is_free, this.n_steps, n_starts=this.n_starts
-            )
-        )(this.starts, this.is_free)
-        kept, following, state = onward(number, ends, state)
+        kept, following, state = onward(number, descend(target, this), state)
         return (following, state), kept
 
     # Counts are numbers of the program's own: those that Python knows change nothing.
@@ -96,50 +96,61 @@ def in_rounds(
     return state, kept
 
 
-def descend(
-    target: Objective,
-    starts: Float[Array, "k q"],
-    is_free: Bool[Array, " q"],
-    n_steps: Count,
-    *,
-    n_starts: Count | None = None,
-) -> Expansion:
-    """The best point met on the way down.
+def descend(target: Target, this: Round) -> Expansion:
+    """The best points met on the way down, from the lowest start of each search.
 
-    Args:
-        starts: Where to begin: from the lowest of them.
-        is_free: Which coordinates may move.
-        n_steps: Evaluations after those of the starts.
-        n_starts: How many of the starts are tried, if not all.
+    What is mapped over the searches is a step and not their loop: JAX takes several
+    times as long to trace the latter.
     """
-    both = is_free[:, None] & is_free[None]
-    k = starts.shape[0]
-    n_tried = k if n_starts is None else n_starts
+    k = this.starts.shape[1]
 
     def step(
         count: Array, carry: tuple[Expansion, Array, Array]
     ) -> tuple[Expansion, Array, Array]:
-        best, damping, wanted = carry
-        is_start = count < n_tried
+        is_start = count < this.n_starts
         # Starts and steps share one evaluation.
-        wanted = jnp.where(is_start, starts[jnp.minimum(count, k - 1)], wanted)
-        trial = target.expand(wanted)
-        is_better = trial.cost < best.cost
-        best = jax.tree.map(lambda a, b: jnp.where(is_better, a, b), trial, best)
-        damping = jnp.where(is_better, damping * EASE, damping * TIGHTEN)
-        damping = jnp.where(is_start, DAMPING, damping)
-        hessian = jnp.where(both, best.hessian + target.precision, 0.0)
-        extra = jnp.where(is_free, damping * jnp.diag(hessian), 1.0)
-        slope = best.gradient + target.precision @ (best.y - target.mean)
-        factor = cholesky(hessian + jnp.diag(extra))
-        move = solve(factor, jnp.where(is_free, -slope, 0.0))
-        longest = jnp.max(jnp.abs(move))
-        move = move * jnp.minimum(1.0, MAX_STEP / jnp.maximum(longest, 1e-300))
-        return best, damping, best.y + move
+        at_start = this.starts[:, jnp.minimum(count, k - 1)]
+        best, damping, wanted = carry
+        carry = best, damping, jnp.where(is_start, at_start, wanted)
+        return jax.vmap(lambda *one: _step(target, is_start, *one))(
+            carry, this.is_free, this.held
+        )
 
-    first = (unknown(starts[0]), jnp.asarray(DAMPING), starts[0])
-    best, _, _ = jax.lax.fori_loop(0, n_tried + n_steps, step, first)
+    starts = this.starts[:, 0]
+    damping = jnp.full(len(starts), DAMPING)
+    first = (unknown(starts), damping, starts)
+    best, _, _ = jax.lax.fori_loop(0, this.n_starts + this.n_steps, step, first)
     return best
+
+
+def _step(
+    target: Target,
+    is_start: Array,
+    carry: tuple[Expansion, Array, Array],
+    is_free: Bool[Array, " q"],
+    held: Float[Array, " h"],
+) -> tuple[Expansion, Array, Array]:
+    """A point looked at, and where to look next.
+
+    Args:
+        is_start: Whether the point is no step from the best one.
+        carry: The best point so far, its damping, and the point.
+    """
+    objective, (best, damping, wanted) = target(held), carry
+    trial = objective.expand(wanted)
+    is_better = trial.cost < best.cost
+    best = jax.tree.map(lambda a, b: jnp.where(is_better, a, b), trial, best)
+    damping = jnp.where(is_better, damping * EASE, damping * TIGHTEN)
+    damping = jnp.where(is_start, DAMPING, damping)
+    both = is_free[:, None] & is_free[None]
+    hessian = jnp.where(both, best.hessian + objective.precision, 0.0)
+    extra = jnp.where(is_free, damping * jnp.diag(hessian), 1.0)
+    slope = best.gradient + objective.precision @ (best.y - objective.mean)
+    factor = cholesky(hessian + jnp.diag(extra))
+    move = solve(factor, jnp.where(is_free, -slope, 0.0))
+    longest = jnp.max(jnp.abs(move))
+    move = move * jnp.minimum(1.0, MAX_STEP / jnp.maximum(longest, 1e-300))
+    return best, damping, best.y + move
 
 
 def unknown(y: Float[Array, "*n q"]) -> Expansion:

@@ -4,12 +4,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from pushfit.fit.sweep.outer import follow
+from pushfit.fit.sweep.outer import ascending, begun, next_round
+from pushfit.fit.sweep.search import in_rounds
 from pushfit.fit.sweep.target import Expansion
 
 N_NODES, FAR, SLOPE = 32, 100.0, 0.05
 # Cost of the valley at v = 3 over that at v = 0, about.
 ABOVE = 100.0
+
+
+def even(nodes):
+    """Nodes as far from each other as they can be."""
+    return jnp.linspace(0.0, 1.0, N_NODES)
 
 
 class TwoValleys:
@@ -44,15 +50,15 @@ def test_no_node_stays_above_its_neighbours_valley():
     target = TwoValleys()
     assert target.cost(starts[0]) > target.cost(np.array([0.0, 0.0])) + ABOVE
 
-    def even(nodes):
-        return jnp.linspace(0.0, 1.0, N_NODES)
+    is_free = jnp.array([False, True])
 
-    nodes = follow(
-        lambda _: target,
-        jnp.zeros(2),
-        jnp.asarray(starts),
-        jnp.array([False, True]),
-        even,
-    )
+    def onward(number, ends, _):
+        nodes = ascending(ends)
+        following = next_round(target, nodes, is_free, even, number == 0)
+        return nodes, following, None
+
+    first = begun(jnp.asarray(starts), is_free)
+    _, found = in_rounds(lambda _: target, jnp.arange(2), first, None, onward)
+    nodes = jax.tree.map(lambda a: a[-1], found)
     profile = (SLOPE * (nodes.y[:, 0] - FAR)) ** 2 / 2
     np.testing.assert_allclose(nodes.cost, profile, rtol=0, atol=1e-6)

@@ -1,0 +1,269 @@
+"""Best fits along one quantity, as one program.
+
+All searches, of families with θ_c held and of the curve itself, are rounds of as many
+side by side: they share one evaluation. Excluded: what the curve is made of and for
+(`pushfit.fit.profiles.curve`).
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from pushfit.fit.profiles.held import SOME_ANGLE, Likelihood
+from pushfit.fit.programs import compiled
+from pushfit.fit.sweep.outer import (
+    again,
+    ascending,
+    begun,
+    neighbouring,
+    next_round,
+    tempered,
+)
+from pushfit.fit.sweep.search import Count, Round, in_rounds
+from pushfit.fit.sweep.target import Expansion
+from pushfit.model import Scalar
+
+# Values of a curve, and those that it begins with.
+N_VALUES, N_FIRST = 96, 32
+# Points of the pool that are followed side by side: as many fits as a curve has values.
+N_TOGETHER = N_VALUES // N_FIRST
+# Powers of the profile likelihood that place values, and the share each has; the rest
+# gathers where it crosses the level, within so many standard deviations.
+TEMPERS = ((1.0, 0.25), (0.2, 0.2), (0.02, 0.2))
+CROSSING, AT_CROSSING = 0.15, 0.35
+# Sharpness of the transition in each round, for points of the pool in turn and
+# afterwards. Across the hard switch the other branch has no slope: a soft one leads
+# there, and sharpens round by round. Its own valley may be another one, and so half of
+# the points do without. Where forces are searched the switch is rounder, and programs
+# are slow to compile: points of the pool are not followed one by one.
+FAMILY_SHARPNESS = ((16.0, 1024.0), (4096.0, 4096.0))
+SHARPNESS = (256.0, 4096.0, 1e6, 1e6, 1e6, 1e6)
+# Fits side by side that have a curve's values free, too, at its end: from every second
+# of its points, and from as many others.
+EVERY = 2
+N_OTHERS = N_VALUES - N_VALUES // EVERY
+
+# Points and half the sums of squares of the best fits at the first values.
+Best = tuple[Float[Array, "m w"], Float[Array, " m"]]
+
+
+class Fits(eqx.Module):
+    """Fits of a problem.
+
+    Args:
+        values: Of a quantity [ln unit, or rad].
+        points: Data coordinates.
+        costs: Half the sums of squares, very large where the value is impossible.
+    """
+
+    values: Float[Array, " n"]
+    points: Float[Array, "n q"]
+    costs: Float[Array, " n"]
+
+
+@compiled
+def best_fits(
+    target: Likelihood,
+    values: Float[Array, " m"],
+    *,
+    along: Float[Array, "p q"],
+    down: Float[Array, "k q"],
+    level: Float[Array, ""],
+    n_down: Int[Array, ""],
+) -> tuple[Fits, Fits]:
+    """Fits along a quantity, and those that they lead down to with nothing held.
+
+    From each point they are followed with θ_c as it has it, where it can be held. From
+    the best of all at each value the curve is followed with θ_c free.
+
+    Args:
+        target: Of a problem at data coordinates, θ_c free.
+        values: Range to begin with, `N_FIRST` of them, ascending.
+        along: Data coordinates that are followed, a multiple of `N_TOGETHER`.
+        down: Those of fits with nothing held, `N_OTHERS` of them, beside the curve's.
+        level: Δχ² at the ends of the set that is wanted.
+        n_down: Steps down; none is made where it is 0.
+    """
+    begin = jax.vmap(jax.vmap(target.start, in_axes=(0, None)), in_axes=(None, 0))
+    starts, costs = begin(values, along)
+    best, angles = _lowest(starts, costs), jnp.zeros(0)
+    if not target.problem.grasp.law.is_searched:
+        best = best[0], jnp.full(values.shape, jnp.inf)
+        angles = jax.vmap(target.critical_angle)(along)
+    course = Course(
+        target=target,
+        held=_held(angles, target.index),
+        ways=starts.reshape(-1, N_VALUES, starts.shape[2]),
+        down=down,
+        n_down=n_down,
+        level=level,
+    )
+    numbers = jnp.arange(len(course.held))
+    _, nodes = in_rounds(course.objective, numbers, course.first(best), best, course)
+    curve, ends = (jax.tree.map(lambda a, i=i: a[i], nodes) for i in (-2, -1))
+    return _fits(target, curve), _fits(target.with_nothing_held, ends)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Course:
+    """The rounds of searches: of families in turn, of the curve, and down from it.
+
+    Args:
+        target: What is to be least, θ_c free.
+        held: θ_c, the sharpness of the switch, and which quantity has a value, of each
+            search of each round.
+        ways: Where families begin, `N_TOGETHER` at a time.
+        down: Points that fits with nothing held begin from, beside those of the curve.
+        n_down: Steps of these.
+        level: Δχ² at the ends of the set that is wanted.
+    """
+
+    target: Likelihood
+    held: Float[Array, "r n 3"]
+    ways: Float[Array, "f n w"]
+    down: Float[Array, "k q"]
+    n_down: Int[Array, ""]
+    level: Scalar
+
+    @property
+    def n_ahead(self) -> int:
+        """Rounds before those of the curve: two for each way."""
+        return len(self.held) - len(SHARPNESS) - 1
+
+    @property
+    def with_angle(self) -> Bool[Array, " w"]:
+        """Coordinates that are free where θ_c is held."""
+        return replace(self.target, angle=jnp.zeros(())).is_free
+
+    def objective(self, held: Float[Array, "3"]) -> Likelihood:
+        """What is to be least in a search."""
+        index = held[2].astype(int)
+        return replace(self.target, angle=held[0], index=index).softened(held[1])
+
+    def first(self, best: Best) -> Round:
+        """The first round."""
+        first = self._ahead(0) if self.n_ahead else self._along(best)
+        return replace(first, held=self.held[0])
+
+    def __call__(
+        self, number: Int[Array, ""], ends: Expansion, best: Best
+    ) -> tuple[Expansion, Round, Best]:
+        """From one round to the next."""
+        ways = (self._within, self._beyond) if self.n_ahead else ()
+        stages = (*ways, self._onward, self._downward)
+        after = len(ways) + (number >= len(self.held) - 2)
+        stage = jnp.where(number < self.n_ahead, number % 2, after)
+        following, best = jax.lax.switch(stage, stages, number, ends, best)
+        return ascending(ends), replace(following, held=self.held[number + 1]), best
+
+    def _ahead(self, way: Count) -> Round:
+        """Families begun."""
+        return begun(self.ways[way], self.with_angle)
+
+    def _within(
+        self, _: Int[Array, ""], ends: Expansion, best: Best
+    ) -> tuple[Round, Best]:
+        """From the first round of families to their second."""
+
+        def starts(nodes: Expansion) -> Float[Array, "m k w"]:
+            at = nodes.y[:, 0]
+            return neighbouring(self.target, nodes, self.with_angle, at)
+
+        found = jax.vmap(starts)(jax.tree.map(_by_family, ends))
+        found = found.reshape(N_VALUES, *found.shape[2:])
+        return again(found, self.with_angle), best
+
+    def _beyond(
+        self, number: Int[Array, ""], ends: Expansion, best: Best
+    ) -> tuple[Round, Best]:
+        """From families to others, or to the curve."""
+
+        def without_angle(
+            w: Float[Array, " w"], held: Float[Array, "3"]
+        ) -> Float[Array, " w"]:
+            return self.target.at(w[0], self.objective(held).point(w))
+
+        w = jax.vmap(without_angle)(ends.y, self.held[number])
+        best = _lowest(
+            jnp.concatenate([_by_family(w), best[0][None]]),
+            jnp.concatenate([_by_family(ends.cost), best[1][None]]),
+        )
+        following = jax.tree.map(
+            partial(jnp.where, number + 1 == self.n_ahead),
+            self._along(best),
+            self._ahead((number + 1) // 2),
+        )
+        return following, best
+
+    def _along(self, best: Best) -> Round:
+        """The curve begun."""
+        which = jnp.sort(jnp.arange(N_VALUES) % N_FIRST)
+        return begun(best[0][which], self.target.is_free)
+
+    def _onward(
+        self, number: Int[Array, ""], ends: Expansion, best: Best
+    ) -> tuple[Round, Best]:
+        """From round to round of the curve."""
+        target, is_final = self.target, number == len(self.held) - 3
+        nodes = ascending(ends)
+        return next_round(target, nodes, target.is_free, self._placing, is_final), best
+
+    def _placing(self, nodes: Expansion) -> Float[Array, " g"]:
+        """Where its values are wanted: many where it crosses the level."""
+        u = nodes.y[:, 0]
+        delta = nodes.cost - jnp.min(nodes.cost)
+        miss = (jnp.sqrt(2 * delta) - jnp.sqrt(self.level)) / CROSSING
+        at_level = tempered(u, -(miss**2) / 2, ((1.0, AT_CROSSING),))
+        return tempered(u, -delta, TEMPERS) + at_level
+
+    def _downward(
+        self, _: Int[Array, ""], ends: Expansion, best: Best
+    ) -> tuple[Round, Best]:
+        """From the curve to what it leads down to."""
+        free = self.target.with_nothing_held
+        points = jax.vmap(self.target.point)(ascending(ends).y[::EVERY])
+        points = jnp.concatenate([points, self.down])
+        starts = jax.vmap(lambda y: free.at(y[0], y))(points)
+        down = begun(starts, free.is_free.at[0].set(True), self.n_down)
+        return replace(down, n_starts=jnp.minimum(self.n_down, 1)), best
+
+
+def _fits(target: Likelihood, nodes: Expansion) -> Fits:
+    """Fits at nodes, by data coordinates."""
+    return Fits(nodes.y[:, 0], jax.vmap(target.point)(nodes.y), nodes.cost)
+
+
+def _held(angles: Float[Array, " p"], index: Int[Array, ""]) -> Float[Array, "r n 3"]:
+    """What each search of each round is held by; see `Course`.
+
+    Args:
+        angles: θ_c of families; NaN where it has none.
+        index: Which quantity has a value, but on the ways down.
+    """
+    known = jnp.nan_to_num(angles, nan=SOME_ANGLE)[:, None]
+    sharpness = jnp.asarray(FAMILY_SHARPNESS)[jnp.arange(angles.size) % 2]
+    ahead = jnp.stack(jnp.broadcast_arrays(known, sharpness), axis=2)
+    ahead = ahead.reshape(-1, N_TOGETHER, 2, 2).swapaxes(1, 2)
+    ahead = jnp.repeat(ahead.reshape(-1, N_TOGETHER, 2), N_FIRST, axis=1)
+    after = jnp.asarray([(jnp.nan, p) for p in (*SHARPNESS, SHARPNESS[-1])])
+    after = jnp.broadcast_to(after[:, None], (len(after), N_VALUES, 2))
+    held = jnp.concatenate([ahead, after])
+    which = jnp.where(jnp.arange(len(held)) < len(held) - 1, index, 0)
+    which = jnp.broadcast_to(which[:, None, None], (*held.shape[:2], 1))
+    return jnp.concatenate([held, which], axis=2)
+
+
+def _by_family(values: Float[Array, "n ..."]) -> Float[Array, "f m ..."]:
+    """Fits of families that are followed together, apart."""
+    return values.reshape(N_TOGETHER, N_FIRST, *values.shape[1:])
+
+
+def _lowest(w: Float[Array, "k m w"], costs: Float[Array, "k m"]) -> Best:
+    """The best of several fits at each value."""
+    best = jnp.argmin(costs, axis=0)
+    at = jnp.arange(best.size)
+    return w[best, at], costs[best, at]
