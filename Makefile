@@ -8,7 +8,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 DEMO := demo_result
 EXPLORED := explore_result
 # As the command has it: threads that wait for larger matrices keep a core from others.
-export OPENBLAS_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS ?= 1
 # What fits no table: from files to peak heights, and from results to reports.
 QUICK := tests/data tests/batch tests/report/html tests/report/text tests/test_config.py
 

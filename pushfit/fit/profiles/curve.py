@@ -37,9 +37,9 @@ N_POOL, N_PLAIN_POOL = 8 * N_TOGETHER, 3 * N_TOGETHER
 # Δχ² that a search resolves best, that of 90 %.
 LEVEL = 2.7
 # The curve sees no fit that has no θ_c, and on the hard switch a node may halt above
-# one that has: from some of its points, and from those that it began with, so many
-# steps lead down with nothing held. The lowest so many ends are kept, unless they are
-# one valley: of the same sum of squares, and near each other [log units].
+# one that has: from some of its points, and from guesses or the valleys of a search
+# before, so many steps lead down with nothing held. The lowest so many ends are kept,
+# unless they are one valley: of the same sum of squares, and near each other [logs].
 N_DOWN, N_VALLEYS = 12, 8
 SAME_COST, SAME_VALLEY = 0.01, 1.0
 

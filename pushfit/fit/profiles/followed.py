@@ -1,8 +1,8 @@
 """Best fits along one quantity, as one program.
 
-All searches, of families with θ_c held and of the curve itself, are rounds of as many
-side by side: they share one evaluation. Excluded: what the curve is made of and for
-(`pushfit.fit.profiles.curve`).
+All searches, of families with θ_c held, of the curve and down from it, are rounds of as
+many side by side: they share one evaluation. Excluded: what the curve is made of and
+for (`pushfit.fit.profiles.curve`).
 """
 
 from dataclasses import dataclass, replace
@@ -38,12 +38,12 @@ CROSSING, AT_CROSSING = 0.15, 0.35
 # Sharpness of the transition in each round, for points of the pool in turn and
 # afterwards. Across the hard switch the other branch has no slope: a soft one leads
 # there, and sharpens round by round. Its own valley may be another one, and so half of
-# the points do without. Where forces are searched the switch is rounder, and programs
-# are slow to compile: points of the pool are not followed one by one.
+# the points do without. Where forces are searched the switch is rounder, and each of
+# them is slow: points of the pool are not followed. The last serves the ways down, too.
 FAMILY_SHARPNESS = ((16.0, 1024.0), (4096.0, 4096.0))
 SHARPNESS = (256.0, 4096.0, 1e6, 1e6, 1e6, 1e6)
 # Fits side by side that have a curve's values free, too, at its end: from every second
-# of its points, and from as many others.
+# of its points, and from as many others at most.
 EVERY = 2
 N_OTHERS = N_VALUES - N_VALUES // EVERY
 
@@ -57,7 +57,8 @@ class Fits(eqx.Module):
     Args:
         values: Of a quantity [ln unit, or rad].
         points: Data coordinates.
-        costs: Half the sums of squares, very large where the value is impossible.
+        costs: Half the sums of squares, very large where the value is impossible, and
+            infinite where none was looked at.
     """
 
     values: Float[Array, " n"]
@@ -105,7 +106,7 @@ def best_fits(
     numbers = jnp.arange(len(course.held))
     _, nodes = in_rounds(course.objective, numbers, course.first(best), best, course)
     curve, ends = (jax.tree.map(lambda a, i=i: a[i], nodes) for i in (-2, -1))
-    return _fits(target, curve), _fits(target.with_nothing_held, ends)
+    return _fits(target, curve), _fits(course.free, ends)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -130,14 +131,24 @@ class Course:
     level: Scalar
 
     @property
-    def n_ahead(self) -> int:
-        """Rounds before those of the curve: two for each way."""
-        return len(self.held) - len(SHARPNESS) - 1
+    def last(self) -> int:
+        """Number of the last round of the curve."""
+        return len(self.held) - 2
 
     @property
-    def with_angle(self) -> Bool[Array, " w"]:
+    def n_ahead(self) -> int:
+        """Rounds before those of the curve: two for each way."""
+        return self.last + 1 - len(SHARPNESS)
+
+    @property
+    def is_free_ahead(self) -> Bool[Array, " w"]:
         """Coordinates that are free where θ_c is held."""
         return replace(self.target, angle=jnp.zeros(())).is_free
+
+    @property
+    def free(self) -> Likelihood:
+        """What is least on the ways down: no value is held there."""
+        return self.objective(self.held[-1, 0])
 
     def objective(self, held: Float[Array, "3"]) -> Likelihood:
         """What is to be least in a search."""
@@ -153,16 +164,16 @@ class Course:
         self, number: Int[Array, ""], ends: Expansion, best: Best
     ) -> tuple[Expansion, Round, Best]:
         """From one round to the next."""
-        ways = (self._within, self._beyond) if self.n_ahead else ()
-        stages = (*ways, self._onward, self._downward)
-        after = len(ways) + (number >= len(self.held) - 2)
+        ahead = (self._within, self._beyond) if self.n_ahead else ()
+        stages = (*ahead, self._onward, self._downward)
+        after = len(ahead) + (number >= self.last)
         stage = jnp.where(number < self.n_ahead, number % 2, after)
         following, best = jax.lax.switch(stage, stages, number, ends, best)
         return ascending(ends), replace(following, held=self.held[number + 1]), best
 
     def _ahead(self, way: Count) -> Round:
         """Families begun."""
-        return begun(self.ways[way], self.with_angle)
+        return begun(self.ways[way], self.is_free_ahead)
 
     def _within(
         self, _: Int[Array, ""], ends: Expansion, best: Best
@@ -171,11 +182,11 @@ class Course:
 
         def starts(nodes: Expansion) -> Float[Array, "m k w"]:
             at = nodes.y[:, 0]
-            return neighbouring(self.target, nodes, self.with_angle, at)
+            return neighbouring(self.target, nodes, self.is_free_ahead, at)
 
         found = jax.vmap(starts)(jax.tree.map(_by_family, ends))
         found = found.reshape(N_VALUES, *found.shape[2:])
-        return again(found, self.with_angle), best
+        return again(found, self.is_free_ahead), best
 
     def _beyond(
         self, number: Int[Array, ""], ends: Expansion, best: Best
@@ -189,8 +200,8 @@ class Course:
 
         w = jax.vmap(without_angle)(ends.y, self.held[number])
         best = _lowest(
-            jnp.concatenate([_by_family(w), best[0][None]]),
-            jnp.concatenate([_by_family(ends.cost), best[1][None]]),
+            jnp.concatenate([best[0][None], _by_family(w)]),
+            jnp.concatenate([best[1][None], _by_family(ends.cost)]),
         )
         following = jax.tree.map(
             partial(jnp.where, number + 1 == self.n_ahead),
@@ -208,7 +219,7 @@ class Course:
         self, number: Int[Array, ""], ends: Expansion, best: Best
     ) -> tuple[Round, Best]:
         """From round to round of the curve."""
-        target, is_final = self.target, number == len(self.held) - 3
+        target, is_final = self.target, number == self.last - 1
         nodes = ascending(ends)
         return next_round(target, nodes, target.is_free, self._placing, is_final), best
 
@@ -224,11 +235,10 @@ class Course:
         self, _: Int[Array, ""], ends: Expansion, best: Best
     ) -> tuple[Round, Best]:
         """From the curve to what it leads down to."""
-        free = self.target.with_nothing_held
         points = jax.vmap(self.target.point)(ascending(ends).y[::EVERY])
         points = jnp.concatenate([points, self.down])
-        starts = jax.vmap(lambda y: free.at(y[0], y))(points)
-        down = begun(starts, free.is_free.at[0].set(True), self.n_down)
+        starts = jax.vmap(lambda y: self.free.at(y[0], y))(points)
+        down = begun(starts, self.free.is_free.at[0].set(True), self.n_down)
         return replace(down, n_starts=jnp.minimum(self.n_down, 1)), best
 
 
@@ -252,9 +262,8 @@ def _held(angles: Float[Array, " p"], index: Int[Array, ""]) -> Float[Array, "r 
     after = jnp.asarray([(jnp.nan, p) for p in (*SHARPNESS, SHARPNESS[-1])])
     after = jnp.broadcast_to(after[:, None], (len(after), N_VALUES, 2))
     held = jnp.concatenate([ahead, after])
-    which = jnp.where(jnp.arange(len(held)) < len(held) - 1, index, 0)
-    which = jnp.broadcast_to(which[:, None, None], (*held.shape[:2], 1))
-    return jnp.concatenate([held, which], axis=2)
+    which = jnp.broadcast_to(index.astype(float), held.shape[:2]).at[-1].set(0.0)
+    return jnp.concatenate([held, which[..., None]], axis=2)
 
 
 def _by_family(values: Float[Array, "n ..."]) -> Float[Array, "f m ..."]:

@@ -24,7 +24,7 @@ from pushfit.model import Scalar
 SCALES = (1e-3, 1e3)
 # Least information on any coordinate: steps stay finite where heights say nothing.
 LEAST_INFORMATION = 1e-6
-# θ_c of what has none [rad].
+# θ_c where there is none, or where it plays no part [rad].
 SOME_ANGLE = 0.1
 
 
@@ -86,13 +86,6 @@ class Likelihood(eqx.Module):
                 found.append((is_left & is_other, pivot))
                 is_left = is_left & ~is_other
         return found
-
-    @property
-    def with_nothing_held(self) -> "Likelihood":
-        """The same where every coordinate may move: its value is one of them."""
-        return replace(
-            self, index=jnp.zeros_like(self.index), angle=jnp.asarray(jnp.nan)
-        )
 
     def critical_angle(self, y: Float[Array, " q"]) -> Scalar:
         """θ_c at data coordinates; NaN where the contact never rolls [rad]."""

@@ -113,7 +113,7 @@ def begun(
 
 
 def again(starts: Float[Array, "n k q"], is_free: Bool[Array, "..."]) -> Round:
-    """A search that tries all starts, of an objective that is told nothing."""
+    """A search that tries all starts; its objective is told nothing yet."""
     n, _, q = starts.shape
     return Round(
         starts=starts,

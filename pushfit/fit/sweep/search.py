@@ -63,11 +63,11 @@ class Round(eqx.Module):
 
 
 # What is to be least, given what a search holds.
-Target = Callable[[Float[Array, " h"]], Objective]
+ObjectiveOf = Callable[[Float[Array, " h"]], Objective]
 
 
 def in_rounds(
-    target: Target,
+    target: ObjectiveOf,
     numbers: N,
     first: Round,
     state: S,
@@ -96,7 +96,7 @@ def in_rounds(
     return state, kept
 
 
-def descend(target: Target, this: Round) -> Expansion:
+def descend(target: ObjectiveOf, this: Round) -> Expansion:
     """The best points met on the way down, from the lowest start of each search.
 
     What is mapped over the searches is a step and not their loop: JAX takes several
@@ -124,7 +124,7 @@ def descend(target: Target, this: Round) -> Expansion:
 
 
 def _step(
-    target: Target,
+    target: ObjectiveOf,
     is_start: Array,
     carry: tuple[Expansion, Array, Array],
     is_free: Bool[Array, " q"],
