@@ -10,7 +10,7 @@ EXPLORED := explore_result
 # As the command has it: threads that wait for larger matrices keep a core from others.
 export OPENBLAS_NUM_THREADS ?= 1
 # What fits no table: from files to peak heights, and from results to reports.
-QUICK := tests/data tests/batch tests/report/html tests/report/text tests/test_config.py
+QUICK := tests/data tests/batch tests/report/html tests/report/text tests/config
 
 .PHONY: demo explore-demo ros test test-quick test-slow lint bench bench-honesty docs notebooks clean
 
@@ -42,7 +42,7 @@ bench: .stamps/bench             ## Speed beside lmfit, SciPy, emcee and pandas;
 	$(BIN)/pytest -q -p no:xdist -o addopts=--import-mode=importlib --benchmark-quiet benchmarks
 
 bench-honesty: .stamps/bench     ## What lmfit and SciPy say where nothing is determined
-	$(BIN)/python -m benchmarks.honesty
+	$(BIN)/python -m benchmarks.inference.honesty
 
 docs: .stamps/docs               ## The documentation as web pages, in site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

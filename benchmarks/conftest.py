@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pushfit.cache import enable_compile_cache
+from pushfit.fit.programs.folder import enable_compile_cache
 
 # Before any test imports JAX, so that a second run compiles nothing.
 enable_compile_cache()

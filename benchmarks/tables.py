@@ -16,9 +16,9 @@ from jaxtyping import Float
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.priors.distributions import default_priors
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.setup import Setup, build_problem
+from pushfit.fit.problem.priors.distributions import default_priors
+from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.model import Grasp, Parameters, Pushes, forward
 from tests.fit.kinds import KINDS
 

@@ -6,7 +6,8 @@ non-success is not an error here: results carry a status (see `pushfit.fit.resul
 """
 
 import copyreg
-from collections.abc import Sequence
+import difflib
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -17,6 +18,12 @@ def stated(**arguments: object) -> str:
     The command line shows its own options instead, see `pushfit.cli.wording`.
     """
     return f"`{', '.join(f'{name}={value!r}' for name, value in arguments.items())}`"
+
+
+def did_you_mean(text: str, known: Collection[str]) -> str:
+    """Give the end of a sentence that names the nearest known word, if one is near."""
+    near = difflib.get_close_matches(text, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def installed_by(extra: str) -> str:

@@ -15,7 +15,6 @@ from typing import TypeVar
 
 import pandas as pd
 
-from pushfit.cache import keep_programs
 from pushfit.config import GraspConfig, config_of, read_config
 from pushfit.data.check import expect_kind, file_kind
 from pushfit.data.load import configured_recording, reader_options
@@ -26,10 +25,11 @@ from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, PushfitError, counted
 from pushfit.explore.advice import with_next_push
-from pushfit.fit.identify import identify_table
-from pushfit.fit.programs import loaded_ahead
+from pushfit.fit.identify.stages import Progress, Stages, stages_of
+from pushfit.fit.identify.table import identify_table
+from pushfit.fit.programs.compile import loaded_ahead
+from pushfit.fit.programs.folder import keep_programs
 from pushfit.fit.results import Recipe
-from pushfit.fit.stages import Progress, Stages, stages_of
 from pushfit.report.result import Result
 from pushfit.report.strings import time_left
 from pushfit.report.text.first import First

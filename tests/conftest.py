@@ -9,7 +9,7 @@ import jax
 import pytest
 from hypothesis import settings
 
-from pushfit.registry import mechanics_named
+from pushfit.mechanics.registry import mechanics_named
 
 # A (3,) against a (3, 1) is a mistake in the model, never a wish.
 jax.config.update("jax_enable_x64", True)

@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from tests.test_imports import (
+from tests.project.test_imports import (
     FILES,
     LAYERS,
     PACKAGE,

@@ -6,9 +6,9 @@ Run from the root of the repository: `python docs/pictures/make_look.py`.
 import tempfile
 from pathlib import Path
 
-from tests.look.chromium import chromium
-from tests.look.test_browser import POINT, open_page, press, view, wait_for
-from tests.look.test_server import looking
+from tests.cli.look.chromium import chromium
+from tests.cli.look.test_browser import POINT, open_page, press, view, wait_for
+from tests.cli.look.test_server import looking
 
 ROOT = Path(__file__).parents[2]
 SWEEP = ROOT / "examples" / "foam_box" / "alpha_sweep.csv"

@@ -9,8 +9,8 @@ down that begins without a preload. Rolling and the tangential springs are the p
 import jax.numpy as jnp
 
 from pushfit.mechanics.linear import limited_tangential
+from pushfit.mechanics.registry import Mechanics
 from pushfit.model import Forces, contact
-from pushfit.registry import Mechanics
 
 
 def hertz_forces(params, pushes, grasp):

@@ -17,7 +17,7 @@ from pushfit.config import GraspConfig, read_config
 from pushfit.data.tables.grasps import GraspRows, is_long_table, read_grasps
 from pushfit.data.text.files import FileStamp, existing_file, sha256_of
 from pushfit.errors import PushfitError
-from pushfit.fit.environment import environment
+from pushfit.fit.results.environment import environment
 
 # Results of another form are computed again.
 FORM = 2

@@ -24,7 +24,7 @@ from pushfit.batch.folders import (
 )
 from pushfit.batch.population import COLUMNS
 from pushfit.batch.rows import Answers, Row
-from pushfit.fit.population.result_row import Cell
+from pushfit.fit.identify.result_row import Cell
 from pushfit.report.html.batch import render_batch
 from pushfit.report.strings import printable
 

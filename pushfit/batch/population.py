@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pushfit.batch.items import Item
 from pushfit.batch.rows import Row
 from pushfit.batch.store import Finished
+from pushfit.fit.identify.result_row import LOG_PRIOR, Cell
 from pushfit.fit.population.item_likelihoods import ItemDraws
 from pushfit.fit.population.pooling import Population, pool
-from pushfit.fit.population.result_row import LOG_PRIOR, Cell
 
 COLUMNS = (
     "quantity",

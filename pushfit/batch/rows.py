@@ -1,6 +1,6 @@
 """One row for each item of a batch: what it was, and what came out.
 
-Excluded: the numbers of one result (`pushfit.fit.population.result_row`).
+Excluded: the numbers of one result (`pushfit.fit.identify.result_row`).
 """
 
 from collections.abc import Callable, Mapping
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from pushfit.batch.items import Failure, Item, Plan
 from pushfit.batch.store import Finished
-from pushfit.fit.population.result_row import Cell
+from pushfit.fit.identify.result_row import Cell
 
 FAILED = "failed"
 # What a row says besides the values of the result, in this order.

@@ -20,7 +20,7 @@ from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.work import IdentifyMany, identify_chunk, write_folder
 from pushfit.batch.workers import Work, Workers
 from pushfit.errors import DataError
-from pushfit.fit.population.many import identify_many
+from pushfit.fit.identify.many import identify_many
 
 Progress = Callable[[str, float], None]
 

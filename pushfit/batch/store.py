@@ -23,7 +23,7 @@ from jaxtyping import Float
 from pushfit.atomic import spare_name
 from pushfit.batch.folders import STORE
 from pushfit.errors import ConfigError
-from pushfit.fit.population.result_row import Cell
+from pushfit.fit.identify.result_row import Cell
 
 # "push" in ASCII, so that a file of another program is not taken for ours.
 APPLICATION_ID = 0x70757368

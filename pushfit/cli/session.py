@@ -20,13 +20,13 @@ from typing import Annotated
 
 import typer
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli.examples import epilog
 from pushfit.cli.progress import Course, shown_bar
 from pushfit.cli.stop import keep, kept
 from pushfit.cli.wording import flags_of, in_options
 from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
+from pushfit.fit.programs.folder import enable_compile_cache
 from pushfit.report.store.target import refuse_inputs
 
 # Exit codes, beside those of the errors; as a shell has them, 128 + SIGINT and SIGPIPE.

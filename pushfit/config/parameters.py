@@ -1,6 +1,6 @@
 """Priors as `[parameters.NAME]` states them, in SI or sensor units per metre.
 
-Excluded: the densities of these priors (`pushfit.fit.priors.distributions`).
+Excluded: the densities of these priors (`pushfit.fit.problem.priors.distributions`).
 """
 
 from collections.abc import Iterator

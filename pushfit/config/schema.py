@@ -2,7 +2,7 @@
 
 The field descriptions are the documentation of the file: the template and the
 reference page are made from them. Excluded: the text of the file
-(`pushfit.config.file`) and the default priors (`pushfit.fit.priors.distributions`).
+(`pushfit.config.file`) and the default priors (`pushfit.fit.problem.priors`).
 """
 
 import hashlib
@@ -28,7 +28,7 @@ from pushfit.config.section import (
 )
 from pushfit.config.sensor import SensorSection
 from pushfit.errors import ConfigError
-from pushfit.registry import BUILT_IN, COMPARED, mechanics_named
+from pushfit.mechanics.registry import BUILT_IN, COMPARED, mechanics_named
 
 Estimate = Literal["estimate"]
 Preload = NotNegative | Estimate | None

@@ -1,6 +1,6 @@
 """Conversions between what a sensor reads and newtons, as far as they are known.
 
-Excluded: units of samples and their conversion (`pushfit.data.recordings.units`).
+Excluded: units of samples and their conversion (`pushfit.data.units`).
 """
 
 from collections.abc import Sequence

@@ -11,8 +11,8 @@ from pushfit.config import GraspConfig
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import read_schedule
 from pushfit.data.recordings.recording import Recording, read_recording
-from pushfit.data.recordings.units import stated_calibration
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.units import stated_calibration
 
 # Where `[recording]` and `read_recording` have different words.
 READER_NAMES = {"map": "mapping", "unit": "units"}

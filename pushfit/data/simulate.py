@@ -17,8 +17,8 @@ from jaxtyping import Float
 from pushfit.atomic import atomic_path
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
-from pushfit.data.recordings.units import in_degrees
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.units import in_degrees
 from pushfit.model import Channels, Grasp, Parameters, Pushes, forward
 
 # Components of a recorded force.

@@ -14,8 +14,8 @@ from pushfit.explore.decide.gain import outlook
 from pushfit.explore.decide.intervals import Target
 from pushfit.explore.decide.next_push import Surveyor
 from pushfit.explore.limits import Limits
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.results import Identification, Verdict
-from pushfit.fit.setup import build_problem
 from pushfit.parameters import ANGLES
 
 # What removing a tenth of the variance of a normal angle tells, -ln(0.9) / 2: a push

@@ -40,7 +40,7 @@ from pushfit.explore.records import (
     Suggestion,
     Told,
 )
-from pushfit.fit.fitted import reference_azimuth
+from pushfit.fit.identify.fitted import reference_azimuth
 
 # Below this share of effective draws the engine is asked for fresh ones.
 KEPT_SHARE = 0.2

@@ -20,17 +20,17 @@ from pushfit.config import GraspConfig
 from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
-from pushfit.fit.fitted import Fitted, Listener, draw_posterior
-from pushfit.fit.identify import fitted_by_leading
+from pushfit.fit.identify.fitted import Fitted, Listener, draw_posterior
+from pushfit.fit.identify.stages import Stages
+from pushfit.fit.identify.table import fitted_by_leading
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.noise import with_noise, with_plain_noise
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.problem.repeat_effects import both_ways, is_crossed
+from pushfit.fit.problem.repeats.effects import both_ways, is_crossed
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
-from pushfit.fit.programs import compiled, in_chunks
+from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
-from pushfit.fit.setup import build_problem
-from pushfit.fit.stages import Stages
 
 # Sharpness of the soft model where the configuration names none: at θ_c the tangential
 # force then lies 8 % below the hard switch, at half and at twice the ratio of the two

@@ -1,4 +1,4 @@
 """What the model is made of: contacts, equilibria, directions, branch points.
 
-Which mechanics there are, by name, is in `pushfit.registry`.
+Which mechanics there are, by name, is in `pushfit.mechanics.registry`.
 """

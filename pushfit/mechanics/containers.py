@@ -2,7 +2,7 @@
 
 Small containers, the combinations of the parameters that forces depend on, and the way
 back from these to the parameters. Excluded: mechanics (`pushfit.mechanics.linear`,
-`pushfit.mechanics.tilting`).
+`pushfit.mechanics.tilting.one_support`).
 
 References:
     Eq. (n) is equation n of He & Zhang (2014), doi:10.1007/s11432-014-5216-3.
@@ -18,7 +18,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
-from pushfit.registry import Mechanics, mechanics_named
+from pushfit.mechanics.registry import Mechanics, mechanics_named
 
 jax.config.update("jax_enable_x64", True)
 
@@ -111,7 +111,7 @@ class Grasp(eqx.Module):
             single limit.
         tip_radius: Radius of the fingertips, pushing and supporting; matters where the
             object tilts [m]. None is a point.
-        mechanics: Name of the mechanics, as of `pushfit.registry.mechanics_named`.
+        mechanics: Name of the mechanics, as in `pushfit.mechanics.registry`.
     """
 
     push_length: Scalar = eqx.field(converter=as_float)

@@ -8,9 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.mechanics.linear import linear_forces
-from pushfit.mechanics.numerics import norm2
-from pushfit.model import (
+from pushfit.mechanics.containers import (
     Grasp,
     Parameters,
     Pushes,
@@ -18,6 +16,8 @@ from pushfit.model import (
     contact,
     support_stiffness,
 )
+from pushfit.mechanics.linear import linear_forces
+from pushfit.mechanics.numerics import norm2
 
 
 class Displacements(eqx.Module):

@@ -1,6 +1,6 @@
 """The paper's equations: forces of small pushes, and where rolling ends in closed form.
 
-Excluded: objects that tilt (`pushfit.mechanics.tilting`).
+Excluded: objects that tilt (`pushfit.mechanics.tilting.one_support`).
 
 References:
     Eq. (n) is equation n of He & Zhang (2014), doi:10.1007/s11432-014-5216-3.

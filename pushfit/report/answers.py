@@ -19,7 +19,7 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
-from pushfit.registry import mechanics_named
+from pushfit.mechanics.registry import mechanics_named
 from pushfit.report.strings import (
     HALF_TURN,
     format_angle,

@@ -16,7 +16,7 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
-from pushfit.registry import mechanics_named
+from pushfit.mechanics.registry import mechanics_named
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
 from pushfit.report.strings import (

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import typer
 
-from benchmarks.waiting import COMMANDS
+from benchmarks.speed.waiting import COMMANDS
 from pushfit.cli import main
 from pushfit.cli.app import app
 from pushfit.cli.commands import doctor, explore

@@ -14,7 +14,7 @@ from pushfit.cli.inputs import read_settings
 from pushfit.config import parse_config, read_config
 from pushfit.data.load import reader_options
 from pushfit.data.recordings.recording import read_recording
-from pushfit.data.recordings.units import BIOTAC_PDC
+from pushfit.data.units import BIOTAC_PDC
 from pushfit.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "foam_box"

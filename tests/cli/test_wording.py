@@ -15,7 +15,11 @@ from pushfit.data.tables.peak_table import read_table
 from pushfit.errors import PushfitError, stated
 
 PACKAGE = Path(pushfit.__file__).parent
-LIBRARY = [p for p in sorted(PACKAGE.rglob("*.py")) if "cli" not in p.parts]
+LIBRARY = [
+    path
+    for path in sorted(PACKAGE.rglob("*.py"))
+    if "cli" not in path.parts or "look" in path.parts
+]
 OPTION = re.compile(r"(?<![\w-])--[a-z]")
 # Dialects are called after the commands of others that write them.
 COMMANDS_OF_OTHERS = {"mcap cat --format=csv", "ros2 topic echo --csv"}

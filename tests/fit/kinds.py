@@ -6,7 +6,7 @@ import numpy as np
 
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.setup import Setup
+from pushfit.fit.problem.setup import Setup
 from pushfit.model import Grasp
 from tests.fit.tables import setup_of
 from tests.problems import PUSH, ellipse, paper_parameters

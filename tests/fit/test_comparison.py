@@ -15,8 +15,8 @@ from pushfit.fit.comparison import (
     push_densities,
     rival_configs,
 )
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares
-from pushfit.fit.setup import build_problem
 from pushfit.model import Parameters, forward
 from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
 from tests.oracle.exact import exact_grid, exact_posterior

@@ -1,9 +1,9 @@
 """A rigid object between fingertips at rest, by SciPy alone.
 
 `Slab` is written from positions, contact points and balances of forces and moments; it
-knows nothing of the derivation in `pushfit.mechanics.tilting`. It is of thickness L;
-round fingertips move without turning and do not slip on it. `planar_forces` solves the
-scalar equilibrium of tips without a radius.
+knows nothing of the derivation in `pushfit.mechanics.tilting.one_support`. It is of
+thickness L; round fingertips move without turning and do not slip on it.
+`planar_forces` solves the scalar equilibrium of tips without a radius.
 """
 
 import math

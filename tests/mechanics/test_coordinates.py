@@ -14,7 +14,7 @@ from pushfit.mechanics import coordinates as module
 from pushfit.mechanics.coordinates import Coordinates
 from pushfit.model import Parameters
 from pushfit.model import forward as eager_forward
-from tests import paper
+from tests.oracle import paper
 from tests.problems import CASES, PLAIN, TILTED_ELLIPSE, paper_parameters, sweep
 
 EXACT = 1e-12  # equal on paper

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pushfit.mechanics import directions
 from pushfit.mechanics.directions import soft_axis
 from pushfit.model import Grasp, Parameters
-from tests import paper
+from tests.oracle import paper
 from tests.problems import (
     CASES,
     PLAIN,

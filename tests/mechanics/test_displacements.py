@@ -6,7 +6,7 @@ import pytest
 
 from pushfit.mechanics import displacements as module
 from pushfit.model import forces
-from tests import paper
+from tests.oracle import paper
 from tests.problems import CASES, paper_parameters, sweep
 
 EXACT = 1e-12  # equal on paper

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pushfit import model
-from pushfit.mechanics.critical_tilt import critical_friction, critical_tilt
 from pushfit.mechanics.directions import critical_angle
+from pushfit.mechanics.tilting.critical_tilt import critical_friction, critical_tilt
 from pushfit.model import Grasp, support_stiffness
 from tests.mechanics.statics import Slab
 from tests.problems import PUSH, TILTED_ELLIPSE, paper_parameters, sweep

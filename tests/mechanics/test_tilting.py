@@ -11,10 +11,10 @@ import pytest
 
 from pushfit import model
 from pushfit.mechanics.containers import support
-from pushfit.mechanics.critical_tilt import critical_tilt
 from pushfit.mechanics.directions import critical_angle
 from pushfit.mechanics.linear import linear_critical_angle
-from pushfit.mechanics.tilting import (
+from pushfit.mechanics.tilting.critical_tilt import critical_tilt
+from pushfit.mechanics.tilting.one_support import (
     _rolled_guess,
     _unrolled_guess,
     make_hold,
@@ -22,8 +22,8 @@ from pushfit.mechanics.tilting import (
     unrolled_tilt,
 )
 from pushfit.model import Grasp, Parameters, Pushes, contact
-from tests import paper
 from tests.mechanics.statics import planar_forces
+from tests.oracle import paper
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters, sweep
 
 EXACT = 1e-12  # equal on paper

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from benchmarks import tilting_cost
+from benchmarks.speed import tilting_cost
 from pushfit import model
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.mechanics.critical_tilt import critical_friction, critical_tilt
 from pushfit.mechanics.directions import best_direction, critical_angle
-from pushfit.mechanics.two_supports import equilibrium, make_frame
-from pushfit.mechanics.two_supports import unbalanced as unborne
+from pushfit.mechanics.tilting.critical_tilt import critical_friction, critical_tilt
+from pushfit.mechanics.tilting.two_supports import equilibrium, make_frame
+from pushfit.mechanics.tilting.two_supports import unbalanced as unborne
 from pushfit.model import Grasp, Parameters, Pushes
-from tests import paper
+from tests.oracle import paper
 from tests.problems import PUSH, TILTED_ELLIPSE, ellipse, paper_parameters, sweep
 
 EXACT = 1e-12  # equal on paper

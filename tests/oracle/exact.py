@@ -13,18 +13,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.priors.conditional_prior import (
+from pushfit.fit.problem.derived import samples_mapping
+from pushfit.fit.problem.encoding import encode, prior_x_samples
+from pushfit.fit.problem.priors.conditional_prior import (
     ConditionalPrior,
     make_conditional_prior,
 )
-from pushfit.fit.priors.quadrature import draw_from_nodes
-from pushfit.fit.priors.tabulated_density import LogDensity, TabulatedDensity, tabulate
-from pushfit.fit.problem.derived import samples_mapping
-from pushfit.fit.problem.encoding import encode, prior_x_samples
+from pushfit.fit.problem.priors.quadrature import draw_from_nodes
+from pushfit.fit.problem.priors.tabulated_density import (
+    LogDensity,
+    TabulatedDensity,
+    tabulate,
+)
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.problem.setup import Setup
+from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
-from pushfit.fit.setup import Setup
 from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.integrand import Inner, Integrand, Strip
 from tests.oracle.noise_grid import make_noise_grid

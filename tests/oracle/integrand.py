@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.fit.priors.tabulated_density import TabulatedDensity
+from pushfit.fit.problem.priors.tabulated_density import TabulatedDensity
 from pushfit.fit.problem.problem import Problem
 from pushfit.model import Contact, Scalar, contact
 from tests.oracle.cells import GAUSS, KRONROD, NODES

@@ -9,7 +9,7 @@ import numpy as np
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
-from pushfit.fit.priors.distributions import log_prior_at
+from pushfit.fit.problem.priors.distributions import log_prior_at
 from pushfit.fit.problem.problem import Problem
 from pushfit.model import Scalar
 

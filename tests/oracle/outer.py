@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import FitResult
 from tests.oracle.integrand import Integrand, Strip
 

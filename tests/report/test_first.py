@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pushfit.fit.profiles.curve import Curve, Search
 from pushfit.fit.results import FitResult, LikelihoodProfile, Mode, Verdict
+from pushfit.fit.results.search import Curve, Search
 from pushfit.report.text.first import fit_line, look_line, set_line
 
 

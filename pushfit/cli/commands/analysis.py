@@ -99,12 +99,12 @@ def analyse(
     if "recordings" in inputs:
         # Which takes as long as JAX does.
         load = aside(load)
-    from pushfit.fit.programs import loaded_ahead
-    from pushfit.fit.stages import Stages, stages_of
+    from pushfit.fit.identify.stages import Stages, stages_of
+    from pushfit.fit.programs.compile import loaded_ahead
 
     own = stages_of(settings, wanted.engine)
     with loaded_ahead("; ".join(own)) as is_compiled:
-        from pushfit.fit.identify import identify_table
+        from pushfit.fit.identify.table import identify_table
         from pushfit.fit.results import FitStatus, Recipe
         from pushfit.report.text.first import First
 

@@ -5,10 +5,10 @@ import platform
 import re
 from importlib import metadata
 
-from pushfit.cache import enable_compile_cache
 from pushfit.cli import options
 from pushfit.cli.session import Session
 from pushfit.errors import FitError
+from pushfit.fit.programs.folder import enable_compile_cache
 
 SCHEMA = "pushfit.doctor/1"
 # How metadata name the extras of those who work on pushfit.

@@ -17,8 +17,8 @@ from pushfit.cli.session import Session
 from pushfit.errors import ConfigError, installed_by
 
 if TYPE_CHECKING:
+    from pushfit.cli.look.state import Look
     from pushfit.config import GraspConfig
-    from pushfit.look.state import Look
 
 
 def look(
@@ -61,11 +61,11 @@ def look(
     settings = read_settings(layout, **asdict(search), begin=begin, end=end)
     shown = read_look(session, recording, schedule=schedule, settings=settings)
     if export is not None:
-        from pushfit.look.page import static_page
+        from pushfit.cli.look.page import static_page
 
         write_text(session, static_page(shown, title=str(recording)), export)
         return
-    from pushfit.look.server import start_server
+    from pushfit.cli.look.server import start_server
 
     server, address = start_server(shown, title=str(recording), save=save, port=port)
     print(address, flush=True)
@@ -80,10 +80,10 @@ def read_look(
     session: Session, recording: Path, *, schedule: Path | None, settings: "GraspConfig"
 ) -> "Look":
     """What the page is going to show."""
+    from pushfit.cli.look.state import Look
     from pushfit.data.check import expect_kind
     from pushfit.data.load import configured_recording, reader_options
     from pushfit.data.plans.schedule import read_schedule
-    from pushfit.look.state import Look
 
     expect_kind(recording, "recording", **reader_options(settings))
     plan = None if schedule is None else read_schedule(schedule)

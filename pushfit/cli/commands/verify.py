@@ -120,8 +120,8 @@ def run_again(
     """The same analysis of the same files."""
     from pushfit.data.tables.peak_table import read_table
     from pushfit.explore.advice import with_next_push
-    from pushfit.fit.identify import identify_table
-    from pushfit.fit.stages import Stages, stages_of
+    from pushfit.fit.identify.stages import Stages, stages_of
+    from pushfit.fit.identify.table import identify_table
 
     config, recipe = recorded_config(summary), summary["recipe"]
     if recipe["table"] is None:

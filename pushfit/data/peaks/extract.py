@@ -13,6 +13,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.chosen import DEFAULTS, find, find_pushes, no_pushes
 from pushfit.data.peaks.components import (
     looked_at,
     measure_components,
@@ -25,11 +26,10 @@ from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.chosen import DEFAULTS, find, find_pushes, no_pushes
 from pushfit.data.recordings.records import Recording
-from pushfit.data.recordings.units import DECIMALS
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import MAX_KEPT, Trace, envelope
+from pushfit.data.units import DECIMALS
 from pushfit.errors import DataError
 
 __all__ = ["DEFAULTS", "Heights", "extract_peaks", "find_pushes", "measure_pushes"]

@@ -1,6 +1,6 @@
 """What there is to tell about pushes that were taken from a recording.
 
-Excluded: refusals for want of pushes (`pushfit.data.pushes.chosen`).
+Excluded: refusals for want of pushes (`pushfit.data.peaks.chosen`).
 """
 
 from collections.abc import Sequence

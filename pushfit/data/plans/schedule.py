@@ -13,12 +13,12 @@ from jaxtyping import Float, Int
 
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.recognise import Columns
-from pushfit.data.recordings.records import Source
-from pushfit.data.recordings.units import in_degrees
 from pushfit.data.tables.columns import KnownColumns, Origin, read_columns, read_rows
 from pushfit.data.tables.rules import CHANNELS, check_columns
 from pushfit.data.tables.rules import KNOWN as TABLE
 from pushfit.data.text.faults import refuse
+from pushfit.data.text.files import Source
+from pushfit.data.units import in_degrees
 
 KNOWN = KnownColumns(times=("time",))
 

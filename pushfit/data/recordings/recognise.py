@@ -9,7 +9,7 @@ all that is stated must agree. Excluded: which columns a kind of file needs
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from pushfit.data.recordings.units import (
+from pushfit.data.units import (
     UNITS,
     Quantity,
     Unit,

@@ -12,19 +12,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from pushfit.data.bags.bag import read_bag
-from pushfit.data.recordings.records import Recording, Source
+from pushfit.data.recordings.bags.bag import read_bag
+from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.roles import Role, Roles, assign_roles
 from pushfit.data.recordings.samples import Gaps, Samples, ThetaFrom, build_recording
-from pushfit.data.recordings.units import UNITS, Calibration, Unit
 from pushfit.data.text.csv_reader import MAX_BYTES, Cells, read_cells, row_problems
 from pushfit.data.text.dialects import Format, Layout, find_layout
 from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error
-from pushfit.data.text.files import existing_file, is_bag, sha256_of
+from pushfit.data.text.files import Source, existing_file, is_bag, sha256_of
 from pushfit.data.text.foreign import foreign_table
 from pushfit.data.text.scan import Tail
 from pushfit.data.text.textfile import TextFile, open_text
+from pushfit.data.units import UNITS, Calibration, Unit
 from pushfit.errors import DataError
 
 __all__ = ["Recording", "Source", "read_recording"]

@@ -8,23 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.data.recordings.units import Calibration
+from pushfit.data.text.files import Source
+from pushfit.data.units import Calibration
 from pushfit.errors import ConfigError, DataError
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
-    """Where data came from.
-
-    Args:
-        path: File as the user named it.
-        sha256: Digest of the file's bytes, hexadecimal.
-        dialect: What the reader recognised.
-    """
-
-    path: str
-    sha256: str
-    dialect: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

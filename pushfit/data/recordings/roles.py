@@ -9,17 +9,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pushfit.data.recordings.recognise import ANGLES, Columns, units_of
-from pushfit.data.recordings.units import (
+from pushfit.data.text.dialects import Layout
+from pushfit.data.text.faults import data_error, listed, problem
+from pushfit.data.text.layout_guess import Stamp, stamp_of
+from pushfit.data.units import (
     UNITS,
     Quantity,
     Unit,
     parse_unit,
     split_unit,
 )
-from pushfit.data.text.dialects import Layout
-from pushfit.data.text.faults import data_error, did_you_mean, listed, problem
-from pushfit.data.text.layout_guess import Stamp, stamp_of
-from pushfit.errors import ConfigError, Problem, stated
+from pushfit.errors import ConfigError, Problem, did_you_mean, stated
 
 # Names that no example should take for a signal.
 NO_SIGNAL = re.compile(r"(^t|seq|time|stamp|n?secs?|frame_id|index)$")

@@ -11,9 +11,10 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
-from pushfit.data.recordings.records import Recording, Source
-from pushfit.data.recordings.units import Unit, implausible_angles, implausible_signal
+from pushfit.data.recordings.records import Recording
 from pushfit.data.text.faults import data_error, problem
+from pushfit.data.text.files import Source
+from pushfit.data.units import Unit, implausible_angles, implausible_signal
 from pushfit.errors import Problem
 
 Gaps = Literal["error", "split", "interpolate"]

@@ -17,10 +17,10 @@ from jaxtyping import Float, Int
 
 from pushfit.data.recordings import recognise
 from pushfit.data.recordings.recognise import ANGLES
-from pushfit.data.recordings.records import Source
-from pushfit.data.recordings.units import UNITS, Unit, in_degrees
 from pushfit.data.text.csv_reader import read_csv_strict
 from pushfit.data.text.faults import ALIKE, data_error, problem
+from pushfit.data.text.files import Source
+from pushfit.data.units import UNITS, Unit, in_degrees
 from pushfit.errors import DataError, Problem
 
 COUNTS = ("push", "repeat")

@@ -14,11 +14,10 @@ import numpy as np
 import pandas as pd
 from pandas.util import hash_pandas_object
 
-from pushfit.data.recordings.records import Source
 from pushfit.data.tables.columns import Origin, Rows, read_rows
 from pushfit.data.tables.peak_table import PeakTable, is_parquet
 from pushfit.data.tables.rules import KNOWN
-from pushfit.data.text.files import sha256_of
+from pushfit.data.text.files import Source, sha256_of
 from pushfit.errors import DataError
 
 COLUMN = "grasp"

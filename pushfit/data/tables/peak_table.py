@@ -16,8 +16,6 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from pushfit.atomic import atomic_path
-from pushfit.data.recordings.records import Source
-from pushfit.data.recordings.units import in_degrees
 from pushfit.data.tables.columns import Origin, read_rows
 from pushfit.data.tables.rules import (
     CHANNELS,
@@ -26,6 +24,8 @@ from pushfit.data.tables.rules import (
     canonical_frame,
 )
 from pushfit.data.tables.traces import Trace
+from pushfit.data.text.files import Source
+from pushfit.data.units import in_degrees
 from pushfit.errors import ConfigError, DataError
 
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pushfit.data.recordings.units import UNITS, implausible_angles
 from pushfit.data.tables.columns import Columns, KnownColumns, Origin, read_columns
 from pushfit.data.text.faults import data_error
+from pushfit.data.units import UNITS, implausible_angles
 from pushfit.errors import DataError, Problem
 
 if TYPE_CHECKING:

@@ -18,10 +18,10 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int
 
-from pushfit.data.recordings.records import Source
 from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
 from pushfit.data.text.faults import data_error, no_rows, refuse, refuse_too_large
+from pushfit.data.text.files import Source
 from pushfit.data.text.layout_guess import STAMPS, Stamp
 from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile, open_text

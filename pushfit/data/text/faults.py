@@ -1,7 +1,6 @@
 """How a fault of an input file is worded: place, value, rule, next step."""
 
-import difflib
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 from pushfit.errors import DataError, Problem
 
@@ -76,9 +75,3 @@ def listed(texts: Sequence[str], most: int = 12) -> str:
     """Give the first of some words, and how many more there are."""
     shown = ", ".join(filter(None, texts[:most]))
     return shown + (f" and {len(texts) - most} more" if len(texts) > most else "")
-
-
-def did_you_mean(text: str, known: Collection[str]) -> str:
-    """Give the end of a sentence that names the nearest known word, if one is near."""
-    near = difflib.get_close_matches(text, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""

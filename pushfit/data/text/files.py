@@ -35,6 +35,21 @@ _BAG_MAGIC = (b"#ROSBAG V", b"SQLite format 3\x00", b"\x89MCAP0\r\n")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """Where data came from.
+
+    Args:
+        path: File as the user named it.
+        sha256: Digest of the file's bytes, hexadecimal.
+        dialect: What the reader recognised.
+    """
+
+    path: str
+    sha256: str
+    dialect: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FileStamp:
     """What tells that a file changed: its size and time of change."""
 

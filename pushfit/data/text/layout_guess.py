@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pushfit.data.recordings.units import find_unit
 from pushfit.data.text.faults import STATE_COLUMNS, no_rows, refuse
+from pushfit.data.units import find_unit
 from pushfit.errors import ConfigError, DataError
 
 # Blanks come last: they also separate the fields of tabbed files.

@@ -14,19 +14,19 @@ from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
 from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
-from pushfit.fit.fitted import (
+from pushfit.fit.identify.fitted import (
     draw_posterior,
     fit_table,
     prepared,
     reach_of,
     reference_azimuth,
 )
+from pushfit.fit.identify.stages import Stages, posterior_stage
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.setup import Setup, build_problem, n_azimuths
 from pushfit.fit.profiles.least_squares import settle_noise
 from pushfit.fit.results import FitStatus, PosteriorResult
-from pushfit.fit.setup import Setup, build_problem, n_azimuths
-from pushfit.fit.stages import Stages, posterior_stage
 from pushfit.fit.sweep.posterior import sweep_posterior
 from pushfit.model import Grasp
 

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 from pushfit.explore.belief.belief import Belief
 from pushfit.explore.records import Suggestion
 from pushfit.fit.problem.problem import grasp_with
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs.compile import compiled
 from pushfit.model import Channels, Grasp, Parameters, Pushes, as_float, forward
 from pushfit.parameters import OF_GRASP
 

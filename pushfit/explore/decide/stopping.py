@@ -28,14 +28,14 @@ from pushfit.explore.records import (
 from pushfit.parameters import ANGLES
 
 # Without a word on the noise an interval may be narrow by chance, and misses as one
-# does whose noise is believed too small: python -m benchmarks.exploration --control.
+# does whose noise is believed too small: `benchmarks.explore.answers --control`.
 MIN_UNKNOWN_NOISE = 8
 # Pushes before a forecast may end anything: earlier ones rest on the priors.
 MIN_FORECAST = 10
 # Chance to decide below which going on is not worth it, and pushes in a row after which
 # not one imagined truth was decided: of so many forecasts one or the other is wrong.
 # After three, or with two truths of 48 decided, more than 5 % of what was given up were
-# given up falsely: python -m benchmarks.exploration_by_engine.
+# given up falsely: python -m benchmarks.explore.by_engine.
 HOPELESS, IN_A_ROW = 0.05, 5
 
 

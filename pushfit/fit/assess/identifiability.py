@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import residuals_at
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import Combination, IdentifiabilityResult
 from pushfit.model import Parameters, as_float, contact
 from pushfit.parameters import OF_GRASP, POSITIVE, SIGNED

@@ -23,8 +23,8 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import Directions, pushed_directions
 from pushfit.fit.problem.predictions import heights_of, predict_draws
 from pushfit.fit.problem.problem import STUDENT_DOF, Problem
+from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import FitStatus, PosteriorResult, PredictiveCheck
-from pushfit.fit.setup import Setup
 
 # Simulated tables: enough to see a share of 1e-3, fewer of large tables so that all
 # their heights take 32 MB.

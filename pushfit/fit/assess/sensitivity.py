@@ -21,9 +21,9 @@ from jaxtyping import Float
 
 from pushfit.fit.problem.derived import unwrapped
 from pushfit.fit.problem.predictions import heights_of, predict_draws
+from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.angle_errors import COMMON_SD, angle_slopes
 from pushfit.fit.results import FitStatus, Identification, ResultWarning
-from pushfit.fit.setup import Setup
 
 # An error of this share of the posterior's own deviation beside it leaves intervals of
 # 90 % that hold the truth 88 times in 100.

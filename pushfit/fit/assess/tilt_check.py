@@ -8,13 +8,13 @@ from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
 from pushfit.fit.problem.derived import equal_tailed_interval, median
-from pushfit.fit.programs import compiled
+from pushfit.fit.problem.setup import Setup
+from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import MechanicsAnswer, PosteriorResult, ResultWarning
-from pushfit.fit.setup import Setup
 from pushfit.mechanics.displacements import displacements
+from pushfit.mechanics.registry import mechanics_named
 from pushfit.model import Grasp, Parameters, Pushes
 from pushfit.parameters import SIGNED, SIX
-from pushfit.registry import mechanics_named
 
 # Below this tilt θ_c is not off by a degree: nothing is fitted [deg].
 LARGE_TILT_DEG = 2.0

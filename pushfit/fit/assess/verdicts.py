@@ -18,6 +18,7 @@ from pushfit.fit.problem.derived import (
     median,
 )
 from pushfit.fit.problem.problem import STUDENT_DOF
+from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.profile_sets import verdict_of
 from pushfit.fit.results import (
     LikelihoodProfile,
@@ -26,7 +27,6 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
-from pushfit.fit.setup import Setup
 from pushfit.parameters import COMBINATIONS, OF_GRASP, POSITIVE, SIGNED, SIX, unit_of
 
 # Contraction above the first is learned from the data, below the second assumed: the

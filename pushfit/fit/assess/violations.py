@@ -20,10 +20,10 @@ from jaxtyping import Float
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
 from pushfit.fit.problem.predictions import heights_of, predict_points
-from pushfit.fit.problem.repeat_effects import ARTICLES, repeat_effect
+from pushfit.fit.problem.repeats.effects import ARTICLES, repeat_effect
+from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
 from pushfit.fit.results import FitResult, ResultWarning
-from pushfit.fit.setup import Setup
 
 ANGLE_ERRORS = "looks_like_angle_errors"
 HEAVY_TAILED, PROPORTIONAL = "looks_heavy_tailed", "looks_proportional"

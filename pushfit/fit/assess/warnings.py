@@ -14,6 +14,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import counted
 from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.problem.predictions import predict_points
+from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -23,7 +24,6 @@ from pushfit.fit.results import (
     ResultWarning,
     Verdict,
 )
-from pushfit.fit.setup import Setup
 from pushfit.model import as_float, contact
 
 # Verdicts that need no words, or have had them.

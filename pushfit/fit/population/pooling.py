@@ -21,7 +21,7 @@ from pushfit.fit.population.item_likelihoods import (
     likelihoods,
     normalised,
 )
-from pushfit.fit.priors.quadrature import draw_from_nodes
+from pushfit.fit.problem.priors.quadrature import draw_from_nodes
 
 # Two leave a spread to its prior alone.
 MIN_ITEMS = 3

@@ -9,9 +9,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pushfit.fit.priors.conditional_prior import make_conditional_prior
-from pushfit.fit.priors.distributions import Prior
-from pushfit.fit.priors.tabulated_density import LogDensity, TabulatedDensity, tabulate
+from pushfit.fit.problem.priors.conditional_prior import make_conditional_prior
+from pushfit.fit.problem.priors.distributions import Prior
+from pushfit.fit.problem.priors.tabulated_density import (
+    LogDensity,
+    TabulatedDensity,
+    tabulate,
+)
 from pushfit.fit.problem.problem import Problem
 from pushfit.parameters import SIX, STIFF
 

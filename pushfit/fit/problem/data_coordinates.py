@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax.numpy as jnp
 
-from pushfit.fit.priors.distributions import Prior
+from pushfit.fit.problem.priors.distributions import Prior
 from pushfit.mechanics.containers import support
 from pushfit.model import Contact, Grasp, Parameters, Scalar, contact
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled, in_chunks
+from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import Piece
 from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.model import as_float, contact

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled, in_chunks
+from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.mechanics.coordinates import Coordinates, coordinates
 from pushfit.model import Parameters
 

@@ -16,7 +16,8 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.problem.repeat_effects import (
+from pushfit.fit.problem.repeats.averaging import MIN_POOLED_DOF
+from pushfit.fit.problem.repeats.effects import (
     both_ways,
     effect_sds,
     is_crossed,
@@ -26,9 +27,6 @@ from pushfit.fit.problem.repeat_effects import (
 )
 from pushfit.fit.results import ResultWarning
 
-# A pooled sd from 20 degrees of freedom is known to 16 %, and a 90 % interval that
-# takes it as exact covers 88.4 %; with fewer, sigma is sampled instead.
-MIN_POOLED_DOF = 20
 # Chance of doubting correct standard deviations.
 CONTRADICTION_LEVEL = 1e-3
 # What noise is taken for where "auto" is asked for and nothing has spoken yet.

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from pushfit.fit.problem.problem import Problem, State, grasp_with
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs.compile import compiled
 from pushfit.model import (
     Channels,
     Contact,

@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from pushfit.fit.priors.distributions import Prior
 from pushfit.fit.problem.data_coordinates import data_point
+from pushfit.fit.problem.priors.distributions import Prior
 from pushfit.mechanics.coordinates import Coordinates, log_volume, parameters
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import (

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from pushfit.fit.profiles.held import SOME_ANGLE, Likelihood
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs.compile import compiled
 from pushfit.fit.sweep.outer import (
     again,
     ascending,

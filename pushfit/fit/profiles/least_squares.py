@@ -16,6 +16,7 @@ from pushfit.errors import FitError
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.setup import Setup
 from pushfit.fit.problem.slopes import linearised, residuals_at
 from pushfit.fit.profiles.curve import search
 from pushfit.fit.profiles.weights import (
@@ -24,9 +25,8 @@ from pushfit.fit.profiles.weights import (
     with_known_noise,
     with_noise_of,
 )
-from pushfit.fit.programs import compiled
+from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import FitResult, FitStatus, Mode
-from pushfit.fit.setup import Setup
 from pushfit.model import as_float
 
 # Points, sums of squares, and whether the solver arrived, best first.

@@ -14,19 +14,14 @@ from jaxtyping import Float
 
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.profiles.curve import (
-    LEVEL,
-    N_FIRST,
-    Curve,
-    first_values,
-    profile_curve,
-)
+from pushfit.fit.problem.setup import Setup
+from pushfit.fit.profiles.curve import LEVEL, N_FIRST, first_values, profile_curve
 from pushfit.fit.profiles.derived_profiles import implied_profiles
 from pushfit.fit.profiles.held import imposable
 from pushfit.fit.profiles.least_squares import costs_at, searched
 from pushfit.fit.profiles.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.results import FitResult, LikelihoodProfile
-from pushfit.fit.setup import Setup
+from pushfit.fit.results.search import Curve
 from pushfit.parameters import unit_of
 
 # The ellipse is reported by its axis; the others are held by what is known beforehand.

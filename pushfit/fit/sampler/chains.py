@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 
 from pushfit.errors import ConvergenceError
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled, in_chunks
+from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.sampler import checkpoint
 from pushfit.fit.sampler.mixture import Mixture
 

@@ -21,7 +21,8 @@ from pushfit.errors import FitError
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled, in_chunks
+from pushfit.fit.problem.setup import Setup
+from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import Diagnostics, FitResult, FitStatus, PosteriorResult
 from pushfit.fit.sampler.chains import Densities, Run, keep, resume
 from pushfit.fit.sampler.checkpoint import fingerprint
@@ -29,7 +30,6 @@ from pushfit.fit.sampler.diagnostics import MIN_AUTOCORR_TIMES, diagnose
 from pushfit.fit.sampler.mixture import fit_mixture
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.sampler.starts import starting_points
-from pushfit.fit.setup import Setup
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import as_float
 
@@ -37,8 +37,8 @@ Progress = Callable[[str, float], None]
 
 # Share of the steps that move along differences; the others propose from the mixture.
 # The autocorrelation time of θ_c at shares 0.75, 0.5, 0.25 and 0.1 is 8.6, 5.5, 4.0 and
-# 3.2 steps for a bimodal table, and 22 at 1 (benchmarks/emcee_mixing.py); with an
-# ellipse a smaller share may leave a walker in a corner.
+# 3.2 steps for a bimodal table, and 22 at 1 (`benchmarks.inference.emcee_mixing`); with
+# an ellipse a smaller share may leave a walker in a corner.
 DIFFERENCE_SHARE = 0.25
 # Starting points of each ensemble are 2 to the power of the coordinates and this, up to
 # a limit. On the bent valley of an azimuth sweep a region that ends with 12 % of the

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import STUDENT_DOF
-from pushfit.fit.sweep.repeats import PADDING, Pooled
+from pushfit.fit.problem.repeats.pooling import PADDING, Pooled
 from pushfit.fit.sweep.segments import Segments, make_segments
 from pushfit.model import Scalar
 

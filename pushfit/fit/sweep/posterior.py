@@ -16,10 +16,10 @@ from jaxtyping import Array, Float
 
 from pushfit.errors import FitError
 from pushfit.fit.problem.derived import samples_mapping
-from pushfit.fit.programs import compiled, in_chunks
+from pushfit.fit.problem.setup import Setup
+from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.sampler.mixture import Mixture, fit_mixture
-from pushfit.fit.setup import Setup
 from pushfit.fit.sweep.draws import Draw, draw, n_uniforms
 from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet
@@ -49,8 +49,8 @@ FITTED_POWER = 0.5
 # Another is fitted to them after so many steps of emcee in the posterior to this power,
 # half of them by the first: it fills far tails, where the sweep had few draws or none.
 # Without it standard deviations of two_supports 3 and tilting 0 of
-# `benchmarks.agreement --tables 5` were too small by 0.16 and 0.12; alone it leaves a
-# third of the effective draws of wide posteriors.
+# `benchmarks.inference.agreement --tables 5` were too small by 0.16 and 0.12; alone it
+# leaves a third of the effective draws of wide posteriors.
 N_STEPS, SPREADING_POWER = 12, 0.5
 # Densities of one call: half the walkers move at a time.
 N_ROWS = N_FITTED // 2

@@ -12,12 +12,12 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from pushfit.fit.priors.conditional_prior import SCORES, make_conditional_prior
-from pushfit.fit.priors.distributions import Prior
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.priors.conditional_prior import SCORES, make_conditional_prior
+from pushfit.fit.problem.priors.distributions import Prior
 from pushfit.fit.problem.problem import Problem
-from pushfit.fit.programs import compiled, kept_arrays
-from pushfit.fit.sweep.repeats import pool_repeats
+from pushfit.fit.problem.repeats.pooling import pool_repeats
+from pushfit.fit.programs.compile import compiled, kept_arrays
 from pushfit.fit.sweep.roles import roles_of
 from pushfit.fit.sweep.target import QuantileTable, Target
 from pushfit.model import as_float

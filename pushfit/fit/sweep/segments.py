@@ -1,6 +1,6 @@
 """Densities between nodes: exponential on each segment, and draws from them.
 
-Excluded: densities on a regular grid (`pushfit.fit.priors.tabulated_density`).
+Excluded: densities on a regular grid (`pushfit.fit.problem.priors.tabulated_density`).
 """
 
 import equinox as eqx

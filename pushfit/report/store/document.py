@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import Field, TypeAdapter
 from pydantic.fields import FieldInfo
 
-from pushfit.data.recordings.records import Source
+from pushfit.data.text.files import Source
 from pushfit.fit.results import (
     Combination,
     FitStatus,

@@ -15,7 +15,7 @@ from pushfit.report.plain import json_safe
 
 SCHEMA = "pushfit.next/1"
 # Likelihood sets that are looked at until they are narrow cover less than they state:
-# python -m benchmarks.exploration --channels height --control measures by how much.
+# `python -m benchmarks.explore.answers --channels height --control` says by how much.
 ADAPTIVE = ResultWarning(
     code="adaptive_pushes",
     text="the pushes were chosen, and stopped, by what earlier ones had said: believe "

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pushfit.fit.fitted import Fitted, Listener
-from pushfit.fit.profiles.curve import Search
+from pushfit.fit.identify.fitted import Fitted, Listener
+from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import FitResult, LikelihoodProfile
-from pushfit.fit.setup import Setup
+from pushfit.fit.results.search import Search
 from pushfit.report.strings import format_angle, format_range, join_or
 
 # Optima this much worse are no answer [Δχ²]; those this near are the same one [deg].

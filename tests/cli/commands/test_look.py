@@ -15,7 +15,7 @@ from pushfit.data.plans.schedule import PushSchedule, write_schedule
 from pushfit.data.simulate import Session as Robot
 from pushfit.data.simulate import simulate_recording, write_recording
 from pushfit.errors import ConfigError
-from tests.look.makers import recording
+from tests.cli.look.makers import recording
 from tests.problems import CASES
 
 THETA_DEG = np.arange(10.0, 90.0, 10.0)

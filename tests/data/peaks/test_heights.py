@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.peak_accuracy import N_PUSHES, measure
+from benchmarks.recordings.peak_accuracy import N_PUSHES, measure
 from pushfit.data.peaks.apex import N_BINS, fit_apex
 from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.records import Recording

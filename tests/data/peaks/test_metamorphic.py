@@ -11,7 +11,7 @@ from itertools import cycle, pairwise
 import numpy as np
 import pytest
 
-from benchmarks.every_cut import count, evenly, recordings
+from benchmarks.recordings.every_cut import count, evenly, recordings
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.recording import read_recording

@@ -12,9 +12,9 @@ from pushfit.data.peaks.extract import extract_peaks, find_pushes
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.chosen import Found
 from pushfit.data.pushes.course import Course
-from pushfit.data.recordings.records import Recording, Source
+from pushfit.data.pushes.found import Found
+from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import (
     ALPHA_SWEEP,
     BIOTAC,
@@ -22,6 +22,7 @@ from pushfit.data.simulate import (
     Session,
     simulate_recording,
 )
+from pushfit.data.text.files import Source
 from pushfit.errors import ConfigError, DataError
 from pushfit.model import Grasp, Parameters
 

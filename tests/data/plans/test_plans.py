@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.plan_alignment import count
+from benchmarks.recordings.plan_alignment import count
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error
 from pushfit.data.plans.schedule import PushSchedule

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pushfit.data.recordings.recording import read_recording
-from pushfit.data.recordings.units import BIOTAC_PDC
 from pushfit.data.text import csv_reader as csv_reader
+from pushfit.data.units import BIOTAC_PDC
 from pushfit.errors import ConfigError, DataError, PushfitError
 
 # Equal on paper: one multiplication and one division in float64.

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import recording_scale
+from benchmarks.speed import recording_scale
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.text import csv_reader as csv_reader
 from pushfit.data.text import textfile
@@ -196,7 +196,7 @@ def test_what_would_need_too_much_memory_is_refused_after_the_scan(write, monkey
 @pytest.mark.slow
 def test_a_long_recording_costs_less_than_three_bare_pandas():
     """In a process of its own, because the tests check the type of every call."""
-    command = [sys.executable, "-m", "benchmarks.recording_scale"]
+    command = [sys.executable, "-m", "benchmarks.speed.recording_scale"]
     options = ["--rounds", "7", "--time"]
     ended = subprocess.run([*command, *options], check=True, capture_output=True)
     ratio = re.search(rb"over bare pandas: (\S+)", ended.stdout)

@@ -4,9 +4,9 @@ import pytest
 
 from pushfit.config import GraspConfig, parse_config
 from pushfit.errors import FitError
-from pushfit.fit import identify
 from pushfit.fit.assess.tilt_check import does_tilt_matter, is_worse, tilt_warning
-from pushfit.fit.setup import build_problem
+from pushfit.fit.identify import table as identify
+from pushfit.fit.problem.setup import build_problem
 from tests.report.makers import make_answer, make_fit, make_table
 
 MEASURED = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"

@@ -14,7 +14,7 @@ from pushfit.fit.assess.violations import (
     violation_warnings,
     violations,
 )
-from pushfit.fit.fitted import fit_table
+from pushfit.fit.identify.fitted import fit_table
 from tests.fit.tables import config
 from tests.problems import CASES
 

@@ -10,9 +10,9 @@ from pushfit.fit.assess.warnings import (
     result_warnings,
     table_warnings,
 )
-from pushfit.fit.identify import identify_table
+from pushfit.fit.identify.table import identify_table
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
-from pushfit.fit.setup import build_problem
 from pushfit.fit.sweep import posterior as sweep
 from tests.fit.tables import case_table, config
 from tests.problems import CASES

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pushfit.fit.identify import identify_table
-from pushfit.fit.population.many import identify_many
+from pushfit.fit.identify.many import identify_many
+from pushfit.fit.identify.table import identify_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pushfit.fit.population.prior_tables import prior_tables
-from pushfit.fit.setup import build_problem
+from pushfit.fit.problem.setup import build_problem
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

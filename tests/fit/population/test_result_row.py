@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pushfit.fit.identify.result_row import prior_of_angle, tabulated_prior
 from pushfit.fit.population.prior_tables import prior_tables
-from pushfit.fit.population.result_row import prior_of_angle, tabulated_prior
-from pushfit.fit.priors.distributions import default_priors
-from pushfit.fit.setup import build_problem
+from pushfit.fit.problem.priors.distributions import default_priors
+from pushfit.fit.problem.setup import build_problem
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

@@ -12,7 +12,7 @@ from pushfit.fit.problem.derived import (
     median,
     samples_mapping,
 )
-from pushfit.fit.setup import build_problem
+from pushfit.fit.problem.setup import build_problem
 from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.parameters import SIX
 from tests.fit.tables import case_table, config

@@ -2,7 +2,7 @@
 
 Differences of fourth order, (8 (f₁ - f₋₁) - (f₂ - f₋₂)) / 12 h. Across the hard switch
 there is no derivative to compare with: what holds at the critical angle itself is
-tested in tests/test_model.py.
+tested in tests/mechanics/test_model.py.
 """
 
 import equinox as eqx

@@ -22,8 +22,8 @@ from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import encode, prior_x_samples
 from pushfit.fit.problem.predictions import heights_of, predict_draws
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
-from pushfit.fit.setup import Setup, build_problem
 from pushfit.fit.sweep.posterior import sweep_posterior
 from pushfit.model import Pushes, as_float
 from tests.fit.kinds import KINDS

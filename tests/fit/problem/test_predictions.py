@@ -14,7 +14,7 @@ from pushfit.fit.problem.predictions import (
     predict_draws,
     predict_points,
 )
-from pushfit.fit.setup import build_problem
+from pushfit.fit.problem.setup import build_problem
 from pushfit.model import Parameters, Pushes, forward
 from tests.fit.tables import case_table, config
 from tests.problems import CASES

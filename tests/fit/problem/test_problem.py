@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from pushfit.fit.problem.problem import STUDENT_DOF
-from pushfit.fit.setup import build_problem, n_azimuths
+from pushfit.fit.problem.setup import build_problem, n_azimuths
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

@@ -5,7 +5,7 @@ import pytest
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
-from pushfit.fit.setup import build_problem
+from pushfit.fit.problem.setup import build_problem
 from tests.fit.tables import config
 
 PRELOAD = "[grasp]\npreload_n = 2.0\n"

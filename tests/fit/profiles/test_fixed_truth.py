@@ -1,7 +1,7 @@
 """The same grasp pushed again and again: errors scatter, and sets hold, as they say.
 
 Heights from one truth with fresh noise. Unlike truths drawn from a prior (which
-benchmarks/coverage_one_sweep.py measures), this is the promise that a likelihood set
+benchmarks/coverage/one_sweep.py measures), this is the promise that a likelihood set
 makes.
 """
 

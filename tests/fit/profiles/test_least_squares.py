@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from pushfit.errors import FitError
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.guesses import guesses
 from pushfit.fit.profiles.least_squares import (
     MAX_ROUNDS,
@@ -19,7 +20,6 @@ from pushfit.fit.profiles.least_squares import (
     polish,
     restarted,
 )
-from pushfit.fit.setup import build_problem
 from tests.fit.kinds import KINDS
 from tests.fit.tables import (
     case_table,

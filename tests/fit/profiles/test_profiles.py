@@ -10,6 +10,7 @@ from scipy import optimize, stats
 
 from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.profiles.profile_sets import (
     pieces_below,
@@ -19,7 +20,6 @@ from pushfit.fit.profiles.profile_sets import (
 )
 from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import Verdict
-from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES, PUSH, paper_parameters
 

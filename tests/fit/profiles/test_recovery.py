@@ -11,9 +11,9 @@ import pytest
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
-from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, config, setup_of
 from tests.problems import CASES, PLAIN, sweep
 

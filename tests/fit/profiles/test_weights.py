@@ -8,9 +8,9 @@ from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.fitted import MIN_SHARE_GAIN, fit_table
+from pushfit.fit.identify.fitted import MIN_SHARE_GAIN, fit_table
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.weights import likeliest_shares, share_gain, tail_gain
-from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

@@ -12,7 +12,7 @@ from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler import emcee_posterior as posterior
 from pushfit.fit.sampler.checkpoint import CheckpointWarning
 from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
-from tests.fit.agreement import z_values
+from tests.fit.sweep.agreement import z_values
 from tests.fit.tables import case_table, setup_of
 from tests.oracle.exact import exact_posterior
 from tests.problems import CASES

@@ -12,7 +12,7 @@ import pytest
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler.emcee_posterior import sample_posterior
-from tests.fit.agreement import z_values
+from tests.fit.sweep.agreement import z_values
 from tests.fit.tables import case_table, setup_of, tables_of_the_prior
 from tests.oracle.exact import exact_posterior
 from tests.problems import CASES

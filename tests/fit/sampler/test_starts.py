@@ -11,11 +11,11 @@ from scipy import stats
 
 from pushfit.errors import FitError
 from pushfit.fit.problem.encoding import encode, prior_x_samples
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import Mode
 from pushfit.fit.sampler.chains import Densities
 from pushfit.fit.sampler.starts import starting_points
-from pushfit.fit.setup import build_problem
 from tests.fit.tables import case_table, config, setup_of
 from tests.problems import CASES
 

@@ -10,18 +10,18 @@ import pytest
 from arviz_stats.base.array import array_stats
 from scipy import stats
 
-from benchmarks.agreement import compared
+from benchmarks.inference.agreement import compared
 from benchmarks.tables import prior_problems
-from pushfit import cache
-from pushfit.fit import identify
+from pushfit.fit.identify import table as identify
 from pushfit.fit.problem.encoding import prior_x_samples
+from pushfit.fit.problem.repeats.pooling import PADDING, pool_repeats
 from pushfit.fit.profiles.least_squares import fit_least_squares
+from pushfit.fit.programs import folder as cache
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler.mixture import fit_mixture
 from pushfit.fit.sweep import posterior as engine
 from pushfit.fit.sweep import prior
 from pushfit.fit.sweep.prior import make_target
-from pushfit.fit.sweep.repeats import PADDING, pool_repeats
 from tests.fit.kinds import KINDS
 from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
 from tests.oracle.exact import exact_posterior

@@ -13,7 +13,7 @@ from pushfit.report.figures import figure_bytes, main_figure
 from pushfit.report.html import result as html_module
 from pushfit.report.html.batch import render_batch
 from pushfit.report.html.result import render_html
-from tests.look.chromium import BROWSER, chromium
+from tests.cli.look.chromium import BROWSER, chromium
 from tests.report.html.test_result import ALLOWED, Page
 from tests.report.makers import make_trace
 

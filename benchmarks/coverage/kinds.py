@@ -1,0 +1,81 @@
+"""How often intervals by the sweep hold the truth, for any kind of problem in tests.
+
+    python -m benchmarks.coverage.kinds [--kind paper] [--tables 1000] [--seed 0]
+
+Truths are drawn from the priors and heights from the model; noise is that of the kind.
+Prints coverage of θ_c and α* beside what binomial scatter allows once in a thousand,
+how many tables needed a fitted mixture or were not to be trusted, and the time.
+"""
+
+import argparse
+import time
+
+import numpy as np
+from scipy import stats
+
+from benchmarks.tables import prior_problems
+from pushfit.fit.problem.derived import equal_tailed_interval, samples_mapping
+from pushfit.fit.programs.folder import enable_compile_cache
+from pushfit.fit.sweep.posterior import N_RETURNED, weighted_draws
+from pushfit.fit.sweep.prior import make_target
+from tests.fit.kinds import KINDS
+
+ALPHA, REACH = np.pi / 2, (0.0, np.pi)
+PROBS = (0.5, 0.9, 0.95)
+# Chance that right intervals leave the limits.
+ALARM = 1e-3
+
+
+def is_inside(interval: tuple[float, float], truth: float, *, is_axis: bool) -> bool:
+    """Whether an interval, of an axis modulo 180°, holds a truth."""
+    low, high = interval
+    if is_axis:
+        return (truth - low) % 180.0 <= high - low
+    return low <= truth <= high
+
+
+def main() -> None:
+    """Print one line for each angle and level."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--kind", default="paper", choices=KINDS)
+    parser.add_argument("--tables", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    hits: dict[tuple[str, float], list[bool]] = {}
+    n_refined = n_lost = 0
+    start = time.perf_counter()
+    drawn = prior_problems(options.kind, options.tables, rng)
+    for i, (setup, truth) in enumerate(drawn):
+        data = setup.problem
+        truths = samples_mapping(data, truth[None], ALPHA, REACH)
+        found = weighted_draws(make_target(data, ALPHA), seed=options.seed + i)
+        n_refined += found.n_refinements > 0
+        if not found.is_trusted:
+            n_lost += 1
+            continue
+        points, _ = found.resampled(N_RETURNED, rng)
+        samples = samples_mapping(data, points, ALPHA, REACH)
+        for name in ("theta_c", "alpha_star"):
+            if name not in samples or not np.isfinite(truths[name][0]):
+                continue
+            is_axis = name == "alpha_star"
+            for prob in PROBS:
+                interval = equal_tailed_interval(samples[name], prob, is_axis=is_axis)
+                held = is_inside(interval, float(truths[name][0]), is_axis=is_axis)
+                hits.setdefault((name, prob), []).append(held)
+    seconds = time.perf_counter() - start
+    print(
+        f"{options.tables} tables of kind {options.kind}: {n_refined} refined, ", end=""
+    )
+    print(f"{n_lost} not trusted, {1e3 * seconds / options.tables:.0f} ms per table")
+    print("| angle | level | coverage | limits | tables |\n|---|---|---|---|---|")
+    for (name, prob), held in hits.items():
+        low, high = stats.binom.ppf([ALARM / 2, 1 - ALARM / 2], len(held), prob)
+        limits = f"{low / len(held):.3f} to {high / len(held):.3f}"
+        print(f"| {name} | {prob} | {np.mean(held):.3f} | {limits} | {len(held)} |")
+
+
+if __name__ == "__main__":
+    enable_compile_cache()
+    main()

@@ -1,0 +1,146 @@
+"""How often intervals and sets of θ_c hold the truth, over truths from the priors.
+
+    python -m benchmarks.coverage.one_sweep [--tables 1000] [--seed 0] [--noise 0.03]
+
+One sweep of 17 elevations with three repeats. Every table has a truth of its own from
+the default priors, and noise of 3 % of the tallest height of one firm grasp. Intervals
+are equal-tailed ones of the sweep, sets those of the profile likelihood. An
+interval averages over the priors as the truths do, so it holds the truth as often as
+it says; a set promises that only for many data and a smooth likelihood, so what it
+really does is printed beside it. Interrupted, the run prints what it has.
+"""
+
+import argparse
+import sys
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from benchmarks.tables import HARD
+from pushfit.config import parse_config
+from pushfit.data.simulate import simulate_table
+from pushfit.fit.coverage import LEVELS, simulate_tables
+from pushfit.fit.identify.fitted import Fitted, fit_table
+from pushfit.fit.identify.table import identify_table
+from pushfit.fit.problem.derived import equal_tailed_interval
+from pushfit.fit.profiles.profile_sets import profile_set
+from pushfit.fit.results import FitStatus, Identification, Piece
+from pushfit.model import Grasp, Parameters
+
+THETA = np.radians(np.arange(5.0, 90.0, 5.0))
+REPEATS, NOISE = 3, 0.03
+PUSH_LENGTH = 5e-3
+# A = 520 and B = 150 N/m; 3 % of its tallest height is the noise of every table.
+FIRM = Parameters(K_sn=1300, K_dn=2600 / 3, K_st=450, C_rr=0.5, C_d=0.36, L=0.04)
+TALLEST = 520 * PUSH_LENGTH
+CONFIG = parse_config(
+    f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n{HARD}", path="grasp.toml"
+)
+QUANTITIES = ("theta_c", "A", "B", "C_rr")
+WORDS = {"interval": "interval", "set": "profile set"}
+# Probability of the binomial limits that a right count keeps.
+LIMITS_PROB = 0.999
+
+# One table's answers: (quantity, kind, level) -> whether it holds the truth.
+Answers = dict[tuple[str, str, float], bool]
+
+
+def pushes(noise: float = NOISE) -> Fitted:
+    """The sweep with its noise, fitted once."""
+    table = simulate_table(
+        FIRM,
+        Grasp(push_length=PUSH_LENGTH),
+        theta=THETA,
+        alpha=0.0,
+        repeats=REPEATS,
+        noise=noise * TALLEST,
+        rng=np.random.default_rng(0),
+        state_sd=True,
+    )
+    return fit_table(table, CONFIG)
+
+
+def answers(found: Identification, truth: dict[str, float]) -> Answers:
+    """What both kinds of statement say of one table."""
+    held = {}
+    for name in QUANTITIES:
+        draws = found.posterior.samples[name]
+        for level in LEVELS:
+            interval = equal_tailed_interval(draws, level)
+            held[name, "interval", level] = is_held((interval,), truth[name])
+            if name == "theta_c":
+                pieces = profile_set(found.profiles[name], level)
+                held[name, "set", level] = is_held(pieces, truth[name])
+    return held
+
+
+def is_held(pieces: tuple[Piece, ...], truth: float) -> bool:
+    """Whether a piece holds the truth; an open end holds everything beyond."""
+    return any(
+        (-np.inf if low is None else low) <= truth <= (np.inf if high is None else high)
+        for low, high in pieces
+    )
+
+
+def run(
+    n_tables: int, seed: int, noise: float
+) -> Iterator[tuple[float, Answers | None]]:
+    """True θ_c and answers of table after table; None where there is no result."""
+    simulation = simulate_tables(pushes(noise), n_tables, np.random.default_rng(seed))
+    for index, table in enumerate(simulation.tables):
+        result = identify_table(
+            table, CONFIG, seed=seed + index, engine="sweep", is_brief=True
+        )
+        truth = {n: float(simulation.truths[n][index]) for n in QUANTITIES}
+        is_usable = result.status is FitStatus.OK
+        yield truth["theta_c"], answers(result, truth) if is_usable else None
+
+
+def summary(found: list[tuple[float, Answers | None]]) -> str:
+    """One line for each quantity and kind, one column for each level."""
+    lowest, highest = np.degrees(THETA[[0, -1]])
+    hits = defaultdict(list)
+    for theta_c, held in found:
+        for (name, kind, level), is_hit in (held or {}).items():
+            hits[name, WORDS[kind], level].append(is_hit)
+            if name == "theta_c":
+                is_between = lowest < theta_c < highest
+                where = "between pushes" if is_between else "beyond them"
+                hits[f"theta_c {where}", WORDS[kind], level].append(is_hit)
+    cells = defaultdict(dict)
+    for (name, kind, level), of_this in sorted(hits.items()):
+        n, n_held = len(of_this), sum(of_this)
+        low, high = stats.binom.interval(LIMITS_PROB, n, level)
+        mark = "" if low <= n_held <= high else " *"
+        row = cells[name, kind]
+        row["tables"] = n
+        row[f"{level:.0%}"] = f"{n_held / n:.3f}{mark}"
+        row[f"limits of {level:.0%}"] = f"{low / n:.3f}-{high / n:.3f}"
+    n_failed = sum(held is None for _, held in found)
+    table = pd.DataFrame.from_dict(cells, orient="index").to_string()
+    return f"{table}\n{len(found)} tables, {n_failed} without a result; * beyond limits"
+
+
+def main() -> None:
+    """Print the coverage of every quantity."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tables", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--noise", type=float, default=NOISE)
+    options = parser.parse_args()
+    found = []
+    try:
+        for result in run(options.tables, options.seed, options.noise):
+            found.append(result)
+            if len(found) % 50 == 0:
+                print(summary(found), file=sys.stderr, flush=True)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+    print(summary(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,180 @@
+"""Which humps of a recording are pushes, before any of them has a direction.
+
+What the user says of the humps is applied here: windows of time to leave out or to take
+in, and which way pushes go. Excluded: pairing with a plan
+(`pushfit.data.plans.pairing`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.components import looked_at, push_signal
+from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.pushes.course import Course, View
+from pushfit.data.pushes.detection import Extent, find_extents
+from pushfit.data.pushes.dips import rest_curve, without_dips
+from pushfit.data.pushes.found import Found, is_in
+from pushfit.data.pushes.noise import Noise
+from pushfit.data.recordings.records import Recording
+from pushfit.errors import DataError
+
+DEFAULTS = PeakSettings()
+# Share of a dip below which a hump is what noise makes of a filled signal.
+_MINOR = 0.1
+
+
+def find_pushes(
+    recording: Recording, *, settings: PeakSettings = DEFAULTS
+) -> tuple[Extent, ...]:
+    """Find the pushes of a recording, in order, without measuring them.
+
+    Raises:
+        ConfigError: The channel to look in is not named, or not there.
+        DataError: The channel has hardly any samples, or none in the part to look at.
+    """
+    recording = looked_at(recording, settings)
+    time, signal = push_signal(recording, settings)
+    found = find(time, signal, settings, signed=bool(settings.signed))
+    return tuple(extent for extent in found.extents if not extent.is_brush)
+
+
+def find(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    settings: PeakSettings,
+    *,
+    signed: bool,
+) -> Found:
+    """Find humps, and with `signed` dips too, in order.
+
+    Args:
+        time: Sample times [s].
+    """
+    # Of the samples as they are: in a picture of them equal readings differ by
+    # rounding, and the finest step would be that.
+    noise, course = Noise.of(time, signal), Course.of(time, signal)
+
+    def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
+        view = View(
+            time=time,
+            signal=picture,
+            course=course if picture is signal else Course.of(time, picture),
+            noise=noise,
+            min_height=settings.min_height,
+            smoothing=settings.smoothing,
+            split=settings.split,
+        )
+        return find_extents(view)
+
+    def deep_enough(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
+        return tuple(dip for dip in extents_of(picture) if not dip.is_low)
+
+    if not signed:
+        # A return from a dip to rest would look like a hump.
+        filled, dips = without_dips(time, signal, noise=noise, extents_of=deep_enough)
+        extents = [_beside(dips, hump) for hump in extents_of(filled)]
+    else:
+        dips = ()
+        extents = [
+            replace(hump, sign=-1 if _is_dip(time, signal, hump) else 1)
+            for hump in extents_of(np.abs(signal - rest_curve(time, signal)))
+        ]
+    if settings.min_height is not None and extents:
+        # By the height that is reported: the course that humps are found in is lower.
+        heights = measure_heights(
+            time, signal, extents, definition=settings.height, course=course
+        )
+        extents = [
+            replace(hump, is_low=abs(own.height) < settings.min_height)
+            for hump, own in zip(extents, heights, strict=True)
+        ]
+    return _as_told(Found(extents=tuple(extents), course=course, dips=dips), settings)
+
+
+def _as_told(found: Found, settings: PeakSettings) -> Found:
+    """Leave out and take in the humps that the user names by their time or height."""
+
+    def is_out(hump: Extent) -> bool:
+        return hump.is_low or is_in(hump.t_peak, settings.exclude)
+
+    return Found(
+        extents=tuple(
+            replace(e, is_brush=e.is_brush and not is_in(e.t_peak, settings.include))
+            for e in found.extents
+            if not is_out(e)
+        ),
+        course=found.course,
+        dips=tuple(e for e in found.dips if not is_in(e.t_peak, settings.exclude)),
+        excluded=tuple(filter(is_out, found.extents)),
+        idle=tuple(
+            window
+            for window in (*settings.exclude, *settings.include)
+            if not any(is_in(e.t_peak, [window]) for e in (*found.extents, *found.dips))
+        ),
+    )
+
+
+def _beside(dips: Sequence[Extent], hump: Extent) -> Extent:
+    """Call a hump a brush if it is but the shoulder of a deeper dip, or far smaller."""
+    is_minor = any(
+        hump.height < _MINOR * dip.height
+        or (
+            hump.height < dip.height
+            and dip.t_start - hump.width < hump.t_end
+            and dip.t_end + hump.width > hump.t_start
+        )
+        for dip in dips
+    )
+    return replace(hump, is_brush=True) if is_minor else hump
+
+
+def _is_dip(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"], extent: Extent
+) -> bool:
+    """Whether the middle of a push lies below its two feet."""
+    first, last = np.searchsorted(
+        time, [extent.t_peak - extent.width / 4, extent.t_peak + extent.width / 4]
+    )
+    first = min(int(first), len(signal) - 1)
+    top = signal[first : max(int(last), first + 1)].mean()
+    feet = signal[[extent.start, max(extent.end - 1, extent.start)]].mean()
+    return bool(top < feet)
+
+
+def no_pushes(
+    signal: Float[np.ndarray, " n"],
+    settings: PeakSettings,
+    found: Found,
+    *,
+    unit: str,
+) -> DataError:
+    """Say what there is instead of pushes."""
+    n_dips, n_out = len(found.dips), len(found.excluded)
+    spread = float(np.ptp(signal))
+    if n_out:
+        options = ("`exclude`", settings.exclude), ("`min_height`", settings.min_height)
+        by = " or ".join(option for option, stated in options if stated)
+        return DataError(
+            f"no pushes found: {by} leaves out {n_out} and nothing else stands out; "
+            "leave out fewer",
+            code="no_pushes",
+        )
+    if n_dips:
+        what = f"the signal falls from rest {n_dips} times and never rises above it"
+    elif spread == 0.0:
+        what = f"the signal is {signal[0]:g} {unit} throughout, no variation"
+    else:
+        within = f"all readings lie within {spread:.3g} {unit}"
+        what = f"no hump stands out of the noise, {within}"
+    turn = "it is inverted already" if settings.invert else "try `invert=True`"
+    dips = f"; pushes may go down ({turn})" if n_dips else ""
+    return DataError(
+        f"no pushes found: {what}{dips}; check the channel"
+        f"{f' {settings.channel!r}' if settings.channel else ''}, or state the "
+        f"smallest height of a push in {unit} by `min_height`",
+        code="no_pushes",
+    )

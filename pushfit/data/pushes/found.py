@@ -1,0 +1,35 @@
+"""Humps of a recording, and what is left aside of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pushfit.data.pushes.course import Course
+from pushfit.data.pushes.detection import Extent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """Humps of a recording, and what is left aside.
+
+    Args:
+        extents: The humps in order; brushes are marked.
+        dips: Dips that are not asked for; only where all humps go up.
+        excluded: Humps that the user left out, by their time or their height.
+        idle: Windows of the user's in which no hump is at its highest [s].
+    """
+
+    extents: tuple[Extent, ...]
+    course: Course
+    dips: tuple[Extent, ...] = ()
+    excluded: tuple[Extent, ...] = ()
+    idle: tuple[tuple[float, float], ...] = ()
+
+    def beside(self, taken: Sequence[Extent]) -> tuple[Extent, ...]:
+        """Humps besides some of them, also those that the user left out."""
+        known = set(taken)
+        return tuple(e for e in (*self.extents, *self.excluded) if e not in known)
+
+
+def is_in(when: float, windows: Sequence[tuple[float, float]]) -> bool:
+    """Whether a time lies in one of some windows, of first and last times [s]."""
+    return any(first <= when <= last for first, last in windows)

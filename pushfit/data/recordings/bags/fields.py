@@ -1,0 +1,197 @@
+"""Which numbers in the messages of a bag are channels, and how to get at them.
+
+Excluded: opening a bag and going through it (`pushfit.data.recordings.bags.bag`).
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pushfit.data.recordings.recognise import ANGLES
+from pushfit.data.text.faults import listed, refuse
+from pushfit.data.text.layout_guess import NUMBER
+from pushfit.data.units import UNITS, Unit, parse_unit, split_unit
+from pushfit.errors import ConfigError, DataError, stated
+
+# What messages of known types hold, in units that their definitions fix.
+_TACTILE = (
+    ("biotac_sensors/msg/BioTacHand", "bt_data", "pdc_data"),
+    ("sr_robot_msgs/msg/BiotacAll", "tactiles", "pdc"),
+)
+_WRENCH = "geometry_msgs/msg/WrenchStamped"
+_KNOWN = (*(known[0] for known in _TACTILE), _WRENCH)
+# Numbers of a message that are listed.
+_MAX_LISTED = 24
+_GLUED_INDEX = re.compile(r"(?P<name>.*?\D)(?P<index>\d+)")
+
+
+@dataclass(slots=True, kw_only=True)
+class Field:
+    """One number of each message of a topic."""
+
+    name: str
+    topic: str
+    path: tuple[str, ...]
+    unit: Unit
+    values: list[float] = field(default_factory=list)
+
+
+def mapped_fields(
+    path: str, mapping: Mapping[str, str], *, units: Mapping[str, str], reader: Any
+) -> list[Field]:
+    """Resolve the mapped fields against the bag's topics.
+
+    Raises:
+        ConfigError: If a unit is missing or wrong, or the time is mapped.
+        DataError: If there is no such topic (`missing_column`).
+    """
+    fields = []
+    for key, target in mapping.items():
+        name, suffix = split_unit(key)
+        topic, _, rest = target.partition(".")
+        # ROS 1 lets topics be without the slash that users write.
+        topic = next(
+            (t for t in (topic, topic.lstrip("/"), f"/{topic}") if t in reader.topics),
+            topic,
+        )
+        if name == "time":
+            raise ConfigError(
+                f"{path}: the time of a bag comes from its stamps; map channels only",
+                code="time_in_bag",
+            )
+        if topic not in reader.topics or not rest:
+            raise refuse(
+                "missing_column",
+                f"{stated(mapping={key: target})} is not /topic.field of this bag; "
+                f"name a field of one of its topics: {_described(reader)}",
+                path=path,
+            )
+        known = {u.name: u for u in (suffix, *_stated(units, name, key)) if u}
+        quantity = "angle" if name in ANGLES else "signal"
+        unit = next(iter(known.values()), None)
+        if len(known) != 1 or unit is None or unit.quantity != quantity:
+            found = " and ".join(known) or "none"
+            example = "deg" if quantity == "angle" else "counts"
+            raise ConfigError(
+                f"{path}: {name} needs one {quantity} unit, stated is {found}; state "
+                f"{stated(units={name: example})}",
+                code="missing_unit",
+            )
+        steps = tuple(filter(None, re.split(r"[.\[\]]+", rest)))
+        fields.append(Field(name=name, topic=topic, path=steps, unit=unit))
+    return fields
+
+
+def _stated(units: Mapping[str, str], *names: str) -> list[Unit]:
+    return [parse_unit(units[name]) for name in names if name in units]
+
+
+def _described(reader: Any) -> str:
+    return ", ".join(f"{t} ({info.msgtype})" for t, info in reader.topics.items())
+
+
+def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Field]:
+    """Find the signals of the one topic whose message type is known.
+
+    Args:
+        first: Gives the first message of a topic, None if it has none.
+
+    Raises:
+        DataError: If there is no topic (`no_rows`), none that is known (`no_channel`),
+            or several (`ambiguous_topic`).
+    """
+    if not reader.topics:
+        raise refuse("no_rows", "the bag holds no messages; record again", path=path)
+    topics = [t for t, info in reader.topics.items() if info.msgtype in _KNOWN]
+    if len(topics) != 1:
+        count = "no topic" if not topics else f"{len(topics)} topics"
+        paths = _paths(reader, first)
+        path_shown = paths[-1] if paths else "/topic.field"
+        raise refuse(
+            "no_channel" if not topics else "ambiguous_topic",
+            f"{count} of a known type among {_described(reader)}; state "
+            f"{stated(mapping={'pressure': path_shown}, units={'pressure': 'counts'})}"
+            "; the numbers in it are "
+            f"{listed(paths, _MAX_LISTED) or 'none'}",
+            path=path,
+        )
+    topic = topics[0]
+    msgtype = reader.topics[topic].msgtype
+    if msgtype == _WRENCH:
+        unit = UNITS["n"]
+        found = {f"force_{axis}": ("wrench", "force", axis) for axis in "xyz"}
+    else:
+        unit = UNITS["counts"]
+        _, array, number = next(known for known in _TACTILE if known[0] == msgtype)
+        stem = number.removesuffix("_data")
+        n_fingers = len(getattr(first(topic), array, ()))
+        found = {f"{stem}{i}": (array, str(i), number) for i in range(n_fingers)}
+    return [
+        Field(name=name, topic=topic, path=steps, unit=unit)
+        for name, steps in found.items()
+    ]
+
+
+def numbers_in(message: Any, prefix: str = "") -> list[str]:
+    """Paths of all single numbers of a message, first of each array."""
+    if message is None or isinstance(message, bool | str | bytes):
+        return []
+    if isinstance(message, int | float | np.number):
+        return [prefix]
+    if hasattr(message, "__len__"):
+        return numbers_in(message[0], f"{prefix}[0]") if len(message) else []
+    names = vars(type(message)).get("__slots__") or getattr(message, "__dict__", ())
+    return [
+        path
+        for name in names
+        if name != "__msgtype__" and not name.startswith("_")
+        for path in numbers_in(getattr(message, name), f"{prefix}.{name}")
+    ]
+
+
+def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
+    """Numbers of all topics, as `mapping` takes them."""
+    paths = [
+        path for topic in reader.topics for path in numbers_in(first(topic), topic)
+    ]
+    return [path for path in paths if ".header." not in path]
+
+
+def number_at(message: Any, path: Sequence[str]) -> float:
+    """Follow a path into a message; raises whatever Python does where it ends.
+
+    Args:
+        path: Names of fields, indices into arrays and texts, names of joints.
+    """
+    value, parent = message, message
+    for step in path:
+        if isinstance(value, str):
+            value = NUMBER["."].findall(value)[int(step)]
+            continue
+        if hasattr(value, "__len__"):
+            names = list(getattr(parent, "name", ()))
+            value = value[int(step) if step.isdigit() else names.index(step)]
+            continue
+        parent = value
+        glued = _GLUED_INDEX.fullmatch(step)
+        if not hasattr(value, step) and glued:
+            value = getattr(value, glued["name"])[int(glued["index"])]
+        else:
+            value = getattr(value, step)
+    return float(value)
+
+
+def bad_field(path: str, item: Field, *, message: Any, count: int) -> DataError:
+    """Say that a message does not hold a field, and what it holds."""
+    names = ", ".join(
+        n for n in vars(type(message)).get("__slots__", ()) or vars(message)
+    )
+    return refuse(
+        "missing_column",
+        f"message {count} of {item.topic} has no number {'.'.join(item.path)}; "
+        f"map one of its fields: {names.replace('__msgtype__', '').strip(', ')}",
+        path=path,
+    )

@@ -1,0 +1,288 @@
+"""Units at the border: column suffixes, their canonical units, plausibility.
+
+A column says its unit by its suffix (`pressure_kpa`, `time_ms`) or in brackets
+(`Force (N)`). Inside, time is in seconds, angles in radians, lengths in metres, and a
+signal keeps its own canonical unit (`n`, `kpa`, `counts`, `au`). Nothing here guesses:
+a name without a unit has none, and an implausible number is reported, never rescaled.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.config.inputs import CalibrationSection
+from pushfit.errors import ConfigError, did_you_mean
+
+Quantity = Literal["signal", "time", "angle", "length"]
+# Angles are stated as round numbers of degrees; so many digits survive the way to
+# radians and back.
+DECIMALS = 9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
+    """One unit that a column may be in.
+
+    The canonical value is `value * times / per`. Two numbers, because 1e9 is exact in
+    binary and 1e-9 is not: dividing keeps nanoseconds correctly rounded.
+
+    Args:
+        name: Suffix, lower case.
+        quantity: What is measured.
+        canonical: Unit used inside.
+        times: Numerator of the conversion.
+        per: Denominator of the conversion.
+    """
+
+    name: str
+    quantity: Quantity
+    canonical: str
+    times: float = 1.0
+    per: float = 1.0
+
+    def to_canonical(self, values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+        """Convert values in this unit to the canonical one."""
+        if self.times != 1.0:
+            values = values * self.times
+        return values / self.per if self.per != 1.0 else values
+
+
+UNITS: dict[str, Unit] = {
+    unit.name: unit
+    for unit in (
+        Unit(name="n", quantity="signal", canonical="n"),
+        Unit(name="mn", quantity="signal", canonical="n", per=1e3),
+        Unit(name="un", quantity="signal", canonical="n", per=1e6),
+        Unit(name="kpa", quantity="signal", canonical="kpa"),
+        Unit(name="pa", quantity="signal", canonical="kpa", per=1e3),
+        Unit(name="counts", quantity="signal", canonical="counts"),
+        Unit(name="au", quantity="signal", canonical="au"),
+        Unit(name="s", quantity="time", canonical="s"),
+        Unit(name="ms", quantity="time", canonical="s", per=1e3),
+        Unit(name="us", quantity="time", canonical="s", per=1e6),
+        Unit(name="ns", quantity="time", canonical="s", per=1e9),
+        Unit(name="min", quantity="time", canonical="s", times=60.0),
+        Unit(name="rad", quantity="angle", canonical="rad"),
+        Unit(name="deg", quantity="angle", canonical="rad", times=np.pi, per=180.0),
+        Unit(name="m", quantity="length", canonical="m"),
+        Unit(name="mm", quantity="length", canonical="m", per=1e3),
+    )
+}
+
+# Two letters look like the micro sign.
+_MICRO = str.maketrans("µμ", "uu")
+# Volts of an amplifier with its gain, as `500 mN/V`.
+_GAIN = re.compile(r"(?P<gain>[+-]?\d*\.?\d+(?:e[+-]?\d+)?)\s*(?P<unit>[a-z]+)/v")
+
+
+def find_unit(text: str) -> Unit | None:
+    """Look up a unit, also volts with the gain that turns them into one.
+
+    >>> find_unit("500 mN/V").times, find_unit("µN").name
+    (500.0, 'un')
+
+    Args:
+        text: Unit as written, case does not matter.
+
+    Returns:
+        The unit; None where it is not known.
+    """
+    name = text.strip().lower().translate(_MICRO)
+    gain = _GAIN.fullmatch(name)
+    if gain is None:
+        return UNITS.get(name)
+    unit = UNITS.get(gain["unit"])
+    if unit is None or unit.quantity != "signal":
+        return None
+    return replace(unit, name=name, times=float(gain["gain"]) * unit.times)
+
+
+_BRACKETED = re.compile(r"^(?P<stem>.*\S)\s*[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]$")
+
+
+def split_unit(name: str) -> tuple[str, Unit | None]:
+    """Split a column name into its stem and the unit it states.
+
+    >>> split_unit("pressure_kPa")[0], split_unit("Force (N)")[1].name
+    ('pressure', 'n')
+    >>> split_unit("pdc")
+    ('pdc', None)
+
+    Returns:
+        Stem, and the unit; the whole name and None where no known unit is stated.
+    """
+    text = name.strip()
+    bracketed = _BRACKETED.match(text)
+    if bracketed:
+        stem, suffix = bracketed["stem"], bracketed["unit"]
+    else:
+        stem, _, suffix = text.rpartition("_")
+    unit = find_unit(suffix)
+    return (stem, unit) if stem and unit else (text, None)
+
+
+def parse_unit(text: str, *, quantities: Sequence[Quantity] = ()) -> Unit:
+    """Look up a unit that the user named.
+
+    Args:
+        text: Unit as written, case does not matter.
+        quantities: What the unit may measure; empty for anything.
+
+    Raises:
+        ConfigError: If the unit is unknown (`unknown_unit`) or measures something else
+            (`wrong_unit`).
+    """
+    unit = find_unit(text)
+    allowed = [
+        u.name for u in UNITS.values() if not quantities or u.quantity in quantities
+    ]
+    if unit is None:
+        hint = did_you_mean(text.lower(), allowed)
+        raise ConfigError(
+            f"unit {text!r} is not known; known here: {', '.join(allowed)}, and volts "
+            f"with their gain, such as 500mN/V{hint}",
+            code="unknown_unit",
+        )
+    if quantities and unit.quantity not in quantities:
+        raise ConfigError(
+            f"unit {text!r} measures {unit.quantity}; needed is a unit of "
+            f"{' or '.join(quantities)}: {', '.join(allowed)}",
+            code="wrong_unit",
+        )
+    return unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """A stated conversion between two signal units, with where it comes from.
+
+    Args:
+        source_unit: Canonical unit of the samples it applies to.
+        target_unit: Canonical unit it gives.
+        factor: Target units per source unit.
+        provenance: Document or experiment that the factor comes from.
+    """
+
+    source_unit: str
+    target_unit: str
+    factor: float
+    provenance: str
+
+
+# Only a default to choose on purpose: nothing in the package applies it by itself, and
+# the electronics of one finger may differ from the manual's.
+BIOTAC_PDC = Calibration(
+    source_unit="counts",
+    target_unit="kpa",
+    factor=0.0365,
+    provenance="SynTouch BioTac Product Manual V21 (2018): P_DC 0.0365 kPa per count",
+)
+
+CALIBRATIONS = {"biotac_pdc": BIOTAC_PDC}
+
+
+def stated_calibration(section: CalibrationSection) -> Calibration:
+    """Make a calibration as a configuration states it.
+
+    Args:
+        section: A known name, or what replaces parts of it, or all parts.
+    """
+    known = asdict(CALIBRATIONS[section.name]) if section.name else {}
+    own = section.model_dump(exclude={"name"}, exclude_none=True)
+    return Calibration(**{**known, **own})
+
+
+# A tactile sensor that reads 2 MPa is broken or not in kPa: fingertips yield far below,
+# and absolute pressure is about 101 kPa.
+_MAX_KPA = 2000.0
+# Idle raw counts of a 12-bit sensor lie in the hundreds to thousands.
+_MIN_COUNTS = 500.0
+
+
+def implausible_signal(values: Float[np.ndarray, " n"], unit: Unit) -> str | None:
+    """Say why samples cannot be in the unit that they claim.
+
+    Args:
+        values: Samples as in the file, in `unit`; NaN is skipped.
+
+    Returns:
+        Value, rule and next step as one clause; None where nothing is wrong.
+    """
+    if unit.name != "kpa":
+        return None
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return None
+    level = float(np.median(np.abs(finite)))
+    if (
+        level >= _MIN_COUNTS
+        and level <= 65535.0
+        and np.array_equal(finite, np.rint(finite))
+    ):
+        return (
+            f"median {level:g} and whole numbers only look like raw counts, "
+            f"{level / 101.3:.3g} times atmospheric pressure in kPa; "
+            "state the unit counts"
+        )
+    if level > _MAX_KPA:
+        return (
+            f"median {level:g} kPa is {level / 101.3:.3g} times atmospheric pressure, "
+            "the samples look like Pa; state the unit pa"
+        )
+    return None
+
+
+# A right angle is 1.571 rad; smaller than 0.2 everywhere is nothing to judge by.
+_MAX_RADIANS = {"theta": 1.6, "alpha": 6.3}
+_MIN_JUDGED = 0.2
+
+
+def implausible_angles(
+    angles: dict[str, tuple[Float[np.ndarray, " n"], Unit]],
+) -> str | None:
+    """Say why push angles cannot be in the units that they claim.
+
+    Both angles are judged together: a small elevation in degrees is common, a small
+    elevation and a small azimuth in one file is not.
+
+    Args:
+        angles: `theta` and `alpha`, as far as present: values as in the file, unit.
+
+    Returns:
+        Value, rule and next step as one clause; None where nothing is wrong.
+    """
+    largest = {
+        name: (float(np.nanmax(np.abs(values), initial=0.0)), unit.name)
+        for name, (values, unit) in angles.items()
+    }
+    for name, (top, unit) in largest.items():
+        if unit == "deg" and top > 360.0:
+            return f"{name} reaches {top:g} degrees, over a full turn; check the column"
+        if unit == "rad" and top > 2.0 * np.pi * 1.001:
+            return (
+                f"{name} reaches {top:g} rad, more than a full turn; state the unit deg"
+            )
+    small = all(
+        unit == "deg" and top <= _MAX_RADIANS[name]
+        for name, (top, unit) in largest.items()
+    )
+    if small and max((top for top, _ in largest.values()), default=0.0) > _MIN_JUDGED:
+        found = ", ".join(f"|{name}| <= {top:g}" for name, (top, _) in largest.items())
+        return f"{found} in degrees look like radians; state the unit rad"
+    return None
+
+
+def in_degrees(radians: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Angles [rad] as they were stated: -60°, not -59.99999999999999°.
+
+    Returns:
+        The round number of degrees of which this is the angle in radians, to the last
+        bit; where there is none, the nearest number [deg].
+    """
+    degrees = np.degrees(radians)
+    stated = degrees.round(DECIMALS)
+    return np.where(np.radians(stated) == radians, stated, degrees)

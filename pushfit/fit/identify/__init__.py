@@ -1,0 +1,1 @@
+"""A table through every question, in order; and many of them."""

@@ -1,0 +1,381 @@
+"""A table fitted, and drawn from: what precedes all judgement of it.
+
+Excluded: the judgement (`pushfit.fit.identify.table`).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from pushfit.config import GraspConfig
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import ConfigError
+from pushfit.fit.assess.violations import (
+    ANGLE_ERRORS,
+    HEAVY_TAILED,
+    LEVEL,
+    PROPORTIONAL,
+    Violation,
+    violation_warnings,
+    violations,
+)
+from pushfit.fit.assess.warnings import (
+    contact_warning,
+    contradiction_warning,
+    lost_contact_rows,
+    scatter_warning,
+    table_warnings,
+)
+from pushfit.fit.identify.stages import Progress
+from pushfit.fit.problem.noise import with_noise
+from pushfit.fit.problem.repeats.averaging import averaged, averaging_warning
+from pushfit.fit.problem.repeats.effects import (
+    repeat_effect,
+    repeat_warning,
+    without_repeat_effects,
+)
+from pushfit.fit.problem.setup import Setup, build_problem
+from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
+from pushfit.fit.profiles.least_squares import (
+    fit_least_squares,
+    searched,
+    settle_noise,
+)
+from pushfit.fit.profiles.weights import repeat_gain, share_gain, tail_gain
+from pushfit.fit.results import (
+    FitResult,
+    FitStatus,
+    LikelihoodProfile,
+    PosteriorResult,
+    ResultWarning,
+)
+from pushfit.fit.sweep.posterior import sweep_posterior
+
+ENGINES = ("auto", "sweep", "emcee")
+# Log ratio of likelihoods at the residuals of the fit by normal noise. Where that of
+# Student-t noise is lower than by this, its evidence is hardly ever the higher one, and
+# is not looked at.
+MIN_TAIL_GAIN = -0.5
+# The same of noise in proportion to the height, above which it is taken: twice it is
+# exceeded once in 1000 tables without, half of a chi-square of one degree of freedom.
+MIN_SHARE_GAIN = 4.8
+# The same of errors of the angles, by repeats alone: exceeded once in 20 tables of
+# exact angles, which costs little, as small as errors then come to.
+MIN_ANGLE_GAIN = 1.35
+# Chance of giving repeats that are alike effects of their own, which costs little: how
+# much they may have in common is as small as they differ.
+REPEAT_LEVEL = 0.05
+# Of the draws that noise is chosen by: whatever the seed, the same noise.
+CHOOSING_SEED = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A table as fitted: what precedes any sampling.
+
+    Args:
+        table: Peak heights, with pushes flagged that had lost contact.
+        config: Configuration in force.
+        setup: Problem, its noise weights settled.
+        fit: Least squares.
+        reference_alpha: Azimuth at which θ_c is quoted [rad].
+        warnings: What came up on the way.
+        shown: What residuals speak against, the most telling first, where it was asked.
+        swept: Draws of the sweep that are known already, by seed.
+    """
+
+    table: PeakTable
+    config: GraspConfig
+    setup: Setup
+    fit: FitResult
+    reference_alpha: float
+    warnings: tuple[ResultWarning, ...]
+    shown: tuple[Violation, ...] = ()
+    swept: Mapping[int, PosteriorResult] = field(default_factory=dict)
+
+
+class Listener:
+    """Who waits for an answer and hears what is known already; this one ignores it."""
+
+    def searched(self, setup: Setup) -> None:
+        """The whole likelihood was looked at, by weights still to be settled."""
+
+    def fitted(self, fitted: Fitted) -> None:
+        """There is a best fit."""
+
+    def confined(self, fitted: Fitted, theta_c: LikelihoodProfile | None) -> None:
+        """There is a likelihood set of θ_c, or none."""
+
+
+def fit_table(
+    table: PeakTable,
+    config: GraspConfig,
+    *,
+    searching: Callable[[Setup], None] | None = None,
+) -> Fitted:
+    """Least squares of a table, with the noise model settled.
+
+    Args:
+        searching: Called with the problem once its likelihood was looked at.
+
+    Raises:
+        DataError: If no usable push is left.
+        ConfigError: If the configuration does not fit the table.
+        FitError: If no start gives finite residuals.
+    """
+    if config.noise.repeat_effect[0] == "auto":
+        kind, p_value = repeat_effect(table)
+        is_shown = p_value < REPEAT_LEVEL
+        config = with_noise(config, repeats=kind if is_shown else "alike")
+    if config.noise.likelihood == "auto":
+        return _more_evident(table, config, searching)
+    return _with_uneven_if_shown(table, config, searching)
+
+
+def _fit_as_stated(
+    table: PeakTable,
+    config: GraspConfig,
+    searching: Callable[[Setup], None] | None = None,
+) -> Fitted:
+    """Least squares by one kind of noise."""
+    config, warnings = prepared(table, config)
+    stated, (kind, _) = config.noise.sigma, config.noise.repeat_effect
+    if config.noise.angle_errors == "shared":
+        if kind != "alike":
+            # An average is of all repeats.
+            before, table = table, without_repeat_effects(table, kind)
+            warnings = (*warnings, repeat_warning(before, table, kind))
+            config = with_noise(config, repeats="alike")
+        before, table = table, averaged(table, stated)
+        if table is not before:
+            warnings = (*warnings, averaging_warning(before, table))
+            config = with_noise(config, sigma="given" if stated == "pooled" else stated)
+    reference_alpha = reference_azimuth(table, config)
+    setup = searched(build_problem(table, config), reference_alpha)
+    if searching is not None:
+        searching(setup)
+    setup, fit = _fit(setup, reference_alpha)
+    lost = lost_contact_rows(setup, fit)
+    if lost:
+        table = table.with_flag(lost, "lost_contact")
+        warnings = (*warnings, contact_warning(table, lost))
+        setup, fit = _fit(build_problem(table, config), reference_alpha)
+    excess = scatter_warning(setup, fit) if config.noise.sigma == "auto" else None
+    if excess is not None:
+        config = with_noise(config, sigma="sampled")
+        warnings = (*warnings, excess)
+        setup, fit = _fit(build_problem(table, config), reference_alpha)
+    sigma = setup.noise.kind
+    if config.noise.angle_errors == "shared" and sigma == "given":
+        # The table given may not state what its averages do.
+        sigma = stated
+    return Fitted(
+        table=table,
+        config=with_noise(config, sigma=sigma),
+        setup=setup,
+        fit=fit,
+        reference_alpha=reference_alpha,
+        warnings=(*warnings, *fit_warnings(setup, fit)),
+        shown=violations(table, setup, fit),
+    )
+
+
+def _with_uneven_if_shown(
+    table: PeakTable,
+    config: GraspConfig,
+    searching: Callable[[Setup], None] | None = None,
+) -> Fitted:
+    """The fit by angles that err, or by noise in proportion, where either is shown.
+
+    Errors of the angles have to show in what repeats scatter, too: what a wrong model
+    leaves is often largest where heights are steep.
+    """
+    noise = config.noise
+    is_open = noise.height_share == "auto"
+    if is_open:
+        config = with_noise(config, height_share=0.0)
+    even = _fit_as_stated(table, config, searching)
+    # The scatter of repeats holds both already, and stated errors of angles, if they
+    # are wrong, look like a share.
+    is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
+    own = (ANGLE_ERRORS, PROPORTIONAL, HEAVY_TAILED)
+    others = [v for v in even.shown if v.code not in own]
+    if is_held or not even.shown or any(v.p_value < LEVEL for v in others):
+        return even
+    problem, fit = even.setup.problem, even.fit
+    # Noise of several sizes has heavy tails, and these make either likelier.
+    tails = tail_gain(problem, fit, "sampled")
+    share = share_gain(problem, fit, fit.predicted) if is_open else 0.0
+    is_other = bool(even.setup.noise.shared) or noise.height_share not in ("auto", 0.0)
+    if noise.theta_sd_deg is None and not is_other:
+        steep = np.hypot(*steepness(angle_slopes(problem, fit.estimate)))
+        groups = even.table.groups[list(even.setup.rows)]
+        _, direction = np.unique(groups, return_inverse=True)
+        angles = share_gain(problem, fit, steep[np.asarray(problem.mask)])
+        is_shown = repeat_gain(problem, steep, direction) > MIN_ANGLE_GAIN
+        if is_shown and angles > max(share, tails):
+            return _fit_as_stated(table, with_noise(config, theta_sd_deg="estimate"))
+    if share > MIN_SHARE_GAIN and share > tails:
+        return _fit_as_stated(table, with_noise(config, height_share="estimate"))
+    return even
+
+
+def _more_evident(
+    table: PeakTable,
+    config: GraspConfig,
+    searching: Callable[[Setup], None] | None,
+) -> Fitted:
+    """The fit by normal or by Student-t noise, whichever has the higher evidence."""
+    normal = _with_uneven_if_shown(
+        table, with_noise(config, likelihood="normal"), searching
+    )
+    chosen = normal.config.noise
+    config = with_noise(
+        config, height_share=chosen.height_share, theta_sd_deg=chosen.theta_sd_deg
+    )
+    kind = normal.setup.noise.kind
+    gain = tail_gain(normal.setup.problem, normal.fit, kind)
+    if not gain > MIN_TAIL_GAIN or _is_explained(normal.shown):
+        return normal
+    rival = normal
+    if kind == "pooled":
+        # The scatter of repeats is no scale of a Student-t distribution.
+        config = with_noise(config, sigma="sampled")
+        rival = _fit_as_stated(table, with_noise(config, likelihood="normal"))
+    student = _fit_as_stated(table, with_noise(config, likelihood="student_t"))
+    swept = [sweep(fitted, CHOOSING_SEED) for fitted in (rival, student)]
+    first, second = (
+        np.nan if s.log_evidence is None else s.log_evidence for s in swept
+    )
+    gain = second - first
+    if not gain > 0 or any(s.status is not FitStatus.OK for s in swept):
+        known = {CHOOSING_SEED: swept[0]} if normal is rival else {}
+        return replace(normal, swept=known)
+    warning = ResultWarning(
+        code="student_t_chosen",
+        text=f"noise with heavy tails (Student-t) is {np.exp(gain):.2g} times as "
+        "probable as normal noise and was taken, so that outlying heights count less; "
+        '[noise] likelihood = "normal" has them count in full',
+    )
+    # What residuals by normal noise show more than tails stays to be said.
+    told = violation_warnings(normal.shown, is_adequate=False)
+    others = [one for one in told if one.code != HEAVY_TAILED]
+    return replace(
+        student,
+        warnings=(*student.warnings, warning, *others),
+        swept={CHOOSING_SEED: swept[1]},
+    )
+
+
+def _is_explained(found: tuple[Violation, ...]) -> bool:
+    """Whether large residuals have another cause, or there is none to explain."""
+    return not found or (found[0].p_value < LEVEL and found[0].code != HEAVY_TAILED)
+
+
+def prepared(
+    table: PeakTable, config: GraspConfig
+) -> tuple[GraspConfig, tuple[ResultWarning, ...]]:
+    """The configuration that a table is fitted with, and what it says before."""
+    warnings = tuple(table_warnings(table, config))
+    if not config.push.length_known and config.noise.sigma == "auto":
+        # Unequal pushes scatter by more than any sensor noise.
+        config = with_noise(config, sigma="sampled")
+    return config, warnings
+
+
+def fit_warnings(setup: Setup, fit: FitResult) -> tuple[ResultWarning, ...]:
+    """What noise and fit say."""
+    contradiction = contradiction_warning(setup, fit)
+    return (*setup.noise.warnings, *((contradiction,) if contradiction else ()))
+
+
+def _fit(setup: Setup, reference_alpha: float) -> tuple[Setup, FitResult]:
+    """Problem with its noise weights settled, and its best fit."""
+    setup = settle_noise(setup, reference_alpha)
+    return setup, fit_least_squares(setup, reference_alpha=reference_alpha)
+
+
+def check_engine(engine: str) -> None:
+    """Refuse the name of an engine that is not known.
+
+    Raises:
+        ConfigError: It is not known.
+    """
+    if engine not in ENGINES:
+        raise ConfigError(
+            f"engine = {engine!r} is not known; choose {', '.join(ENGINES[:-1])} or "
+            f"{ENGINES[-1]} (what was called exact is the sweep)",
+            code="unknown_engine",
+        )
+
+
+def draw_posterior(
+    fitted: Fitted,
+    *,
+    seed: int,
+    engine: str,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+) -> PosteriorResult:
+    """Draws by the engine asked for.
+
+    Args:
+        fitted: A table with its noise settled.
+        engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
+            are not to be trusted.
+        progress: Called with a stage and the share of it that is done.
+        checkpoint: File in which a run of emcee is kept, to be resumed.
+
+    Raises:
+        ConfigError: If the engine is not known.
+        FitError: If nothing is free, or no start has a finite density.
+    """
+    check_engine(engine)
+    swept = None if engine == "emcee" else sweep(fitted, seed)
+    if swept is not None and (engine == "sweep" or swept.status is FitStatus.OK):
+        return swept
+    from pushfit.fit.sampler import emcee_posterior  # noqa: PLC0415 - slow to load
+
+    chain = emcee_posterior.sample_posterior(
+        fitted.setup,
+        fitted.fit,
+        seed=seed,
+        reference_alpha=fitted.reference_alpha,
+        reach=reach_of(fitted.config),
+        progress=progress,
+        checkpoint=checkpoint,
+    )
+    if swept is None:
+        return chain
+    return replace(chain, ess=swept.ess, pareto_k=swept.pareto_k)
+
+
+def sweep(fitted: Fitted, seed: int) -> PosteriorResult:
+    """Draws by the sweep."""
+    if seed in fitted.swept:
+        return fitted.swept[seed]
+    return sweep_posterior(
+        fitted.setup,
+        seed=seed,
+        reference_alpha=fitted.reference_alpha,
+        reach=reach_of(fitted.config),
+    )
+
+
+def reference_azimuth(table: PeakTable, config: GraspConfig) -> float:
+    """Azimuth with the most distinct elevations, unless the configuration names one."""
+    if config.grasp.reference_alpha_deg is not None:
+        return float(np.radians(config.grasp.reference_alpha_deg))
+    used = table.frame[table.is_used]
+    if used.empty:
+        return 0.0
+    counts = used.groupby("alpha_deg")["theta_deg"].nunique()
+    return float(np.radians(counts.index[counts.argmax()]))
+
+
+def reach_of(config: GraspConfig) -> tuple[float, float]:
+    """Lowest and highest azimuth that the finger can push in [rad]."""
+    low, high = config.reach.alpha_deg
+    return float(np.radians(low)), float(np.radians(high))

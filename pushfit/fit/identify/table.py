@@ -1,0 +1,347 @@
+"""One table through every question: fit, profiles, posterior, checks, advice.
+
+This is the only place that knows the order of things; commands, batches and reports
+all start from `identify_table`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pushfit.config import GraspConfig
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import FitError
+from pushfit.fit.assess.advice import measurements
+from pushfit.fit.assess.bands import prediction_bands
+from pushfit.fit.assess.identifiability import identifiability
+from pushfit.fit.assess.model_checking import contradicted_quantities, goodness_of_fit
+from pushfit.fit.assess.model_free import model_free_direction
+from pushfit.fit.assess.predictive import predictive_checks
+from pushfit.fit.assess.reporting_rules import (
+    reported,
+    unknown,
+    within_verdict,
+)
+from pushfit.fit.assess.sensitivity import angle_error_warnings
+from pushfit.fit.assess.tilt_check import (
+    does_tilt_matter,
+    implied_tilt_deg,
+    is_worse,
+    tilt_warning,
+)
+from pushfit.fit.assess.verdicts import (
+    angle_quantity,
+    combination_quantities,
+    parameter_quantities,
+)
+from pushfit.fit.assess.violations import violation_warnings
+from pushfit.fit.assess.warnings import (
+    handover_warnings,
+    result_warnings,
+)
+from pushfit.fit.identify.fitted import (
+    Fitted,
+    Listener,
+    check_engine,
+    draw_posterior,
+    fit_table,
+    reach_of,
+    sweep,
+)
+from pushfit.fit.identify.stages import Stages, stages_of
+from pushfit.fit.profiles.held import imposable
+from pushfit.fit.profiles.profiles import likelihood_profiles
+from pushfit.fit.results import (
+    FitStatus,
+    Identification,
+    LikelihoodProfile,
+    MechanicsAnswer,
+    PosteriorResult,
+    Quantity,
+    ResultWarning,
+)
+from pushfit.fit.results.environment import environment
+from pushfit.fit.sampler.checkpoint import check_place
+from pushfit.parameters import ANGLES
+
+
+def identify_table(
+    table: PeakTable,
+    config: GraspConfig,
+    *,
+    seed: int,
+    engine: str = "auto",
+    is_brief: bool = False,
+    stages: Stages | None = None,
+    listener: Listener | None = None,
+    checkpoint: Path | None = None,
+) -> Identification:
+    """Everything that a table of peak heights can tell.
+
+    Args:
+        engine: "sweep", "emcee", or "auto" for the sweep with emcee where its draws
+            are not to be trusted.
+        is_brief: Whether to leave out what one row of a table has no place for: sets
+            of parameters and combinations, advice, and bands.
+        stages: Tells how far the work is; has those of `stages_of`.
+        listener: Hears of every answer as soon as it is known.
+        checkpoint: File in which a run of emcee is kept, to be resumed.
+
+    Returns:
+        The identification; its status says whether intervals may be believed.
+
+    Raises:
+        DataError: If no usable push is left.
+        ConfigError: If the configuration does not fit the table or the engine.
+        FitError: If no start gives finite residuals.
+    """
+    check_engine(engine)
+    if checkpoint is not None:
+        check_place(checkpoint)
+    stages = stages or Stages(stages_of(config, engine))
+    hearing = listener or Listener()
+    fitted, others = fitted_by_leading(
+        table, config, seed=seed, stages=stages, hearing=hearing
+    )
+    stages.begin(f"likelihood sets by {_mechanics(fitted)} mechanics")
+    profiles = _profiles(fitted, tuple(ANGLES) if is_brief else None)
+    if not others:
+        hearing.confined(fitted, profiles.get("theta_c"))
+        stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
+    if engine == "emcee":
+        stages.begin("emcee")
+    posterior = draw_posterior(
+        fitted,
+        seed=seed,
+        engine=engine,
+        progress=stages.within,
+        checkpoint=checkpoint,
+    )
+    stages.begin("checks")
+    return _conclude(
+        fitted,
+        profiles,
+        posterior,
+        others=others,
+        seed=seed,
+        is_brief=is_brief,
+    )
+
+
+def _conclude(
+    fitted: Fitted,
+    profiles: Mapping[str, LikelihoodProfile],
+    posterior: PosteriorResult,
+    *,
+    others: tuple[MechanicsAnswer, ...],
+    seed: int,
+    is_brief: bool,
+) -> Identification:
+    """All that fit, profiles and posterior say together."""
+    prob = fitted.config.report.prob
+    theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
+    words = {
+        "prob": prob,
+        "unit": fitted.table.unit,
+        "with_sets": not is_brief,
+    }
+    problem = fitted.setup.problem
+    goodness = goodness_of_fit(
+        fitted.table,
+        fitted.fit,
+        fitted.setup.noise,
+        seed=seed,
+        predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
+        contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
+    )
+    found = Identification(
+        table=fitted.table,
+        used=fitted.table.is_used,
+        config=fitted.config,
+        fit=fitted.fit,
+        posterior=posterior,
+        by_mechanics=(_answer(fitted, posterior, theta_c), *others),
+        theta_c=theta_c,
+        reference_alpha_deg=float(np.degrees(fitted.reference_alpha)),
+        alpha_star=angle_quantity(
+            "alpha_star",
+            posterior,
+            profiles.get("alpha_star"),
+            prob=prob,
+            by_draws="f1" in problem.data_names
+            and "alpha_star" not in imposable(problem),
+        ),
+        alpha_star_model_free=model_free_direction(fitted.table, prob=prob, seed=seed),
+        parameters=parameter_quantities(fitted.setup, posterior, profiles, **words),
+        combinations=combination_quantities(fitted.setup, posterior, profiles, **words),
+        profiles=profiles,
+        identifiability=identifiability(
+            problem,
+            posterior.samples,
+            posterior.prior_samples,
+        ),
+        goodness_of_fit=goodness,
+        bands=()
+        if is_brief
+        else prediction_bands(
+            fitted.table, problem, fitted.fit, posterior.samples, prob=prob
+        ),
+        warnings=(*fitted.warnings, *handover_warnings(posterior)),
+        status=posterior.status,
+        seed=seed,
+        versions=environment(),
+    )
+    return _with_words(fitted, reported(found), is_brief=is_brief)
+
+
+def _with_words(
+    fitted: Fitted, found: Identification, *, is_brief: bool
+) -> Identification:
+    """The result with what its verdicts warn of and call for."""
+    setup = fitted.setup
+    tilt_deg = implied_tilt_deg(setup, found.posterior)
+    tilt = tilt_warning(fitted.config, found.by_mechanics, tilt_deg)
+    advice = measurements(
+        setup.problem,
+        verdicts={q.name: q.verdict for q in (found.theta_c, found.alpha_star)},
+        is_calibrated=setup.is_calibrated,
+        has_direction=setup.has_direction,
+    )
+    told = replace(found.identifiability, advice=() if is_brief else advice)
+    return replace(
+        found,
+        identifiability=told,
+        warnings=(
+            *found.warnings,
+            *result_warnings(setup, found),
+            *violation_warnings(
+                fitted.shown,
+                is_adequate=found.goodness_of_fit.is_adequate,
+            ),
+            *angle_error_warnings(setup, found),
+            *([] if tilt is None else [tilt]),
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Measured:
+    """One of the mechanics, ready to be compared with the other."""
+
+    fitted: Fitted
+    swept: PosteriorResult
+    answer: MechanicsAnswer
+
+
+def fitted_by_leading(
+    table: PeakTable,
+    config: GraspConfig,
+    *,
+    seed: int,
+    stages: Stages,
+    hearing: Listener,
+) -> tuple[Fitted, tuple[MechanicsAnswer, ...]]:
+    """Least squares by the mechanics that lead, and what the other ones answer."""
+    fits = _fitted_by_all(table, config, stages, hearing)
+    answers = [_measured(f, seed, stages, hearing) for f in fits if len(fits) > 1]
+    answers = _leading_first(answers)
+    fitted = answers[0].fitted if answers else fits[0]
+    return fitted, tuple(other.answer for other in answers[1:])
+
+
+def _fitted_by_all(
+    table: PeakTable, config: GraspConfig, stages: Stages, hearing: Listener
+) -> list[Fitted]:
+    """Least squares by every mechanics; those that do not fit at all are only said."""
+    fits, warnings = [], []
+    for one in config.by_mechanics():
+        stages.begin(f"least squares by {one.grasp.mechanics} mechanics")
+        try:
+            # One first look is enough for who waits.
+            look = None if fits else hearing.searched
+            fits.append(fit_table(table, one, searching=look))
+            hearing.fitted(fits[-1])
+        except FitError as error:
+            if not fits:
+                raise
+            text = f"no fit by {one.grasp.mechanics} mechanics: {error}"
+            warnings.append(ResultWarning(code="one_mechanics", text=text))
+    return [replace(fit, warnings=(*fit.warnings, *warnings)) for fit in fits]
+
+
+def _measured(
+    fitted: Fitted, seed: int, stages: Stages, hearing: Listener
+) -> _Measured:
+    """Evidence and θ_c of one of the mechanics."""
+    stages.begin(f"set of θ_c by {_mechanics(fitted)} mechanics")
+    profiles = _profiles(fitted, ("theta_c",))
+    hearing.confined(fitted, profiles.get("theta_c"))
+    stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
+    swept = sweep(fitted, seed)
+    fitted = replace(fitted, swept={seed: swept})
+    prob = fitted.config.report.prob
+    theta_c = angle_quantity("theta_c", swept, profiles.get("theta_c"), prob=prob)
+    return _Measured(fitted=fitted, swept=swept, answer=_answer(fitted, swept, theta_c))
+
+
+def _mechanics(fitted: Fitted) -> str:
+    """By which a table was fitted."""
+    return fitted.setup.problem.grasp.mechanics
+
+
+def _leading_first(measured: list[_Measured]) -> list[_Measured]:
+    """The mechanics that the table is identified by, before the other."""
+    if len(measured) < 2:
+        return measured
+    linear, tilting = measured
+    tilt = implied_tilt_deg(linear.fitted.setup, linear.swept)
+    if not _is_comparable(linear.fitted, tilting.fitted):
+        unknown = {"log_evidence": None, "log_evidence_error": None}
+        tilting = replace(tilting, answer=replace(tilting.answer, **unknown))
+    if does_tilt_matter(linear.answer, tilting.answer, tilt) and not is_worse(
+        tilting.answer, linear.answer
+    ):
+        return [tilting, linear]
+    return [linear, tilting]
+
+
+def _is_comparable(first: Fitted, second: Fitted) -> bool:
+    """Whether both answer for the same heights, and know their noise alike."""
+    return (
+        first.setup.rows == second.setup.rows
+        and first.setup.noise.kind == second.setup.noise.kind
+    )
+
+
+def _answer(
+    fitted: Fitted, posterior: PosteriorResult, theta_c: Quantity
+) -> MechanicsAnswer:
+    """What stands beside the other mechanics."""
+    best, wanted = fitted.fit.modes[0], fitted.config.report.wanted_width_deg
+    is_trusted = posterior.status is FitStatus.OK
+    return MechanicsAnswer(
+        mechanics=_mechanics(fitted),
+        theta_c=within_verdict(theta_c, wanted_width_deg=wanted)
+        if is_trusted
+        else unknown(theta_c),
+        best_fit_deg=best.theta_c_deg,
+        chi_square=best.chi_square,
+        log_evidence=posterior.log_evidence,
+        log_evidence_error=posterior.log_evidence_error,
+    )
+
+
+def _profiles(
+    fitted: Fitted, wanted: Sequence[str] | None
+) -> dict[str, LikelihoodProfile]:
+    """Likelihood profiles as the configuration wants them."""
+    return likelihood_profiles(
+        fitted.setup,
+        fitted.fit,
+        reference_alpha=fitted.reference_alpha,
+        prob=fitted.config.report.prob,
+        reach=reach_of(fitted.config),
+        wanted=wanted,
+    )

@@ -1,0 +1,158 @@
+"""Densities of logs of positive numbers: as functions, and as tables for compiled code.
+
+Excluded: where they come from.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float
+
+from pushfit.fit.problem.priors.distributions import Prior, log_prior_at
+from pushfit.model import as_float
+
+# Distance from the centre at which a prior density ends here: 1e-31 of its mass lies
+# beyond.
+N_SD = 12.0
+# Points of a table per standard deviation of the narrowest prior behind it; the cubic
+# between them is then good to 1e-6.
+POINTS_PER_SD, MAX_POINTS = 20, 16384
+# Points on which a prior itself is read, about 85 per standard deviation.
+N_PRIOR_POINTS = 2049
+# A table ends where the log density is this far below its peak.
+DEPTH = 80.0
+# Smallest share of the scale of a prior that counts as positive.
+TINY = 1e-9
+
+Values = Float[np.ndarray, "..."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogDensity:
+    """Density of the log of a positive number.
+
+    Args:
+        scale: About the smallest distance over which it changes.
+    """
+
+    lower: float
+    upper: float
+    scale: float
+    log_prob: Callable[[Values], Values]
+
+
+class TabulatedDensity(eqx.Module):
+    """Log density on a regular grid, for use inside compiled code."""
+
+    start: Float[Array, ""]
+    step: Float[Array, ""]
+    values: Float[Array, " g"]
+    mean: Float[Array, ""]
+    sd: Float[Array, ""]
+
+    @property
+    def end(self) -> Float[Array, ""]:
+        """Last grid point."""
+        return self.start + self.step * (self.values.size - 1)
+
+    def shifted(self, by: float) -> "TabulatedDensity":
+        """Density of the log of a number that is exp(by) times as large."""
+        moved = (self.start + by, self.mean + by)
+        return eqx.tree_at(lambda t: (t.start, t.mean), self, moved)
+
+    def log_prob(self, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
+        """Cubic through the four nearest grid points; -inf outside the grid."""
+        place = (u - self.start) / self.step
+        inside = (place >= 0) & (place <= self.values.size - 1)
+        first = jnp.clip(jnp.floor(place) - 1, 0, self.values.size - 4)
+        t = jnp.where(inside, place - first, 1.0)
+        i = first.astype(int)
+        a, b, c, d = (self.values[i + k] for k in range(4))
+        cubic = (
+            -a * (t - 1) * (t - 2) * (t - 3) / 6
+            + b * t * (t - 2) * (t - 3) / 2
+            - c * t * (t - 1) * (t - 3) / 2
+            + d * t * (t - 1) * (t - 2) / 6
+        )
+        return jnp.where(inside, cubic, -jnp.inf)
+
+
+def prior_density(prior: Prior) -> LogDensity:
+    """Density of the log of a positive parameter."""
+    first, second = float(prior.first), float(prior.second)
+    if prior.kind == "lognormal":
+        centre, scale = np.log(first), second
+        lower, upper = centre - N_SD * scale, centre + N_SD * scale
+    elif prior.kind == "uniform":
+        lower, upper = np.log(max(first, TINY * second)), np.log(second)
+        scale = upper - lower
+    else:
+        top = first + N_SD * second
+        lower, upper = np.log(max(first - N_SD * second, TINY * top)), np.log(top)
+        scale = second / max(first + second, second)
+    grid = np.linspace(lower, upper, N_PRIOR_POINTS)
+    # Rounding at the bounds of a uniform prior must not leave its support.
+    inside = as_float(np.clip(grid, lower + 1e-12, upper - 1e-12))
+    return _interpolated(grid, np.asarray(log_prior_at(prior, inside)), float(scale))
+
+
+def tabulate(density: LogDensity) -> TabulatedDensity:
+    """Table of a density over the part of its range that holds all but e^-80 of it.
+
+    Returns:
+        The table; grid points beyond twice that depth are held there, to stay finite.
+    """
+    coarse = np.linspace(density.lower, density.upper, 513)
+    level = np.nan_to_num(density.log_prob(coarse), nan=-np.inf)
+    kept = np.flatnonzero(level > np.max(level) - DEPTH)
+    low = coarse[max(kept[0] - 1, 0)]
+    high = coarse[min(kept[-1] + 1, coarse.size - 1)]
+    wanted = POINTS_PER_SD * (high - low) / density.scale
+    # Powers of two: few shapes, few compilations.
+    n = 1 << int(np.clip(np.ceil(np.log2(wanted)), 9, np.log2(MAX_POINTS)))
+    grid = np.linspace(low, high, n)
+    values = np.nan_to_num(density.log_prob(grid), nan=-np.inf)
+    values = np.maximum(values, np.max(values) - 2 * DEPTH)
+    mass = np.exp(values - np.max(values))
+    mass[[0, -1]] /= 2
+    mean = np.sum(mass * grid) / np.sum(mass)
+    sd = np.sqrt(np.sum(mass * (grid - mean) ** 2) / np.sum(mass))
+    return TabulatedDensity(
+        start=as_float(low),
+        step=as_float((high - low) / (n - 1)),
+        values=as_float(values),
+        mean=as_float(mean),
+        sd=as_float(sd),
+    )
+
+
+def tabulated(density: LogDensity) -> LogDensity:
+    """The same density, read from a table.
+
+    Args:
+        density: Density that is slow to evaluate.
+
+    Returns:
+        Density with the ends of the table.
+    """
+    table = tabulate(density)
+    values = np.asarray(table.values)
+    grid = float(table.start) + float(table.step) * np.arange(values.size)
+    return _interpolated(grid, values, density.scale)
+
+
+def _interpolated(
+    grid: Float[np.ndarray, " g"], values: Float[np.ndarray, " g"], scale: float
+) -> LogDensity:
+    """Density through given points: each shape of JAX arrays would be compiled anew."""
+    spline = scipy.interpolate.CubicSpline(grid, values, extrapolate=False)
+    return LogDensity(
+        lower=float(grid[0]),
+        upper=float(grid[-1]),
+        scale=scale,
+        log_prob=lambda u: np.nan_to_num(spline(u), nan=-np.inf),
+    )

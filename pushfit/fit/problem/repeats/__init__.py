@@ -1,0 +1,1 @@
+"""Repeated pushes: averaged, pooled, and what all heights of one repeat share."""

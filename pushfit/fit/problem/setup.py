@@ -1,0 +1,189 @@
+"""From a peak table and a configuration to a `Problem`.
+
+Decides what is free, what is fixed, and in which coordinates; everything that depends
+on the shape of the question and not on the numbers is settled here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from pushfit.config import GraspConfig
+from pushfit.data.grasp import is_calibrated, make_grasp
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import DataError
+from pushfit.fit.problem.constraint_terms import with_constraints
+from pushfit.fit.problem.data_coordinates import data_names
+from pushfit.fit.problem.noise import Noise, choose_noise
+from pushfit.fit.problem.priors.distributions import (
+    Prior,
+    default_prior,
+    default_priors,
+    priors_from_config,
+)
+from pushfit.fit.problem.problem import Problem, bucket
+from pushfit.fit.problem.uninformative import check_informative
+from pushfit.fit.results.search import Search
+from pushfit.model import Grasp, Pushes, as_float
+from pushfit.parameters import SIGNED
+
+# Groups of pushes that have something in common come in multiples of this: one compiled
+# program serves several numbers of them.
+GROUPS = 4
+# Azimuths closer than this are one direction [rad].
+SAME_AZIMUTH = np.radians(0.5)
+# Sampled noise: the median is this share of the tallest height, a factor 12 either way
+# at one in twenty.
+SIGMA_SHARE, SIGMA_SD_LOG = 0.05, 1.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """A problem with what the arrays no longer say.
+
+    Args:
+        problem: Data, grasp, noise and priors.
+        noise: Where the noise came from.
+        rows: Row of the table of each unpadded column of the problem.
+        is_calibrated: Whether stiffness comes out in N/m rather than sensor units/m.
+        has_direction: Whether azimuths differ enough to ask for a direction.
+        search: Best fits along θ_c, once they are known.
+    """
+
+    problem: Problem
+    noise: Noise
+    rows: tuple[int, ...]
+    is_calibrated: bool
+    has_direction: bool
+    search: Search | None = None
+
+
+def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
+    """Problem that a table poses under a configuration.
+
+    Args:
+        table: Peak heights; rows whose flags exclude them are left out.
+
+    Raises:
+        DataError: If no usable row is left, or the rows can show nothing.
+        ConfigError: If the configuration asks for noise or units the table lacks.
+    """
+    used = np.flatnonzero(table.is_used)
+    if used.size == 0:
+        raise DataError(
+            f"all {table.n_pushes} pushes are flagged (saturated, clipped, in a gap or "
+            "out of contact), so none is left to fit; look at the flags column",
+            code="no_usable_push",
+        )
+    check_informative(table, config)
+    grasp = make_grasp(config, table.unit)
+    calibrated = is_calibrated(config, table.unit)
+    noise = choose_noise(table, config)
+    has_direction = n_azimuths(table.alpha[used]) > 1
+    tallest = max(float(np.max(np.abs(table.heights(c)[used]))) for c in table.channels)
+    scale = tallest / (float(grasp.gain) * float(grasp.push_length))
+    priors, fixed = priors_from_config(
+        config, default_priors(None if calibrated else scale)
+    )
+    if not has_direction:
+        # One azimuth: B is the stiffness along it, and an ellipse has no meaning.
+        priors = {n: p for n, p in priors.items() if n not in SIGNED}
+        fixed |= dict.fromkeys(SIGNED, 0.0)
+    if config.grasp.preload[0] == "estimate":
+        force = tallest / float(grasp.gain)
+        priors.setdefault("F_0", Prior("lognormal", force, 1.0))
+    else:
+        priors.pop("F_0", None)
+    if config.transition.sharpness == "auto":
+        priors.setdefault("p", default_prior("p"))
+    else:
+        priors.pop("p", None)
+    if noise.kind == "sampled":
+        for name in table.channels:
+            median = SIGMA_SHARE * float(np.max(np.abs(table.heights(name)[used])))
+            priors[f"sigma_{name}"] = Prior("lognormal", median, SIGMA_SD_LOG)
+    problem = _assemble(table, used, noise, grasp, priors, fixed, config)
+    return Setup(
+        problem=problem,
+        noise=noise,
+        rows=tuple(int(i) for i in used),
+        is_calibrated=calibrated,
+        has_direction=has_direction,
+    )
+
+
+def n_azimuths(alpha: np.ndarray) -> int:
+    """Number of distinct azimuths modulo 180°, the period of the stiffness ellipse."""
+    doubled = np.unique(np.round(np.mod(alpha, np.pi) / SAME_AZIMUTH))
+    # The seam: 0° and 180° are the same axis.
+    n_steps = np.round(np.pi / SAME_AZIMUTH)
+    return int(np.unique(np.mod(doubled, n_steps)).size)
+
+
+def sampling_names(
+    priors: Mapping[str, Prior], fixed: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Names of the sampling coordinates: what data meet first, then the rest."""
+    free = set(priors)
+    names = []
+    if {"K_sn", "K_dn"} <= free:
+        names.append("ln_A")
+    if {"K_st", "C_d"} <= free:
+        names.append("ln_B")
+        names += ["f1", "f2"] if "e1" in free else []
+    else:
+        names += ["e1", "e2"] if "e1" in free else []
+    if "C_rr" in free:
+        names.append("ln_C_rr")
+    if {"K_sn", "K_dn"} & free:
+        names.append("ln_r")
+    if {"K_st", "C_d"} & free:
+        names.append("ln_s")
+    names += [f"ln_{n}" for n in ("L", "F_0", "p") if n in free]
+    names += [f"ln_{n}" for n in priors if n.startswith("sigma_")]
+    return tuple(names)
+
+
+def _assemble(
+    table: PeakTable,
+    used: np.ndarray,
+    noise: Noise,
+    grasp: Grasp,
+    priors: Mapping[str, Prior],
+    fixed: Mapping[str, float],
+    config: GraspConfig,
+) -> Problem:
+    """Pad the rows to their bucket and put everything together."""
+    padding = bucket(used.size) - used.size
+
+    def padded(values: np.ndarray, fill: float) -> np.ndarray:
+        ends = np.full((*values.shape[:-1], padding), fill)
+        return np.concatenate([values[..., used], ends], axis=-1)
+
+    def stacked(values: Mapping[str, np.ndarray], fill: float) -> np.ndarray:
+        return np.stack([padded(values[name], fill) for name in table.channels])
+
+    shared = None
+    if noise.shared:
+        shared = stacked(noise.shared, 0.0)
+        shared = np.pad(shared, ((0, 0), (0, -shared.shape[1] % GROUPS), (0, 0)))
+    heights = {name: table.heights(name) for name in table.channels}
+    row_mask = np.arange(used.size + padding) < used.size
+    problem = Problem(
+        pushes=Pushes(padded(table.theta, 0.5), padded(table.alpha, 0.0)),
+        observed=stacked(heights, 0.0),
+        sd=stacked(noise.sd, 0.0),
+        reference_sigma=stacked(noise.sigma, 1.0),
+        mask=jnp.asarray(np.tile(row_mask, (len(table.channels), 1)), dtype=bool),
+        grasp=grasp,
+        priors=priors,
+        fixed={name: as_float(value) for name, value in fixed.items()},
+        channels=table.channels,
+        names=sampling_names(priors, fixed),
+        data_names=data_names(priors, fixed, grasp),
+        likelihood="student_t" if config.noise.likelihood == "student_t" else "normal",
+        shared=None if shared is None else as_float(shared),
+    )
+    return with_constraints(problem)

@@ -1,0 +1,1 @@
+"""Programs: functions compiled once, and where their machine code is kept."""

@@ -1,0 +1,1 @@
+"""Tilting mechanics: an object that leans while it is pushed."""

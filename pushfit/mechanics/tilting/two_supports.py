@@ -1,0 +1,352 @@
+"""Tilting mechanics of an object on two supports: a lean about both axes at once.
+
+Two supports bear more moment about y than about x, so the object may roll about one
+axis and hold about the other, and its lean need not point along the force. The lean is
+the rotation vector q = γ n in the tangential plane; the push point sits at
+p = L (sin γ n, cos γ), and the push exerts along ∂p/∂q_i the moments
+
+    Q_i = L (F_t · ∂(sin γ n)/∂q_i + F_n sin γ n_i)
+    F_t = K (S_p cos θ u - L sin γ n)
+    F_n = max( F_0 + A (S_p sin θ - L (1 - cos γ)), 0 )
+
+for fingertips that are points; round ones roll, as in `pushfit.mechanics.tilting.hold`.
+With a hard transition each axis bears the smaller of C_d q_i and its rolling limit,
+
+    Q_i = min( C_d |q_i|, c_i L N ) sign q_i,   N = F_n cos γ - F_t·n sin γ
+    c_x = C_rr + |AB| / (2 L),   c_y = C_rr
+
+A soft one needs the moment Q_i would have had without rolling, which q_i no longer
+tells: the soft minimum is of E_i = w_i Q_i + (1 - w_i) C_d q_i and c_i L N, where w_i
+is the share of the support in the compliance of axis i. For small pushes L⁻¹ E is the
+elastic force of `pushfit.mechanics.linear`; where nothing rolls E_i = Q_i = C_d q_i
+whatever w_i is, so that the hard transition does not depend on it. Excluded: where an
+object stops to roll (`pushfit.mechanics.tilting.critical_tilt`).
+
+References:
+    An extension of He & Zhang (2014), doi:10.1007/s11432-014-5216-3, whose Eqs.
+    (6)-(14) are the limit S_p / L → 0; derived in docs/model.md, "Tilting".
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from pushfit.mechanics.containers import (
+    Contact,
+    Forces,
+    Grasp,
+    Parameters,
+    Pushes,
+    Scalar,
+    Vector,
+    contact,
+    rolling_limits,
+)
+from pushfit.mechanics.numerics import Sharpness, lean_factors, norm2, softclip
+from pushfit.mechanics.tilting.hold import Hold, make_hold
+from pushfit.mechanics.tilting.one_support import MAX_TILT, one_support_forces
+
+# Relative step at which the search ends; the step after it leaves the square of that.
+RTOL = 1e-7
+MAX_STEPS = 60
+# Shortest share of a Newton step that must lower the residual; a shorter one is taken
+# in any case, because at a kink no share may lower it.
+SHORTEST = 1 / 64
+SMALLEST_DETERMINANT = 1e-9
+
+Pair = tuple[Vector, Vector]
+
+
+class Frame(eqx.Module):
+    """Springs, friction and pushes of an equilibrium on two supports.
+
+    Args:
+        hold: As with one support.
+        stiffness: Tangential stiffness of the support, xx, xy, yy [N/m].
+        limits: c_x and c_y, rolling limits over normal force [-].
+        share: w_x and w_y, share of the support in the compliance of each axis [-].
+    """
+
+    hold: Hold
+    stiffness: tuple[Scalar, Scalar, Scalar]
+    limits: tuple[Scalar, Scalar]
+    share: tuple[Scalar, Scalar]
+
+
+class Lean(eqx.Module):
+    """State of an object that leans by q.
+
+    Args:
+        pressed: F_n, negative where contact is lost [N].
+        tangential: F_t [N].
+        moment: Q [N·m].
+        across: N, force normal to the tilted face [N].
+    """
+
+    pressed: Vector
+    tangential: Pair
+    moment: Pair
+    across: Vector
+
+
+def tilting_forces(
+    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
+) -> Forces:
+    """Contact forces of pushes that tilt an object, on one support or on two."""
+    is_single = grasp.support_span is None
+    solve = one_support_forces if is_single else two_support_forces
+    return solve(params, pushes, grasp)
+
+
+def two_support_forces(
+    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
+) -> Forces:
+    """Contact forces of pushes that tilt an object on two supports.
+
+        F_t = K (S_p cos θ u - L sin γ n),   F_n = F_0 + A (S_p sin θ - L (1 - cos γ))
+
+    at the lean q = γ n that both axes bear; see `equilibrium`.
+
+    Args:
+        grasp: Grasp and sensor; states the span.
+
+    Returns:
+        Forces of every push, in the frame that does not tilt [N]. Where no lean was
+        found that bears the push: no force, and not in contact.
+
+    References:
+        Eqs. (6)-(10) for S_p / L → 0.
+    """
+    group = contact(params)
+    frame = make_frame(group, grasp, elevation=pushes.elevation, azimuth=pushes.azimuth)
+    lean, is_found = equilibrium(frame, grasp.sharpness)
+    state = leaned(frame, lean)
+    x, y = state.tangential
+    return Forces(
+        normal=jnp.where(is_found, jnp.maximum(state.pressed, 0.0), 0.0),
+        tangential_x=jnp.where(is_found, x, 0.0),
+        tangential_y=jnp.where(is_found, y, 0.0),
+        in_contact=is_found & (state.pressed >= 0),
+    )
+
+
+def make_frame(
+    group: Contact,
+    grasp: Grasp,
+    *,
+    elevation: Float[Array, "2 n"],
+    azimuth: Float[Array, "2 n"],
+) -> Frame:
+    """What the equilibrium of every push needs.
+
+        c_x = C_rr + |AB| / (2 L),   c_y = C_rr,   w_i = 1 / (1 + L² K_ii / C_d)
+
+    K_ii is here the inverse of the compliance of the support along axis i [N/m].
+
+    Args:
+        grasp: Grasp; states the span.
+        elevation: (cos θ, sin θ) [-].
+        azimuth: (cos α, sin α) [-].
+    """
+    hold = make_hold(group, grasp, elevation=elevation, azimuth=azimuth)
+    xx, xy, yy = hold.compliance
+    determinant = xx * yy - xy * xy
+    rotation = hold.L**2 / hold.C_d
+    return Frame(
+        hold=hold,
+        stiffness=(yy / determinant, -xy / determinant, xx / determinant),
+        limits=rolling_limits(group, grasp.support_span or 0.0),
+        share=(xx / (xx + rotation), yy / (yy + rotation)),
+    )
+
+
+def leaned(frame: Frame, lean: Pair) -> Lean:
+    """Forces and moments of pushes after which the object leans by q.
+
+        Q_i = L (F_t · ∂(sin γ n)/∂q_i + F_n sin γ n_i),   N = F_n cos γ - F_t · n sin γ
+
+    Args:
+        lean: q_x and q_y [rad].
+    """
+    hold = frame.hold
+    x, y = lean
+    square = x * x + y * y
+    sine, sink, turn = lean_factors(square)
+    cosine = 1 - sink * square
+    # X, Z and their slopes over L, but for powers of γ.
+    aside, below, bend, tip = sine, sink, turn, sine
+    if hold.rolling_length is not None:
+        rolled = hold.rolling_length / hold.L
+        aside, below = aside + rolled * (sine - cosine), below + rolled * (sink - sine)
+        bend, tip = bend + rolled * (turn + sine), tip - rolled * cosine
+    stretch_x = hold.along * hold.azimuth[0] - hold.L * aside * x
+    stretch_y = hold.along * hold.azimuth[1] - hold.L * aside * y
+    xx, xy, yy = frame.stiffness
+    force_x = xx * stretch_x + xy * stretch_y
+    force_y = xy * stretch_x + yy * stretch_y
+    pressed = hold.preload + hold.A * (hold.into - hold.L * below * square)
+    normal = jnp.maximum(pressed, 0.0)
+    drawn = force_x * x + force_y * y
+    outward = bend * drawn + tip * normal
+    return Lean(
+        pressed=pressed,
+        tangential=(force_x, force_y),
+        moment=(
+            hold.L * (aside * force_x + outward * x),
+            hold.L * (aside * force_y + outward * y),
+        ),
+        across=normal * cosine - sine * drawn,
+    )
+
+
+def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
+    """Moment about each axis that nothing bears, over L [N].
+
+        (Q_i - softmin(E_i, c_i L N)) / L,   E_i = w_i Q_i + (1 - w_i) C_d q_i
+
+    Args:
+        lean: q_x and q_y [rad].
+        sharpness: p of the soft transition [-].
+    """
+    state = leaned(frame, lean)
+    hold = frame.hold
+    across = jnp.maximum(state.across, 0.0)
+    found = []
+    for i in (0, 1):
+        moment = state.moment[i] / hold.L
+        share = frame.share[i]
+        elastic = share * moment + (1 - share) * (hold.C_d / hold.L) * lean[i]
+        borne = softclip(elastic, frame.limits[i] * across, sharpness)
+        found.append(moment - borne)
+    return found[0], found[1]
+
+
+class _Search(eqx.Module):
+    """State of a search: best lean, its residual, and the step to try from there."""
+
+    lean: Pair
+    size: Vector
+    step: Pair
+    part: Vector
+    has_arrived: Bool[Array, " n"]
+    is_found: Bool[Array, " n"]
+    n_steps: Int[Array, ""]
+
+
+def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, " n"]]:
+    """Lean at which the supports bear every moment, Q_i = softmin(E_i, c_i L N).
+
+    Newton steps, each shortened until it lowers what is not borne. The last of them
+    leaves q as it is and gives it the derivatives of the implicit function theorem.
+
+    Args:
+        sharpness: p of the soft transition [-].
+
+    Returns:
+        q_x and q_y to about 1e-15 of their size [rad], and whether they were found;
+        without derivatives where they were not.
+    """
+    frozen, steady = jax.lax.stop_gradient(frame), sharpness
+    if isinstance(sharpness, jax.Array):
+        steady = jax.lax.stop_gradient(sharpness)
+
+    def tried(lean: Pair) -> tuple[Vector, Pair]:
+        step, residual = _newton(frozen, lean, steady)
+        return norm2(*residual), step
+
+    def advance(search: _Search) -> _Search:
+        lean = _within_reach(
+            search.lean[0] + search.part * search.step[0],
+            search.lean[1] + search.part * search.step[1],
+        )
+        size, step = tried(lean)
+        is_better = (size < search.size) | (search.part <= SHORTEST)
+        is_taken = is_better & ~search.has_arrived
+        # Also from the far side: where rounding keeps the residual from falling the
+        # step has become as short.
+        is_settled = norm2(*search.step) <= RTOL * norm2(*search.lean)
+        return _Search(
+            lean=_chosen(is_taken, lean, search.lean),
+            size=jnp.where(is_taken, size, search.size),
+            step=_chosen(is_taken, step, search.step),
+            part=jnp.where(is_taken, 1.0, search.part / 2),
+            has_arrived=search.has_arrived | is_settled | ~jnp.isfinite(size),
+            is_found=search.is_found | (is_settled & jnp.isfinite(search.size)),
+            n_steps=search.n_steps + 1,
+        )
+
+    start = _start(frozen, steady)
+    size, step = tried(start)
+    first = _Search(
+        lean=start,
+        size=size,
+        step=step,
+        part=jnp.ones_like(size),
+        has_arrived=jnp.zeros(size.shape, bool),
+        is_found=jnp.zeros(size.shape, bool),
+        n_steps=jnp.zeros((), int),
+    )
+    last = jax.lax.while_loop(
+        lambda search: ~jnp.all(search.has_arrived) & (search.n_steps < MAX_STEPS),
+        advance,
+        first,
+    )
+    # An object that was not found is put upright, where every slope is finite.
+    upright = jnp.zeros_like(size), jnp.zeros_like(size)
+    lean = _chosen(last.is_found, last.lean, upright)
+    step, _ = _newton(frame, jax.lax.stop_gradient(lean), sharpness)
+    last_step = _chosen(last.is_found, step, upright)
+    return (lean[0] + last_step[0], lean[1] + last_step[1]), last.is_found
+
+
+def _newton(frame: Frame, lean: Pair, sharpness: Sharpness) -> tuple[Pair, Pair]:
+    """Newton step and the moments that are not borne."""
+
+    def residual(x: Vector, y: Vector) -> Pair:
+        return unbalanced(frame, (x, y), sharpness)
+
+    zero, one = jnp.zeros_like(lean[0]), jnp.ones_like(lean[0])
+    (r_x, r_y), (xx, yx) = jax.jvp(residual, lean, (one, zero))
+    _, (xy, yy) = jax.jvp(residual, lean, (zero, one))
+    xx, xy, yx, yy = jax.lax.stop_gradient((xx, xy, yx, yy))
+    determinant = xx * yy - xy * yx
+    smallest = SMALLEST_DETERMINANT * (jnp.abs(xx * yy) + jnp.abs(xy * yx))
+    is_regular = jnp.abs(determinant) > smallest
+    # At a fold the derivative of the lean is infinite, and one that large serves
+    # nobody.
+    safe = jnp.where(is_regular, determinant, jnp.where(smallest > 0, smallest, 1.0))
+    return ((xy * r_y - yy * r_x) / safe, (yx * r_x - xx * r_y) / safe), (r_x, r_y)
+
+
+def _start(frame: Frame, sharpness: Sharpness) -> Pair:
+    """Lean of a small push, as linear mechanics have it."""
+    hold = frame.hold
+    xx, xy, yy = frame.hold.compliance
+    rotation = hold.L**2 / hold.C_d
+    u_x, u_y = (hold.along * u for u in hold.azimuth)
+    determinant = (xx + rotation) * (yy + rotation) - xy * xy
+    normal = jnp.maximum(hold.preload + hold.A * hold.into, 0.0)
+    elastic = (
+        ((yy + rotation) * u_x - xy * u_y) / determinant,
+        ((xx + rotation) * u_y - xy * u_x) / determinant,
+    )
+    force_x, force_y = (
+        softclip(elastic[i], frame.limits[i] * normal, sharpness) for i in (0, 1)
+    )
+    return _within_reach(
+        (u_x - xx * force_x - xy * force_y) / hold.L,
+        (u_y - xy * force_x - yy * force_y) / hold.L,
+    )
+
+
+def _within_reach(x: Vector, y: Vector) -> Pair:
+    """The lean, or the largest one of its direction."""
+    size = norm2(x, y)
+    ratio = jnp.where(size > MAX_TILT, MAX_TILT / jnp.where(size > 0, size, 1.0), 1.0)
+    return ratio * x, ratio * y
+
+
+def _chosen(condition: Bool[Array, " n"], yes: Pair, no: Pair) -> Pair:
+    """`jnp.where` of both components."""
+    return jnp.where(condition, yes[0], no[0]), jnp.where(condition, yes[1], no[1])

@@ -1,0 +1,214 @@
+"""Which mechanics are believed, and where the belief is the engine's."""
+
+import gc
+
+import jax
+import numpy as np
+import pytest
+
+from pushfit.config import parse_config
+from pushfit.data.simulate import simulate_table
+from pushfit.explore.belief.belief import Question
+from pushfit.explore.belief.from_fit import believe
+from pushfit.fit.assess.tilt_check import do_draws_tilt
+from pushfit.fit.identify.table import identify_table
+from pushfit.fit.problem.setup import build_problem
+from pushfit.fit.programs import compile as programs
+from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.sweep.prior import make_target
+from pushfit.mechanics.directions import critical_angle
+from pushfit.model import Grasp
+from tests.explore.worlds import COMPONENTS, TRUTH
+
+CALLIPERS = "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
+
+
+def question(length_mm, mechanics="auto", parameters=CALLIPERS):
+    text = f'[push]\nlength_mm = {length_mm}\n[grasp]\nmechanics = "{mechanics}"\n'
+    return Question(
+        config=parse_config(text + parameters, path="grasp.toml"),
+        ask=("theta_c",),
+        channels=COMPONENTS,
+        unit="n",
+        sigma=None,
+        reference_alpha=np.pi / 2,
+    )
+
+
+def table(grasp, *, share=0.01):
+    """Ten elevations; noise is a share of the tallest height."""
+    stiffness = 571.0
+    return simulate_table(
+        TRUTH,
+        grasp,
+        theta=np.radians(np.linspace(5.0, 85.0, 10)),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=share * stiffness * float(grasp.push_length),
+        rng=np.random.default_rng(0),
+        channels=COMPONENTS,
+        state_sd=True,
+    )
+
+
+def interval(belief):
+    return np.quantile(belief.samples["theta_c"], [0.05, 0.95])
+
+
+@pytest.mark.slow
+def test_a_large_tilt_is_believed_as_it_is():
+    """5 mm on an object of 40 mm; the paper's equations miss θ_c there."""
+    grasp = Grasp(push_length=0.005, mechanics="tilting")
+    truth = float(np.degrees(critical_angle(TRUTH, grasp, np.pi / 2)))
+    made = table(grasp)
+    belief = believe(made, question(5.0), 0)
+    assert belief.grasp.mechanics == "tilting"
+    low, high = interval(belief)
+    assert low < truth < high
+    low, high = interval(believe(made, question(5.0, "linear"), 0))
+    assert not low < truth < high
+
+
+@pytest.mark.slow
+def test_a_small_tilt_is_left_to_the_equations_of_the_paper():
+    made = table(Grasp(push_length=2e-4, mechanics="tilting"), share=0.03)
+    belief = believe(made, question(0.2), 0)
+    only = believe(made, question(0.2, "linear"), 0)
+    assert belief.grasp.mechanics == "linear"
+    np.testing.assert_array_equal(belief.samples["theta_c"], only.samples["theta_c"])
+
+
+@pytest.mark.parametrize("sigma", [None, 0.03, 1.0])
+def test_a_preload_tells_the_scale_of_a_sensor_without_one(sigma):
+    """Springs of median stiffness push as hard as the preload, whatever the noise."""
+    text = "[push]\nlength_mm = 5.0\n[grasp]\npreload_kpa = 12.0\n"
+    asked = Question(
+        config=parse_config(text, path="grasp.toml"),
+        ask=("theta_c",),
+        channels=("height",),
+        unit="kpa",
+        sigma=sigma,
+        reference_alpha=np.pi / 2,
+    )
+    belief = believe(None, asked, 0)
+    support, contact = (np.median(belief.samples[name]) for name in ("K_sn", "K_dn"))
+    height = 0.005 * support * contact / (support + contact)
+    # Four standard errors of medians of so many draws.
+    assert height == pytest.approx(12.0, rel=0.08)
+    assert np.mean(np.isnan(belief.samples["theta_c"])) < 0.5
+
+
+def drawn(theta_c_deg, log_evidence):
+    """Draws of an interval of 10° that count alike."""
+    values = np.linspace(theta_c_deg - 5.0, theta_c_deg + 5.0, 101)
+    return PosteriorResult(
+        samples={"theta_c": values},
+        prior_samples={},
+        log_prob=np.zeros(values.size),
+        chain=None,
+        chain_names=(),
+        thin=1,
+        engine="sweep",
+        diagnostics=None,
+        log_evidence=log_evidence,
+        log_evidence_error=0.0,
+        ess=float(values.size),
+        pareto_k=0.0,
+        seed=0,
+        status=FitStatus.OK,
+    )
+
+
+@pytest.mark.parametrize(
+    ("theta_c_deg", "log_evidence", "is_leading"),
+    [
+        (44.0, -10.0, True),
+        (44.0, -14.0, True),
+        (44.0, -16.0, False),  # the heights speak against it
+        (42.0, -10.0, False),  # a fifth of the width is not worth it
+        (45.0, None, True),  # and nobody knows
+    ],
+)
+def test_tilting_draws_lead_where_they_matter_and_are_no_worse(
+    theta_c_deg, log_evidence, is_leading
+):
+    linear = drawn(40.0, -10.0)
+    tilting = drawn(theta_c_deg, log_evidence)
+    assert do_draws_tilt(linear, tilting, prob=0.9) is is_leading
+
+
+def test_without_a_stated_lever_there_is_nothing_to_tilt_by():
+    made = table(Grasp(push_length=0.005, mechanics="tilting"))
+    belief = believe(made, question(5.0, parameters=""), 0)
+    assert belief.grasp.mechanics == "linear"
+
+
+def test_errors_of_the_joints_are_believed_as_they_are_identified():
+    """Elevations of ± 2°: the same posterior, and the next push scatters so, too."""
+    made = table(Grasp(push_length=0.005), share=1e-3)
+    own = question(5.0, parameters="[noise]\ntheta_sd_deg = 2.0\n")
+    belief, exact = (
+        believe(made, own, 0),
+        believe(made, question(5.0, parameters=""), 0),
+    )
+    found = identify_table(made, own.settings, seed=0, engine="sweep", is_brief=True)
+    expected = np.quantile(found.posterior.samples["theta_c"], [0.05, 0.95])
+    np.testing.assert_allclose(interval(belief), expected, atol=0.1 * np.ptp(expected))
+    assert np.ptp(interval(belief)) > 2 * np.ptp(interval(exact))
+    added = np.sqrt(np.median(found.fit.sigma**2 - made.sd(COMPONENTS[0])[0] ** 2))
+    assert 0.3 * added < np.mean(belief.sigma) < 3 * added
+
+
+@pytest.mark.slow
+def test_the_mechanics_believed_are_those_that_lead_the_identification():
+    made = table(Grasp(push_length=0.005, mechanics="tilting"))
+    own = question(5.0)
+    found = identify_table(made, own.settings, seed=0, engine="sweep")
+    assert found.by_mechanics[0].mechanics == "tilting"
+    assert believe(made, own, 0).grasp.mechanics == "tilting"
+
+
+def growing(n):
+    """An exploration of n pushes, no two of them alike."""
+    return simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians(np.linspace(5.0, 85.0, n)),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=0.05,
+        rng=np.random.default_rng(0),
+        channels=COMPONENTS,
+        state_sd=True,
+    )
+
+
+def test_a_table_that_grows_is_drawn_from_by_few_programs():
+    """An exploration of 60 pushes needs three lengths; each costs tens of megabytes."""
+    asked = question(5.0, "linear")
+    lengths = set()
+    for n in range(1, 61):
+        setup = build_problem(growing(n), asked.settings)
+        target = make_target(setup.problem, np.pi / 2, is_growing=True)
+        pooled = target.pooled.problem
+        lengths.add((pooled.pushes.theta.size, *pooled.mask.shape))
+    assert len(lengths) == 3
+
+
+def test_redraws_compile_nothing_and_keep_nothing(monkeypatch):
+    """Fresh draws from 17 to 32 pushes are made by the same two programs."""
+    asked, made, n_live = question(5.0, "linear"), set(), []
+    program = programs._program
+
+    def noted(function, folder, form):
+        made.add((function, form))
+        return program(function, folder, form)
+
+    monkeypatch.setattr(programs, "_program", noted)
+    for n in (17, 18, 25, 31, 32):
+        believe(growing(n), asked, n)
+        gc.collect()
+        n_live.append(len(jax.live_arrays()))
+    names = [function.__name__ for function, _ in made]
+    assert (names.count("_sheet"), names.count("_draws")) == (1, 1)
+    assert n_live[1:] == n_live[:-1]

@@ -1,0 +1,444 @@
+"""Whole identifications: what may be said is said, and nothing more."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pushfit.config import parse_config
+from pushfit.data.tables.peak_table import PeakTable, read_table
+from pushfit.errors import ConfigError, DataError
+from pushfit.fit.assess.reporting_rules import reported
+from pushfit.fit.assess.verdicts import angle_quantity, parameter_quantities
+from pushfit.fit.assess.violations import Violation
+from pushfit.fit.identify import fitted as fitted_module
+from pushfit.fit.identify.fitted import fit_table, sweep
+from pushfit.fit.identify.table import identify_table
+from pushfit.fit.results import FitStatus, Verdict
+from tests.fit.tables import FRICTION_ONLY, HARD, case_table, config
+from tests.problems import CASES
+
+LOW_DEG = np.arange(5.0, 61.0, 5.0)
+# Noise that is the same for all heights, whatever their residuals show.
+CONSTANT = "[noise]\nheight_share = 0.0\n"
+# The same, normal or heavy-tailed as the heights have it.
+CHOSEN = CONSTANT + 'likelihood = "auto"\n'
+
+
+@pytest.fixture(scope="module")
+def determined():
+    table = case_table(CASES["firm"], noise=0.03, seed=1)
+    return identify_table(table, config(), seed=1, engine="sweep")
+
+
+@pytest.fixture(scope="module")
+def one_sided():
+    """θ_c = 72° and no push above 60°, seen by a sensor of both components."""
+    table = case_table(
+        CASES["one_sided"],
+        noise=0.03,
+        theta_deg=LOW_DEG,
+        channels=("height_normal", "height_tangential"),
+    )
+    return identify_table(table, config(), seed=1, engine="sweep")
+
+
+def warning_codes(result) -> set[str]:
+    return {warning.code for warning in result.warnings}
+
+
+def test_a_determined_angle_has_an_interval_that_holds_the_truth(determined):
+    theta_c = determined.theta_c
+    assert determined.status is FitStatus.OK
+    assert theta_c.verdict is Verdict.DETERMINED
+    low, high = theta_c.interval
+    assert low < CASES["firm"].critical_angle_deg < high
+    assert low < theta_c.estimate < high
+    assert len(theta_c.sets) == len(theta_c.likelihood_sets) == 1
+
+
+def test_a_sharp_profile_determines_nothing_where_the_draws_are_those_of_the_prior(
+    determined,
+):
+    """As many parameters as pushes fit anything; the posterior does not follow."""
+    posterior = determined.posterior
+    n = posterior.log_prob.size
+    samples = {k: np.resize(v, n) for k, v in posterior.prior_samples.items()}
+    ignorant = replace(posterior, samples=samples)
+    profile = determined.profiles["theta_c"]
+    theta_c = angle_quantity("theta_c", ignorant, profile, prob=0.9)
+    assert profile.verdict is Verdict.DETERMINED
+    assert theta_c.verdict is Verdict.NOT_DETERMINED
+    shown = reported(replace(determined, theta_c=theta_c)).theta_c
+    assert shown.estimate is shown.interval is None
+    assert shown.sets == ()
+
+
+@pytest.mark.parametrize(
+    ("centres", "sd", "verdict"),
+    [
+        ((100.0,), 5.0, Verdict.DETERMINED),
+        ((40.0, 130.0), 5.0, Verdict.SEVERAL_MODES),
+        ((100.0,), 500.0, Verdict.NOT_DETERMINED),
+    ],
+)
+def test_draws_alone_tell_of_a_direction_without_a_profile(
+    determined, centres, sd, verdict
+):
+    """As on two supports, where the best direction is not the soft axis."""
+    posterior, rng = determined.posterior, np.random.default_rng(0)
+    n = posterior.log_prob.size
+    draws = (rng.choice(centres, n) + sd * rng.standard_normal(n)) % 180.0
+    anything = rng.uniform(0.0, 180.0, posterior.prior_samples["theta_c"].size)
+    posterior = replace(
+        posterior,
+        samples={"alpha_star": draws},
+        prior_samples={"alpha_star": anything},
+    )
+    found = angle_quantity("alpha_star", posterior, None, prob=0.9, by_draws=True)
+    assert found.verdict is verdict
+    unasked = angle_quantity("alpha_star", posterior, None, prob=0.9)
+    assert unasked.verdict is Verdict.NOT_DETERMINED
+
+
+def test_a_result_is_made_as_it_is_reported(determined, one_sided):
+    """A one-sided B has a bound, and neither a middle nor an interval."""
+    for result in (determined, one_sided):
+        again = reported(result)
+        for name in ("theta_c", "alpha_star", "parameters", "combinations"):
+            assert getattr(again, name) == getattr(result, name)
+    open_sided = [q for q in one_sided.combinations if q.verdict is Verdict.ONE_SIDED]
+    assert all(q.estimate is q.interval is None for q in open_sided)
+
+
+def test_the_configuration_in_force_says_what_auto_came_to(determined, one_sided):
+    """Both tables state the sd of every height, which repeats do not contradict."""
+    for result in (determined, one_sided):
+        assert result.config.noise.sigma == "given"
+
+
+def test_combinations_are_determined_and_single_stiffnesses_are_not(determined):
+    case = CASES["firm"]
+    for quantity, truth in zip(determined.combinations, (case.A, case.B), strict=True):
+        low, high = quantity.interval
+        assert quantity.verdict is Verdict.DETERMINED
+        assert low < truth < high
+    by_name = {quantity.name: quantity for quantity in determined.parameters}
+    assert by_name["C_rr"].verdict is Verdict.LEARNED
+    for name in ("K_sn", "K_dn", "K_st", "C_d", "L"):
+        assert by_name[name].verdict in (Verdict.PARTLY, Verdict.ASSUMED)
+
+
+def test_heights_fix_three_directions_of_six(determined):
+    """The rank of the Jacobian on the table's own pushes is that of (A, B, C_rr)."""
+    found = determined.identifiability
+    assert (found.rank, found.n_parameters) == (3, 6)
+    assert [c.is_determined for c in found.combinations] == [True] * 3 + [False] * 3
+    assert all("L" not in c.formula.split(" · ")[0] for c in found.combinations[:1])
+
+
+def test_one_azimuth_gives_no_direction(determined):
+    assert determined.alpha_star.verdict is Verdict.NOT_DETERMINED
+    assert determined.alpha_star.estimate is None
+    assert determined.alpha_star_model_free is None
+
+
+def test_a_one_sided_angle_is_a_bound_without_a_number(one_sided):
+    theta_c = one_sided.theta_c
+    assert theta_c.verdict is Verdict.ONE_SIDED
+    assert theta_c.estimate is None
+    assert theta_c.interval is None
+    low, high = theta_c.sets[-1]
+    assert high is None
+    assert low < CASES["one_sided"].critical_angle_deg
+    assert "theta_c_one_sided" in warning_codes(one_sided)
+
+
+def test_bands_hold_the_noise_free_curve(determined):
+    """At the table's own angles the 90 % band holds most of the true heights."""
+    (band,) = determined.bands
+    table = case_table(CASES["firm"])
+    truth = np.interp(
+        band.angle_deg, table.frame["theta_deg"][::3], table.heights("height")[::3]
+    )
+    inside = (band.lower <= truth) & (truth <= band.upper)
+    within = (band.angle_deg > 6) & (band.angle_deg < 84)
+    # The curve has three free numbers: it leaves its band together or not at all.
+    assert inside[within].mean() > 0.5
+    assert np.all(band.lower <= band.median)
+    assert np.all(band.median <= band.upper)
+
+
+def test_components_determine_what_a_magnitude_does_not():
+    text = '[noise]\nsigma = "given"\n'
+    widths = []
+    for channels in (("height",), ("height_normal", "height_tangential")):
+        table = case_table(
+            CASES["blind_magnitude"], noise=0.05, seed=2, channels=channels
+        )
+        result = identify_table(table, config(text), seed=0, engine="sweep")
+        low, high = result.theta_c.likelihood_sets[-1]
+        widths.append((90.0 if high is None else high) - (low or 0.0))
+    assert widths[1] < widths[0] / 3
+
+
+def test_an_unknown_push_length_quotes_no_stiffness():
+    table = case_table(CASES["firm"], noise=0.03, seed=1)
+    settings = parse_config("[push]\nlength_known = false\n" + HARD, path="grasp.toml")
+    result = identify_table(table, settings, seed=1, engine="sweep")
+    assert "push_length_unknown" in warning_codes(result)
+    quoted = {q.name: q for q in (*result.parameters, *result.combinations)}
+    for name in ("K_sn", "K_dn", "K_st", "C_d", "A", "B"):
+        assert quoted[name].estimate is None
+        assert quoted[name].interval is None
+        assert quoted[name].likelihood_sets == ()
+    assert quoted["C_rr"].estimate is not None
+
+
+def test_pushes_that_lift_the_finger_off_are_left_out():
+    """A S_p sin 60° exceeds a preload of 1 N downwards."""
+    case = CASES["preload"]
+    table = case_table(case, noise=0.02, theta_deg=np.arange(-60.0, 61.0, 10.0))
+    # As from a sensor, which does not know that the finger has left.
+    table = type(table).from_frame(table.frame.drop(columns="flags"))
+    settings = config(f"[grasp]\npreload_n = {float(case.grasp.preload)!r}\n")
+    fitted = fit_table(table, settings)
+    lifted = np.radians(-60.0)
+    A = case.A * 0.005
+    is_lost = float(case.grasp.preload) + A * np.sin(fitted.table.theta) < 0
+    assert float(case.grasp.preload) + A * np.sin(lifted) < 0
+    np.testing.assert_array_equal(~fitted.table.is_used, is_lost)
+    assert {warning.code for warning in fitted.warnings} >= {"lost_contact"}
+
+
+def test_standard_deviations_that_repeats_contradict_are_widened():
+    table = case_table(CASES["firm"], noise=0.05, seed=3)
+    frame = table.frame.assign(height_sd_n=0.005)
+    fitted = fit_table(type(table).from_frame(frame), config())
+    assert "sd_contradicted" in {warning.code for warning in fitted.warnings}
+    # 48 degrees of freedom: sigma is known to 10 %; four of them.
+    np.testing.assert_allclose(np.median(fitted.fit.sigma), 0.05, rtol=0.4)
+
+
+def test_scatter_beyond_the_stated_sd_widens_every_interval():
+    table = case_table(CASES["firm"], noise=0.05, seed=3, repeats=1)
+    frame = table.frame.assign(height_sd_n=0.005)
+    fitted = fit_table(type(table).from_frame(frame), config())
+    assert "scatter_exceeds_sd" in {warning.code for warning in fitted.warnings}
+    assert np.median(fitted.fit.sigma) > 0.025
+
+
+def test_a_fixed_value_that_the_heights_contradict_is_named():
+    table = case_table(CASES["firm"], noise=0.03)
+    fitted = fit_table(table, config("[parameters.K_sn]\nfixed = 300.0\n"))
+    codes = {warning.code for warning in fitted.warnings}
+    assert "fixed_value_contradicted" in codes
+
+
+def test_a_table_without_a_usable_push_is_refused():
+    table = case_table(CASES["firm"], repeats=1)
+    flagged = table.with_flag(range(table.n_pushes), "saturated")
+    with pytest.raises(DataError, match="17 pushes are flagged"):
+        fit_table(flagged, config())
+
+
+def test_an_unknown_engine_is_refused():
+    table = case_table(CASES["firm"], noise=0.03)
+    with pytest.raises(ConfigError, match="nuts"):
+        identify_table(table, config(), seed=0, engine="nuts")
+
+
+@pytest.mark.parametrize("repeats", [1, pytest.param(3, marks=pytest.mark.slow)])
+def test_constant_heights_without_sd_bound_an_angle_from_one_side(repeats):
+    """Any θ_c below the lowest push fits them: A = B, and nothing rolls."""
+    theta = np.radians(np.repeat(np.arange(5.0, 86.0, 5.0), repeats))
+    table = PeakTable.from_arrays(
+        theta=theta,
+        alpha=np.full(theta.size, 1.5),
+        heights={"height": np.full(theta.size, 2.0)},
+        unit="n",
+    )
+    result = identify_table(table, config(), seed=0, engine="sweep")
+    assert result.theta_c.verdict is Verdict.ONE_SIDED
+    pieces = result.theta_c.sets
+    assert pieces[0][0] is None
+    assert pieces[-1][1] < 6.0
+
+
+def test_a_model_that_is_rejected_gives_no_interval():
+    """Heights of a contact that rolls at steep pushes and not at flat ones."""
+    table = case_table(CASES["firm"], noise=0.01, seed=1)
+    wave = 0.2 * np.sin(np.radians(8 * table.frame["theta_deg"]))
+    heights = table.frame["height_n"] + wave
+    wrong = type(table).from_frame(table.frame.assign(height_n=heights))
+    settings = config('[noise]\nsigma = "given"\n')
+    result = identify_table(wrong, settings, seed=1, engine="sweep")
+    assert not result.goodness_of_fit.is_adequate
+    quantities = (result.theta_c, *result.combinations, *result.parameters)
+    determined = {Verdict.DETERMINED, Verdict.LEARNED, Verdict.PARTLY}
+    assert not determined & {q.verdict for q in quantities}
+    assert all(
+        q.interval is None for q in quantities if q.verdict is not Verdict.ASSUMED
+    )
+
+
+def test_a_prior_far_from_the_heights_rejects_the_model():
+    """Heights of friction 0.5, and a lab that is sure of 0.1."""
+    channels = ("height_normal", "height_tangential")
+    table = case_table(CASES["firm"], noise=0.03, seed=1, channels=channels)
+    sure = "[parameters.C_rr]\nlognormal = { median = 0.1, sd_log = 0.05 }\n"
+    result = identify_table(table, config(sure), seed=1, engine="auto")
+    assert result.status is FitStatus.OK
+    assert "keeps θ_c and C_rr from where the heights" in (
+        result.goodness_of_fit.sentence
+    )
+    assert reported(result).theta_c.interval is None
+
+
+@pytest.mark.slow
+def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data):
+    table = read_table(real_data / "probing" / "probingRAL2018_T1_height_table.csv")
+    settings = parse_config("[push]\nlength_mm = 2.0\n", path="grasp.toml")
+    result = identify_table(table, settings, seed=0)
+    assert not result.goodness_of_fit.is_adequate
+    assert result.goodness_of_fit.r_squared < 0.5
+    assert "model_inadequate" in warning_codes(result)
+
+
+def heavy_tailed() -> PeakTable:
+    """51 heights with noise of Student's t of 2 degrees of freedom."""
+    clean = case_table(CASES["paper"])
+    noise = 0.02 * np.random.default_rng(4).standard_t(2.0, 51)
+    return PeakTable.from_arrays(
+        theta=clean.theta,
+        alpha=clean.alpha,
+        heights={"height": clean.heights("height") + noise},
+        unit="n",
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("noise", "chosen"), [("normal", "normal"), ("heavy", "student_t")]
+)
+def test_noise_is_chosen_by_its_evidence(noise, chosen):
+    """51 heights with tails of Student's t of 2 degrees of freedom, or without."""
+    table = (
+        heavy_tailed() if noise == "heavy" else case_table(CASES["paper"], noise=0.02)
+    )
+    fitted = fit_table(table, config('[noise]\nlikelihood = "auto"\n' + FRICTION_ONLY))
+    assert fitted.setup.problem.likelihood == chosen
+    assert fitted.config.noise.likelihood == chosen
+    codes = [warning.code for warning in fitted.warnings]
+    assert ("student_t_chosen" in codes) == (chosen == "student_t")
+
+
+@pytest.mark.parametrize("likelihood", ["normal", "student_t"])
+def test_a_scale_of_heavy_tailed_noise_is_not_taken_for_its_sd(likelihood):
+    text = CONSTANT + f'sigma = "sampled"\nlikelihood = "{likelihood}"\n'
+    fitted = fit_table(heavy_tailed(), config(text + FRICTION_ONLY))
+    posterior = sweep(fitted, 0)
+    found = parameter_quantities(fitted.setup, posterior, {}, prob=0.9, unit="n")
+    (sigma,) = [q for q in found if q.name == "sigma_height"]
+    said = f"the sd is {stats.t.std(4):.3g} times it"
+    assert (said in sigma.note) == (likelihood == "student_t")
+
+
+@pytest.mark.parametrize(
+    ("code", "p_value", "is_told"),
+    [
+        ("looks_like_angle_errors", 0.01, True),
+        ("looks_like_angle_errors", 0.2, False),
+        ("looks_heavy_tailed", 0.01, False),
+    ],
+)
+def test_heavy_tails_hide_nothing_that_shows_more(monkeypatch, code, p_value, is_told):
+    """Of noise that is not normal less is asked, as where a model is rejected."""
+    shown = (Violation(code=code, p_value=p_value, text=""),)
+    monkeypatch.setattr(fitted_module, "violations", lambda *fitted: shown)
+    fitted = fit_table(heavy_tailed(), config(CHOSEN + FRICTION_ONLY))
+    codes = [warning.code for warning in fitted.warnings]
+    assert "student_t_chosen" in codes
+    assert (code in codes) == is_told
+
+
+def proportional(seed: int) -> PeakTable:
+    """51 heights that scatter by a share of their own."""
+    return scattering("proportional", seed)
+
+
+def scattering(kind: str, seed: int) -> PeakTable:
+    """The same, or heights that scatter evenly, or evenly with heavy tails."""
+    clean, rng = case_table(CASES["paper"]), np.random.default_rng(seed)
+    heights = clean.heights("height")
+    even = 0.02 * np.max(heights)
+    scatter = {
+        "proportional": lambda: 0.05 * heights * rng.standard_normal(51),
+        "even": lambda: even * rng.standard_normal(51),
+        "heavy": lambda: even * rng.standard_t(2.5, 51),
+    }[kind]()
+    return PeakTable.from_arrays(
+        theta=clean.theta,
+        alpha=clean.alpha,
+        heights={"height": heights + scatter},
+        unit="n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "stated"), [("estimate", "proportional"), (0.0, "constant")]
+)
+def test_noise_is_in_proportion_where_residuals_ask_for_it(share, stated):
+    """By default as if it were stated, to the last digit."""
+    table = proportional(0)
+    if stated == "constant":
+        table = case_table(CASES["paper"], noise=0.02)
+    fitted = fit_table(table, config(FRICTION_ONLY))
+    text = f"[noise]\nheight_share = {share!r}\n" + FRICTION_ONLY
+    known = fit_table(table, config(text))
+    assert fitted.config.noise == known.config.noise
+    assert fitted.config.noise.height_share == share
+    np.testing.assert_array_equal(fitted.fit.estimate, known.fit.estimate)
+    codes = [warning.code for warning in fitted.warnings]
+    assert ("height_share" in codes) == (share == "estimate")
+
+
+@pytest.mark.parametrize(
+    ("kind", "share"), [("proportional", "estimate"), ("even", 0.0), ("heavy", 0.0)]
+)
+def test_fifty_pushes_tell_noise_in_proportion_from_other_noise(kind, share):
+    """Of six seeds in a row each shows its own; tails of seed 16 look like a share."""
+    settings = config(FRICTION_ONLY)
+    fitted = [fit_table(scattering(kind, seed), settings) for seed in range(12, 18)]
+    assert [one.config.noise.height_share for one in fitted] == 6 * [share]
+
+
+@pytest.mark.parametrize(
+    "text", ['sigma = "pooled"\n', "theta_sd_deg = 1.0\n", "alpha_sd_deg = 1.0\n"]
+)
+def test_noise_stays_constant_where_its_size_is_stated_otherwise(text):
+    fitted = fit_table(proportional(0), config(f"[noise]\n{text}" + FRICTION_ONLY))
+    assert fitted.config.noise.height_share == 0.0
+
+
+def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
+    """Noise of several sizes has them, too; it is named, and not hidden by them."""
+    table, settings = proportional(0), config(CHOSEN + FRICTION_ONLY)
+    student = config(CONSTANT + 'likelihood = "student_t"\n' + FRICTION_ONLY)
+    normal = CONSTANT + 'sigma = "sampled"\nlikelihood = "normal"\n'
+    sampled = config(normal + FRICTION_ONLY)
+    evidence = [sweep(fit_table(table, c), 0).log_evidence for c in (student, sampled)]
+    assert evidence[0] > evidence[1] + 1
+    assert fit_table(table, settings).setup.problem.likelihood == "normal"
+    monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
+    assert fit_table(table, settings).setup.problem.likelihood == "student_t"
+
+
+def test_draws_that_noise_was_chosen_by_are_those_of_the_sweep(monkeypatch):
+    monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
+    fitted = fit_table(proportional(0), config(CHOSEN + FRICTION_ONLY))
+    (known,) = fitted.swept.values()
+    anew = sweep(replace(fitted, swept={}), 0)
+    np.testing.assert_array_equal(known.samples["theta_c"], anew.samples["theta_c"])
+    assert sweep(fitted, 1) is not known

@@ -1,0 +1,197 @@
+"""Layers import one way only, and starting up loads nothing heavy."""
+
+import ast
+import re
+import subprocess
+import sys
+from graphlib import TopologicalSorter
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+import pushfit
+
+PACKAGE = Path(pushfit.__file__).parent
+LAYERS = (
+    *("errors", "config", "model", "data", "fit"),
+    *("explore", "report", "batch", "look", "cli"),
+)
+# What stands at the top level besides.
+MEMBERS = {
+    "atomic": "errors",
+    "parameters": "errors",
+    "mechanics": "model",
+    "workflow": "batch",
+    "__main__": "cli",
+    # Layers of their own inside of a folder.
+    "mechanics.registry": "errors",
+    "cli.look": "look",
+}
+# What a layer must know nothing of, however deep inside a function.
+FORBIDDEN = {
+    "errors": {"numpy", "jax", "pandas", "pydantic"},
+    "config": {"numpy", "jax", "pandas"},
+    "model": {"pandas", "pathlib", "emcee", "matplotlib"},
+    "data": {"emcee", "optimistix", "matplotlib", "typer", "rich"},
+    "fit": {"matplotlib", "typer", "rich", "jinja2"},
+    "explore": {"emcee", "optimistix", "matplotlib", "typer", "rich"},
+    "report": {"optimistix", "typer"},
+    "batch": {"jax", "scipy", "emcee", "optimistix", "matplotlib", "typer", "rich"},
+    "look": {"jax", "scipy", "emcee", "optimistix", "matplotlib", "typer", "rich"},
+    "cli": {"jax", "numpy", "scipy", "emcee", "optimistix", "matplotlib"},
+}
+# Parts of declared libraries that are imported under their own name, or all of one.
+VENDORED = {"pydantic_core", "markupsafe", "dask", "PIL"}
+HEAVY = (
+    "jax",
+    "pandas",
+    "matplotlib",
+    "scipy",
+    "emcee",
+    "numpy",
+    "optimistix",
+)
+# What only some identifications need, and none before its first number.
+SELDOM = (
+    *("emcee", "optimistix", "blackjax", "arviz_stats", "xarray", "matplotlib"),
+    *("pandera", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"),
+    *("scipy.spatial", "dask"),
+)
+# What the package itself defines, apart from its lazy names.
+FACADE = {"pushfit.__version__"}
+FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE]
+FILES += [path for path in sorted(PACKAGE.glob("*.py")) if path.stem != "__init__"]
+FOLDERS = sorted({path.parent for path in FILES} - {PACKAGE})
+
+
+def layer(module: str) -> str:
+    """Layer of a dotted module name inside the package; what has none is refused."""
+    _, *names = module.split(".")
+    inner = ".".join(names[:2])
+    return MEMBERS.get(inner) or MEMBERS.get(names[0], names[0])
+
+
+def imported_modules(path: Path) -> list[str]:
+    """Absolute names of all modules that a file imports, at any depth."""
+    names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    return names
+
+
+def module_name(path: Path) -> str:
+    """Dotted name of a file of the package."""
+    return ".".join(("pushfit", *path.relative_to(PACKAGE).with_suffix("").parts))
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_imports_run_one_way(path):
+    own = layer(module_name(path))
+    for name in imported_modules(path):
+        if name.startswith("pushfit.") and name not in FACADE:
+            assert LAYERS.index(layer(name)) <= LAYERS.index(own), name
+
+
+def needs() -> dict[str, set[str]]:
+    """Modules that each module imports, at any depth."""
+    paths = {module_name(path).removesuffix(".__init__"): path for path in FILES}
+    found = {}
+    for module, path in paths.items():
+        # A name is that of a module, or of something in one.
+        names = [(name, name.rpartition(".")[0]) for name in imported_modules(path)]
+        known = {next((n for n in pair if n in paths), module) for pair in names}
+        found[module] = known - {module}
+    return found
+
+
+def test_no_module_needs_itself_by_way_of_others():
+    # It raises CycleError, which names the modules.
+    assert [*TopologicalSorter(needs()).static_order()]
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+def test_no_folder_needs_itself_by_way_of_others(folder):
+    """What stands side by side in a folder is in an order; that of layers is above."""
+    parent = module_name(folder / "__init__").removesuffix(".__init__") + "."
+    inside = {m: ms for m, ms in needs().items() if m.startswith(parent)}
+    children = {}
+    for module, others in inside.items():
+        child = module.removeprefix(parent).split(".")[0]
+        near = {o.removeprefix(parent).split(".")[0] for o in others if o in inside}
+        children.setdefault(child, set()).update(near - {child})
+    assert {*TopologicalSorter(children).static_order()} >= {*children}
+
+
+def test_text_is_written_without_figures():
+    """Figures may quote sentences; sentences that drew figures would be a circle."""
+    paths = [p for p in FILES if p.parent == PACKAGE / "report" / "text"]
+    names = [name for path in paths for name in imported_modules(path)]
+    assert paths
+    assert not [name for name in names if name.startswith("pushfit.report.figures")]
+
+
+@pytest.mark.parametrize("path", FILES, ids=module_name)
+def test_a_layer_does_not_know_what_is_none_of_its_business(path):
+    roots = {name.split(".")[0] for name in imported_modules(path)}
+    assert not roots & FORBIDDEN[layer(module_name(path))]
+
+
+def test_every_library_that_is_imported_is_declared():
+    files = [*FILES, *Path(__file__).parents[1].rglob("*.py")]
+    used = {name.split(".")[0] for path in files for name in imported_modules(path)}
+    requirements = metadata.requires("pushfit") or []
+    declared = {re.split(r"[^\w.-]", r, maxsplit=1)[0] for r in requirements}
+    modules = {name.replace("-", "_").lower() for name in declared}
+    assert (
+        used
+        - modules
+        - set(sys.stdlib_module_names)
+        - {
+            "pushfit",
+            "tests",
+            "benchmarks",
+        }
+        <= VENDORED
+    )
+
+
+def run_python(code: str) -> str:
+    """Standard output of a fresh interpreter."""
+    return subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    ).stdout
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        "import pushfit",
+        "import pushfit.cli",
+        "from pushfit.cli import main; main(['--help'])",
+        "from pushfit.cli import main; main(['identify', '--help'])",
+    ],
+)
+def test_starting_up_loads_nothing_heavy(start):
+    code = f"import sys; {start}; print(set({HEAVY}) & set(sys.modules))"
+    assert run_python(code).endswith("set()\n")
+
+
+def test_the_inference_loads_what_only_some_tables_need_when_they_do():
+    modules = "pushfit.fit.identify.table, pushfit.fit.identify.many"
+    modules += ", pushfit.explore.explorer"
+    code = f"import sys, {modules}; print(set({SELDOM}) & set(sys.modules))"
+    assert run_python(code) == "set()\n"
+
+
+def test_every_public_name_can_be_imported():
+    code = "import pushfit; [getattr(pushfit, name) for name in pushfit.__all__]"
+    assert run_python(code) == ""
+
+
+def test_the_public_names_are_listed_once():
+    assert len(pushfit.__all__) == len(set(pushfit.__all__)) > 0
