@@ -31,7 +31,7 @@ def names_in(own: str) -> str:
     beside = [
         path.stem
         for path in PACKAGE.glob("*.py")
-        if layer(f"pushfit.{path.stem}") == own and not path.stem.startswith("__")
+        if not path.stem.startswith("__") and layer(f"pushfit.{path.stem}") == own
     ]
     beside += [
         f"{path.name}/"
