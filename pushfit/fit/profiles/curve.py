@@ -61,7 +61,7 @@ def search(
         reference_alpha = float(np.asarray(problem.pushes.alpha)[0])
     quantities, guessed = imposable(problem), guesses(problem)
     name = "theta_c" if "theta_c" in quantities else quantities[0]
-    curve, ends = _followed(
+    curve, ends = fits_along(
         problem,
         quantities.index(name),
         first_values(problem, name, guessed[:, 0]),
@@ -102,31 +102,7 @@ def first_values(
     return np.linspace(low, high, N_FIRST)
 
 
-def profile_curve(
-    problem: Problem,
-    index: int,
-    values: Float[np.ndarray, " g"],
-    pool: Float[np.ndarray, "p q"],
-    *,
-    reference_alpha: float,
-    level: float,
-) -> Curve:
-    """Best fits along a quantity, dense where they matter.
-
-    Args:
-        index: Which of the imposable quantities.
-        values: Range to begin with, `N_FIRST` of them, ascending.
-        pool: Data coordinates from which solutions are sought, of every basin.
-        reference_alpha: Azimuth of θ_c [rad].
-        level: Δχ² at the ends of the set that is wanted.
-    """
-    curve, _ = _followed(
-        problem, index, values, along=pool, reference_alpha=reference_alpha, level=level
-    )
-    return curve
-
-
-def _followed(
+def fits_along(
     problem: Problem,
     index: int,
     values: Float[np.ndarray, " g"],
@@ -136,11 +112,15 @@ def _followed(
     reference_alpha: float,
     level: float,
 ) -> tuple[Curve, Fits]:
-    """Best fits along a quantity, and those with nothing held.
+    """Best fits along a quantity, dense where they matter, and those with nothing held.
 
     Args:
-        along: Data coordinates that the first begin from.
+        index: Which of the imposable quantities.
+        values: Range to begin with, `N_FIRST` of them, ascending.
+        along: Data coordinates that the first begin from, of every basin.
         down: Those of the second beside the curve itself; None where none are wanted.
+        reference_alpha: Azimuth of θ_c [rad].
+        level: Δχ² at the ends of the set that is wanted.
     """
     means, scatter = _of_means(problem)
     n_pool = N_POOL if "f1" in problem.data_names else N_PLAIN_POOL

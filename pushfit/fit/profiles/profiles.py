@@ -15,8 +15,9 @@ from jaxtyping import Float
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
-from pushfit.fit.profiles.curve import LEVEL, N_FIRST, first_values, profile_curve
+from pushfit.fit.profiles.curve import LEVEL, N_FIRST, first_values, fits_along
 from pushfit.fit.profiles.derived_profiles import implied_profiles
+from pushfit.fit.profiles.followed import Fits
 from pushfit.fit.profiles.held import imposable
 from pushfit.fit.profiles.least_squares import costs_at, searched
 from pushfit.fit.profiles.profile_sets import pieces_below, threshold, verdict_of
@@ -115,17 +116,17 @@ def _curves(
         at_modes = _values_at(problem, name, modes, reference_alpha)
         is_found = search.is_thorough and name == search.quantity
         along = partial(
-            profile_curve,
+            fits_along,
             problem,
             index,
-            pool=pool,
+            along=pool,
             reference_alpha=reference_alpha,
             level=LEVEL if np.isinf(level) else level,
         )
         if is_found and reference_alpha == search.reference_alpha:
             curve = _weighed_anew(problem, search.curve)
         else:
-            curve = along(first_values(problem, name, at_modes))
+            curve, _ = along(first_values(problem, name, at_modes))
         # Most modes but the best lie above the profile; the better ones are part of it.
         for value, point, cost in zip(at_modes, modes, costs, strict=True):
             around = np.interp(value, curve.values, curve.chi_square)
@@ -143,7 +144,9 @@ def _of_one(value: float, point: Float[np.ndarray, " q"], cost: float) -> Curve:
 
 
 def _with_crossings(
-    curve: Curve, along: Callable[[Float[np.ndarray, " g"]], Curve], level: float
+    curve: Curve,
+    along: Callable[[Float[np.ndarray, " g"]], tuple[Curve, Fits]],
+    level: float,
 ) -> Curve:
     """A curve with more values where it crosses a level in one steep step.
 
@@ -154,7 +157,7 @@ def _with_crossings(
     for i in np.flatnonzero(np.diff(delta <= level)):
         if level * STEEP < np.max(delta[i : i + 2]) < np.inf:
             between = np.linspace(values[i], values[i + 1], N_FIRST)
-            curve = curve.joined(along(between))
+            curve = curve.joined(along(between)[0])
     return curve
 
 
