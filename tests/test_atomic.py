@@ -59,7 +59,7 @@ def writer(request, monkeypatch) -> list[str]:
     stand_in(Figure(), "report.figures.diagnostics.study_figure")
     stand_in(Figure(), "report.figures.exploration.exploration_picture")
     stand_in(Figure(), "report.figures.forest.forest_figure")
-    stand_in("x" * 200, "report.html.result.render_html", "look.page.static_page")
+    stand_in("x" * 200, "report.html.result.render_html", "cli.look.page.static_page")
     for text in ("coverage.study", "difference.difference", "exploration.next"):
         stand_in("", f"{report}.{text}_text")
     return WRITERS[request.param]

@@ -123,7 +123,7 @@ WHERE = {
     "30 too few pushes": (
         ("data/text/test_faults", "test_too_few_elevations_are_told_with_the_way_out"),
         ("fit/profiles/test_profiles", "test_one_elevation_determines_no_angle"),
-        ("fit/test_identify", "test_one_azimuth_gives_no_direction"),
+        ("fit/identify/test_identify", "test_one_azimuth_gives_no_direction"),
     ),
     "31 outlying push": (
         ("fit/assess/test_model_checking", "test_an_outlying_push_is_named"),
