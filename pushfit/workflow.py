@@ -25,8 +25,8 @@ from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, PushfitError, counted
 from pushfit.explore.advice import with_next_push
-from pushfit.fit.identify.stages import Progress, Stages, stages_of
-from pushfit.fit.identify.table import identify_table
+from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.progress import Progress, Stages, stages_of
 from pushfit.fit.programs.compile import loaded_ahead
 from pushfit.fit.programs.folder import keep_programs
 from pushfit.fit.results import Recipe

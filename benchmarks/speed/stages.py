@@ -2,8 +2,8 @@
 
 Processor seconds of the stages of `pushfit identify --out` of the example by both
 mechanics, of the first run with nothing compiled, and of later ones; then by linear
-mechanics alone, and by emcee. What `pushfit.fit.identify.stages.SECONDS` states stands
-beside.
+mechanics alone, and by emcee. What `pushfit.fit.identify.progress.SECONDS` states
+stands beside.
 
     nice python -m benchmarks.speed.stages [--warm 3] [--emcee]
 """
@@ -19,12 +19,12 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.speed.waiting import CONFIG, SWEEP
-from pushfit.fit.identify.stages import SECONDS
+from pushfit.fit.identify.progress import SECONDS
 
 # A process whose stages say when they begin.
 TIMED = """
 import json, sys, time
-from pushfit.fit.identify.stages import Stages
+from pushfit.fit.identify.progress import Stages
 began, begin = [], Stages.begin
 def timed(self, name):
     began.append((name, time.process_time()))

@@ -1,4 +1,4 @@
-"""The paper's equations: forces of small pushes, and where rolling ends in closed form.
+"""The paper's Eqs. (6)-(11): forces of small pushes, and where rolling ends.
 
 Excluded: objects that tilt (`pushfit.mechanics.tilting.one_support`).
 

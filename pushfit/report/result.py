@@ -18,7 +18,7 @@ from pushfit.report.facts import quantity_cells, verdict_word
 from pushfit.report.figures import plot
 from pushfit.report.frames import result_frame
 from pushfit.report.html.card import card_html, latex_table, markdown_table
-from pushfit.report.plain import Json
+from pushfit.report.json_values import Json
 from pushfit.report.store.archive import chains_tree
 from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.read import read_extra, read_result

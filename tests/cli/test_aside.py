@@ -7,13 +7,13 @@ import sys
 
 import pytest
 
-from pushfit.cli.aside import aside
+from pushfit.cli.background import aside
 from pushfit.errors import ConvergenceError, DataError, Problem
 
 # Without JAX, as commands begin.
 SCRIPT = """
 import os, sys
-from pushfit.cli.aside import aside
+from pushfit.cli.background import aside
 from pushfit.errors import DataError
 
 HERE = os.getpid()
@@ -69,7 +69,7 @@ def test_a_command_that_does_not_wait_for_work_aside_ends_at_once():
     script = """
 import time
 from functools import partial
-from pushfit.cli.aside import aside
+from pushfit.cli.background import aside
 from pushfit.cli.stop import stoppable
 
 with stoppable():
@@ -83,7 +83,7 @@ with stoppable():
 def test_work_aside_ends_when_nobody_is_left_to_be_told():
     script = """
 import os, signal, time
-from pushfit.cli.aside import aside
+from pushfit.cli.background import aside
 
 def work():
     print(os.getpid(), flush=True)

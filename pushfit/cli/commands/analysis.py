@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pushfit.cli import options
-from pushfit.cli.aside import aside
+from pushfit.cli.background import aside
 from pushfit.cli.inputs import load_peaks, load_table, read_settings
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import Session
@@ -99,12 +99,12 @@ def analyse(
     if "recordings" in inputs:
         # Which takes as long as JAX does.
         load = aside(load)
-    from pushfit.fit.identify.stages import Stages, stages_of
+    from pushfit.fit.identify.progress import Stages, stages_of
     from pushfit.fit.programs.compile import loaded_ahead
 
     own = stages_of(settings, wanted.engine)
     with loaded_ahead("; ".join(own)) as is_compiled:
-        from pushfit.fit.identify.table import identify_table
+        from pushfit.fit.identify.one import identify_table
         from pushfit.fit.results import FitStatus, Recipe
         from pushfit.report.text.first import First
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pushfit.explore.explorer import Explorer
     from pushfit.explore.hands.protocol import Hand
     from pushfit.explore.loop import Step
-    from pushfit.fit.identify.stages import Stages
+    from pushfit.fit.identify.progress import Stages
 
 # The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
 REACH = (5.0, 85.0)
@@ -132,7 +132,7 @@ def next(
     """Which push would tell most, after those made so far."""
     refuse_picture(plot, force=force)
     from pushfit.config import read_config
-    from pushfit.fit.identify.stages import Stages, posterior_stage, stages_of
+    from pushfit.fit.identify.progress import Stages, posterior_stage, stages_of
     from pushfit.fit.programs.compile import loaded_ahead
 
     settings = read_config(asked.config)
@@ -268,7 +268,7 @@ def _run(
     """Explore, identify the table of the journal, and write the folder."""
     from pushfit.explore.advice import with_next_push
     from pushfit.explore.loop import explore as run
-    from pushfit.fit.identify.table import identify_table
+    from pushfit.fit.identify.one import identify_table
     from pushfit.fit.results import FitStatus
     from pushfit.report.answers import ANSWERS
     from pushfit.report.figures import figure_bytes

@@ -120,8 +120,8 @@ def run_again(
     """The same analysis of the same files."""
     from pushfit.data.tables.peak_table import read_table
     from pushfit.explore.advice import with_next_push
-    from pushfit.fit.identify.stages import Stages, stages_of
-    from pushfit.fit.identify.table import identify_table
+    from pushfit.fit.identify.one import identify_table
+    from pushfit.fit.identify.progress import Stages, stages_of
 
     config, recipe = recorded_config(summary), summary["recipe"]
     if recipe["table"] is None:
@@ -164,7 +164,7 @@ def as_document(
     comparison: "Reproduction", found: dict[str, Path]
 ) -> dict[str, object]:
     """What `--json` prints."""
-    from pushfit.report.plain import json_safe
+    from pushfit.report.json_values import json_safe
 
     return {
         "schema": SCHEMA,

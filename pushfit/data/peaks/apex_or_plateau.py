@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.apex import bases, hyperbolas, moments
-from pushfit.data.peaks.rests import RestNoise
-from pushfit.data.pushes.course import Course
+from pushfit.data.peaks.baselines import RestNoise
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.humps import longest_run
+from pushfit.data.pushes.running_means import Course
 
 # Parts of a push above half its height, for five numbers; two samples in each at least.
 PROFILE_BINS = 32

@@ -14,11 +14,11 @@ from jaxtyping import Float
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import looked_at, push_signal
 from pushfit.data.peaks.heights import measure_heights
-from pushfit.data.pushes.course import Course, View
 from pushfit.data.pushes.detection import Extent, find_extents
 from pushfit.data.pushes.dips import rest_curve, without_dips
 from pushfit.data.pushes.found import Found, is_in
 from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.running_means import Course, View
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 

@@ -1,8 +1,8 @@
 """How high each push is: the top of its course over the rest before it.
 
 Baselines are robust means of the rest just before a push, carried to the top by the
-drift to the rest after it (`pushfit.data.peaks.rests`). Tops are either the apex of a
-hump (`pushfit.data.peaks.apex`) or the level of a held plateau, by the shape of the
+drift to the rest after it (`pushfit.data.peaks.baselines`). Tops are either the apex of
+a hump (`pushfit.data.peaks.apex`) or the level of a held plateau, by the shape of the
 push alone: a height does not depend on what else the recording holds. Excluded: finding
 the pushes (`pushfit.data.pushes.detection`).
 """
@@ -22,11 +22,11 @@ from pushfit.data.peaks.apex_or_plateau import (
     calmed,
     held_window,
 )
-from pushfit.data.peaks.rests import RestNoise, rests_of
+from pushfit.data.peaks.baselines import RestNoise, rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
-from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
+from pushfit.data.pushes.running_means import Course
 
 Definition = Literal["auto", "apex", "plateau"]
 

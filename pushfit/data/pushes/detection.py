@@ -1,7 +1,7 @@
 """Where in a signal the pushes are: their extent and their order, not their height.
 
-A search of the whole signal finds humps (`pushfit.data.pushes.coarse`), each of which
-is then looked at by itself. Excluded: baselines and heights
+A search of the whole signal finds humps (`pushfit.data.pushes.hump_search`), each of
+which is then looked at by itself. Excluded: baselines and heights
 (`pushfit.data.peaks.heights`) and which push is which (`pushfit.data.plans.alignment`).
 """
 
@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.coarse import search
-from pushfit.data.pushes.course import View
 from pushfit.data.pushes.doubles import join_one, part_doubles
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet, are_cut
+from pushfit.data.pushes.hump_search import search
+from pushfit.data.pushes.running_means import View
 from pushfit.data.pushes.tracing import trace_feet
 
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].

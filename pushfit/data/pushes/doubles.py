@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.course import Course, View
 from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers, are_cut
+from pushfit.data.pushes.running_means import Course, View
 from pushfit.data.pushes.tracing import knots_for
 
 # Points of a course from foot to foot; averaging of the finer course, as a share of the

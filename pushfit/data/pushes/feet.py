@@ -1,7 +1,7 @@
 """What is known of the course of a push in time: its rests, and whether it is cut.
 
 Excluded: how it is traced (`pushfit.data.pushes.tracing`) and the levels of the rests
-(`pushfit.data.peaks.rests`).
+(`pushfit.data.peaks.baselines`).
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.course import View
+from pushfit.data.pushes.running_means import View
 
 # Level of the foot, where a push begins and ends, as a share of its height.
 FOOT = 0.05

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.running_means import Course
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,6 @@
 """How samples scatter about the course of a signal.
 
-Excluded: noise of rests (`pushfit.data.peaks.rests`).
+Excluded: noise of rests (`pushfit.data.peaks.baselines`).
 """
 
 from dataclasses import dataclass

@@ -3,8 +3,8 @@
 The search sees a recording as a whole. What is measured afterwards must not: a push has
 the same feet whatever else the file holds. So each is traced again on its own samples,
 smoothed by a share of its own width, over its own rests. Excluded: finding the pushes
-(`pushfit.data.pushes.coarse`) and the levels of their rests
-(`pushfit.data.peaks.rests`).
+(`pushfit.data.pushes.hump_search`) and the levels of their rests
+(`pushfit.data.peaks.baselines`).
 """
 
 import functools
@@ -14,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.course import Course, View
 from pushfit.data.pushes.feet import (
     CLEAR,
     FOOT,
@@ -28,6 +27,7 @@ from pushfit.data.pushes.feet import (
     likeness,
 )
 from pushfit.data.pushes.noise import bends
+from pushfit.data.pushes.running_means import Course, View
 
 # A hump that is lower than this share of the step below it is an overshoot.
 ON_STEP = 0.33

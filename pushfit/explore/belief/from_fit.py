@@ -21,7 +21,7 @@ from pushfit.fit.identify.fitted import (
     reach_of,
     reference_azimuth,
 )
-from pushfit.fit.identify.stages import Stages, posterior_stage
+from pushfit.fit.identify.progress import Stages, posterior_stage
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.setup import Setup, build_problem, n_azimuths

@@ -1,6 +1,6 @@
 """A table fitted, and drawn from: what precedes all judgement of it.
 
-Excluded: the judgement (`pushfit.fit.identify.table`).
+Excluded: the judgement (`pushfit.fit.identify.one`).
 """
 
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ from pushfit.fit.assess.warnings import (
     scatter_warning,
     table_warnings,
 )
-from pushfit.fit.identify.stages import Progress
+from pushfit.fit.identify.progress import Progress
 from pushfit.fit.problem.noise import with_noise
 from pushfit.fit.problem.repeats.averaging import averaged, averaging_warning
 from pushfit.fit.problem.repeats.effects import (

@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeats.pooling import pool_repeats
-from pushfit.fit.profiles.followed import (
+from pushfit.fit.profiles.conditional_likelihood import Likelihood, imposable
+from pushfit.fit.profiles.curve_search import (
     N_FIRST,
     N_OTHERS,
     N_TOGETHER,
@@ -20,7 +21,6 @@ from pushfit.fit.profiles.followed import (
     best_fits,
 )
 from pushfit.fit.profiles.guesses import guesses
-from pushfit.fit.profiles.held import Likelihood, imposable
 from pushfit.fit.results.search import Curve, Search
 from pushfit.fit.sweep.target import IMPOSSIBLE
 from pushfit.model import as_float

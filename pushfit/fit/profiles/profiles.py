@@ -15,10 +15,10 @@ from jaxtyping import Float
 from pushfit.fit.problem.derived import critical_angles
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
+from pushfit.fit.profiles.conditional_likelihood import imposable
 from pushfit.fit.profiles.curve import LEVEL, N_FIRST, first_values, fits_along
+from pushfit.fit.profiles.curve_search import Fits
 from pushfit.fit.profiles.derived_profiles import implied_profiles
-from pushfit.fit.profiles.followed import Fits
-from pushfit.fit.profiles.held import imposable
 from pushfit.fit.profiles.least_squares import costs_at, searched
 from pushfit.fit.profiles.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.results import FitResult, LikelihoodProfile

@@ -18,7 +18,7 @@ from pushfit.fit.problem.priors.distributions import Prior
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeats.pooling import pool_repeats
 from pushfit.fit.programs.compile import compiled, kept_arrays
-from pushfit.fit.sweep.roles import roles_of
+from pushfit.fit.sweep.coordinate_roles import roles_of
 from pushfit.fit.sweep.target import QuantileTable, Target
 from pushfit.model import as_float
 from pushfit.parameters import STIFF

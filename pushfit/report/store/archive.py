@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.fit.results import Identification, PosteriorResult
-from pushfit.report.plain import json_safe
-from pushfit.report.store.document import SCHEMA
+from pushfit.report.json_values import json_safe
+from pushfit.report.store.summary_schema import SCHEMA
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -26,10 +26,10 @@ from pushfit.fit.results import (
     PosteriorResult,
     Verdict,
 )
-from pushfit.report.plain import from_json
+from pushfit.report.json_values import from_json
 from pushfit.report.store.archive import CURVES, one_row
-from pushfit.report.store.document import SCHEMA, Fit, Summary, made_of
 from pushfit.report.store.summary import quantities_in
+from pushfit.report.store.summary_schema import SCHEMA, Fit, Summary, made_of
 from pushfit.report.store.target import EXPLORED
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """`summary.json`: everything that the reports say, as one JSON-safe dictionary.
 
-Excluded: its keys and their types (`pushfit.report.store.document`).
+Excluded: its keys and their types (`pushfit.report.store.summary_schema`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,8 +11,8 @@ import numpy as np
 from pushfit.fit.results import FitResult, Identification, PosteriorResult
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
 from pushfit.report.frames import correlations
-from pushfit.report.plain import Json, json_safe
-from pushfit.report.store.document import (
+from pushfit.report.json_values import Json, json_safe
+from pushfit.report.store.summary_schema import (
     Chain,
     Fit,
     Identifiability,

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from pushfit.fit.comparison import NOISES, Comparison, ModelScore
 from pushfit.fit.results import FitStatus
-from pushfit.report.plain import Json, json_safe
+from pushfit.report.json_values import Json, json_safe
 from pushfit.report.strings import join_and
 
 SCHEMA = "pushfit.compare/1"

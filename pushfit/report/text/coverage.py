@@ -3,7 +3,7 @@
 from dataclasses import asdict
 
 from pushfit.fit.coverage import Coverage, CoverageStudy
-from pushfit.report.plain import Json, json_safe
+from pushfit.report.json_values import Json, json_safe
 from pushfit.report.strings import symbol
 
 SCHEMA = "pushfit.coverage/1"

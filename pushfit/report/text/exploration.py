@@ -11,7 +11,7 @@ from pushfit.explore.explorer import Explorer
 from pushfit.explore.records import Answer, State, Suggestion
 from pushfit.fit.results import ResultWarning
 from pushfit.parameters import ANGLES
-from pushfit.report.plain import json_safe
+from pushfit.report.json_values import json_safe
 
 SCHEMA = "pushfit.next/1"
 # Likelihood sets that are looked at until they are narrow cover less than they state:

@@ -10,7 +10,7 @@ import pytest
 from pushfit.cli import main
 from pushfit.data.tables.peak_table import write_table
 from pushfit.report.store import folder as folder_module
-from pushfit.report.store.document import summary_schema
+from pushfit.report.store.summary_schema import summary_schema
 from tests.fit.tables import HARD, TOML, case_table
 from tests.problems import CASES
 

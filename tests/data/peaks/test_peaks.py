@@ -12,8 +12,8 @@ from pushfit.data.peaks.extract import extract_peaks, find_pushes
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.course import Course
 from pushfit.data.pushes.found import Found
+from pushfit.data.pushes.running_means import Course
 from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import (
     ALPHA_SWEEP,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pushfit.fit.identify.many import identify_many
-from pushfit.fit.identify.table import identify_table
+from pushfit.fit.identify.one import identify_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

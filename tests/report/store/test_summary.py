@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from pushfit.fit.results import Mode
-from pushfit.report.plain import from_json, json_safe
-from pushfit.report.store.document import summary_schema
+from pushfit.report.json_values import from_json, json_safe
 from pushfit.report.store.summary import summary_dict
+from pushfit.report.store.summary_schema import summary_schema
 from pushfit.report.text.result import sentence_alpha_star, sentence_theta_c
 
-# What readers of results rely on. Where it changes and is meant to, write it anew by
-#   python -m pushfit.report.store.document > tests/report/store/summary.schema.json
+# What readers of results rely on. Where it changes and is meant to, it is written anew:
+# what `python -m pushfit.report.store.summary_schema` prints.
 COMMITTED = Path(__file__).with_name("summary.schema.json")
 
 

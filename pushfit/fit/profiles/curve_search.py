@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from pushfit.fit.profiles.held import SOME_ANGLE, Likelihood
+from pushfit.fit.profiles.conditional_likelihood import SOME_ANGLE, Likelihood
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.sweep.outer import (
     again,

@@ -50,8 +50,8 @@ from pushfit.fit.identify.fitted import (
     reach_of,
     sweep,
 )
-from pushfit.fit.identify.stages import Stages, stages_of
-from pushfit.fit.profiles.held import imposable
+from pushfit.fit.identify.progress import Stages, stages_of
+from pushfit.fit.profiles.conditional_likelihood import imposable
 from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import (
     FitStatus,

@@ -3,7 +3,7 @@
 import pytest
 
 from pushfit.config import config_of
-from pushfit.fit.identify.stages import SECONDS, Stages, stages_of, usual_seconds
+from pushfit.fit.identify.progress import SECONDS, Stages, stages_of, usual_seconds
 
 BOTH = {"push": {"length_mm": 5.0}, "parameters": {"L": {"fixed": 0.04}}}
 LINEAR = {"grasp": {"mechanics": "linear"}}

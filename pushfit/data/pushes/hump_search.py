@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
-from pushfit.data.pushes.course import View
 from pushfit.data.pushes.feet import FOOT, Feet
 from pushfit.data.pushes.humps import Humps
+from pushfit.data.pushes.running_means import View
 
 # Smoothing lowers a push by less than this share.
 _SMOOTHED = 0.8
