@@ -6,8 +6,8 @@ the rest: the `height_normal` and `height_tangential` of the model. Excluded: tu
 the sensor's frame; one of its axes must be the contact normal.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -20,6 +20,12 @@ from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.dips import rest_curve
 from pushfit.data.recordings.records import Recording
+from pushfit.data.tables.traces import (
+    MAX_KEPT,
+    ComponentTrace,
+    SignedHeights,
+    envelope,
+)
 from pushfit.data.text.faults import listed
 from pushfit.errors import ConfigError, DataError
 
@@ -99,6 +105,21 @@ def signal_unit(recording: Recording, settings: PeakSettings) -> str:
     return units.get(settings.channel or "", next(iter(units.values())))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentHeights:
+    """Heights of pushes in force components.
+
+    Args:
+        columns: Heights along the normal and across it, as columns of a peak table.
+        is_cut: Which pushes reach the end of a channel's range.
+        signed: Heights in each component by itself.
+    """
+
+    columns: dict[str, list[float]]
+    is_cut: Bool[np.ndarray, " p"]
+    signed: dict[str, SignedHeights]
+
+
 def measure_components(
     recording: Recording,
     extents: Sequence[Extent],
@@ -107,7 +128,7 @@ def measure_components(
     settings: PeakSettings,
     time: Float[np.ndarray, " n"],
     length: Float[np.ndarray, " n"],
-) -> tuple[dict[str, list[float]], Bool[np.ndarray, " p"]]:
+) -> ComponentHeights:
     """Heights along the normal and across it.
 
         Δ_c = (mean_top F_c - rest F_c) · top |ΔF| / mean_top |ΔF|
@@ -119,19 +140,19 @@ def measure_components(
     Args:
         time: Times of `length` [s].
 
-    Returns:
-        Columns of a peak table, and which pushes reach the end of a channel's range.
-
     Raises:
         ConfigError: The normal is not a channel, or units differ (`channel`).
     """
     sign, name = _normal(recording, str(settings.normal))
     unit = recording.units[name]
     known = np.isfinite(list(recording.channels.values())).all(axis=0)
-    changes, sds = {}, {}
+    tops = [_around_top(time, e, h) for e, h in zip(extents, heights, strict=True)]
+    changes, sds, rests = {}, {}, {}
     is_cut = np.zeros(len(extents), dtype=bool)
     for channel, samples in recording.channels.items():
-        change, sd = _changes(time, samples[known], extents, heights)
+        rest, change, sd = _changes(
+            time, samples[known], extents, tops=tops, heights=heights
+        )
         signs = np.where(change < 0, -1, 1).tolist()
         at_end = saturated_pushes(
             samples[known],
@@ -142,22 +163,17 @@ def measure_components(
         )
         # A channel that a push leaves alone dwells at its largest reading as well.
         is_cut |= at_end & (np.abs(change) > _CLEAR * sd)
-        changes[channel], sds[channel] = change, sd
+        changes[channel], sds[channel], rests[channel] = change, sd, rest
     top = np.array([h.height + h.baseline for h in heights])
-    around = [
-        length[_around_top(time, extent, height)].mean()
-        for extent, height in zip(extents, heights, strict=True)
-    ]
+    around = [length[part].mean() for part in tops]
     # Where there is no hump, the length is noise.
     is_hump = np.array([h.definition != "" for h in heights])
     scale = np.where(is_hump, top / np.maximum(around, 1e-300), 1.0)
     across = [channel for channel in changes if channel != name]
-    squares = np.array([(scale * changes[c]) ** 2 for c in across])
-    variances = np.array([sds[c] ** 2 for c in across])
-    total = np.maximum(squares.sum(axis=0), 1e-300)
-    along = (squares * variances).sum(axis=0) / total
-    perpendicular = variances.sum(axis=0) - along
-    tangential = np.sqrt(np.maximum(squares.sum(axis=0) - perpendicular, 0.0))
+    tangential, tangential_sd = _length(
+        np.array([scale * changes[c] for c in across]),
+        np.array([sds[c] for c in across]),
+    )
     # Each height also shares the doubt about the top of the whole.
     doubt = np.array([h.sd for h in heights]) / np.maximum(top, 1e-300)
     pushed = sign * scale * changes[name]
@@ -166,26 +182,74 @@ def measure_components(
         f"height_normal_sd_{unit}": list(np.hypot(sds[name], doubt * pushed)),
         f"height_tangential_{unit}": list(tangential),
         f"height_tangential_sd_{unit}": list(
-            np.hypot(np.sqrt(along), doubt * tangential)
+            np.hypot(tangential_sd, doubt * tangential)
         ),
     }
-    return columns, is_cut
+    signed = {
+        channel: SignedHeights(
+            start=time[[part.start for part in tops]],
+            end=time[[part.stop - 1 for part in tops]],
+            baseline=rests[channel],
+            height=scale * changes[channel],
+        )
+        for channel in changes
+    }
+    return ComponentHeights(columns=columns, is_cut=is_cut, signed=signed)
+
+
+def _length(
+    parts: Float[np.ndarray, "c p"], sds: Float[np.ndarray, "c p"]
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """Lengths of vectors without what noise adds to them, and sd along them."""
+    squares, variances = parts**2, sds**2
+    total = np.maximum(squares.sum(axis=0), 1e-300)
+    along = (squares * variances).sum(axis=0) / total
+    across = variances.sum(axis=0) - along
+    return np.sqrt(np.maximum(squares.sum(axis=0) - across, 0.0)), np.sqrt(along)
+
+
+def component_traces(
+    whole: Recording, recording: Recording, signed: Mapping[str, SignedHeights]
+) -> tuple[ComponentTrace, ...]:
+    """Components as they were recorded, with what was left out and measured.
+
+    Args:
+        whole: The recording with its jerks.
+        recording: The same without them.
+    """
+    traces = []
+    for name, heights in signed.items():
+        samples = whole.channels[name]
+        is_jerk = np.isfinite(samples) & np.isnan(recording.channels[name])
+        time, signal = envelope(whole.time, samples, max_points=MAX_KEPT)
+        traces.append(
+            ComponentTrace(
+                name=name,
+                time=time,
+                signal=signal,
+                is_jerk=np.isin(time, whole.time[is_jerk]),
+                heights=heights,
+            )
+        )
+    return tuple(traces)
 
 
 def _changes(
     time: Float[np.ndarray, " n"],
     samples: Float[np.ndarray, " n"],
     extents: Sequence[Extent],
+    *,
+    tops: Sequence[slice],
     heights: Sequence[Height],
-) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    """Mean change of one channel around the top of each push, and its sd."""
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """Rest of one channel under the top of each push, mean change there, and its sd."""
     noise, base = rests_of(time, samples, extents)
-    parts = [_around_top(time, e, h) for e, h in zip(extents, heights, strict=True)]
-    top = np.array([samples[part].mean() for part in parts])
-    n_top = np.array([part.stop - part.start for part in parts])
+    top = np.array([samples[part].mean() for part in tops])
+    n_top = np.array([part.stop - part.start for part in tops])
     when = np.array([height.t_peak for height in heights])
+    rest = base.level + base.drift(when)
     change = top - base.level - base.drift(when)
-    return change, np.hypot(noise.of_mean(n_top), base.sd_at(when))
+    return rest, change, np.hypot(noise.of_mean(n_top), base.sd_at(when))
 
 
 def _around_top(time: Float[np.ndarray, " n"], extent: Extent, height: Height) -> slice:

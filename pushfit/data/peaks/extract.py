@@ -15,6 +15,7 @@ from jaxtyping import Float
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.chosen import DEFAULTS, find, find_pushes, no_pushes
 from pushfit.data.peaks.components import (
+    component_traces,
     looked_at,
     measure_components,
     push_signal,
@@ -28,7 +29,7 @@ from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.data.tables.traces import MAX_KEPT, Trace, envelope
+from pushfit.data.tables.traces import MAX_KEPT, ComponentTrace, Trace, envelope
 from pushfit.data.units import DECIMALS
 from pushfit.errors import DataError
 
@@ -43,11 +44,13 @@ class Heights:
         frame: One row per push, as in a peak table but for the angles.
         notes: What there is to be told.
         cautions: Those of the notes that the user should not overlook.
+        components: Force components that the heights were measured in, if any.
     """
 
     frame: pd.DataFrame
     notes: tuple[str, ...]
     cautions: tuple[str, ...]
+    components: tuple[ComponentTrace, ...] = ()
 
 
 def extract_peaks(
@@ -78,13 +81,14 @@ def extract_peaks(
     plan = paired.plan or recorded_directions(
         recording, paired.chosen, n_dips=len(paired.found.dips)
     )
+    measured = look.measured(paired)
     frame = pd.DataFrame(
         {
             "push": plan.push,
             "theta_deg": np.degrees(plan.theta).round(DECIMALS),
             "alpha_deg": np.degrees(plan.alpha).round(DECIMALS),
             "repeat": plan.repeat,
-            **look.measured(paired),
+            **measured.columns,
         }
     )
     notes, cautions = extraction_notes(paired, frame)
@@ -95,7 +99,8 @@ def extract_peaks(
     table = PeakTable.from_frame(
         frame, sources=sources, notes=(*recording.notes, *cautions, *notes)
     )
-    return replace(table, traces=(look.trace(table),), cautions=cautions)
+    trace = look.trace(table, measured.components)
+    return replace(table, traces=(trace,), cautions=cautions)
 
 
 def measure_pushes(
@@ -110,16 +115,31 @@ def measure_pushes(
     look = _Look.at(recording, settings)
     paired = look.paired(None)
     push = np.arange(1, len(paired.chosen) + 1)
-    frame = pd.DataFrame({"push": push, **look.measured(paired)})
+    measured = look.measured(paired)
+    frame = pd.DataFrame({"push": push, **measured.columns})
     notes, cautions = extraction_notes(paired, frame)
     cautions = (*look.recording.cautions, *cautions)
-    return Heights(frame=frame, notes=(*cautions, *notes), cautions=cautions)
+    return Heights(
+        frame=frame,
+        notes=(*cautions, *notes),
+        cautions=cautions,
+        components=measured.components,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Measured:
+    """Height columns of a table, with what each height is, and force components."""
+
+    columns: dict[str, Sequence[float] | Sequence[str]]
+    components: tuple[ComponentTrace, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class _Look:
     """A part of a recording, its signal that pushes are looked for in, and how."""
 
+    whole: Recording
     recording: Recording
     settings: PeakSettings
     time: Float[np.ndarray, " n"]
@@ -128,10 +148,11 @@ class _Look:
     @classmethod
     def at(cls, recording: Recording, settings: PeakSettings) -> "_Look":
         """Take the part and the channel that are to be looked at."""
+        whole = recording.between(settings.begin, settings.end)
         part = looked_at(recording, settings)
-        return cls(part, settings, *push_signal(part, settings))
+        return cls(whole, part, settings, *push_signal(part, settings))
 
-    def trace(self, table: PeakTable) -> Trace:
+    def trace(self, table: PeakTable, components: tuple[ComponentTrace, ...]) -> Trace:
         """The signal that all rows of a table were measured in."""
         time, signal = envelope(self.time, self.signal, max_points=MAX_KEPT)
         return Trace(
@@ -143,6 +164,7 @@ class _Look:
             first_row=0,
             n_rows=table.n_pushes,
             sign=-1 if self.settings.invert else 1,
+            components=components,
         )
 
     def paired(
@@ -175,8 +197,8 @@ class _Look:
             raise DataError(message, code=error.code, problems=error.problems) from None
         return paired
 
-    def measured(self, paired: Paired) -> dict[str, Sequence[float] | Sequence[str]]:
-        """Height columns of the table, with what each height is."""
+    def measured(self, paired: Paired) -> _Measured:
+        """Heights of the pushes."""
         time, signal, settings = self.time, self.signal, self.settings
         chosen = paired.chosen
         turned = -1.0 if settings.invert else 1.0
@@ -209,7 +231,7 @@ class _Look:
             "definition": [h.definition for h in heights],
         }
         if is_force:
-            columns, is_cut = measure_components(
+            forces = measure_components(
                 self.recording,
                 humps,
                 measured,
@@ -217,18 +239,26 @@ class _Look:
                 time=time,
                 length=signal,
             )
-            for own, cut in zip(words, is_cut, strict=False):
+            for own, cut in zip(words, forces.is_cut, strict=False):
                 own |= {"saturated"} if cut else set()
-            own_rows = {name: rows[: len(chosen)] for name, rows in columns.items()}
-            return {**own_rows, **times, "flags": _joined(words)}
+            own_rows = {c: rows[: len(chosen)] for c, rows in forces.columns.items()}
+            return _Measured(
+                columns={**own_rows, **times, "flags": _joined(words)},
+                components=component_traces(
+                    self.whole,
+                    self.recording,
+                    {c: rows.first(len(chosen)) for c, rows in forces.signed.items()},
+                ),
+            )
         unit = signal_unit(self.recording, settings)
-        return {
+        columns = {
             f"height_{unit}": [h.height for h in heights],
             f"height_sd_{unit}": [h.sd for h in heights],
             f"baseline_{unit}": [turned * h.baseline for h in heights],
             **times,
             "flags": _joined(words),
         }
+        return _Measured(columns=columns)
 
 
 def _joined(words: Sequence[set[str]]) -> list[str]:

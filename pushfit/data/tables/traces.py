@@ -4,13 +4,54 @@ A table carries the traces of its recordings, so that a report can show every pu
 it was measured without the recording itself.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 # A page of six rows at 300 dpi, two points per pixel.
 MAX_KEPT = 24_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignedHeights:
+    """Heights of pushes in one force component, and where they were measured.
+
+    Args:
+        start: Begin of the stretch that each height was measured over [s].
+        end: Its end [s].
+        baseline: Rest level under the top [unit].
+        height: Top over baseline, negative where the push goes down [unit].
+    """
+
+    start: Float[np.ndarray, " p"]
+    end: Float[np.ndarray, " p"]
+    baseline: Float[np.ndarray, " p"]
+    height: Float[np.ndarray, " p"]
+
+    def first(self, n: int) -> "SignedHeights":
+        """Those of the first pushes."""
+        return SignedHeights(
+            **{f.name: getattr(self, f.name)[:n] for f in fields(self)}
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentTrace:
+    """One force component of a recording, whole.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples, also those of jerks [unit].
+        is_jerk: Whether each sample was left out as one of a jerk.
+        heights: Of the rows of the peak table that were measured in the recording.
+    """
+
+    name: str
+    time: Float[np.ndarray, " n"]
+    signal: Float[np.ndarray, " n"]
+    is_jerk: Bool[np.ndarray, " n"]
+    heights: SignedHeights
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +66,8 @@ class Trace:
         first_row: First row of the peak table that was measured in it.
         sign: -1 where the channel is turned, so that pushes go up; baselines of the
             table are those of the channel.
+        components: What `signal` is the length of the change of; none where the pushes
+            were measured in it.
     """
 
     path: str
@@ -35,6 +78,7 @@ class Trace:
     first_row: int
     n_rows: int
     sign: int = 1
+    components: tuple[ComponentTrace, ...] = ()
 
 
 def envelope(

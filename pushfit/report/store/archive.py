@@ -32,9 +32,9 @@ def posterior_tree(identification: Identification) -> "DataTree":
 
     Returns:
         Groups `posterior`, `prior`, `observed_data`, `sample_stats`, `fit`, `profiles`,
-        `bands`, `traces` and, from emcee, `ensembles`. The root says seed, versions,
-        sha256 of the inputs, config, status and ci_prob; `status` other than "ok" means
-        that no interval of these draws is to be quoted.
+        `bands`, `traces`, of forces `components` and, from emcee, `ensembles`. The root
+        says seed, versions, sha256 of the inputs, config, status and ci_prob; `status`
+        other than "ok" means that no interval of these draws is to be quoted.
     """
     import arviz_base
     from xarray import Dataset, DataTree
@@ -67,6 +67,8 @@ def posterior_tree(identification: Identification) -> "DataTree":
         group.attrs.pop("created_at", None)
     _add_units(tree, identification)
     groups = {"ensembles": _ensembles} if posterior.chain is not None else {}
+    if any(trace.components for trace in table.traces):
+        groups["components"] = _components
     groups |= {"fit": _fit, "profiles": _profiles, "bands": _bands, "traces": _traces}
     for name, parts in groups.items():
         tree[name] = DataTree(Dataset(**parts(identification)))
@@ -271,3 +273,25 @@ def _traces(identification: Identification) -> Parts:
         },
         coords={f"time_{index}": trace.time for index, trace in traces.items()},
     )
+
+
+# Of pushes in a force component, in the order of the first axis.
+SIGNED = ("start", "end", "baseline", "height")
+
+
+def _components(identification: Identification) -> Parts:
+    """Force components of the traces, three variables each, numbered."""
+    data_vars: Parts = {}
+    coords: Parts = {"height": list(SIGNED)}
+    for index, trace in enumerate(identification.table.traces):
+        for k, component in enumerate(trace.components):
+            key, moment = f"{index}_{k}", f"time_{index}_{k}"
+            heights = [getattr(component.heights, name) for name in SIGNED]
+            attributes = {"units": trace.unit, "name": json_safe(component.name)}
+            data_vars |= {
+                f"component_{key}": (moment, component.signal, attributes),
+                f"is_jerk_{key}": (moment, component.is_jerk.astype(np.int8)),
+                f"heights_{key}": (["height", f"row_{index}"], np.stack(heights)),
+            }
+            coords[moment] = component.time
+    return dict(data_vars=data_vars, coords=coords)

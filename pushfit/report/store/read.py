@@ -3,8 +3,9 @@
 Numbers that were not to be quoted are not in the folder, and so not in the record.
 """
 
+import itertools
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ import numpy as np
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable, read_table
-from pushfit.data.tables.traces import Trace
+from pushfit.data.tables.traces import ComponentTrace, SignedHeights, Trace
 from pushfit.errors import DataError
 from pushfit.fit.results import (
     Band,
@@ -27,7 +28,7 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.report.json_values import from_json
-from pushfit.report.store.archive import CURVES, one_row
+from pushfit.report.store.archive import CURVES, SIGNED, one_row
 from pushfit.report.store.summary import quantities_in
 from pushfit.report.store.summary_schema import SCHEMA, Fit, Summary, made_of
 from pushfit.report.store.target import EXPLORED
@@ -248,6 +249,26 @@ def _traces(groups: Groups) -> tuple[Trace, ...]:
                 n_rows=int(attributes["n_rows"]),
                 # Results of before baselines were turned do not say it.
                 sign=int(attributes.get("sign", 1)),
+                components=tuple(_components(groups, index)),
             )
         )
     return tuple(traces)
+
+
+def _components(groups: Groups, index: int) -> Iterator[ComponentTrace]:
+    """Force components of one trace, in order."""
+    # One channel has none, nor have results of before they were drawn.
+    stored = groups.get("components")
+    keys = (f"{index}_{k}" for k in itertools.count())
+    for key in keys:
+        if stored is None or f"component_{key}" not in stored:
+            return
+        samples = stored[f"component_{key}"]
+        heights = stored[f"heights_{key}"].to_numpy()
+        yield ComponentTrace(
+            name=samples.attrs["name"],
+            time=_array(stored, f"time_{key}"),
+            signal=_array(stored, f"component_{key}"),
+            is_jerk=stored[f"is_jerk_{key}"].to_numpy().astype(bool),
+            heights=SignedHeights(**dict(zip(SIGNED, heights, strict=True))),
+        )

@@ -40,6 +40,23 @@ def test_components_are_the_true_ones(made, channel):
     assert np.abs(error / table.sd(channel)).max() < MAX_PULL
 
 
+@pytest.mark.parametrize("normal", ["fz", "-fz"])
+def test_each_component_has_its_own_height_at_its_own_sign(made, normal):
+    """The table has their lengths along and across the normal."""
+    sign = -1.0 if normal == "-fz" else 1.0
+    channels = {**made.recording.channels, "fz": sign * made.recording.channels["fz"]}
+    recording = dataclasses.replace(made.recording, channels=channels)
+    table = extract_peaks(recording, THETA_SWEEP, settings=PeakSettings(normal=normal))
+    (trace,) = table.traces
+    found = {own.name: own.heights.height for own in trace.components}
+    np.testing.assert_array_equal(found["fz"], sign * table.heights("height_normal"))
+    across = np.asarray(made.truth.height_tangential)
+    truth = {"fx": across * np.cos(made.alpha), "fy": across * np.sin(made.alpha)}
+    limit = MAX_PULL * float(table.sd("height_tangential").max())
+    for name, expected in truth.items():
+        np.testing.assert_allclose(found[name], expected, rtol=0, atol=limit)
+
+
 def test_noise_does_not_make_a_tangential_force():
     """Straight pushes have none; the length of noise alone has a median of 1.18 sd."""
     plan = PushSchedule.planned(np.pi / 2, 0.0, repeats=60)
@@ -146,6 +163,50 @@ def test_a_jerk_is_neither_a_push_nor_a_height(jerk, at, axis, rate):
         pull = (table.heights(channel) - height) / table.sd(channel)
         assert np.abs(pull).max() < MAX_PULL
     assert any("jerks far briefer" in caution for caution in table.cautions)
+
+
+@pytest.mark.parametrize("rate", [100, 2000])
+def test_a_trace_keeps_a_jerk_and_says_which_samples_it_is(rate):
+    """At 2 kHz it is thinned."""
+    table = pushes_with_jerks(held, jerk=70.0, at=2.52, rate=rate)
+    assert table.n_pushes == 4
+    fx, fz = table.traces[0].components
+    assert not fx.is_jerk.any()
+    for start in 2 + 6 * np.arange(4):
+        is_near = np.abs(fz.time - start - 2.52) < 0.02
+        assert fz.signal[is_near].min() < -60.0
+        assert fz.is_jerk[is_near].all()
+        assert not fz.is_jerk[np.abs(fz.time - start - 1.25) < 1.0].any()
+
+
+def held_pushes():
+    """Four pushes that raise one component and lower the other."""
+    time = np.arange(2600) / 100
+    noise = 0.01 * np.random.default_rng(0).standard_normal((2, time.size))
+    humps = sum(held(time - start) for start in 2 + 6 * np.arange(4))
+    channels = {"fx": -2 * humps + noise[0], "fz": 5 * humps + noise[1]}
+    return Recording(time=time, channels=channels, units={"fx": "n", "fz": "n"})
+
+
+def test_stretches_are_those_of_the_rows_of_the_table():
+    """A hump that is left out is measured as well, and is no row."""
+    plan = PushSchedule.planned(np.pi / 4, 0.0, repeats=3)
+    settings = PeakSettings(normal="fz", exclude=((1.5, 5.5),))
+    table = extract_peaks(held_pushes(), plan, settings=settings)
+    for own in table.traces[0].components:
+        middle = (own.heights.start + own.heights.end) / 2
+        np.testing.assert_allclose(middle, [9.25, 15.25, 21.25], rtol=0, atol=0.1)
+        assert (own.heights.start < table.frame["t_peak_s"]).all()
+        assert (table.frame["t_peak_s"] < own.heights.end).all()
+
+
+def test_a_part_of_a_recording_has_components_of_that_part():
+    plan = PushSchedule.planned(np.pi / 4, 0.0, repeats=2)
+    settings = PeakSettings(normal="fz", begin=6.0, end=18.0)
+    (trace,) = extract_peaks(held_pushes(), plan, settings=settings).traces
+    for own in trace.components:
+        assert (own.time[0], own.time[-1]) == (6.0, 18.0)
+        assert own.heights.height.size == 2
 
 
 @pytest.mark.parametrize("axis", ["fz", "fx"])

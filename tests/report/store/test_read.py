@@ -4,17 +4,19 @@ import base64
 import json
 import shutil
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from pushfit.cli import main
+from pushfit.data.tables.traces import ComponentTrace, SignedHeights
 from pushfit.errors import DataError
 from pushfit.report.html import result as html_module
 from pushfit.report.html.result import render_html
 from pushfit.report.store import folder as folder_module
+from pushfit.report.store.archive import SIGNED
 from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
@@ -152,6 +154,40 @@ def test_arrays_come_back_to_the_last_bit(result, determined):
     profile = again.profiles["theta_c"]
     assert profile.pieces == determined.profiles["theta_c"].pieces
     assert np.isinf(profile.degrees_of_freedom)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_force_components_come_back_with_the_traces_that_have_them(
+    determined, tmp_path
+):
+    table = determined.table
+    (trace,) = table.traces
+    rng = np.random.default_rng(0)
+    components = tuple(
+        ComponentTrace(
+            name=name,
+            time=np.sort(rng.normal(size=n)),
+            signal=np.append(rng.normal(size=n - 1), np.nan),
+            is_jerk=rng.random(n) < 0.5,
+            heights=SignedHeights(
+                **{field: rng.normal(size=table.n_pushes) for field in SIGNED}
+            ),
+        )
+        for name, n in (("fx", 7), ("wrench/force.z", 9))
+    )
+    traces = (trace, replace(trace, components=components))
+    forces = replace(determined, table=replace(table, traces=traces))
+    write_result_folder(forces, tmp_path / "result", force=False)
+    one, other = read_result(tmp_path / "result").table.traces
+    assert one.components == ()
+    for after, before in zip(other.components, components, strict=True):
+        assert after.name == before.name
+        for name in ("time", "signal", "is_jerk"):
+            np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+        for name in SIGNED:
+            np.testing.assert_array_equal(
+                getattr(after.heights, name), getattr(before.heights, name)
+            )
 
 
 def test_the_command_writes_the_page_and_never_over_another(
