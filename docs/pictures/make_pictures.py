@@ -1,4 +1,6 @@
-"""Draw the pictures of the page on peaks: one argument each, off above and on below.
+"""Draw the pictures of the pages on peaks and on force components.
+
+Of peaks one argument each, off above and on below.
 
 Run from the root of the repository: `python docs/pictures/make_pictures.py`.
 """
@@ -9,13 +11,17 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from pushfit.config import read_config
 from pushfit.config.inputs import PeakSettings
+from pushfit.data.load import configured_peaks, configured_recording
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
+from pushfit.report.figures import save_figure, signal_figure
 from pushfit.report.figures.recording import draw_pushes
 
 FOLDER = Path(__file__).parent
+LOGS = FOLDER.parents[1] / "examples" / "logs"
 TIME = np.arange(0.0, 16.0, 0.01)
 OFF = PeakSettings()
 Picture = tuple[Recording, PeakSettings, PeakSettings]
@@ -150,6 +156,14 @@ def missing(figure: Figure) -> None:
     axes.set_ylim(top=1.3)
 
 
+def forces() -> Figure:
+    """The picture of the command on the page on force components."""
+    config = read_config(LOGS / "forces.toml")
+    made = configured_recording(LOGS / "forces.csv", config)
+    table = configured_peaks(made, LOGS / "forces_schedule.csv", config)
+    return signal_figure(table.traces[0], table)
+
+
 def save(figure: Figure, name: str) -> None:
     figure.savefig(FOLDER / f"{name}.png", dpi=80, metadata={"Software": None})
 
@@ -167,6 +181,7 @@ def main() -> None:
     figure = Figure(figsize=(7.0, 1.8), layout="constrained")
     missing(figure)
     save(figure, "allow_missing")
+    save_figure(forces(), FOLDER / "forces.png")
 
 
 if __name__ == "__main__":

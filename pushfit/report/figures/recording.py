@@ -1,23 +1,32 @@
 """A recording with its pushes: the paper's Figures 9 and 11, and the check of peaks.
 
 Every number that peak extraction took from the signal is drawn where it was taken, so
-that a reader can disagree with it.
+that a reader can disagree with it. Force components have a panel each, below that of
+the length of their change.
 """
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import looked_at, push_signal, signal_name
-from pushfit.data.peaks.extract import find_pushes
+from pushfit.data.peaks.extract import find_pushes, measure_pushes
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.data.tables.traces import Trace, envelope
+from pushfit.data.tables.traces import ComponentTrace, Trace, envelope
+from pushfit.report.figures.components import (
+    draw_jerks,
+    draw_stretches,
+    explain,
+    heights_in,
+)
 from pushfit.report.figures.style import (
     ALARM,
     BLACK,
@@ -36,12 +45,14 @@ if TYPE_CHECKING:
 
 # What one row shows legibly, and what fits a page.
 PUSHES_PER_ROW = 30
-MAX_ROWS = 6
+MAX_ROWS, MAX_PANELS = 6, 12
 # Two per pixel of a page at 300 dpi; a longer signal is drawn as its envelope.
 MAX_POINTS = 4000
 # Times beyond this are those of a clock and are counted from the first [s].
 MAX_TIME = 1e6
-
+# Heights of a signal and of the legend [inch], and of a component as a share of the
+# signal; letters of its label that fit.
+ROW, LEGEND, COMPONENT, LETTERS = 1.9, 0.3, 0.63, 17
 
 TIMES = ["t_start_s", "t_end_s", "t_peak_s"]
 
@@ -66,8 +77,12 @@ def direction_labels(marks: pd.DataFrame) -> tuple[list[str], str]:
     return labels, f"labels: {varied[0]} at {other} = {angles[other].iloc[0]:g}°"
 
 
-def draw_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
-    """Draw baseline, height and doubt of some pushes."""
+def draw_pushes(axes: "Axes", marks: pd.DataFrame, *, tip: str = "_") -> None:
+    """Draw baseline, height and doubt of some pushes.
+
+    Args:
+        tip: Marker of heights that are in no doubt.
+    """
     for mark in marks.to_dict("records"):
         colour = ALARM if mark["flags"] else GREY
         start, end, peak = mark["t_start_s"], mark["t_end_s"], mark["t_peak_s"]
@@ -82,7 +97,7 @@ def draw_pushes(axes: "Axes", marks: pd.DataFrame) -> None:
         if np.isfinite(peak) and np.isfinite(height):
             top = base + height
             axes.plot((peak, peak), (base, top), color=colour, lw=0.9, zorder=3)
-            shape = "x" if mark["flags"] else "_"
+            shape = "x" if mark["flags"] else tip
             axes.plot(peak, top, shape, color=colour, ms=6, zorder=4)
 
 
@@ -127,6 +142,7 @@ def recording_figure(
     *,
     unit: str,
     channel: str,
+    components: Sequence[ComponentTrace] = (),
     fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """Signal with every push, its baseline, its height and the doubtful places.
@@ -134,35 +150,39 @@ def recording_figure(
     Args:
         signal: Samples; gaps are NaN.
         marks: The pushes, as `marks_of` gives them.
+        components: Force components to draw below, with heights of the same pushes.
         fig: Figure or subfigure to draw into; None makes one.
     """
     # Seconds since 1970 would leave no room for themselves.
     origin = float(np.floor(time[0])) if abs(time[0]) > MAX_TIME else 0.0
-    time = time - origin
     labels, words = direction_labels(marks)
-    marks = marks.assign(label=labels, **(marks[TIMES] - origin))
+    times = marks[TIMES] - origin
+    marks = marks.assign(label=labels, row=np.arange(len(marks)), **times)
     marks = marks.sort_values("t_peak_s", kind="stable")
-    n_pushes = len(marks)
-    n_rows = int(np.clip(-(-n_pushes // PUSHES_PER_ROW), 1, MAX_ROWS))
-    figure, room = sheet(fig, width=PAGE, height=0.6 + 1.9 * n_rows)
-    panels = np.atleast_1d(room.subplots(n_rows, 1, sharey=True))
-    rows = np.array_split(np.arange(n_pushes), n_rows)
-    chunks = [marks.iloc[row] for row in rows]
-    edges = _row_edges(time, [chunk["t_peak_s"].to_numpy() for chunk in chunks])
-    for axes, chunk, (start, end) in zip(panels, chunks, edges, strict=True):
-        inside = (time >= start) & (time <= end)
-        axes.plot(
-            *envelope(time[inside], signal[inside], max_points=MAX_POINTS),
-            color=DATA,
-            lw=0.8,
-            zorder=2,
+    no_jerk = np.zeros(len(time), dtype=bool)
+    panels = [_Panel(channel, time - origin, signal, no_jerk, marks)]
+    for own in components:
+        heights = heights_in(own, marks, origin=origin)
+        panels.append(
+            _Panel(own.name, own.time - origin, own.signal, own.is_jerk, heights)
         )
-        draw_pushes(axes, chunk)
-        label_pushes(axes, chunk)
-        axes.set_ylabel(axis_label(channel, unit))
-        axes.margins(x=0.01, y=0.08)
-        axes.grid(visible=False, axis="x")
-    panels[-1].set_xlabel("time [s]" + (f" after {origin:.0f} s" if origin else ""))
+    n_pushes = len(marks)
+    most = min(MAX_ROWS, max(1, MAX_PANELS // len(panels)))
+    n_rows = int(np.clip(-(-n_pushes // PUSHES_PER_ROW), 1, most))
+    figure, room, grid = _grid(fig, n_rows, len(panels))
+    rows = np.array_split(np.arange(n_pushes), n_rows)
+    edges = _row_edges(time - origin, [marks["t_peak_s"].to_numpy()[r] for r in rows])
+    for across, row, edge in zip(grid, rows, edges, strict=True):
+        for axes, panel in zip(across, panels, strict=True):
+            panel.draw(axes, row, edge)
+            label = axis_label(panel.name, unit)
+            axes.set_ylabel(label if panel is panels[0] else fill(label, LETTERS))
+        label_pushes(across[0], marks.iloc[row])
+    last = grid[-1, -1]
+    last.set_xlabel("time [s]" + (f" after {origin:.0f} s" if origin else ""))
+    if components:
+        room.align_ylabels()
+        explain(room, has_jerks=any(c.is_jerk.any() for c in components))
     doubtful = sum(bool(flag) for flag in marks["flags"])
     doubt = f", {doubtful} doubtful" if doubtful else ""
     room.suptitle(
@@ -172,6 +192,69 @@ def recording_figure(
         fontsize=9,
     )
     return figure
+
+
+@dataclass(frozen=True, slots=True)
+class _Panel:
+    """One signal with the pushes as they were measured in it.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples; gaps are NaN.
+        is_jerk: Which samples were left out as those of a jerk.
+        marks: The pushes in order, of a component as `heights_in` gives them.
+    """
+
+    name: str
+    time: Float[np.ndarray, " n"]
+    signal: Float[np.ndarray, " n"]
+    is_jerk: Bool[np.ndarray, " n"]
+    marks: pd.DataFrame
+
+    def draw(
+        self, axes: "Axes", row: Int[np.ndarray, " r"], edge: tuple[float, float]
+    ) -> None:
+        """Draw some of the pushes, and the samples between two times [s]."""
+        inside = (self.time >= edge[0]) & (self.time <= edge[1])
+        time, signal = envelope(
+            self.time[inside], self.signal[inside], max_points=MAX_POINTS
+        )
+        is_jerk = np.isin(time, self.time[self.is_jerk])
+        kept = np.where(is_jerk, np.nan, signal)
+        axes.plot(time, kept, color=DATA, lw=0.8, zorder=2)
+        if is_jerk.any():
+            draw_jerks(axes, time, signal, is_jerk)
+        marks = self.marks.iloc[row]
+        has_stretches = "first_s" in marks
+        draw_pushes(axes, marks, tip="" if has_stretches else "_")
+        if has_stretches:
+            draw_stretches(axes, marks)
+        axes.margins(x=0.01, y=0.08)
+        axes.grid(visible=False, axis="x")
+
+
+def _grid(
+    fig: "Figure | SubFigure | None", n_rows: int, n_panels: int
+) -> "tuple[Figure, Figure | SubFigure, np.ndarray]":
+    """Panels below each other: of one row with one time, of one signal with one scale.
+
+    Returns:
+        The figure, the room that the panels take in it, and the panels by row.
+    """
+    n_components = n_panels - 1
+    ratios = [1.0, *[COMPONENT] * n_components] * n_rows
+    height = 0.6 + ROW * sum(ratios) + (LEGEND if n_components else 0.0)
+    figure, room = sheet(fig, width=PAGE, height=height)
+    grid = room.subplots(len(ratios), 1, squeeze=False, height_ratios=ratios)
+    grid = grid.reshape(n_rows, n_panels)
+    for across in grid:
+        for axes, first in zip(across, grid[0], strict=True):
+            if axes is not first:
+                axes.sharey(first)
+            if axes is not across[0]:
+                axes.sharex(across[0])
+            axes.tick_params(labelbottom=axes is across[-1])
+    return figure, room, grid
 
 
 def _row_edges(
@@ -200,6 +283,7 @@ def signal_figure(
         marks_of(table, rows, sign=trace.sign),
         unit=trace.unit,
         channel=trace.name,
+        components=trace.components,
         fig=fig,
     )
 
@@ -216,6 +300,9 @@ def found_figure(
         fig: Figure or subfigure to draw into; None makes one.
     """
     extents = find_pushes(recording, settings=settings)
+    components: tuple[ComponentTrace, ...] = ()
+    if settings.normal is not None and extents:
+        components = measure_pushes(recording, settings=settings).components
     recording = looked_at(recording, settings)
     marks = pd.DataFrame(
         [(e.t_start, e.t_end, e.t_peak) for e in extents], columns=TIMES
@@ -230,7 +317,12 @@ def found_figure(
     name = signal_name(recording, settings)
     unit = recording.units.get(name, next(iter(recording.units.values())))
     return recording_figure(
-        *push_signal(recording, settings), marks, unit=unit, channel=name, fig=fig
+        *push_signal(recording, settings),
+        marks,
+        unit=unit,
+        channel=name,
+        components=components,
+        fig=fig,
     )
 
 

@@ -31,6 +31,10 @@ AS_PIXELS = frozenset(
 )
 THETA = "Heights against elevation for every azimuth"
 ALPHA = "Heights against azimuth, as a curve and around the push frame"
+COMPONENTS = (
+    " Below, each component of the force with its rest level and its height, drawn "
+    "over the shaded stretch that it was measured over."
+)
 NOTHING: Mapping[str, bytes] = MappingProxyType({})
 MIME = {"svg": "image/svg+xml", "png": "image/png"}
 
@@ -139,7 +143,8 @@ def _recording_captions(identification: Identification) -> list[tuple[str, str]]
         (
             f"recording_{index}",
             f"{trace.path}: the signal, and where each push was measured "
-            "from its baseline; doubtful pushes in red.",
+            "from its baseline; doubtful pushes in red."
+            + (COMPONENTS if trace.components else ""),
         )
         for index, trace in enumerate(identification.table.traces, start=1)
     ]
