@@ -120,4 +120,5 @@ class ConvergenceError(FitError):
 
 def counted(n: int, noun: str) -> str:
     """Number of things, one of which is called by a noun."""
-    return f"{n} {noun}{'' if n == 1 else 's'}"
+    end = "es" if noun.endswith("sh") else "s"
+    return f"{n} {noun}{'' if n == 1 else end}"

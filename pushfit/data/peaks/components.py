@@ -55,10 +55,9 @@ def looked_at(recording: Recording, settings: PeakSettings) -> Recording:
         moments.extend(time[np.diff(is_jerk, prepend=False) & is_jerk].tolist())
     if not moments:
         return part
-    caution = (
-        "jerks far briefer than a push are left out: at "
-        f"{listed([f'{when:.2f} s' for when in sorted(moments)])}"
-    )
+    # Components share their jerks.
+    times = dict.fromkeys(f"{when:.2f} s" for when in sorted(moments))
+    caution = f"jerks far briefer than a push are left out: at {listed([*times])}"
     return replace(part, channels=channels, cautions=(*part.cautions, caution))
 
 

@@ -21,6 +21,7 @@ from pushfit.data.peaks.extract import find_pushes, measure_pushes
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import ComponentTrace, Trace, envelope
+from pushfit.errors import counted
 from pushfit.report.figures.components import (
     draw_jerks,
     draw_stretches,
@@ -186,7 +187,7 @@ def recording_figure(
     doubtful = sum(bool(flag) for flag in marks["flags"])
     doubt = f", {doubtful} doubtful" if doubtful else ""
     room.suptitle(
-        f"{n_pushes} pushes{doubt}; {words}".rstrip("; "),
+        f"{counted(n_pushes, 'push')}{doubt}; {words}".rstrip("; "),
         x=0.01,
         ha="left",
         fontsize=9,

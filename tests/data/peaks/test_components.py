@@ -135,7 +135,8 @@ def pushes_with_jerks(course, *, jerk=0.0, at=0.0, axis="fz", rate=100):
     for start in 2 + 6 * np.arange(4):
         forces["fz"] += 5 * course(time - start)
         forces["fx"] += 2 * course(time - start)
-        forces[axis] -= jerk * np.exp(-(((time - start - at) / 0.02) ** 2))
+        for name in axis.split():
+            forces[name] -= jerk * np.exp(-(((time - start - at) / 0.02) ** 2))
     recording = Recording(time=time, channels=forces, units={"fx": "n", "fz": "n"})
     return extract_peaks(
         recording,
@@ -163,6 +164,12 @@ def test_a_jerk_is_neither_a_push_nor_a_height(jerk, at, axis, rate):
         pull = (table.heights(channel) - height) / table.sd(channel)
         assert np.abs(pull).max() < MAX_PULL
     assert any("jerks far briefer" in caution for caution in table.cautions)
+
+
+def test_a_jerk_of_two_components_is_told_once():
+    table = pushes_with_jerks(held, jerk=70.0, at=2.52, axis="fx fz")
+    (caution,) = (c for c in table.cautions if "jerks far briefer" in c)
+    assert len(caution.partition(" at ")[2].split(", ")) == 4
 
 
 @pytest.mark.parametrize("rate", [100, 2000])
