@@ -1,8 +1,9 @@
 """What pushfit raises when it cannot go on.
 
 Every error names the place, the value found, the rule and the next step. `code` is a
-stable word that scripts may test; the sentence may change between versions. Numerical
-non-success is not an error here: results carry a status (see `pushfit.fit.results`).
+stable word that scripts may test; the sentence may change between versions. A posterior
+that has not converged is a status (see `pushfit.fit.results`); a fit without an optimum
+is a `FitError`.
 """
 
 import copyreg

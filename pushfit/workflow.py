@@ -76,7 +76,9 @@ def identify(
     Raises:
         ConfigError: A file is missing, or settings or schedules do not fit.
         DataError: The input breaks a rule, or no push is left.
-        FitError: No start gives finite residuals.
+        FitError: No start gives finite residuals or a finite density, the solver
+            stopped at its step limit, or nothing is free.
+        ConvergenceError: The posterior density is infinite at some point.
     """
     keep_programs()
     settings = as_config(config)

@@ -56,7 +56,8 @@ class Explorer:
         limits: What pushes must never do; None takes `[explore]` of the settings.
         journal: File that everything is kept in; one that exists is gone on with.
         sigma: Standard deviation of the heights of repeated pushes; None where it is
-            to be learned, which takes eight pushes before anything is decided [unit].
+            to be learned, which takes `MIN_UNKNOWN_NOISE` pushes of
+            `pushfit.explore.decide.stopping` before anything is decided [unit].
 
     Raises:
         ConfigError: The question makes no sense, or the journal asks another one.

@@ -191,7 +191,9 @@ def compare_models(
     Raises:
         DataError: If no usable push is left.
         ConfigError: If the configuration does not fit the table.
-        FitError: If no start gives finite residuals, or nothing is free.
+        FitError: If no start gives finite residuals or a finite density, the solver
+            stopped at its step limit, or nothing is free.
+        ConvergenceError: If the posterior density is infinite at some point.
     """
     # Other noise is one of the models, not what all of them have.
     plain = with_plain_noise(config)

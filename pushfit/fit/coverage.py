@@ -117,7 +117,8 @@ def coverage_study(
     Raises:
         ConfigError: If nothing is left to infer.
         DataError: If no usable push is left.
-        FitError: If no start gives finite residuals.
+        FitError: If no start gives finite residuals, or the solver stopped at its step
+            limit.
     """
     fitted = fit_table(table, config)
     problem = fitted.setup.problem

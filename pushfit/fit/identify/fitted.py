@@ -123,7 +123,8 @@ def fit_table(
     Raises:
         DataError: If no usable push is left.
         ConfigError: If the configuration does not fit the table.
-        FitError: If no start gives finite residuals.
+        FitError: If no start gives finite residuals, or the solver stopped at its step
+            limit.
     """
     if config.noise.repeat_effect[0] == "auto":
         kind, p_value = repeat_effect(table)
@@ -331,6 +332,7 @@ def draw_posterior(
     Raises:
         ConfigError: If the engine is not known.
         FitError: If nothing is free, or no start has a finite density.
+        ConvergenceError: If the posterior density is infinite at some point.
     """
     check_engine(engine)
     swept = None if engine == "emcee" else sweep(fitted, seed)

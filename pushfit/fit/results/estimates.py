@@ -119,8 +119,10 @@ class PosteriorResult:
         log_evidence_error: Its standard error.
         seed: Seed of the draws.
         status: Whether intervals may be quoted.
-        ess: Effective number of the weighted draws of the sweep; None for emcee.
-        pareto_k: Shape of the tail of their weights, trusted up to 0.7; likewise.
+        ess: Effective number of the weighted draws of the sweep, also where it handed
+            over to emcee; None where emcee alone was asked.
+        pareto_k: Shape of the tail of their weights, trusted up to `MAX_PARETO_K` of
+            `pushfit.fit.sweep.posterior`; likewise.
     """
 
     samples: Mapping[str, Float[np.ndarray, " n"]]

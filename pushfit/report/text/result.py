@@ -44,7 +44,7 @@ def render_text(identification: Identification, *, width: int = 80) -> str:
     """The whole report as plain text.
 
     Args:
-        width: Columns of the terminal; narrower than 20 counts as 20.
+        width: Columns of the terminal; fewer than `MIN_WIDTH` count as so many.
 
     Returns:
         Lines no longer than the width, without colours or control characters.
