@@ -116,7 +116,7 @@ class FitError(PushfitError):
 
 
 class ConvergenceError(FitError):
-    """A sampler or solver stopped before its answer could be trusted."""
+    """Draws from the posterior cannot be trusted."""
 
 
 def counted(n: int, noun: str) -> str:

@@ -23,13 +23,13 @@ from pushfit.data.plans.schedule import PushSchedule, read_schedule
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
-from pushfit.errors import ConfigError, PushfitError, counted
+from pushfit.errors import ConfigError, ConvergenceError, PushfitError, counted
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify.one import identify_table
 from pushfit.fit.identify.progress import Progress, Stages, stages_of
 from pushfit.fit.programs.compile import loaded_ahead
 from pushfit.fit.programs.folder import keep_programs
-from pushfit.fit.results import Recipe
+from pushfit.fit.results import FitStatus, Identification, Recipe
 from pushfit.report.result import Result
 from pushfit.report.strings import time_left
 from pushfit.report.text.first import First
@@ -52,6 +52,7 @@ def identify(
     engine: str = "auto",
     progress: Progress | None = None,
     checkpoint: Path | None = None,
+    throw: bool = False,
 ) -> Result:
     """From recordings of pushes, or a table of their heights, to θ_c and α*.
 
@@ -69,6 +70,7 @@ def identify(
         progress: Called with a stage and the share of it that is done; None shows both
             in a notebook.
         checkpoint: File in which a chain is kept, to be gone on with.
+        throw: Raise instead of returning a result whose status is not OK.
 
     Returns:
         The result. Its status says whether numbers may be quoted.
@@ -78,7 +80,8 @@ def identify(
         DataError: The input breaks a rule, or no push is left.
         FitError: No start gives finite residuals or a finite density, the solver
             stopped at its step limit, or nothing is free.
-        ConvergenceError: The posterior density is infinite at some point.
+        ConvergenceError: The posterior density is infinite at some point, or `throw` is
+            set and the status is not OK; then it carries the optima of the likelihood.
     """
     keep_programs()
     settings = as_config(config)
@@ -99,9 +102,25 @@ def identify(
             listener=First(tell=tell),
             checkpoint=checkpoint,
         )
+        if throw:
+            _check_status(found)
         stages.begin("next push")
         found = with_next_push(found)
     return Result.of(replace(found, recipe=recipe_of(sources, plans, settings)))
+
+
+def _check_status(found: Identification) -> None:
+    """Refuse what may not be quoted."""
+    if found.status is FitStatus.OK:
+        return
+    modes = found.fit.modes
+    raise ConvergenceError(
+        found.status.value,
+        code=found.status.name.lower(),
+        names=found.fit.names,
+        points=[list(mode.coordinates.values()) for mode in modes],
+        costs=[mode.chi_square for mode in modes],
+    )
 
 
 @contextlib.contextmanager

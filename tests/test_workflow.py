@@ -11,10 +11,13 @@ import pytest
 
 import pushfit
 from pushfit import workflow
-from pushfit.errors import ConfigError, DataError
+from pushfit.errors import ConfigError, ConvergenceError, DataError
 from pushfit.fit.coverage import coverage_study
-from pushfit.fit.results import Identification, Recipe
+from pushfit.fit.results import FitStatus, Identification, Recipe
+from pushfit.fit.sweep import posterior as sweep
 from tests.batch.makers import table_text
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "foam_box"
 SWEEP, PLAN = EXAMPLE / "alpha_sweep.csv", EXAMPLE / "alpha_schedule.csv"
@@ -206,3 +209,24 @@ def test_errors_of_a_frame_name_no_file():
     plan = pd.DataFrame({"theta_deg": ["x"], "alpha_deg": [0.0]})
     with pytest.raises(DataError, match=r"^DataFrame, line 2, column theta_deg"):
         pushfit.identify(SWEEP, plan)
+
+
+def test_a_posterior_that_is_not_to_be_trusted_raises_where_that_is_asked(monkeypatch):
+    monkeypatch.setattr(sweep, "TOO_FEW", 1e9)
+    asked = {"config": config(), "engine": "sweep"}
+    table = case_table(CASES["firm"], noise=0.02)
+    result = pushfit.identify(table, **asked)
+    assert result.status is FitStatus.NOT_CONVERGED
+    with pytest.raises(ConvergenceError) as caught:
+        pushfit.identify(table, **asked, throw=True)
+    error = caught.value
+    assert (str(error), error.code) == (result.status.value, "not_converged")
+    assert error.names == result.fit.names
+    assert error.points[0] == result.fit.estimate.tolist()
+    assert error.costs[0] == result.fit.chi_square
+
+
+def test_a_posterior_that_is_to_be_trusted_is_given_also_where_others_raise():
+    table = case_table(CASES["firm"], noise=0.02)
+    result = pushfit.identify(table, config=config(), engine="sweep", throw=True)
+    assert result.status is FitStatus.OK

@@ -35,7 +35,10 @@ class FitStatus(enum.Enum):
         "the solver stopped at its step limit; state a number for a preload or a "
         "sharpness that is estimated, or push at more angles"
     )
-    NOT_CONVERGED = "the posterior has not converged; try another engine"
+    NOT_CONVERGED = (
+        "the posterior has not converged; state a number or a narrower prior for a "
+        "parameter, push at more angles, or try the other engine"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
