@@ -294,7 +294,7 @@ def _from_frame(frame: pd.DataFrame, read: Callable[[Path], Read]) -> Read:
 
 
 def recipe_of(
-    sources: Sequence[Source], plans: Sequence[Plan], config: GraspConfig
+    sources: Sequence[object], plans: Sequence[object], config: GraspConfig
 ) -> Recipe | None:
     """Which files to read to do it again; None unless everything was a file."""
     if not all(isinstance(given, str | Path) for given in (*sources, *plans)):
@@ -307,7 +307,7 @@ def recipe_of(
     return Recipe(config=given, recordings=names, schedules=plan_names)
 
 
-def _several(given: object) -> list:
+def _several(given: object) -> list[object]:
     """What was given, in a list; None is nothing."""
     if given is None:
         return []

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from pushfit.mechanics.numerics import asinhc, norm2, sinhc
 from pushfit.mechanics.registry import Mechanics, mechanics_named
@@ -26,7 +26,7 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, " n"]
 
 
-def as_float(value: ArrayLike) -> Array:
+def as_float(value: ArrayLike) -> Float[Array, "..."]:
     """Converter of container fields: any number becomes a float64 array."""
     if not isinstance(value, Array):
         value = np.asarray(value, dtype=np.float64)
@@ -36,7 +36,7 @@ def as_float(value: ArrayLike) -> Array:
     return jnp.asarray(value, dtype=jnp.float64)
 
 
-def _if_given(value: ArrayLike | None) -> Array | None:
+def _if_given(value: ArrayLike | None) -> Float[Array, "..."] | None:
     """`as_float` of what is not None."""
     return None if value is None else as_float(value)
 
@@ -167,7 +167,7 @@ class Forces(eqx.Module):
     normal: Vector
     tangential_x: Vector
     tangential_y: Vector
-    in_contact: Array
+    in_contact: Bool[Array, " n"]
 
 
 class Channels(eqx.Module):
@@ -183,7 +183,7 @@ class Channels(eqx.Module):
     height: Vector
     height_normal: Vector
     height_tangential: Vector
-    in_contact: Array
+    in_contact: Bool[Array, " n"]
 
 
 def support_stiffness(params: Parameters) -> Float[Array, "2 2"]:

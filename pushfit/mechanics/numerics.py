@@ -124,7 +124,12 @@ def sine_versine(
 
 
 @sine_versine.defjvp
-def _sine_versine_jvp(primals, tangents):
+def _sine_versine_jvp(
+    primals: tuple[Float[Array, "*s"]], tangents: tuple[Float[Array, "*s"]]
+) -> tuple[
+    tuple[Float[Array, "*s"], Float[Array, "*s"]],
+    tuple[Float[Array, "*s"], Float[Array, "*s"]],
+]:
     (x,), (rate,) = primals, tangents
     sine, versine = sine_versine(x)
     return (sine, versine), ((1 - versine) * rate, sine * rate)

@@ -5,12 +5,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from types import NoneType
-from typing import Any, get_args, get_type_hints
+from typing import TypeVar, get_args, get_type_hints
 
 import numpy as np
 from pydantic import TypeAdapter
 
-Json = dict[str, Any] | list[Any] | str | int | float | bool | None
+# Parts of lists and tables are such values, too; whoever wants one looks what it is.
+Json = dict[str, object] | list[object] | str | int | float | bool | None
+T = TypeVar("T")
 
 
 def json_safe(value: object) -> Json:
@@ -37,7 +39,7 @@ def json_safe(value: object) -> Json:
     return value if value is None or isinstance(value, int) else str(value)
 
 
-def from_json(kind: Any, value: Json) -> Any:
+def from_json(kind: type[T], value: object) -> T:
     """What `json_safe` made a value of, null for a number being NaN.
 
     Raises:
@@ -46,7 +48,7 @@ def from_json(kind: Any, value: Json) -> Any:
     return TypeAdapter(kind).validate_python(_with_nan(kind, value))
 
 
-def _with_nan(kind: Any, value: Json) -> object:
+def _with_nan(kind: object, value: object) -> object:
     """JSON for a type, with NaN for null where the type is that of a number."""
     if kind is float and value is None:
         return math.nan

@@ -189,7 +189,9 @@ def _misfit(
 
 
 @functools.cache
-def _hyperbolas() -> tuple[np.ndarray, np.ndarray, bool]:
+def _hyperbolas() -> tuple[
+    Float[np.ndarray, "g 3 bins"], Float[np.ndarray, "g 3 3"], bool
+]:
     """Orthonormal bases of hyperbolas of every top and rounding."""
     top, rounding = (a.ravel() for a in np.meshgrid(_TOPS, _ROUNDINGS))
     q, triangle = bases(*hyperbolas(top, rounding, PROFILE_BINS))
@@ -197,7 +199,7 @@ def _hyperbolas() -> tuple[np.ndarray, np.ndarray, bool]:
 
 
 @functools.cache
-def _levels() -> tuple[np.ndarray, np.ndarray, bool]:
+def _levels() -> tuple[Float[np.ndarray, "g 3 bins"], Float[np.ndarray, "g 3 3"], bool]:
     """Orthonormal bases of levels with a flank on either side."""
     first, last = (a.ravel() for a in np.meshgrid(_MOMENTS, _MOMENTS))
     is_long = last - first >= _SHORTEST

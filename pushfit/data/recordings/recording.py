@@ -11,6 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
+from jaxtyping import Num, Shaped
 
 from pushfit.data.recordings.bags.bag import read_bag
 from pushfit.data.recordings.records import Recording
@@ -133,7 +134,7 @@ def read_recording(
 
 def _foreign_samples(
     path: str,
-    table: Mapping[str, np.ndarray],
+    table: Mapping[str, Shaped[np.ndarray, " n"]],
     dialect: str,
     *,
     mapping: Mapping[str, str],
@@ -197,7 +198,7 @@ def _samples(
 ) -> Samples:
     """Sort parsed columns by their roles."""
 
-    def series(role: Role) -> tuple[np.ndarray, Unit]:
+    def series(role: Role) -> tuple[Shaped[np.ndarray, " n"], Unit]:
         return cells.values[role.columns[0]], role.unit
 
     if roles.clocks:
@@ -227,7 +228,9 @@ def _samples(
     )
 
 
-def _first_filled_clock(roles: Roles, cells: Cells) -> tuple[Role, np.ndarray]:
+def _first_filled_clock(
+    roles: Roles, cells: Cells
+) -> tuple[Role, Num[np.ndarray, " n"]]:
     """Choose the first clock whose stamps were filled in."""
     for clock in roles.clocks:
         time = cells.values[clock.columns[0]]

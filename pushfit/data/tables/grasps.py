@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from jaxtyping import UInt64
 from pandas.util import hash_pandas_object
 
 from pushfit.data.tables.columns import Origin, Rows, read_rows
@@ -116,7 +117,7 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
         )
 
 
-def _row_hashes(cells: pd.DataFrame) -> np.ndarray:
+def _row_hashes(cells: pd.DataFrame) -> UInt64[np.ndarray, " n"]:
     """A number for each row that depends on its cells alone."""
     # As floats: one fraction in a column must not change the other grasps' digests.
     numbers = {c: float for c in cells if pd.api.types.is_numeric_dtype(cells[c])}

@@ -16,7 +16,7 @@ from typing import IO, cast
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Int
+from jaxtyping import Int, Shaped
 
 from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
@@ -55,7 +55,7 @@ class Cells:
         notes: What was left out, for the user.
     """
 
-    values: dict[int, np.ndarray]
+    values: dict[int, Shaped[np.ndarray, " n"]]
     scan: Scan
     notes: tuple[str, ...]
 
@@ -125,7 +125,7 @@ def _parse(
     kinds: Mapping[int, Kind],
     missing: tuple[str, ...],
     n_rows: int,
-) -> dict[int, np.ndarray] | None:
+) -> dict[int, Shaped[np.ndarray, " n"]] | None:
     """Parse the rows by pandas; None if a cell is not what it must be."""
     columns = {i: np.empty(n_rows, _STORED[kind]) for i, kind in kinds.items()}
     words: set[int] = set()
@@ -153,7 +153,7 @@ def _parse(
     return columns if done == n_rows else None
 
 
-def _may_be_words(values: np.ndarray) -> bool:
+def _may_be_words(values: Shaped[np.ndarray, " n"]) -> bool:
     """Tell whether parsed cells might have been True and False."""
     # The first cell alone tells nearly always, and saves looking at all of them.
     return bool(values.size and values[0] in (0, 1) and np.isin(values, (0, 1)).all())

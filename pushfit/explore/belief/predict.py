@@ -107,7 +107,9 @@ def _at_draws(
     length_share: Float[Array, ""],
     channels: tuple[str, ...],
 ) -> tuple[Float[Array, "k c n"], Float[Array, "k n"], Bool[Array, "k n"]]:
-    def one(draw: Mapping[str, Float[Array, ""]]) -> tuple[Array, Array, Array]:
+    def one(
+        draw: Mapping[str, Float[Array, ""]],
+    ) -> tuple[Float[Array, "n c"], Float[Array, " n"], Bool[Array, " n"]]:
         own = {name: value for name, value in draw.items() if name not in OF_GRASP}
         held = replace(
             grasp_with(grasp, draw), push_length=grasp.push_length * length_share

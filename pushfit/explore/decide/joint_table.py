@@ -132,7 +132,7 @@ def _binned(
 
 
 def _blurred(
-    counted: Float32[np.ndarray, "k y q z"], kernels: list[np.ndarray]
+    counted: Float32[np.ndarray, "k y q z"], kernels: list[Float32[np.ndarray, "k _ _"]]
 ) -> Float32[np.ndarray, "k y q z"]:
     """Spread every cell over the readings that noise makes of it."""
     k, y, q, z = counted.shape

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.derived import equal_tailed_interval
@@ -185,7 +185,7 @@ def _sentence(failed: list[str], r_squared: float, degrees_of_freedom: int) -> s
 def _r_squared(
     observed: Float[np.ndarray, " n"],
     predicted: Float[np.ndarray, " n"],
-    channel: np.ndarray,
+    channel: Shaped[np.ndarray, " n"],
 ) -> float:
     """1 - SSE / SST about each channel's mean; 1 for heights that do not vary."""
     total = 0.0

@@ -8,7 +8,7 @@ model's, one of the two assumptions fails.
 
 import numpy as np
 import scipy
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.derived import (
@@ -68,7 +68,7 @@ def model_free_direction(
     )
 
 
-def _sweep_rows(table: PeakTable) -> np.ndarray | None:
+def _sweep_rows(table: PeakTable) -> Int[np.ndarray, " k"] | None:
     """Used rows at elevations that were pushed in enough azimuths."""
     used = np.flatnonzero(table.is_used)
     theta = np.round(np.degrees(table.theta[used]), 3)

@@ -138,7 +138,9 @@ def _stretched(degrees: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
 
 
 @functools.lru_cache(maxsize=256)
-def _density(draws: bytes) -> tuple[np.ndarray, np.ndarray]:
+def _density(
+    draws: bytes,
+) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
     """Grid and density of draws, which many tables share."""
     from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
 

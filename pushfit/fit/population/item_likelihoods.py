@@ -119,7 +119,7 @@ def _reweighted(
 
 def _one(
     draws: Float[np.ndarray, " k"], log_weights: Float[np.ndarray, " k"]
-) -> tuple[np.ndarray, np.ndarray, float, float, float]:
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], float, float, float]:
     """Nodes, log weights, kernel, mean and sd of one item."""
     weights = normalised(log_weights)
     mean = float(np.sum(weights * draws))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, Int
 
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
@@ -114,7 +115,7 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
     )
 
 
-def n_azimuths(alpha: np.ndarray) -> int:
+def n_azimuths(alpha: Float[np.ndarray, " n"]) -> int:
     """Number of distinct azimuths modulo 180°, the period of the stiffness ellipse."""
     doubled = np.unique(np.round(np.mod(alpha, np.pi) / SAME_AZIMUTH))
     # The seam: 0° and 180° are the same axis.
@@ -148,7 +149,7 @@ def sampling_names(
 
 def _assemble(
     table: PeakTable,
-    used: np.ndarray,
+    used: Int[np.ndarray, " u"],
     noise: Noise,
     grasp: Grasp,
     priors: Mapping[str, Prior],
@@ -158,11 +159,15 @@ def _assemble(
     """Pad the rows to their bucket and put everything together."""
     padding = bucket(used.size) - used.size
 
-    def padded(values: np.ndarray, fill: float) -> np.ndarray:
+    def padded(
+        values: Float[np.ndarray, "*s n"], fill: float
+    ) -> Float[np.ndarray, "*s m"]:
         ends = np.full((*values.shape[:-1], padding), fill)
         return np.concatenate([values[..., used], ends], axis=-1)
 
-    def stacked(values: Mapping[str, np.ndarray], fill: float) -> np.ndarray:
+    def stacked(
+        values: Mapping[str, Float[np.ndarray, "*s n"]], fill: float
+    ) -> Float[np.ndarray, "c *s m"]:
         return np.stack([padded(values[name], fill) for name in table.channels])
 
     shared = None

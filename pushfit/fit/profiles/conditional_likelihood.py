@@ -72,7 +72,7 @@ class Likelihood(eqx.Module):
             is_free = is_free & ~(is_used & (at == names.index(pivot)))
         return is_free
 
-    def _second_pivots(self) -> list[tuple[Array, str]]:
+    def _second_pivots(self) -> list[tuple[Bool[Array, ""], str]]:
         """Coordinates that may keep θ_c while another quantity is held, and when."""
         names = self.problem.data_names
         is_left = ~jnp.isnan(self.angle) & (self.index != len(names))
@@ -147,7 +147,9 @@ class Likelihood(eqx.Module):
         # Forces are proportional to these together.
         is_scaled = np.isin(problem.data_names, ["ln_A", "ln_B", "ln_F_0"])
 
-        def at(z: Array, is_last: Array) -> tuple[Array, Array]:
+        def at(
+            z: Float[Array, " q"], is_last: Bool[Array, ""]
+        ) -> tuple[Float[Array, " q"], Scalar]:
             y = self.impose(value, z)
             predicted = problem.predict(problem.data_state(y))
             scale = jnp.sum(weight * predicted * problem.observed)
@@ -193,7 +195,7 @@ class Likelihood(eqx.Module):
         is_axis = self.index == self.quantities.index("alpha_star")
         return jnp.where(is_axis, y.at[f1].set(jnp.log(size)), y)
 
-    def is_possible(self, value: Scalar, y: Float[Array, " q"]) -> Array:
+    def is_possible(self, value: Scalar, y: Float[Array, " q"]) -> Bool[Array, ""]:
         """Whether θ_c of the model at y is the angle imposed: not beyond lift-off.
 
         Where that takes a search of its own it is left to others.

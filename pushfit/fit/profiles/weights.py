@@ -227,7 +227,9 @@ def _likeliest(
     # What no component may fall below: variances stay finite for perfect heights.
     floor = 1e-9 * scale
 
-    def cost(shares: np.ndarray) -> tuple[float, np.ndarray]:
+    def cost(
+        shares: Float[np.ndarray, " k"],
+    ) -> tuple[float, Float[np.ndarray, " k"]]:
         variance = errors.known + scale * (design @ shares) + floor
         slope = count * (1 - squares / variance) / variance
         value = float(count @ (np.log(variance) + squares / variance))
@@ -265,7 +267,10 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
         high = np.sqrt(np.sum(r**2) / target) + floor
 
         def excess(
-            extra: float, r: np.ndarray = r, s: np.ndarray = s, target: float = target
+            extra: float,
+            r: Float[np.ndarray, " m"] = r,
+            s: Float[np.ndarray, " m"] = s,
+            target: float = target,
         ) -> float:
             return float(np.sum(r**2 / (s**2 + extra**2)) - target)
 

@@ -291,8 +291,8 @@ def _compile(
 
 
 def kept_arrays(
-    text: str, make: Callable[[], Mapping[str, np.ndarray]]
-) -> Mapping[str, np.ndarray]:
+    text: str, make: Callable[[], Mapping[str, Float[np.ndarray, "..."]]]
+) -> Mapping[str, Float[np.ndarray, "..."]]:
     """Arrays that follow from a text and the source alone, made once for all processes.
 
     Args:
@@ -353,8 +353,10 @@ def _mark(folder: Path, name: str) -> Path:
 
 
 def in_chunks(
-    function: Callable[[Array], Array], x: Float[np.ndarray, "n p"], size: int
-) -> np.ndarray:
+    function: Callable[[Float[Array, "k p"]], Float[Array, "k ..."]],
+    x: Float[np.ndarray, "n p"],
+    size: int,
+) -> Float[np.ndarray, "n ..."]:
     """Function of rows, evaluated at one shape: every new one would be compiled.
 
     Args:

@@ -81,7 +81,7 @@ class Uniforms:
         return self.scores[self.used - 1]
 
 
-def _score(share: Array) -> Array:
+def _score(share: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Standard normal score below which a share lies."""
     return ndtri(jnp.clip(share, SMALLEST, 1 - SMALLEST))
 
@@ -221,7 +221,7 @@ def _ln_s(target: Target, z: dict[str, Scalar], score: Scalar) -> tuple[Scalar, 
     half = norm2(z.get("f1", jnp.zeros(())), z.get("f2", jnp.zeros(()))) / 2
 
     def quantile(score: Scalar) -> Scalar:
-        def closer(_: Array, longer: Scalar) -> Scalar:
+        def closer(_: Int[Array, ""], longer: Scalar) -> Scalar:
             s = jnp.exp(table.draw(z["ln_B"] + longer, score)[0])
             cosh = jnp.cosh(anisotropy_stretch(half, s) * half)
             return jnp.log1p(2 * s * (cosh - 1) / (1 + s) ** 2) / 2

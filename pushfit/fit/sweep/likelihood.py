@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.problem.repeats.pooling import PADDING, Pooled
@@ -52,7 +52,10 @@ def is_sampled(pooled: Pooled, channel: int) -> bool:
 
 
 def channel_log_likelihood(
-    pooled: Pooled, channel: int, difference: Float[Array, " n"], variance: Array
+    pooled: Pooled,
+    channel: int,
+    difference: Float[Array, " n"],
+    variance: Float[Array, " n"],
 ) -> Scalar:
     """Log density of the heights of a channel.
 
@@ -178,7 +181,10 @@ def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
 
 
 def _weights(
-    pooled: Pooled, channel: int, difference: Float[Array, " n"], variance: Array
+    pooled: Pooled,
+    channel: int,
+    difference: Float[Array, " n"],
+    variance: Float[Array, " n"],
 ) -> Float[Array, " n"]:
     """Weights of least squares that have the slope of the log likelihood."""
     if pooled.problem.likelihood == "normal":
@@ -212,7 +218,7 @@ def _ln_scale(pooled: Pooled, channel: int, difference: Float[Array, " n"]) -> S
     square = jnp.maximum(jnp.sum(squares) / n, 1e-60)
     if pooled.problem.likelihood != "normal":
 
-        def step(_: Array, square: Scalar) -> Scalar:
+        def step(_: Int[Array, ""], square: Scalar) -> Scalar:
             weight = (STUDENT_DOF + 1) / (STUDENT_DOF + difference**2 / square)
             return jnp.maximum(
                 jnp.sum(jnp.where(mask, weight * difference**2, 0.0)) / n, 1e-60

@@ -177,14 +177,18 @@ def _first_starts(target: Target) -> Float[Array, "n q"]:
 
     problem = target.pooled.problem
 
-    def guess(u: Array, shift: Array) -> tuple[Array, Array]:
+    def guess(
+        u: Scalar, shift: Float[Array, " s"]
+    ) -> tuple[Float[Array, " q"], Scalar]:
         mean, sd = _prior_given(target, (u,))
         y, _ = _prior_given(target, (u, mean[1] + shift[0] * sd[1]))
         for i, name in enumerate(names):
             if name in ("f1", "e1", "f2", "e2"):
                 y = y.at[i].add(shift[int(name[1])])
 
-        def at(y: Array, is_last: Array) -> tuple[Array, Array]:
+        def at(
+            y: Float[Array, " q"], is_last: Bool[Array, ""]
+        ) -> tuple[Float[Array, " q"], Scalar]:
             predicted = problem.predict(target.state(target.seen(y)))
             scaled = y
             if "ln_A" in names:
@@ -201,7 +205,7 @@ def _first_starts(target: Target) -> Float[Array, "n q"]:
     return tried[jnp.arange(N_NODES), jnp.argmin(costs, axis=1)]
 
 
-def _ln_scale(target: Target, predicted: Float[Array, "c n"]) -> Array:
+def _ln_scale(target: Target, predicted: Float[Array, "c n"]) -> Scalar:
     """Log of the factor that brings predictions closest to the heights."""
     problem = target.pooled.problem
     predicted = jnp.where(problem.mask, predicted, 0.0)
@@ -251,7 +255,7 @@ def _ridge(
     return solve(cholesky(held), jnp.where(is_free, -information[:, 0], 0.0))
 
 
-def _minima(nodes: Expansion) -> Array:
+def _minima(nodes: Expansion) -> Int[Array, " k"]:
     """The lowest nodes of the lowest valleys."""
     edge = jnp.full(1, jnp.inf)
     padded = jnp.concatenate([edge, nodes.cost, edge])
@@ -260,7 +264,7 @@ def _minima(nodes: Expansion) -> Array:
     return chosen
 
 
-def schur(matrix: Float[Array, "q q"]) -> Array:
+def schur(matrix: Float[Array, "q q"]) -> Scalar:
     """Information on the first coordinate with the others free."""
     if matrix.shape[0] == 1:
         return matrix[0, 0]

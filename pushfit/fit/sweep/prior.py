@@ -48,7 +48,7 @@ class PriorShape:
     shape_sd: float
     tables: dict[str, tuple[float, float, Float[np.ndarray, "r s"]]]
 
-    def arrays(self) -> dict[str, np.ndarray]:
+    def arrays(self) -> dict[str, Float[np.ndarray, "..."]]:
         """All of it by names of its own, see `of_arrays`."""
         draws = {f"draws {name}": values for name, values in self.draws.items()}
         grids = {f"grid {n}": np.array(table[:2]) for n, table in self.tables.items()}
@@ -63,10 +63,10 @@ class PriorShape:
         }
 
     @classmethod
-    def of_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "PriorShape":
+    def of_arrays(cls, arrays: Mapping[str, Float[np.ndarray, "..."]]) -> "PriorShape":
         """The inverse of `arrays`."""
 
-        def those(word: str) -> dict[str, np.ndarray]:
+        def those(word: str) -> dict[str, Float[np.ndarray, "..."]]:
             return {
                 key.removeprefix(word): values
                 for key, values in arrays.items()
@@ -186,7 +186,7 @@ def _scaled(prior: Prior, ln_unit: float) -> Prior:
     return Prior("lognormal", float(prior.first) / np.exp(ln_unit), prior.second)
 
 
-def _rounded(value: float | Array) -> float:
+def _rounded(value: float | Float[Array, ""]) -> float:
     """Nine digits, so that rounding cannot make two shapes of one."""
     return float(f"{float(value):.9g}")
 

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from pushfit.fit.sweep.cholesky import cholesky, solve
 from pushfit.fit.sweep.target import Expansion
+from pushfit.model import Scalar
 
 # Longest step of a coordinate, in logs: beyond it the expansion says nothing.
 MAX_STEP = 1.5
@@ -105,8 +106,9 @@ def descend(target: ObjectiveOf, this: Round) -> Expansion:
     k = this.starts.shape[1]
 
     def step(
-        count: Array, carry: tuple[Expansion, Array, Array]
-    ) -> tuple[Expansion, Array, Array]:
+        count: Int[Array, ""],
+        carry: tuple[Expansion, Float[Array, " n"], Float[Array, "n q"]],
+    ) -> tuple[Expansion, Float[Array, " n"], Float[Array, "n q"]]:
         is_start = count < this.n_starts
         # Starts and steps share one evaluation.
         at_start = this.starts[:, jnp.minimum(count, k - 1)]
@@ -125,11 +127,11 @@ def descend(target: ObjectiveOf, this: Round) -> Expansion:
 
 def _step(
     target: ObjectiveOf,
-    is_start: Array,
-    carry: tuple[Expansion, Array, Array],
+    is_start: Bool[Array, ""],
+    carry: tuple[Expansion, Scalar, Float[Array, " q"]],
     is_free: Bool[Array, " q"],
     held: Float[Array, " h"],
-) -> tuple[Expansion, Array, Array]:
+) -> tuple[Expansion, Scalar, Float[Array, " q"]]:
     """A point looked at, and where to look next.
 
     Args:

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import logsumexp, ndtri
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from pushfit.fit.sweep.cholesky import (
     back_solve,
@@ -171,7 +171,9 @@ def _swept(target: Target) -> tuple[Scale, Expansion]:
     return _scale(target, outer), nodes
 
 
-def _chosen(is_first: Array, first: Expansion, second: Expansion) -> Expansion:
+def _chosen(
+    is_first: Bool[Array, ""], first: Expansion, second: Expansion
+) -> Expansion:
     return jax.tree.map(lambda a, b: jnp.where(is_first, a, b), first, second)
 
 
@@ -218,7 +220,7 @@ def log_volumes(target: Target, node: Expansion) -> Float[Array, " s"]:
         return local(target, node, node.y[:2]).log_volume[None]
     B = target.seen(node.y)["ln_B"]
 
-    def one(score: Array) -> Array:
+    def one(score: Scalar) -> Scalar:
         ln_s, _ = target.tables["ln_s"].draw(B, score)
         held = jnp.concatenate([node.y[:2], ln_s[None]])
         return local(target, node, held).log_volume

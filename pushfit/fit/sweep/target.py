@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from pushfit.fit.problem.problem import State
 from pushfit.fit.problem.repeats.pooling import Pooled
@@ -183,7 +183,7 @@ def finite(cost: Scalar) -> Scalar:
     return jnp.nan_to_num(cost, nan=IMPOSSIBLE, posinf=IMPOSSIBLE)
 
 
-def _place(position: Scalar, n: int) -> tuple[Array, Scalar]:
+def _place(position: Scalar, n: int) -> tuple[Int[Array, ""], Scalar]:
     """Index of the entry below a position, held inside, and the share beyond it."""
     held = jnp.clip(position, 0, n - 1)
     index = jnp.minimum(held.astype(int), n - 2)

@@ -155,7 +155,9 @@ def _axis_angles(
     is_about_y = jnp.arange(2 * alpha.size) < alpha.size
     azimuth = unit_vector(jnp.tile(alpha, 2))
 
-    def room(state: tuple[Contact, Grasp, Array], descent: Vector) -> Vector:
+    def room(
+        state: tuple[Contact, Grasp, Float[Array, "xy n"]], descent: Vector
+    ) -> Vector:
         """What an axis still bears, from a push straight down to a lower one."""
         group, grasp, azimuth = state
         elevation = jnp.stack([jnp.sin(descent), jnp.cos(descent)])

@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.reporting_rules import is_trusted
@@ -200,7 +201,7 @@ def _learned(identification: Identification, *, ax: "Axes | None" = None) -> "Fi
 
 def _traces(
     posterior: PosteriorResult,
-    chain: np.ndarray,
+    chain: Float[np.ndarray, "e t w p"],
     *,
     fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
@@ -314,7 +315,7 @@ def _corner(
     )
 
 
-def _varies(draws: np.ndarray | None) -> bool:
+def _varies(draws: Float[np.ndarray, " n"] | None) -> bool:
     return draws is not None and bool(np.nanstd(draws) > 0)
 
 

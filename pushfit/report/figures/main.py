@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Int
 
 from pushfit.fit.assess.reporting_rules import Pieces, is_trusted
 from pushfit.fit.results import FitStatus, Identification
@@ -59,7 +60,11 @@ def sweeps_of(identification: Identification, swept: str, channel: str) -> list[
 
 
 def _sweep(
-    identification: Identification, swept: str, *, channel: str, rows: np.ndarray
+    identification: Identification,
+    swept: str,
+    *,
+    channel: str,
+    rows: Int[np.ndarray, " r"],
 ) -> Sweep:
     """The pushes of some rows with the prediction that belongs to them."""
     table, frame = identification.table, identification.table.frame

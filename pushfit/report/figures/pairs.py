@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from pushfit.report.figures.style import (
     DATA,
@@ -118,7 +118,7 @@ def corner_figure(
 class _Panels:
     """What corner asks of a figure: its panels, and to move those of the user."""
 
-    def __init__(self, grid: np.ndarray) -> None:
+    def __init__(self, grid: Shaped[np.ndarray, "p p"]) -> None:
         self.axes = list(grid.flat)
 
     def subplots_adjust(self, **_: float) -> None:
@@ -203,7 +203,7 @@ def _is_wide(low: float, high: float) -> bool:
 
 
 def _label_corner(
-    grid: np.ndarray, names: Sequence[str], units: Mapping[str, str]
+    grid: Shaped[np.ndarray, "p p"], names: Sequence[str], units: Mapping[str, str]
 ) -> None:
     """Names with units along the left and lower border, ticks in plain numbers."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter

@@ -177,8 +177,8 @@ def _top(level: float) -> float:
 
 
 def _limits(
-    profile: tuple[np.ndarray, np.ndarray] | None,
-    samples: np.ndarray,
+    profile: tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]] | None,
+    samples: Float[np.ndarray, " n"],
     modes: Sequence[float],
     *,
     top: float,

@@ -8,7 +8,7 @@ fitting coordinates, for the convergence checks of pushfit. With `summary.json` 
 
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NotRequired, TypedDict
 
 import numpy as np
 from jaxtyping import Float
@@ -20,11 +20,16 @@ from pushfit.report.store.summary_schema import SCHEMA
 if TYPE_CHECKING:
     from xarray import DataTree
 
-# Of an `xarray.Dataset`, which takes long to load.
-Parts = dict[str, Any]
-
 # What ArviZ makes R-hat of by default.
 INDEPENDENT_CHAINS = 4
+
+
+class Parts(TypedDict):
+    """What makes an `xarray.Dataset`, which takes long to load."""
+
+    data_vars: Mapping[str, object]
+    coords: Mapping[str, object]
+    attrs: NotRequired[Mapping[str, object]]
 
 
 def posterior_tree(identification: Identification) -> "DataTree":
@@ -177,7 +182,7 @@ def _ensembles(identification: Identification) -> Parts:
     if posterior.diagnostics is not None:
         accepted = posterior.diagnostics.acceptance_fraction
         variables["acceptance_fraction"] = (("ensemble", "walker"), accepted)
-    return dict(
+    return Parts(
         data_vars=variables,
         coords={"coordinate": list(posterior.chain_names)},
         attrs={"thin": posterior.thin},
@@ -186,7 +191,7 @@ def _ensembles(identification: Identification) -> Parts:
 
 def _fit(identification: Identification) -> Parts:
     fit = identification.fit
-    return dict(
+    return Parts(
         data_vars={
             "estimate": ("coordinate", fit.estimate),
             "covariance": (("coordinate", "other_coordinate"), fit.covariance),
@@ -203,7 +208,7 @@ def _fit(identification: Identification) -> Parts:
 
 
 def _profiles(identification: Identification) -> Parts:
-    return dict(
+    return Parts(
         data_vars={
             name: (
                 f"{name}_value",
@@ -232,7 +237,7 @@ CURVES = ("lower", "median", "upper", "best_fit")
 def _bands(identification: Identification) -> Parts:
     """Predictions along the sweeps, one variable each, numbered."""
     bands = dict(enumerate(identification.bands))
-    return dict(
+    return Parts(
         data_vars={
             f"band_{index}": (
                 ("curve", f"angle_{index}"),
@@ -255,7 +260,7 @@ def _bands(identification: Identification) -> Parts:
 
 def _traces(identification: Identification) -> Parts:
     traces = dict(enumerate(identification.table.traces))
-    return dict(
+    return Parts(
         data_vars={
             f"trace_{index}": (
                 f"time_{index}",

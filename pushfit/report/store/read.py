@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable, read_table
@@ -187,7 +188,7 @@ def _posterior(document: Summary, groups: Groups) -> PosteriorResult:
     )
 
 
-def _array(group: "Dataset", name: str) -> np.ndarray:
+def _array(group: "Dataset", name: str) -> Float[np.ndarray, "..."]:
     return group[name].to_numpy().astype(float)
 
 
@@ -195,7 +196,7 @@ def _words(group: "Dataset", name: str) -> tuple[str, ...]:
     return tuple(str(word) for word in group[name].to_numpy())
 
 
-def _draws(group: "Dataset") -> dict[str, np.ndarray]:
+def _draws(group: "Dataset") -> dict[str, Float[np.ndarray, " n"]]:
     return {str(name): one_row(_array(group, str(name))) for name in group.data_vars}
 
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING, TypeGuard, cast
 
 import numpy as np
 
@@ -185,7 +185,7 @@ def _walk(
             elif key == "sets" and not where.endswith("_deg"):
                 # Into how many pieces a set that fills the prior falls is up to chance.
                 limit = math.inf
-            yield from _walk(item, f"{where}.{key}", limit)
+            yield from _walk(cast(Json, item), f"{where}.{key}", limit)
         return
     if allowed is None:
         allowed = RELATIVE * abs(value) if _is_number(value) else 0.0

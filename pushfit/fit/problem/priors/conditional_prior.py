@@ -138,7 +138,9 @@ class Pair(abc.ABC):
         _, log_joint, half = self._joint(whole)
         return gauss_legendre(log_joint, WEIGHTS, half)
 
-    def _joint(self, whole: Values) -> tuple[np.ndarray, np.ndarray, Values]:
+    def _joint(
+        self, whole: Values
+    ) -> tuple[Float[np.ndarray, "*n t"], Float[np.ndarray, "*n t"], Values]:
         """Nodes across the pair's own coordinate, log joint density, half width."""
         low, high = self.interval(whole)
         half = np.maximum((high - low) / 2, 1e-300)

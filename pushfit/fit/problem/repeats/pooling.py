@@ -12,7 +12,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int, Num
 
 from pushfit.fit.problem.problem import Problem, bucket
 from pushfit.model import Pushes, as_float
@@ -71,7 +71,7 @@ def pool_repeats(problem: Problem, *, is_growing: bool = False) -> Pooled:
     scatter = (observed - mean[:, group]) ** 2
     scatter = np.stack([np.bincount(group, row, minlength=n) for row in scatter])
 
-    def padded(values: np.ndarray, fill: float) -> np.ndarray:
+    def padded(values: Num[np.ndarray, "*s n"], fill: float) -> Num[np.ndarray, "*s m"]:
         n = values.shape[-1]
         n_padded = (bucket(n) if is_growing else -(-n // PADDING) * PADDING) - n
         ends = np.full((*values.shape[:-1], n_padded), fill, dtype=values.dtype)
@@ -101,7 +101,9 @@ def pool_repeats(problem: Problem, *, is_growing: bool = False) -> Pooled:
     )
 
 
-def _alike(key: Float[np.ndarray, "k n"]) -> tuple[np.ndarray, np.ndarray]:
+def _alike(
+    key: Float[np.ndarray, "k n"],
+) -> tuple[Int[np.ndarray, " g"], Int[np.ndarray, " n"]]:
     """First column of each group of equal ones, and the group of every column."""
     _, first, group = np.unique(
         np.rint(key / SAME), axis=1, return_index=True, return_inverse=True
