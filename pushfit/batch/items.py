@@ -1,7 +1,8 @@
 """What one batch is made of: items, each with all that decides its result.
 
 Whether a result is still valid is judged by the key of its item, a digest of contents;
-names and times of files decide nothing.
+names and times of files decide nothing. Excluded: which files are found
+(`pushfit.batch.inputs`).
 """
 
 import hashlib

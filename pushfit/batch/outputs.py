@@ -2,6 +2,7 @@
 
 Cells of a spreadsheet that begin like a formula would be run by it, so text that starts
 so gets an apostrophe in front; numbers are left alone, and Parquet needs none.
+Excluded: what stands in the rows (`pushfit.batch.rows`, `pushfit.batch.population`).
 """
 
 import csv

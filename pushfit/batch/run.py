@@ -1,7 +1,8 @@
 """A batch from its inputs to its files: plan, compute what is missing, write.
 
 Equal inputs give equal files, byte by byte, whatever the number of workers, the order
-of the inputs, and however often the run was killed on the way.
+of the inputs, and however often the run was killed on the way. Excluded: the work on an
+item (`pushfit.batch.work`).
 """
 
 import contextlib

@@ -3,6 +3,7 @@
 One SQLite file, written by the coordinating process alone, each chunk in one
 transaction: whatever kills the process, what was finished is whole and what was not is
 absent. The process holds the file's lock, so two batches cannot mix in one folder.
+Excluded: result folders of items (`pushfit.batch.folders`).
 """
 
 import contextlib

@@ -1,7 +1,7 @@
 """The work on one chunk of items, here or in a worker process.
 
 Nothing is raised: whatever happens to an item becomes its outcome, and its neighbours
-go on.
+go on. Excluded: who does it (`pushfit.batch.workers`).
 """
 
 import os

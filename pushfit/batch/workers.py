@@ -2,7 +2,8 @@
 
 A worker that dies, or passes the time limit, costs no item but its own: dask tries the
 chunk again elsewhere, then it is split, and what still fails is tried once more alone,
-so that nobody pays for a neighbour's crash.
+so that nobody pays for a neighbour's crash. Excluded: the work itself
+(`pushfit.batch.work`).
 """
 
 import contextlib

@@ -1,4 +1,7 @@
-"""From the files that a command names to settings and tables, with a word on each."""
+"""From the files that a command names to settings and tables, with a word on each.
+
+Excluded: the readers (`pushfit.data.load`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,7 @@
-"""Where results go, and what is in their way."""
+"""Where results go, and what is in their way.
+
+Excluded: the files of a result (`pushfit.report.store.folder`).
+"""
 
 from pathlib import Path
 

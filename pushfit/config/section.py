@@ -1,4 +1,7 @@
-"""What all sections of `grasp.toml` have in common."""
+"""What all sections of `grasp.toml` have in common.
+
+Excluded: the sections (`pushfit.config.schema`).
+"""
 
 from typing import Annotated, Any
 

@@ -1,7 +1,8 @@
 """The next push, as one sentence of advice in a result.
 
 The push is that of `pushfit next` for the same table, within the elevations pushed so
-far: whichever tells most of an angle that is still open.
+far: whichever tells most of an angle that is still open. Excluded: the choice itself
+(`pushfit.explore.decide.next_push`).
 """
 
 from dataclasses import replace

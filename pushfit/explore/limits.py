@@ -1,6 +1,7 @@
 """What pushes must never do, and where they may go at all.
 
 The position node aborts on force; here a push that might need that is not asked for.
+Excluded: the section of `grasp.toml` with them (`pushfit.config.explore`).
 """
 
 from dataclasses import dataclass

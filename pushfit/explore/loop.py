@@ -1,6 +1,7 @@
 """A hand explores a grasp: ask, push, feel, tell, until there is an answer.
 
 Whatever goes wrong, the finger is taken back before anything else is thought of.
+Excluded: which push, and when to stop (`pushfit.explore.explorer`).
 """
 
 from collections.abc import Callable

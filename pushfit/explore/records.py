@@ -1,4 +1,7 @@
-"""What an exploration says: suggested pushes, its state, and the pushes told."""
+"""What an exploration says: suggested pushes, its state, and the pushes told.
+
+Excluded: the belief behind a suggestion (`pushfit.explore.belief.belief`).
+"""
 
 import enum
 from collections.abc import Mapping

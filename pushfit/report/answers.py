@@ -2,7 +2,7 @@
 
 Text, page and figures take the two answers from here, so they cannot disagree. The
 rule beside those of `pushfit.fit.assess.reporting_rules`: all pieces of a set, never
-their hull.
+their hull. Excluded: all else that reports state (`pushfit.report.facts`).
 """
 
 from dataclasses import dataclass, replace

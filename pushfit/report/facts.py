@@ -1,6 +1,7 @@
 """What the reports state besides the two answers, as rows of words.
 
-Text and page lay out the same rows, so that neither says more than the other.
+Text and page lay out the same rows, so that neither says more than the other. Excluded:
+their layout (`pushfit.report.text.result`, `pushfit.report.html.result`).
 """
 
 from collections import Counter

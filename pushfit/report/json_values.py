@@ -1,4 +1,7 @@
-"""Values as JSON knows them, no NaN, no arrays, no records; and back."""
+"""Values as JSON knows them, no NaN, no arrays, no records; and back.
+
+Excluded: which values are written (`pushfit.report.store.summary`).
+"""
 
 import enum
 import math

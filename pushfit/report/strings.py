@@ -1,7 +1,8 @@
 """Words and numbers as a reader sees them: units, symbols, significant digits.
 
 Text that came from a user (paths, notes, column names) passes through `printable`
-before it reaches a terminal, a page or a figure. Nothing here knows of results.
+before it reaches a terminal, a page or a figure. Excluded: words on a result
+(`pushfit.report.answers`, `pushfit.report.facts`).
 """
 
 import math

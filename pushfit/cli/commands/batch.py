@@ -1,4 +1,7 @@
-"""`pushfit batch`: many recordings or tables, each for itself."""
+"""`pushfit batch`: many recordings or tables, each for itself.
+
+Excluded: the batch itself (`pushfit.batch.run`).
+"""
 
 from dataclasses import asdict
 from pathlib import Path

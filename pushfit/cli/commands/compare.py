@@ -1,4 +1,7 @@
-"""`pushfit compare`: rolling and mechanics, by evidence and by prediction."""
+"""`pushfit compare`: rolling and mechanics, by evidence and by prediction.
+
+Excluded: the models compared (`pushfit.fit.comparison`).
+"""
 
 from pushfit.cli import options
 from pushfit.cli.inputs import load_table

@@ -1,4 +1,7 @@
-"""`pushfit coverage`: how often intervals would hold the truth for these pushes."""
+"""`pushfit coverage`: how often intervals would hold the truth for these pushes.
+
+Excluded: the study itself (`pushfit.fit.coverage`).
+"""
 
 from typing import Annotated
 

@@ -1,4 +1,7 @@
-"""`next` and `explore`: which push to make, and a hand that makes them."""
+"""`next` and `explore`: which push to make, and a hand that makes them.
+
+Excluded: how pushes are chosen (`pushfit.explore.explorer`).
+"""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

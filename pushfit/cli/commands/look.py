@@ -1,4 +1,7 @@
-"""`pushfit look`: choose the pushes of a recording and name their directions."""
+"""`pushfit look`: choose the pushes of a recording and name their directions.
+
+Excluded: the page and its server (`pushfit.cli.look`).
+"""
 
 import shlex
 import threading

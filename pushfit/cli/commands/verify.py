@@ -1,4 +1,7 @@
-"""`pushfit verify`: compute a result again from its inputs and compare every number."""
+"""`pushfit verify`: compute a result again from its inputs and compare every number.
+
+Excluded: the comparison of numbers (`pushfit.report.store.reproduction`).
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any

@@ -1,4 +1,7 @@
-"""Humps of a recording, and what is left aside of them."""
+"""Humps of a recording, and what is left aside of them.
+
+Excluded: the search for them (`pushfit.data.pushes.humps`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,7 @@
-"""How a fault of an input file is worded: place, value, rule, next step."""
+"""How a fault of an input file is worded: place, value, rule, next step.
+
+Excluded: which fault it is (`pushfit.data.text.explain`).
+"""
 
 from collections.abc import Sequence
 

@@ -1,6 +1,7 @@
 """Beliefs from the inference: draws of the posterior, or of the prior to begin with.
 
 `believe` is the only contact of this package with the engines of `pushfit.fit`.
+Excluded: what one more push changes (`pushfit.explore.belief.learning`).
 """
 
 from collections.abc import Mapping

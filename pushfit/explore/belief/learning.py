@@ -1,4 +1,7 @@
-"""From pushes told to a belief, and when the first push is due again."""
+"""From pushes told to a belief, and when the first push is due again.
+
+Excluded: where draws come from (`pushfit.explore.belief.from_fit`).
+"""
 
 from collections.abc import Sequence
 

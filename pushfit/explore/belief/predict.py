@@ -1,6 +1,7 @@
 """Heights and forces that draws of a belief predict for pushes not yet made.
 
 One compiled program serves every belief of a grasp: numbers of candidates are padded.
+Excluded: which pushes are candidates (`pushfit.explore.limits`).
 """
 
 from collections.abc import Mapping

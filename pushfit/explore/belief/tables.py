@@ -1,4 +1,7 @@
-"""Between pushes as they are told and tables of peak heights."""
+"""Between pushes as they are told and tables of peak heights.
+
+Excluded: the records of pushes (`pushfit.explore.records`).
+"""
 
 from collections.abc import Mapping, Sequence
 

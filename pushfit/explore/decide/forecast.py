@@ -5,6 +5,7 @@ would then leave of the belief is looked at. The pushes are spread over the reac
 in a second reckoning kept to those that tell most now; the better one counts. Where so
 many pushes leave weight on a handful of draws, the width is that of fewer pushes,
 carried on at the rate at which it shrank: draws that ran out are no knowledge.
+Excluded: which push is next (`pushfit.explore.decide.next_push`).
 """
 
 from dataclasses import dataclass

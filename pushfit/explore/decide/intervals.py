@@ -2,6 +2,7 @@
 
 An angle that is undefined (NaN: the contact never rolls) lies in no interval but counts
 towards the whole, so an interval can only be had where enough draws have the angle.
+Excluded: the intervals of a result (`pushfit.fit.problem.derived`).
 """
 
 from dataclasses import dataclass

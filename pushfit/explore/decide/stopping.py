@@ -1,6 +1,7 @@
 """When an exploration is over, and what it then says.
 
-Decisions rest on shortest posterior intervals and on nothing else.
+Decisions rest on shortest posterior intervals and on nothing else. Excluded: what
+pushes to come would decide (`pushfit.explore.decide.forecast`).
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,7 @@
 """Whether the finger still feels the object during a push.
 
-Judged by the reading alone. What a push leaves behind is none of its business: a
-reading that does not come back to rest is (`pushfit.explore.hands.touch`).
+Judged by the reading alone. Excluded: a reading that does not come back to rest
+(`pushfit.explore.hands.touch`).
 """
 
 import numpy as np

@@ -1,7 +1,8 @@
 """What an exploration needs of a robot: a finger that pushes and a sensor that feels.
 
 Whoever implements `Hand` runs everything here; nothing in this package knows a robot.
-The paper calls the two halves position node and touch node.
+The paper calls the two halves position node and touch node. Excluded: what is made of
+the samples (`pushfit.explore.hands.touch`).
 """
 
 import enum

@@ -1,7 +1,8 @@
 """A hand that is not there: push model, simulated sensor, and what can go wrong.
 
 Time is the hand's own and passes without waiting. Faults are asked for by the number of
-the push that has them.
+the push that has them. Excluded: a simulated robot for ROS
+(`pushfit.explore.hands.ros.robot`).
 """
 
 from collections.abc import Callable, Mapping

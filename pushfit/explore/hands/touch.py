@@ -1,6 +1,7 @@
 """From the samples around one push to its heights, or to the word for what went wrong.
 
 A height that is doubtful is none: every fault has a name, and nothing is filled in.
+Excluded: whether contact was lost during the push (`pushfit.explore.hands.contact`).
 """
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,7 @@
-"""What an exploration writes into its journal, and the history that this tells."""
+"""What an exploration writes into its journal, and the history that this tells.
+
+Excluded: how lines get on disk (`pushfit.explore.journal.file`).
+"""
 
 import functools
 from dataclasses import dataclass, field

@@ -2,7 +2,7 @@
 
 A push is in it as `asked` before the finger moves, and as `told` or `failed`
 afterwards, so that a process killed at any moment leaves a journal from which the same
-exploration goes on.
+exploration goes on. Excluded: what the lines say (`pushfit.explore.journal.events`).
 """
 
 import json

@@ -1,4 +1,7 @@
-"""What the data can tell, and whether the model describes them."""
+"""What the data can tell, and whether the model describes them.
+
+Excluded: how that is judged (`pushfit.fit.assess`).
+"""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,7 @@
-"""What was computed: least squares, and draws from the posterior."""
+"""What was computed: least squares, and draws from the posterior.
+
+Excluded: how (`pushfit.fit.profiles`, `pushfit.fit.sweep`, `pushfit.fit.sampler`).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

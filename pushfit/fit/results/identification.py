@@ -1,4 +1,7 @@
-"""Everything that one table told."""
+"""Everything that one table told.
+
+Excluded: how it is shown (`pushfit.report.result`).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

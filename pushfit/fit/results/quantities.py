@@ -1,4 +1,7 @@
-"""What may be said of one quantity, and the words for it."""
+"""What may be said of one quantity, and the words for it.
+
+Excluded: which verdict it gets (`pushfit.fit.assess.verdicts`).
+"""
 
 import enum
 import math

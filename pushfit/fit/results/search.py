@@ -1,4 +1,7 @@
-"""Best fits along one quantity, which whatever comes later begins with."""
+"""Best fits along one quantity, which whatever comes later begins with.
+
+Excluded: the search itself (`pushfit.fit.profiles.curve_search`).
+"""
 
 from dataclasses import dataclass
 

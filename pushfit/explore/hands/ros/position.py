@@ -6,7 +6,8 @@ Takes a displacement, sends set points to a robot, and ends early at a force, a 
 silent sensor, an algorithm that waits no more, a cancel, a lost master, or an end of
 this node that is not sudden; whatever ends a push, the finger goes back. The algorithm
 can tighten the force limit, never widen it. What it cannot do is outlive itself: a
-robot that hears no set points has to take its finger back.
+robot that hears no set points has to take its finger back. Excluded: where to push, and
+how far (`pushfit.explore.explorer`).
 """
 
 import threading

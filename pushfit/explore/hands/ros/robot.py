@@ -4,6 +4,7 @@
 
 For rehearsals and tests, in place of the driver of a real finger. Like that of a real
 one it has a watchdog: without set points for a time it goes back to the contact.
+Excluded: a hand without ROS (`pushfit.explore.hands.simulated`).
 """
 
 import threading

@@ -5,7 +5,8 @@ r"""Touch node: a sensor of whatever kind as one stream of forces.
         _source:=tip _type:=std_msgs/Int32 _field:=data
 
 Of a wrench the force is passed on; of another message a named field becomes the normal
-force. A message without a stamp of its own gets the time at which it came.
+force. A message without a stamp of its own gets the time at which it came. Excluded:
+faults of the stream (`pushfit.explore.hands.touch`).
 """
 
 from functools import partial, reduce
