@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeVar
 
+# Period of an axis: pushing along α and along α + 180° is the same line [deg].
+HALF_TURN = 180.0
 # Kind, first and second number of a distribution.
 Shape = tuple[str, float, float]
 

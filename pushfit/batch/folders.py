@@ -69,7 +69,7 @@ def begin_folder(folder: Path) -> None:
         )
 
 
-def sweep(folder: Path) -> None:
+def remove_leftovers(folder: Path) -> None:
     """Remove what killed runs left half written; call it under the store's lock."""
     for name in OUTPUTS:
         for path in folder.glob(f".{name}.*.tmp"):

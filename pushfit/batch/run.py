@@ -11,7 +11,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from pushfit.batch.folders import FOLDER, begin_folder, folder_name, is_current, sweep
+from pushfit.batch.folders import (
+    FOLDER,
+    begin_folder,
+    folder_name,
+    is_current,
+    remove_leftovers,
+)
 from pushfit.batch.inputs import find_inputs
 from pushfit.batch.items import Failure, Item, Request, make_plan
 from pushfit.batch.outputs import write_outputs
@@ -107,7 +113,7 @@ def identify_batch(
     workers, report = workers or Workers(), progress or (lambda stage, share: None)
     begin_folder(folder)
     with open_store(folder) as (store, notice):
-        sweep(folder)
+        remove_leftovers(folder)
         # Of duplicates the first by name; the others share its result.
         unique = {item.key: item for item in reversed(plan.items)}
         missing = [item for key, item in unique.items() if store.get(key) is None]

@@ -31,6 +31,7 @@ from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.sweep.posterior import MAX_PARETO_K
 
 # Sharpness of the soft model where the configuration names none: at θ_c the tangential
 # force then lies 8 % below the hard switch, at half and at twice the ratio of the two
@@ -49,8 +50,6 @@ NOISES: dict[str, dict[str, str]] = {
 # Differences below these tell nothing: a factor of e between evidences, two standard
 # errors between predictive densities.
 MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS = 1.0, 2.0
-# Pareto k above which importance sampling is not to be relied on, for many draws.
-MAX_PARETO_K = 0.7
 CHUNK = 1024
 
 

@@ -19,7 +19,6 @@ from pushfit.errors import ConfigError, DataError, FitError
 from pushfit.fit.identify.fitted import Fitted, fit_table, reach_of
 from pushfit.fit.identify.one import identify_table
 from pushfit.fit.problem.derived import (
-    HALF_TURN,
     equal_tailed_interval,
     samples_mapping,
 )
@@ -27,7 +26,7 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.predictions import heights_of, predict_draws
 from pushfit.fit.results import FitStatus, Identification, Piece, Verdict
 from pushfit.model import Pushes
-from pushfit.parameters import ANGLES
+from pushfit.parameters import ANGLES, HALF_TURN
 
 # The usual probabilities, that of intervals by default among them.
 LEVELS = (0.5, 0.9, 0.95)

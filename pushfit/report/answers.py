@@ -20,8 +20,8 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.mechanics.registry import mechanics_named
+from pushfit.parameters import HALF_TURN
 from pushfit.report.strings import (
-    HALF_TURN,
     format_angle,
     format_estimate,
     format_range,
@@ -29,7 +29,8 @@ from pushfit.report.strings import (
     printable,
 )
 
-# Fewer different angles than this leave the question open.
+# Fewer different angles than this leave the question open, and are no sweep to draw: a
+# line through two shows nothing.
 MIN_DIRECTIONS = 3
 # Below this share of draws without a critical angle nothing is said about them.
 MIN_SHARE = 0.01

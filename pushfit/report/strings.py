@@ -10,7 +10,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
-from pushfit.parameters import named
+from pushfit.parameters import HALF_TURN, named
 
 # Words of units in tables and in `Quantity.unit` on the left, as printed on the right.
 UNITS = {"deg": "°", "n": "N", "kpa": "kPa", "au": "a.u."}
@@ -18,8 +18,6 @@ NO_UNIT = frozenset({"", "-", "–", "1"})
 
 # The largest uncertainty that still shows whole degrees (two digits of it).
 COARSE_DEG = 99.0
-# Period of an axis [deg].
-HALF_TURN = 180.0
 
 # Below this share of a run what is left would be a guess.
 FORESEEABLE = 0.15

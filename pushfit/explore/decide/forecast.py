@@ -15,7 +15,8 @@ from jaxtyping import Float, Float32, Int
 from scipy.sparse import csr_array
 
 from pushfit.explore.decide.gain import N_FINE, one_thread
-from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
+from pushfit.explore.decide.intervals import Target, column_widths
+from pushfit.parameters import HALF_TURN
 
 # Truths: two decided ones of them are fewer than 5 %.
 N_TRUTHS = 48

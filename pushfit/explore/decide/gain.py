@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from threadpoolctl import ThreadpoolController
 
-from pushfit.explore.decide.intervals import HALF_TURN, Target, column_widths
+from pushfit.explore.decide.intervals import Target, column_widths
 from pushfit.explore.decide.joint_table import Joint, by_label, by_reading, joint_table
+from pushfit.parameters import HALF_TURN
 
 # Bins of equal weight of the angle, and of the reading along its widest and its second
 # direction: noise blurs them. Twice as many move no ranking. The coarse ones are for

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-# Period of an axis: pushing along α and along α + 180° is the same line [deg].
-HALF_TURN = 180.0
+from pushfit.parameters import HALF_TURN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

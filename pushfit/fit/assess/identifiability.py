@@ -14,13 +14,12 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import residuals_at
+from pushfit.fit.profiles.least_squares import RANK_TOLERANCE
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import Combination, IdentifiabilityResult
 from pushfit.model import Parameters, as_float, contact
 from pushfit.parameters import OF_GRASP, POSITIVE, SIGNED
 
-# Singular values below this share of the largest are rounding.
-RANK_TOLERANCE = 1e-8
 # A direction counts as fixed by the data when they remove this share of its prior
 # variance: the error bar is then less than half of the prior's.
 MIN_CONTRACTION = 0.75

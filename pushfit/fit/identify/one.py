@@ -300,8 +300,8 @@ def _leading_first(measured: list[_Measured]) -> list[_Measured]:
     linear, tilting = measured
     tilt = implied_tilt_deg(linear.fitted.setup, linear.swept)
     if not _is_comparable(linear.fitted, tilting.fitted):
-        unknown = {"log_evidence": None, "log_evidence_error": None}
-        tilting = replace(tilting, answer=replace(tilting.answer, **unknown))
+        no_evidence = {"log_evidence": None, "log_evidence_error": None}
+        tilting = replace(tilting, answer=replace(tilting.answer, **no_evidence))
     if does_tilt_matter(linear.answer, tilting.answer, tilt) and not is_worse(
         tilting.answer, linear.answer
     ):

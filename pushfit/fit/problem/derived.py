@@ -14,10 +14,8 @@ from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import Piece
 from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.model import as_float, contact
-from pushfit.parameters import SIX
+from pushfit.parameters import HALF_TURN, SIX
 
-# Period of an axis: pushing along α and along α + 180° is the same line [deg].
-HALF_TURN = 180.0
 # Data coordinates of one call.
 N_POINTS = 128
 # A density estimate has fewer bumps than this.

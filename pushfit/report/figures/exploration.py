@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.explore.decide.intervals import HALF_TURN
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.records import State, Suggestion
+from pushfit.parameters import HALF_TURN
 from pushfit.report.figures.style import (
     BLACK,
     BLUE,

@@ -23,7 +23,7 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
-from pushfit.parameters import STIFFNESSES
+from pushfit.parameters import HALF_TURN, STIFFNESSES
 from pushfit.report.answers import (
     ANSWERS,
     alpha_star_answer,
@@ -44,7 +44,6 @@ from pushfit.report.figures.posterior import (
 )
 from pushfit.report.figures.recording import signal_figure
 from pushfit.report.figures.style import figure_bytes
-from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,9 @@ from jaxtyping import Int
 
 from pushfit.fit.assess.reporting_rules import Pieces, is_trusted
 from pushfit.fit.results import FitStatus, Identification
+from pushfit.parameters import HALF_TURN
 from pushfit.report.answers import (
+    MIN_DIRECTIONS,
     Answer,
     alpha_star_answer,
     theta_c_answer,
@@ -27,14 +29,11 @@ from pushfit.report.figures.sweeps import (
     legend_height,
     theta_figure,
 )
-from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 
-# Fewer directions than this are no sweep: a line through two shows nothing.
-MIN_DIRECTIONS = 3
 # What the first figure shows at a glance: more bands cover each other. The others have
 # a figure of their own.
 MAX_SWEEPS = 5

@@ -16,11 +16,11 @@ import numpy as np
 
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.fit.results import Identification
+from pushfit.parameters import HALF_TURN
 from pushfit.report.json_values import Json, json_safe
 from pushfit.report.store.archive import posterior_tree
 from pushfit.report.store.read import BROKEN, not_whole
 from pushfit.report.store.summary import summary_dict
-from pushfit.report.strings import HALF_TURN
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -13,6 +13,7 @@ from pushfit.errors import DataError
 from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.mechanics.registry import mechanics_named
+from pushfit.parameters import HALF_TURN
 from pushfit.report.facts import UNQUOTED, quantity_cells, verdict_word
 from pushfit.report.json_values import Json, json_safe
 from pushfit.report.strings import (
@@ -25,8 +26,6 @@ from pushfit.report.strings import (
 )
 
 SCHEMA = "pushfit.difference/1"
-# An axis is the same after half a turn [deg].
-HALF_TURN = 180.0
 # Beyond this share of draws without a critical angle the rest says too little.
 MAX_NONE = 0.05
 

@@ -15,13 +15,13 @@ from pushfit.cli.commands.explore import watched
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.decide import stopping
 from pushfit.explore.decide.forecast import UNLIMITED
-from pushfit.explore.decide.intervals import HALF_TURN
 from pushfit.explore.hands.simulated import SimulatedHand
 from pushfit.explore.limits import Limits
 from pushfit.explore.loop import Step, explore
 from pushfit.explore.records import Answer, Purpose, State, Suggestion
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Parameters
+from pushfit.parameters import HALF_TURN
 from pushfit.report.figures.exploration import draw_course, exploration_picture
 from pushfit.report.store.read import read_result
 from tests.cli.test_app import session
