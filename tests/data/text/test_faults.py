@@ -23,84 +23,93 @@ from pushfit.fit.assess.warnings import table_warnings
 from pushfit.model import Grasp, Parameters
 
 TESTS = Path(__file__).parents[2]
-RECORDING, PRESCAN, PEAKS = (
+RECORDING, REFUSALS, PRESCAN, PEAKS = (
     "data/recordings/test_recording",
+    "data/recordings/test_refusals",
     "data/text/test_csv_reader",
     "data/peaks/test_peaks",
 )
 # Fault: module of the test, then tests or cases of a table in it.
 WHERE = {
     "1 missing path, folder": (
-        (RECORDING, "test_a_missing_path_names_the_nearest_one"),
-        (RECORDING, "test_a_folder_is_not_a_recording"),
+        (REFUSALS, "test_a_missing_path_names_the_nearest_one"),
+        (REFUSALS, "test_a_folder_is_not_a_recording"),
         ("cli/test_inputs", "test_all_missing_inputs_are_named_before_any_work"),
     ),
-    "2 empty, header only": ((RECORDING, "empty", "blank_lines_only", "header_only"),),
+    "2 empty, header only": ((REFUSALS, "empty", "blank_lines_only", "header_only"),),
     "3 no table at all": (
-        (RECORDING, "spreadsheet", "web_page", "lfs_pointer", "json", "cut_gzip"),
-        (RECORDING, "gzip", "test_a_small_zip_that_grows_without_end_is_refused"),
+        (REFUSALS, "spreadsheet", "web_page", "lfs_pointer", "json", "cut_gzip"),
+        (RECORDING, "gzip"),
+        (REFUSALS, "test_a_small_zip_that_grows_without_end_is_refused"),
     ),
     "4 encodings": (
-        (RECORDING, "utf_16_little_endian", "byte_order_mark", "latin_1"),
-        (RECORDING, "utf_16_without_mark"),
+        (RECORDING, "utf_16_little_endian", "byte_order_mark"),
+        (REFUSALS, "latin_1"),
+        (REFUSALS, "utf_16_without_mark"),
     ),
     "5 zero bytes": (
-        (RECORDING, "zero_bytes_at_the_end", "zero_bytes_inside"),
+        (REFUSALS, "zero_bytes_at_the_end", "zero_bytes_inside"),
         (RECORDING, "test_zero_bytes_at_the_end_are_dropped_when_asked"),
     ),
     "6 semicolons, decimal commas": (
-        (RECORDING, "semicolons_and_decimal_commas", "mixed_decimal_marks"),
+        (RECORDING, "semicolons_and_decimal_commas"),
+        (REFUSALS, "mixed_decimal_marks"),
     ),
-    "7 decimal commas between commas": ((RECORDING, "decimal_comma_between_commas"),),
+    "7 decimal commas between commas": ((REFUSALS, "decimal_comma_between_commas"),),
     "8 trailing delimiter": (
-        (RECORDING, "trailing_comma_in_all_rows", "an_extra_field_that_is_not_empty"),
+        (RECORDING, "trailing_comma_in_all_rows"),
+        (REFUSALS, "an_extra_field_that_is_not_empty"),
     ),
     "9 ragged rows": (
-        (RECORDING, "ragged_row", "test_all_problems_of_a_file_are_listed_at_once"),
+        (REFUSALS, "ragged_row", "test_all_problems_of_a_file_are_listed_at_once"),
     ),
     "10 cut last line": (
         (RECORDING, "test_a_cut_last_line_is_dropped_with_a_note"),
-        (RECORDING, "no_line_end_when_strict"),
+        (REFUSALS, "no_line_end_when_strict"),
     ),
-    "11 doubled names": ((RECORDING, "doubled_name", "pandas_copy_of_a_name"),),
+    "11 doubled names": ((REFUSALS, "doubled_name", "pandas_copy_of_a_name"),),
     "12 missing column": (
-        (RECORDING, "mapped_column_is_missing", "no_unit_on_any_signal", "no_time"),
+        (REFUSALS, "mapped_column_is_missing", "no_unit_on_any_signal", "no_time"),
     ),
-    "13 repeated header, row of units": ((RECORDING, "appended_log", "row_of_units"),),
+    "13 repeated header, row of units": (
+        (RECORDING, "row_of_units"),
+        (REFUSALS, "appended_log"),
+    ),
     "14 no header": (
-        (RECORDING, "no_names"),
+        (REFUSALS, "no_names"),
         ("data/text/test_dialects", "test_names_from_the_user_must_name_every_field"),
     ),
     "15 line ends": ((RECORDING, "old_mac_line_ends", "mixed_line_ends"),),
     "16 no numbers": (
-        (RECORDING, "word", "thousands", "hexadecimal", "dash", "excel_error"),
-        (RECORDING, "not_available", "truth_value"),
-        (RECORDING, "test_bad_cells_are_listed_up_to_ten_and_counted"),
+        (REFUSALS, "word", "thousands", "hexadecimal", "dash", "excel_error"),
+        (REFUSALS, "not_available", "truth_value"),
+        (REFUSALS, "test_bad_cells_are_listed_up_to_ten_and_counted"),
     ),
     "17 file still written": (
-        (RECORDING, "test_a_file_that_changes_while_it_is_read_is_refused"),
-        (RECORDING, "test_a_bag_that_is_still_recorded_is_refused"),
+        (REFUSALS, "test_a_file_that_changes_while_it_is_read_is_refused"),
+        (REFUSALS, "test_a_bag_that_is_still_recorded_is_refused"),
     ),
     "18 too large": (
         (PRESCAN, "test_what_would_need_too_much_memory_is_refused_after_the_scan"),
         (PRESCAN, "test_columns_that_nobody_needs_cost_no_memory"),
     ),
     "19 missing samples": (
-        (RECORDING, "missing_sample", "test_gaps_stay_missing_when_split"),
+        (RECORDING, "test_gaps_stay_missing_when_split"),
+        (REFUSALS, "missing_sample"),
         (RECORDING, "test_short_gaps_are_filled_on_the_straight_line"),
         (PEAKS, "test_a_gap_at_the_top_is_flagged_and_one_at_rest_is_not"),
     ),
-    "20 infinite": ((RECORDING, "infinite", "overflow", "large_exponent"),),
-    "21 time": ((RECORDING, "time_twice", "time_goes_back", "nanoseconds_as_seconds"),),
+    "20 infinite": ((REFUSALS, "infinite", "overflow", "large_exponent"),),
+    "21 time": ((REFUSALS, "time_twice", "time_goes_back", "nanoseconds_as_seconds"),),
     "22 uneven steps": (
         (RECORDING, "test_irregular_sampling_is_a_note_not_an_error"),
         (PEAKS, "test_uneven_steps_do_not_shift_heights"),
     ),
     "23 wrong unit of pressure": (
-        (RECORDING, "counts_as_kilopascals", "pascals_as_kilopascals"),
+        (REFUSALS, "counts_as_kilopascals", "pascals_as_kilopascals"),
     ),
     "24 wrong unit of angles": (
-        (RECORDING, "radians_as_degrees", "degrees_as_radians", "more_than_a_turn"),
+        (REFUSALS, "radians_as_degrees", "degrees_as_radians", "more_than_a_turn"),
     ),
     "25 saturation": (
         (PEAKS, "test_saturated_pushes_are_flagged_and_out_of_use"),
