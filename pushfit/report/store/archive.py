@@ -286,8 +286,8 @@ SIGNED = ("start", "end", "baseline", "height")
 
 def _components(identification: Identification) -> Parts:
     """Force components of the traces, three variables each, numbered."""
-    data_vars: Parts = {}
-    coords: Parts = {"height": list(SIGNED)}
+    data_vars: dict[str, object] = {}
+    coords: dict[str, object] = {"height": list(SIGNED)}
     for index, trace in enumerate(identification.table.traces):
         for k, component in enumerate(trace.components):
             key, moment = f"{index}_{k}", f"time_{index}_{k}"
@@ -299,4 +299,4 @@ def _components(identification: Identification) -> Parts:
                 f"heights_{key}": (["height", f"row_{index}"], np.stack(heights)),
             }
             coords[moment] = component.time
-    return dict(data_vars=data_vars, coords=coords)
+    return Parts(data_vars=data_vars, coords=coords)
