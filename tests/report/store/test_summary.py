@@ -101,7 +101,7 @@ def test_what_is_not_a_number_is_null(value):
 
 def test_null_is_read_as_nan_only_where_a_number_is_declared():
     entry = {"coordinates": {"A": None}, "theta_c_deg": None, "chi_square": None}
-    (mode,) = from_json(tuple[Mode, ...], [entry])
+    mode = from_json(Mode, entry)
     assert np.isnan(mode.coordinates["A"])
     assert np.isnan(mode.chi_square)
     assert mode.theta_c_deg is None
