@@ -8,14 +8,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from types import NoneType
-from typing import TypeVar, get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from pydantic import TypeAdapter
 
 # Parts of lists and tables are such values, too; whoever wants one looks what it is.
 Json = dict[str, object] | list[object] | str | int | float | bool | None
-T = TypeVar("T")
 
 
 def json_safe(value: object) -> Json:
@@ -42,7 +41,7 @@ def json_safe(value: object) -> Json:
     return value if value is None or isinstance(value, int) else str(value)
 
 
-def from_json(kind: type[T], value: object) -> T:
+def from_json(kind: Any, value: object) -> Any:
     """What `json_safe` made a value of, null for a number being NaN.
 
     Raises:

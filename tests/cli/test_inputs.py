@@ -16,6 +16,7 @@ from pushfit.data.load import reader_options
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.units import BIOTAC_PDC
 from pushfit.errors import ConfigError
+from tests.tolerances import ROUTES
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "foam_box"
 ALPHA_SWEEP = EXAMPLE / "alpha_sweep.csv"
@@ -238,7 +239,7 @@ def test_an_inverted_signal_is_turned_from_the_command_line(tmp_path, capsys):
     assert main(["peaks", str(path), *plan, "--invert"]) == 0
     inverted = capsys.readouterr().out
     # Subtracting from 100 rounds the last digits.
-    np.testing.assert_allclose(heights(inverted), heights(upright), rtol=1e-9)
+    np.testing.assert_allclose(heights(inverted), heights(upright), rtol=ROUTES)
 
 
 def heights(text: str) -> list[float]:

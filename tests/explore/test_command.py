@@ -17,6 +17,7 @@ from pushfit.model import Grasp
 from pushfit.report.answers import ANSWERS
 from pushfit.report.store.read import read_result
 from tests.explore.worlds import COMPONENTS, SIGMA, TRUTH, TRUTH_FILE
+from tests.tolerances import EXACT
 
 EXPLORE = ("--forces", "--sigma", "0.05", "--budget", "2", "--noise", "0.01")
 
@@ -102,7 +103,7 @@ def test_next_keeps_to_the_box_of_the_file(grasp, capsys):
     assert main(["next", *words]) == 0
     pushes = json.loads(capsys.readouterr().out)["suggestions"]
     theta = sorted(push["theta_deg"] for push in pushes)
-    np.testing.assert_allclose(theta, np.arange(5.0, 31.0, 5.0))
+    np.testing.assert_allclose(theta, np.arange(5.0, 31.0, 5.0), rtol=EXACT)
 
 
 @pytest.mark.slow
@@ -122,7 +123,9 @@ def test_explore_ends_with_a_result_folder(tmp_path, grasp, truth, capsys):
     result = read_result(out)
     assert result.theta_c.sets
     # The simulated hand's joints miss by up to half a degree.
-    assert result.config.noise.theta_sd_deg == pytest.approx(0.5 / np.sqrt(3))
+    assert result.config.noise.theta_sd_deg == pytest.approx(
+        0.5 / np.sqrt(3), rel=EXACT
+    )
     events = [json.loads(x) for x in (out / "journal.jsonl").read_text().splitlines()]
     assert [e["event"] for e in events].count("told") == 2
     assert (out / "exploration.png").exists()

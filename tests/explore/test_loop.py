@@ -24,6 +24,12 @@ from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp
 from tests.explore.beliefs import PLAIN
 from tests.explore.worlds import COMPONENTS, CONFIG, THETA_C, TRUTH, importance
+from tests.tolerances import EXACT
+
+# Three standard errors of the sd of a thousand uniform numbers.
+SPREAD = 0.045
+# Four digits of the stiffness by which a reach becomes a force.
+DIGITS = 1e-3
 
 FORCES = PeakSettings(normal="fz")
 SESSION = Session(
@@ -80,7 +86,7 @@ def test_a_hand_explores_to_the_end():
     assert low < THETA_C < high
     assert reasons(own) == []
     # Directions are those reached: whole degrees of the joints.
-    np.testing.assert_allclose(np.degrees(own.table.theta) % 1.0, 0.0, atol=1e-6)
+    np.testing.assert_allclose(np.degrees(own.table.theta) % 1.0, 0.0, atol=EXACT)
 
 
 # Heights of two sensors: each is good to a few of its own samples [N].
@@ -108,9 +114,8 @@ def test_settings_say_how_far_joints_miss():
     )
     missed = np.degrees([made.theta - plan.theta, made.alpha - plan.alpha])
     stated = simulated.joints_stated(CONFIG).noise
-    # Three standard errors of the sd of a thousand uniform numbers.
-    assert stated.theta_sd_deg == pytest.approx(np.std(missed[0]), rel=0.045)
-    assert stated.alpha_sd_deg == pytest.approx(np.std(missed[1]), rel=0.045)
+    assert stated.theta_sd_deg == pytest.approx(np.std(missed[0]), rel=SPREAD)
+    assert stated.alpha_sd_deg == pytest.approx(np.std(missed[1]), rel=SPREAD)
     own = parse_config("[noise]\ntheta_sd_deg = 0.0\n", path="grasp.toml")
     assert simulated.joints_stated(own).noise.theta_sd_deg == 0.0
 
@@ -172,7 +177,7 @@ def test_messages_twice_or_late_change_no_height(fault):
     explore(odd, hand({1: fault}), settings=FORCES)
     for channel in COMPONENTS:
         np.testing.assert_allclose(
-            odd.table.heights(channel), plain.table.heights(channel), rtol=1e-12
+            odd.table.heights(channel), plain.table.heights(channel), rtol=EXACT
         )
 
 
@@ -261,7 +266,9 @@ def test_the_position_node_aborts_at_the_force_limit():
     finger = hand()
     outcome = finger.push(np.array([0.0, 0.0, 0.005]), max_force=1.0)
     assert outcome.status.value == "force_abort"
-    np.testing.assert_allclose(np.linalg.norm(outcome.reached) * 571.4, 1.0, rtol=1e-3)
+    np.testing.assert_allclose(
+        np.linalg.norm(outcome.reached) * 571.4, 1.0, rtol=DIGITS
+    )
     assert own.state.answer is Answer.DECIDING
 
 

@@ -21,6 +21,7 @@ from pushfit.model import Parameters, forward
 from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
 from tests.oracle.exact import exact_grid, exact_posterior
 from tests.problems import CASES, PUSH
+from tests.tolerances import EXACT
 
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)
 SIGMA, PRIOR_MEAN, PRIOR_SD = 0.01, 0.24, 0.01
@@ -142,7 +143,7 @@ def test_without_rolling_the_tangential_force_is_elastic_at_every_elevation():
     channels = forward(params, problem.pushes, problem.grasp)
     expected = case.B * PUSH * np.cos(table.theta)
     found = np.asarray(channels.height_tangential)[: table.n_pushes]
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(found, expected, rtol=EXACT)
 
 
 @pytest.mark.slow

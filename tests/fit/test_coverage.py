@@ -8,6 +8,7 @@ from pushfit.fit.coverage import Coverage, _holds, coverage_study, simulate_tabl
 from pushfit.fit.identify.fitted import fit_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
+from tests.tolerances import EXACT
 
 NOISE = 0.03
 N_TABLES = 40
@@ -31,7 +32,7 @@ def test_simulated_tables_repeat_the_pushes_of_the_users(fitted, simulation):
     for table in simulation.tables:
         assert table.unit == "n"
         np.testing.assert_allclose(
-            table.frame[same], fitted.table.frame[same], rtol=1e-12, atol=0
+            table.frame[same], fitted.table.frame[same], rtol=EXACT, atol=0
         )
 
 

@@ -16,8 +16,8 @@ from pushfit.model import Parameters
 from pushfit.model import forward as eager_forward
 from tests.oracle import paper
 from tests.problems import CASES, PLAIN, TILTED_ELLIPSE, paper_parameters, sweep
+from tests.tolerances import EXACT
 
-EXACT = 1e-12  # equal on paper
 # A determinant of eight columns, each entry of a derivative being a few roundings.
 DETERMINANT = 1e-10
 

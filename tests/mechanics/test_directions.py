@@ -24,8 +24,8 @@ from tests.problems import (
     ellipse,
     paper_parameters,
 )
+from tests.tolerances import EXACT
 
-EXACT = 1e-12  # equal on paper
 ROOT = 1e-11  # brentq at its own xtol of 2e-12
 DIFFERENCE = 1e-6  # autodiff against a central difference
 STEP = np.finfo(float).eps ** (1 / 3)

@@ -8,8 +8,8 @@ from pushfit.mechanics import displacements as module
 from pushfit.model import forces
 from tests.oracle import paper
 from tests.problems import CASES, paper_parameters, sweep
+from tests.tolerances import EXACT
 
-EXACT = 1e-12  # equal on paper
 every_case = pytest.mark.parametrize("name", CASES)
 displacements = eqx.filter_jit(module.displacements)
 

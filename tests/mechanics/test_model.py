@@ -29,8 +29,8 @@ from tests.problems import (
     paper_parameters,
     sweep,
 )
+from tests.tolerances import EXACT, ROUNDING
 
-EXACT = 1e-12  # equal on paper
 TWO_ROUTES = 1e-10  # dense algebra in another order
 DIFFERENCE = 1e-6  # autodiff against a central difference
 STEP = np.finfo(float).eps ** (1 / 3)
@@ -142,7 +142,7 @@ def test_force_is_continuous_at_the_critical_angle():
     angle = np.radians(45) + np.array([-1e-12, 0.0, 1e-12])
     channels = forward(paper_parameters(), Pushes(angle, np.zeros(3)), PLAIN)
     # 1e-12 rad moves a force of slope 1 by 1e-12 of itself.
-    np.testing.assert_allclose(np.ptp(channels.height_tangential), 0, atol=2e-12)
+    np.testing.assert_allclose(np.ptp(channels.height_tangential), 0, atol=EXACT)
 
 
 @pytest.mark.parametrize("name", ["preload", "ellipse", "everything"])
@@ -204,7 +204,7 @@ def test_a_push_along_the_normal_feels_only_the_normal_springs(sharpness):
     slopes = np.array(jax.tree.leaves(gradient))
     np.testing.assert_allclose(slopes[:2], [PUSH / 9, PUSH * 4 / 9], rtol=EXACT)
     others = slopes[2:]
-    np.testing.assert_allclose(others, 0, atol=1e-15)  # cos 90° is 6e-17
+    np.testing.assert_allclose(others, 0, atol=ROUNDING)  # cos 90° is 6e-17
 
 
 @pytest.mark.parametrize("sharpness", [1.0, 7.5, math.inf])

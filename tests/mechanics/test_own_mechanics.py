@@ -28,10 +28,10 @@ from pushfit.report.store.summary import summary_dict
 from tests.fit.tables import FRICTION_ONLY, config
 from tests.problems import CASES, PUSH, paper_parameters
 from tests.project.test_docs import ROOT, blocks, commands
+from tests.tolerances import EXACT
 
 PAGE = ROOT / "docs" / "own_mechanics.md"
 EXAMPLE = ROOT / "examples" / "own_mechanics"
-EXACT = 1e-12  # equal on paper, and the search ends at a few ulp
 FIRM = CASES["firm"]
 OWN = '[grasp]\nmechanics = "hertz"\n'
 COUNTED = """\

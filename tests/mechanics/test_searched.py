@@ -13,8 +13,8 @@ from pushfit.mechanics import linear, searched
 from pushfit.mechanics.linear import critical_C_rr, linear_critical_angle
 from pushfit.model import Contact, Grasp, contact
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters
+from tests.tolerances import EXACT
 
-EXACT = 1e-12  # equal on paper, and the search ends at a few ulp
 SLOPE = 1e-6  # `falling_root` promises derivatives to 1e-7
 AZIMUTHS = jnp.radians(jnp.array([0.0, 20.0, 75.0, 90.0, 160.0]))
 

@@ -11,6 +11,7 @@ import pytest
 from pushfit import model
 from pushfit.mechanics import coordinates, directions, displacements
 from tests.problems import CASES, SMOOTH_THETA_DEG
+from tests.tolerances import ROUNDING
 
 EXACT = 1e-11  # the compiler reorders what is equal on paper
 # The vertex of a parabola divides differences of nearly equal resistances.
@@ -71,4 +72,4 @@ def test_jit_is_eager_and_vmap_is_a_loop(function, name):
             for got, want in zip(
                 *map(jax.tree.leaves, (result, expected)), strict=True
             ):
-                np.testing.assert_allclose(got, want, rtol=tolerance, atol=1e-14)
+                np.testing.assert_allclose(got, want, rtol=tolerance, atol=ROUNDING)

@@ -10,126 +10,21 @@ from pushfit.config import GraspConfig
 from pushfit.data.recordings.recording import Source
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.results import (
-    Combination,
     FitStatus,
-    GoodnessOfFit,
-    IdentifiabilityResult,
     Identification,
-    LikelihoodProfile,
     Mode,
-    PredictiveCheck,
     ResultWarning,
     Verdict,
 )
-from tests.report.makers import (
-    HOSTILE,
-    A,
-    B,
-    make_angle,
-    make_answer,
-    make_bands,
-    make_fit,
-    make_parameters,
-    make_posterior,
-    make_quantity,
-    make_table,
-)
+from tests.report.makers import HOSTILE, make_angle, make_whole
 
 
 @pytest.fixture(scope="session")
 def make_identification() -> Callable[..., Identification]:
     """Maker of results: determined unless changed, with or without an α sweep."""
 
-    def make(
-        *, with_alpha: bool = True, config: GraspConfig | None = None, **changes: object
-    ) -> Identification:
-        table = make_table(with_alpha=with_alpha)
-        fit = make_fit(table)
-        grid = np.linspace(0.0, 90.0, 181)
-        alpha_star = make_angle("alpha_star", 65.0)
-        free = make_angle("alpha_star_model_free", 66.0)
-        if not with_alpha:
-            free = None
-            alpha_star = make_angle(
-                "alpha_star",
-                None,
-                verdict=Verdict.NOT_DETERMINED,
-                note="all pushes have the azimuth 90°",
-            )
-        base = Identification(
-            table=table,
-            used=table.is_used,
-            config=config or GraspConfig(push={"length_mm": 5.0}),
-            fit=fit,
-            posterior=make_posterior(with_alpha=with_alpha),
-            by_mechanics=(make_answer("linear", best=40.123),),
-            theta_c=make_angle("theta_c", 40.123),
-            reference_alpha_deg=90.0,
-            alpha_star=alpha_star,
-            alpha_star_model_free=free,
-            parameters=make_parameters(with_alpha=with_alpha),
-            combinations=(
-                make_quantity(
-                    "A",
-                    A,
-                    unit="N/m",
-                    note="K_sn K_dn/(K_sn + K_dn)",
-                    interval=(511.0, 529.0),
-                ),
-                make_quantity("B", B, unit="N/m", note="K_st C_d/(L² K_st + C_d)"),
-            ),
-            profiles={
-                "theta_c": LikelihoodProfile(
-                    name="theta_c",
-                    unit="deg",
-                    values=grid,
-                    delta_chi_square=((grid - 40.0) / 1.2) ** 2,
-                    pieces=((38.0, 42.0),),
-                    prob=0.9,
-                    verdict=Verdict.DETERMINED,
-                )
-            },
-            identifiability=IdentifiabilityResult(
-                combinations=(
-                    Combination(
-                        formula="K_sn K_dn/(K_sn + K_dn)",
-                        singular_value=90.0,
-                        is_determined=True,
-                    ),
-                    Combination(
-                        formula="K_sn/K_dn", singular_value=0.0, is_determined=False
-                    ),
-                ),
-                rank=3,
-                n_parameters=5,
-                advice=("Measure L with callipers: it would separate K_st and C_d.",),
-            ),
-            goodness_of_fit=GoodnessOfFit(
-                chi_square=fit.chi_square,
-                degrees_of_freedom=fit.degrees_of_freedom,
-                p_value=0.46,
-                r_squared=0.9981,
-                lack_of_fit_p_value=0.31,
-                pattern_p_value=0.55,
-                outliers=(),
-                is_adequate=True,
-                sentence="The model describes these data.",
-                predictive=(
-                    PredictiveCheck(feature="scatter", p_value=0.42),
-                    PredictiveCheck(feature="largest", p_value=0.0),
-                ),
-            ),
-            bands=make_bands(table),
-            warnings=(
-                ResultWarning(
-                    code="pushes_left_out", text="1 push was left out: saturated."
-                ),
-            ),
-            status=FitStatus.OK,
-            seed=11,
-            versions={"pushfit": "0.1.0", "jax": "0.10.2"},
-        )
-        return reported(replace(base, **changes))
+    def make(*, with_alpha: bool = True, **changes: object) -> Identification:
+        return reported(replace(make_whole(with_alpha=with_alpha), **changes))
 
     return make
 

@@ -1,9 +1,10 @@
-"""Parts of hand-made results: a table, its fit, its posterior, its quantities."""
+"""Parts of hand-made results, and a whole one: table, fit, posterior, quantities."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from pushfit.config import GraspConfig
 from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import Trace
@@ -15,13 +16,20 @@ from pushfit.fit.comparison import (
 )
 from pushfit.fit.results import (
     Band,
+    Combination,
     Diagnostics,
     FitResult,
     FitStatus,
+    GoodnessOfFit,
+    IdentifiabilityResult,
+    Identification,
+    LikelihoodProfile,
     MechanicsAnswer,
     Mode,
     PosteriorResult,
+    PredictiveCheck,
     Quantity,
+    ResultWarning,
     Verdict,
 )
 
@@ -295,6 +303,109 @@ def make_parameters(*, with_alpha: bool) -> tuple[Quantity, ...]:
             for name, mean in (("e1", -0.9), ("e2", -1.1))
         ]
     return tuple(parameters)
+
+
+def make_combinations() -> tuple[Quantity, ...]:
+    """A and B, which the heights depend on."""
+    return (
+        make_quantity(
+            "A",
+            A,
+            unit="N/m",
+            note="K_sn K_dn/(K_sn + K_dn)",
+            interval=(511.0, 529.0),
+        ),
+        make_quantity("B", B, unit="N/m", note="K_st C_d/(L² K_st + C_d)"),
+    )
+
+
+def make_profile() -> LikelihoodProfile:
+    """A parabola of θ_c about 40°."""
+    grid = np.linspace(0.0, 90.0, 181)
+    return LikelihoodProfile(
+        name="theta_c",
+        unit="deg",
+        values=grid,
+        delta_chi_square=((grid - 40.0) / 1.2) ** 2,
+        pieces=((38.0, 42.0),),
+        prob=0.9,
+        verdict=Verdict.DETERMINED,
+    )
+
+
+def make_identifiability() -> IdentifiabilityResult:
+    """Three of five directions are known, the ratio of the springs is not."""
+    return IdentifiabilityResult(
+        combinations=(
+            Combination(
+                formula="K_sn K_dn/(K_sn + K_dn)",
+                singular_value=90.0,
+                is_determined=True,
+            ),
+            Combination(formula="K_sn/K_dn", singular_value=0.0, is_determined=False),
+        ),
+        rank=3,
+        n_parameters=5,
+        advice=("Measure L with callipers: it would separate K_st and C_d.",),
+    )
+
+
+def make_goodness(fit: FitResult) -> GoodnessOfFit:
+    """A model that describes the data."""
+    return GoodnessOfFit(
+        chi_square=fit.chi_square,
+        degrees_of_freedom=fit.degrees_of_freedom,
+        p_value=0.46,
+        r_squared=0.9981,
+        lack_of_fit_p_value=0.31,
+        pattern_p_value=0.55,
+        outliers=(),
+        is_adequate=True,
+        sentence="The model describes these data.",
+        predictive=(
+            PredictiveCheck(feature="scatter", p_value=0.42),
+            PredictiveCheck(feature="largest", p_value=0.0),
+        ),
+    )
+
+
+def make_directions(*, with_alpha: bool) -> tuple[Quantity, Quantity | None]:
+    """The best direction by the model, and without one."""
+    if with_alpha:
+        return make_angle("alpha_star", 65.0), make_angle("alpha_star_model_free", 66.0)
+    note = "all pushes have the azimuth 90°"
+    unknown = {"verdict": Verdict.NOT_DETERMINED, "note": note}
+    return make_angle("alpha_star", None, **unknown), None
+
+
+def make_whole(*, with_alpha: bool) -> Identification:
+    """All parts together, before what may be reported is decided."""
+    table = make_table(with_alpha=with_alpha)
+    fit = make_fit(table)
+    alpha_star, free = make_directions(with_alpha=with_alpha)
+    left_out = "1 push was left out: saturated."
+    return Identification(
+        table=table,
+        used=table.is_used,
+        config=GraspConfig(push={"length_mm": 5.0}),
+        fit=fit,
+        posterior=make_posterior(with_alpha=with_alpha),
+        by_mechanics=(make_answer("linear", best=40.123),),
+        theta_c=make_angle("theta_c", 40.123),
+        reference_alpha_deg=90.0,
+        alpha_star=alpha_star,
+        alpha_star_model_free=free,
+        parameters=make_parameters(with_alpha=with_alpha),
+        combinations=make_combinations(),
+        profiles={"theta_c": make_profile()},
+        identifiability=make_identifiability(),
+        goodness_of_fit=make_goodness(fit),
+        bands=make_bands(table),
+        warnings=(ResultWarning(code="pushes_left_out", text=left_out),),
+        status=FitStatus.OK,
+        seed=11,
+        versions={"pushfit": "0.1.0", "jax": "0.10.2"},
+    )
 
 
 def make_comparison(

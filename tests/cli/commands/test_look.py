@@ -17,6 +17,7 @@ from pushfit.data.simulate import simulate_recording, write_recording
 from pushfit.errors import ConfigError
 from tests.cli.look.makers import recording
 from tests.problems import CASES
+from tests.tolerances import EXACT
 
 THETA_DEG = np.arange(10.0, 90.0, 10.0)
 QUIET = Session(is_quiet=True, is_verbose=False, is_debug=False, is_json=False)
@@ -72,7 +73,7 @@ def test_what_is_saved_is_what_the_command_it_tells_then_reads(robot, place, cap
     table = pd.read_csv("peaks.csv")
     assert table["theta_deg"].tolist() == THETA_DEG.tolist()
     shown, _ = look.measure()
-    np.testing.assert_allclose(table["height_n"], shown["height_n"], rtol=1e-12)
+    np.testing.assert_allclose(table["height_n"], shown["height_n"], rtol=EXACT)
 
 
 def test_what_is_saved_goes_through_links_which_stay(robot, place):

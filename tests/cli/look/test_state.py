@@ -25,6 +25,7 @@ from tests.cli.look.makers import (
     recording,
     rounded,
 )
+from tests.tolerances import ROUNDING, ROUTES
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "foam_box"
 # A top is found within a few samples of 10 ms.
@@ -186,7 +187,7 @@ def test_an_angle_out_of_range_is_named():
     ],
 )
 def test_angles_are_lists_or_ranges_whose_last_is_one_of_them(text, angles):
-    np.testing.assert_allclose(angles_of(text, "theta"), angles, atol=1e-15)
+    np.testing.assert_allclose(angles_of(text, "theta"), angles, atol=ROUNDING)
 
 
 @pytest.mark.parametrize(
@@ -212,7 +213,7 @@ def test_a_schedule_is_where_the_page_begins_and_its_doubts_are_told():
     look = Look(recording(), read_config(None), plan)
     assert look.pushes == [0, 1, 3, 5]
     known = [look.theta_deg[k] for k in look.pushes]
-    np.testing.assert_allclose(known, [0, 10, 20, 40], atol=1e-9)
+    np.testing.assert_allclose(known, [0, 10, 20, 40], atol=ROUTES)
     assert [note.split(",")[0] for note in look.notes] == [
         "push 4 of the schedule has no hump"
     ]

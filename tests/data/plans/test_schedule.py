@@ -5,6 +5,7 @@ import pytest
 
 from pushfit.data.plans.schedule import read_schedule
 from pushfit.errors import DataError
+from tests.tolerances import ROUNDING
 
 
 def written(tmp_path, text):
@@ -18,7 +19,7 @@ def test_a_schedule_keeps_its_order_and_numbers(tmp_path):
     schedule = read_schedule(written(tmp_path, text))
     assert schedule.push.tolist() == [3, 1]
     assert schedule.repeat.tolist() == [1, 2]
-    np.testing.assert_allclose(schedule.theta, [np.pi / 3, -np.pi / 3], rtol=1e-15)
+    np.testing.assert_allclose(schedule.theta, [np.pi / 3, -np.pi / 3], rtol=ROUNDING)
     assert schedule.time is None
 
 

@@ -13,6 +13,7 @@ from pushfit.data.recordings.recording import read_recording
 from pushfit.data.units import BIOTAC_PDC
 from pushfit.errors import ConfigError
 from tests.data.recordings.makers import GOOD
+from tests.tolerances import ROUNDING
 
 # Equal on paper: one multiplication and one division in float64.
 EXACT = 1e-15
@@ -126,7 +127,7 @@ def test_a_cell_of_blanks_is_a_missing_sample(cell, write):
 def test_short_gaps_are_filled_on_the_straight_line(write):
     recording = read_recording(write(GOOD + "0.03,\n0.05,0.3\n"), gaps="interpolate")
     # A third of the way from -0.3 at 0.02 s to 0.3 at 0.05 s.
-    np.testing.assert_allclose(recording.channels["pressure"][3], -0.1, atol=1e-15)
+    np.testing.assert_allclose(recording.channels["pressure"][3], -0.1, atol=ROUNDING)
     assert any("filled 1 by interpolation, left 0" in n for n in recording.notes)
 
 
@@ -138,7 +139,7 @@ def test_long_gaps_are_not_filled(write):
 def test_a_missing_azimuth_is_filled_the_shorter_way_round(write):
     rows = "time_s,p_n,alpha_deg\n0,1,170\n0.01,1,\n0.02,1,-170\n0.03,1,-165\n"
     recording = read_recording(write(rows), gaps="interpolate")
-    np.testing.assert_allclose(abs(recording.alpha[1]), np.pi, rtol=1e-14)
+    np.testing.assert_allclose(abs(recording.alpha[1]), np.pi, rtol=ROUNDING)
 
 
 def test_a_declared_sentinel_is_a_missing_sample(write):
@@ -166,7 +167,7 @@ def test_angles_become_radians_of_elevation_and_azimuth(write):
 def test_an_angle_from_the_normal_becomes_an_elevation(write):
     rows = "time_s,force_n,theta_deg\n0,1,30\n0.01,1,100\n"
     recording = read_recording(write(rows), theta_from="normal")
-    np.testing.assert_allclose(np.rad2deg(recording.theta), [60, -10], rtol=1e-14)
+    np.testing.assert_allclose(np.rad2deg(recording.theta), [60, -10], rtol=ROUNDING)
     assert any("from the contact normal" in note for note in recording.notes)
 
 
@@ -202,7 +203,7 @@ def test_a_calibration_is_applied_only_on_demand_and_leaves_a_note(write):
     assert raw.units == {"pdc": "counts"}
     recording = raw.calibrated("pdc", BIOTAC_PDC)
     # A push of 150 counts is about 5.5 kPa.
-    np.testing.assert_allclose(np.diff(recording.channels["pdc"]), 5.475, rtol=1e-13)
+    np.testing.assert_allclose(np.diff(recording.channels["pdc"]), 5.475, rtol=ROUNDING)
     assert recording.units == {"pdc": "kpa"}
     assert (
         "0.0365 kpa per counts (SynTouch BioTac Product Manual" in recording.notes[-1]

@@ -11,6 +11,7 @@ from pushfit.data.check import file_kind
 from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
 from pushfit.errors import DataError
+from tests.tolerances import EXACT
 
 GOOD = "theta_deg,alpha_deg,height_n\n15,90,1.0\n30,90,2.0\n15,90,1.2\n"
 
@@ -36,20 +37,24 @@ def test_pushes_are_numbered_in_order_and_repeats_within_a_direction(tmp_path):
 
 def test_angles_are_radians_inside(tmp_path):
     table = read_table(written(tmp_path, GOOD))
-    assert table.theta.tolist() == pytest.approx([np.pi / 12, np.pi / 6, np.pi / 12])
+    assert table.theta.tolist() == pytest.approx(
+        [np.pi / 12, np.pi / 6, np.pi / 12], rel=EXACT
+    )
 
 
 def test_millinewtons_and_pascals_come_in_canonical_units(tmp_path):
     newton = read_table(written(tmp_path, GOOD.replace("height_n", "height_mN")))
     assert newton.unit == "n"
-    assert newton.heights("height").tolist() == pytest.approx([1e-3, 2e-3, 1.2e-3])
+    assert newton.heights("height").tolist() == pytest.approx(
+        [1e-3, 2e-3, 1.2e-3], rel=EXACT
+    )
 
 
 def test_pooled_sd_is_the_scatter_about_each_direction(tmp_path):
     """1.0 and 1.2 about 1.1, one degree of freedom: s² = 2 * 0.1²."""
     sd, dof = read_table(written(tmp_path, GOOD)).pooled_sd("height")
     assert dof == 1
-    assert sd == pytest.approx(0.1 * np.sqrt(2))
+    assert sd == pytest.approx(0.1 * np.sqrt(2), rel=EXACT)
 
 
 def test_pooled_sd_is_unknown_without_repeats():

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from pushfit.data.recordings.recording import read_recording
 from pushfit.errors import PushfitError
+from tests.tolerances import ROUNDING
 
 N_ROWS = 12
 ROWS = [
@@ -137,7 +138,7 @@ def assert_read_exactly_or_refused(data, path):
         np.testing.assert_array_equal(values, expected)
     if recording.theta is not None:
         np.testing.assert_allclose(
-            recording.theta, np.deg2rad(column("theta_deg")), rtol=1e-15
+            recording.theta, np.deg2rad(column("theta_deg")), rtol=ROUNDING
         )
 
 

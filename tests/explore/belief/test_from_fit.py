@@ -20,6 +20,9 @@ from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp
 from tests.explore.worlds import COMPONENTS, TRUTH
 
+# Four standard errors of medians of so many draws.
+MEDIANS = 0.08
+
 CALLIPERS = "[parameters.L]\nnormal = { mean = 0.04, sd = 0.001 }\n"
 
 
@@ -93,8 +96,7 @@ def test_a_preload_tells_the_scale_of_a_sensor_without_one(sigma):
     belief = believe(None, asked, 0)
     support, contact = (np.median(belief.samples[name]) for name in ("K_sn", "K_dn"))
     height = 0.005 * support * contact / (support + contact)
-    # Four standard errors of medians of so many draws.
-    assert height == pytest.approx(12.0, rel=0.08)
+    assert height == pytest.approx(12.0, rel=MEDIANS)
     assert np.mean(np.isnan(belief.samples["theta_c"])) < 0.5
 
 

@@ -11,6 +11,12 @@ from pushfit.explore.belief.predict import predict
 from pushfit.explore.decide.gain import information_gain, labels, outlook
 from pushfit.explore.decide.intervals import Target
 from tests.explore.beliefs import belief_of, prior_draws
+from tests.tolerances import ROUTES
+
+# Three quarters of a cell in 2 n is all that the correction takes off.
+CORRECTION = 2 / 4096
+# Shortest intervals of finite draws are a few per cent short.
+SHORTEST = 0.05
 
 THETA = np.radians(np.arange(5.0, 90.0, 10.0))
 N_INNER, N_OUTER = 20_000, 500
@@ -118,8 +124,7 @@ def test_gain_of_a_perfect_reading_is_the_entropy_of_the_label():
     gain = information_gain(
         heights, values, np.full(4096, 1 / 4096), sigma=np.array([1e-2])
     )
-    # Three quarters of a cell in 2 n is all that the correction takes off.
-    np.testing.assert_allclose(gain, np.log(4), atol=2 / 4096)
+    np.testing.assert_allclose(gain, np.log(4), atol=CORRECTION)
 
 
 def test_gain_does_not_depend_on_the_unit():
@@ -131,7 +136,7 @@ def test_gain_does_not_depend_on_the_unit():
     counts = information_gain(
         1000 * heights, values, weights, sigma=np.array([300.0, 100.0])
     )
-    np.testing.assert_allclose(newton, counts, rtol=1e-9)
+    np.testing.assert_allclose(newton, counts, rtol=ROUTES)
 
 
 def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
@@ -141,8 +146,7 @@ def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
     weights = np.full(N_DRAWS, 1 / N_DRAWS)
     target = Target(values=values, is_axis=False, width=9.0, prob=0.9)
     found = outlook(values[None], target, weights=weights, sigma=np.array([4.0]))
-    # Shortest intervals of finite draws are a few per cent short.
-    np.testing.assert_allclose(found.expected_width, 2 * 1.645 * 2.4, rtol=0.05)
+    np.testing.assert_allclose(found.expected_width, 2 * 1.645 * 2.4, rtol=SHORTEST)
     assert found.p_decided > 0.9
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from pushfit.errors import DataError
 from pushfit.explore.hands.ros import hand, messages
+from tests.tolerances import EXACT
 
 # Connecting and hearing nothing, each for a second; and a busy machine [s].
 AT_ONCE = 5 * messages.PATIENCE
@@ -64,4 +65,4 @@ def test_time_to_think_is_rest(monkeypatch, thought, slept):
     for _ in range(2):
         clock.now += thought
         finger.rest(0.5)
-    assert clock.sleeps == pytest.approx([slept, slept])
+    assert clock.sleeps == pytest.approx([slept, slept], rel=EXACT)

@@ -24,8 +24,8 @@ from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters, Pushes, contact, forward
 from tests.fit.tables import HARD, config
 from tests.problems import PUSH, TILTED_ELLIPSE, paper_parameters
+from tests.tolerances import EXACT
 
-EXACT = 1e-12  # equal on paper
 # 4000 draws know a standard deviation to 1.1 %; four of them.
 SD_TOL = 0.05
 # A linear solve: rounding, with ample room.

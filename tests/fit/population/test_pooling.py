@@ -7,6 +7,9 @@ from scipy import stats
 from pushfit.fit.population.item_likelihoods import ItemDraws
 from pushfit.fit.population.pooling import pool
 
+# The same sums in another order, and roots found in them.
+SUMS = 1e-7
+
 # Draws at the quantiles of their density: no chance in them.
 PROBS = (np.arange(400) + 0.5) / 400
 SCALE = 1.0
@@ -146,9 +149,8 @@ def test_the_order_of_items_and_the_unit_change_nothing():
     other = pool(items_at(100 * ESTIMATES, 100 * SDS)[::-1], scale=100 * SCALE)
     assert found is not None
     assert other is not None
-    # The same sums in another order.
     np.testing.assert_allclose(
         [other.mean, *other.mean_interval, *other.spread_interval],
         100 * np.array([found.mean, *found.mean_interval, *found.spread_interval]),
-        rtol=1e-7,
+        rtol=SUMS,
     )

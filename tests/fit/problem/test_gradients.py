@@ -15,6 +15,7 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.mechanics.directions import critical_angle
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES
+from tests.tolerances import ROUTES
 
 N_DRAWS = 1000
 # Coordinates are logs: fifth derivatives cost (h p)⁴ / 30 with a transition of
@@ -104,7 +105,9 @@ def test_derivatives_equal_differences_all_over_the_prior(name):
     is_smooth = np.asarray(is_smooth) | bool(np.isfinite(problem.grasp.sharpness))
     # Few draws have a push within 0.2 % of the critical angle.
     assert is_smooth.mean() > 0.6
-    np.testing.assert_allclose(reverse, slopes["log posterior"], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        reverse, slopes["log posterior"], rtol=ROUTES, atol=ROUTES
+    )
     for function, values in slopes.items():
         slope, expected = np.asarray(values), np.asarray(differences[function])
         assert np.all(np.isfinite(slope)), function

@@ -29,12 +29,12 @@ from pushfit.model import Pushes, as_float
 from tests.fit.kinds import KINDS
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
+from tests.tolerances import EXACT, ROUTES
 
 AUTO = '[transition]\nsharpness = "auto"\n'
 # The default prior of p.
 MEDIAN, SD_LOG = 8.0, 1.0
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)
-EXACT = 1e-12
 # Nodes of Gauss and Hermite over ln p: twice as many change nothing beyond 0.002.
 N_NODES = 12
 # Standard errors; a false alarm once in 15 000.
@@ -91,14 +91,14 @@ def test_a_point_is_one_of_a_stated_sharpness_and_its_prior(name):
     )
     expected = stats.norm.logpdf(float(x[at]), np.log(MEDIAN), SD_LOG)
     found = float(problem.log_prior(x) - stated.log_prior(rest))
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    np.testing.assert_allclose(found, expected, rtol=ROUTES)
 
 
 def test_draws_come_back_from_their_values(setup):
     problem = setup.problem
     x = prior_x_samples(problem, np.random.default_rng(2), 8)
     values = samples_mapping(problem, x, ALPHA, REACH)
-    np.testing.assert_allclose(encode(problem, values), x, rtol=1e-9)
+    np.testing.assert_allclose(encode(problem, values), x, rtol=ROUTES)
     np.testing.assert_allclose(
         values["p"], np.exp(x[:, problem.names.index("ln_p")]), rtol=EXACT
     )
@@ -131,13 +131,13 @@ def test_bands_and_beliefs_predict_what_the_problem_does(setup):
     )
     predicted = predict_draws(problem, samples, Pushes(theta, alpha))
     bands = heights_of(problem, predicted)
-    np.testing.assert_allclose(bands, expected, rtol=1e-9)
+    np.testing.assert_allclose(bands, expected, rtol=ROUTES)
     belief = belief_from(setup, samples, seed=0)
     # Draws of a belief are shuffled: K_sn tells which is which.
     order = [np.argmin(np.abs(samples["K_sn"] - k)) for k in belief.samples["K_sn"][:8]]
     heights = predict(belief, theta, alpha).heights[:, :, :8]
     # By push, channel and draw, where the others are by draw, channel and push.
-    np.testing.assert_allclose(heights, expected[order].T, rtol=1e-9)
+    np.testing.assert_allclose(heights, expected[order].T, rtol=ROUTES)
 
 
 def test_the_best_fit_weighs_the_sharpness_against_its_prior(setup):

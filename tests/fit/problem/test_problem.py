@@ -11,8 +11,8 @@ from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.problem.setup import build_problem, n_azimuths
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
+from tests.tolerances import EXACT, ROUTES
 
-EXACT = 1e-12
 SAMPLED = '[noise]\nsigma = "sampled"\n'
 FIXED = {
     "nothing": {},
@@ -85,7 +85,7 @@ def test_prior_keeps_its_volume_whatever_is_fixed(shape, name):
             value = getattr(state.params, parameter)
             value = jnp.log(value) if prior.is_positive else value
         expected = expected + float(prior.log_prob(value))
-    np.testing.assert_allclose(float(problem.log_prior(x)), expected, rtol=1e-10)
+    np.testing.assert_allclose(float(problem.log_prior(x)), expected, rtol=ROUTES)
 
 
 @pytest.mark.parametrize("name", [n for n in FIXED if n != "nothing"])
@@ -122,7 +122,7 @@ def test_half_the_squared_residuals_are_the_negative_log_likelihood(likelihood):
     states = [problem.state(some_x(problem, seed)) for seed in (1, 2)]
     half = [0.5 * float(jnp.sum(problem.residuals(s) ** 2)) for s in states]
     logs = [float(problem.log_likelihood(s)) for s in states]
-    np.testing.assert_allclose(half[1] - half[0], logs[0] - logs[1], rtol=1e-10)
+    np.testing.assert_allclose(half[1] - half[0], logs[0] - logs[1], rtol=ROUTES)
 
 
 def test_sampled_sigma_adds_to_the_given_one_in_quadrature():
@@ -133,7 +133,7 @@ def test_sampled_sigma_adds_to_the_given_one_in_quadrature():
     predicted = np.asarray(problem.predict(state))[0, : table.n_pushes]
     expected = stats.norm.logpdf(table.heights("height"), predicted, 0.05).sum()
     np.testing.assert_allclose(
-        float(problem.log_likelihood(state)), expected, rtol=1e-11
+        float(problem.log_likelihood(state)), expected, rtol=EXACT
     )
 
 

@@ -26,10 +26,10 @@ from pushfit.model import as_float
 from pushfit.parameters import SIX
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
+from tests.tolerances import EXACT, ROUTES
 
 SHIFT = np.array([-0.1, 0.03, 0.07])
 GAIN = np.array([0.96, 1.01, 1.03])
-EXACT = 1e-12
 # F tests of pure noise are uniform; a false alarm once in 10^3.
 N_TABLES, LEVEL = 200, 1e-3
 
@@ -82,10 +82,10 @@ def test_another_sweep_has_repeats_of_its_own(kind, offset, gain, n_shared):
     left = heights - true if kind == "offset" else heights / true
     sweeps = np.split(left, [one.n_pushes])
     for own in sweeps:
-        np.testing.assert_allclose(own, own[0], atol=1e-9)
+        np.testing.assert_allclose(own, own[0], atol=ROUTES)
     apart = 0.5 if kind == "offset" else 0.1
     np.testing.assert_allclose(
-        sweeps[1][0] - sweeps[0][0], 0.0 if n_shared else apart, atol=1e-9
+        sweeps[1][0] - sweeps[0][0], 0.0 if n_shared else apart, atol=ROUTES
     )
 
 
@@ -156,7 +156,7 @@ def test_pooled_noise_is_that_of_a_two_way_analysis_of_variance():
     left, _, rank, _ = np.linalg.lstsq(design, heights, rcond=None)
     squares = np.sum((heights - design @ left) ** 2)
     dof = heights.size - rank
-    np.testing.assert_allclose(found, (np.sqrt(squares / dof), dof), rtol=1e-9)
+    np.testing.assert_allclose(found, (np.sqrt(squares / dof), dof), rtol=ROUTES)
 
 
 def test_repeats_without_a_common_direction_have_no_effects():
@@ -243,7 +243,7 @@ def test_the_sign_of_a_component_says_nothing_of_gains():
         table = replace(one, frame=one.frame.assign(height_n=sign * heights))
         alone = without_repeat_effects(table, "gain")
         found.append(np.abs(effect_sds(table, alone, "gain")["height"]))
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+    np.testing.assert_allclose(found[1], found[0], rtol=ROUTES)
 
 
 @pytest.mark.parametrize("kind", ["offset", "gain"])

@@ -25,8 +25,8 @@ from pushfit.model import Grasp, Parameters, Pushes, contact
 from tests.mechanics.statics import planar_forces
 from tests.oracle import paper
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters, sweep
+from tests.tolerances import EXACT
 
-EXACT = 1e-12  # equal on paper
 TWO_ROUTES = 1e-10  # two solvers of one equilibrium [N]
 DIFFERENCE = 1e-6  # autodiff against a difference of fourth order
 # A difference of numbers near 1 carries about eps / STEP = 1e-12 of rounding.

@@ -14,8 +14,8 @@ from pushfit.mechanics.tilting.critical_tilt import critical_friction, critical_
 from pushfit.model import Grasp, support_stiffness
 from tests.mechanics.statics import Slab
 from tests.problems import PUSH, TILTED_ELLIPSE, paper_parameters, sweep
+from tests.tolerances import EXACT
 
-EXACT = 1e-12  # equal on paper
 STATICS = 1e-9  # root finders to 1e-11 N, of forces of about a newton
 ENERGY = 1e-6  # a minimum is known to the root of the rounding of its depth
 DIFFERENCE = 1e-6  # autodiff against a central difference

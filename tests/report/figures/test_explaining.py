@@ -28,8 +28,7 @@ from pushfit.report.figures.grasp import RIM
 from pushfit.report.figures.pairs import EVERYWHERE
 from pushfit.report.figures.recording import marks_of
 from pushfit.report.figures.style import BLUE, SERIES
-
-EXACT = 1e-12  # equal on paper: a few ulp of numbers of order one
+from tests.tolerances import EXACT
 
 
 def sweep_at(alpha_deg: float, slope: float) -> Sweep:

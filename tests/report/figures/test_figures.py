@@ -32,8 +32,7 @@ from pushfit.report.figures.style import (
     figure_bytes,
     series_colours,
 )
-
-EXACT = 1e-12  # equal on paper: a few ulp of numbers of order one
+from tests.tolerances import EXACT
 
 
 def svg(figure) -> str:

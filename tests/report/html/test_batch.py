@@ -14,6 +14,9 @@ from pushfit.report.html.batch import render_batch
 from tests.report.html.test_result import ALLOWED, Page
 from tests.report.makers import HOSTILE
 
+# Start and width are rounded to 0.1 each.
+ROUNDED = 0.11
+
 TAGS = ALLOWED | set("svg line rect circle script details summary".split())
 
 
@@ -76,7 +79,7 @@ def test_bars_of_all_items_share_one_scale(frame):
     first, second, third, _ = rows(render_batch(frame))
     width = 40.0 * 1.06
     expected = [100 * (angle - 10 + 1.2) / width for angle in (38, 42)]
-    np.testing.assert_allclose(bars(first)[0], expected, atol=0.11)  # rounded to 0.1
+    np.testing.assert_allclose(bars(first)[0], expected, atol=ROUNDED)
     assert bars(second)[1][1] == 100.0  # open above
     assert bars(third)[0][0] < bars(first)[0][0]
 
@@ -85,7 +88,7 @@ def test_quantities_over_decades_are_drawn_over_their_logarithm(frame):
     (low, high), *_ = bars(rows(render_batch(frame))[0])[1:]
     span = np.log(99_000 / 490)
     expected = [0.0, 100 * np.log(510 / 490) / span]
-    np.testing.assert_allclose([low, high], expected, atol=0.11)
+    np.testing.assert_allclose([low, high], expected, atol=ROUNDED)
 
 
 def test_a_frame_with_hardly_any_column_is_shown():

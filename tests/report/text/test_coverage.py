@@ -11,6 +11,7 @@ from pushfit.report.text.coverage import (
     study_dict,
     study_text,
 )
+from tests.tolerances import EXACT
 
 
 def made(n_held: int) -> CoverageStudy:
@@ -67,4 +68,4 @@ def test_the_figure_shows_what_was_measured():
     (axes,) = study_figure(made(17)).axes
     (container,) = axes.containers
     drawn = np.asarray(container.lines[0].get_ydata(), dtype=float)
-    np.testing.assert_allclose(drawn, [100 * 10 / 19, 100 * 17 / 19], rtol=1e-12)
+    np.testing.assert_allclose(drawn, [100 * 10 / 19, 100 * 17 / 19], rtol=EXACT)

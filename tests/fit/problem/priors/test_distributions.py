@@ -13,6 +13,7 @@ from pushfit.fit.problem.priors.distributions import (
 )
 from pushfit.parameters import OF_GRASP, POSITIVE
 from tests.fit.tables import config
+from tests.tolerances import EXACT, ROUTES
 
 PRIORS = {
     "lognormal": Prior("lognormal", 800.0, 0.5),
@@ -55,7 +56,7 @@ def test_normal_prior_of_a_positive_parameter_is_truncated_at_zero():
     value = np.exp(u)
     expected = stats.truncnorm.logpdf(value, -1.5, np.inf, loc=3.0, scale=2.0) + u
     found = np.asarray(PRIORS["normal"].log_prob(jnp.asarray(u)))
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    np.testing.assert_allclose(found, expected, rtol=ROUTES)
 
 
 @pytest.mark.parametrize("name", PRIORS)
@@ -87,7 +88,7 @@ def test_default_priors_scale_with_uncalibrated_heights():
     ratio = float(scaled["K_sn"].first / plain["K_sn"].first)
     for name in ("K_dn", "K_st", "C_d"):
         found = float(scaled[name].first / plain[name].first)
-        np.testing.assert_allclose(found, ratio, rtol=1e-12)
+        np.testing.assert_allclose(found, ratio, rtol=EXACT)
     for name in ("C_rr", "L"):
         assert float(scaled[name].first) == float(plain[name].first)
     assert set(POSITIVE) - set(OF_GRASP) <= set(plain)
