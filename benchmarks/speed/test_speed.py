@@ -55,7 +55,7 @@ def fitted(swept) -> list:
     return [fit_table(table, tables.CONFIG) for table in swept[:N_SAMPLED]]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def questions(fitted) -> dict:
     """What the engines for single tables are asked, besides the table."""
     return {"reference_alpha": 0.0, "reach": reach_of(tables.CONFIG), "seed": 0}

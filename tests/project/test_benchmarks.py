@@ -1,6 +1,8 @@
 """The peers in the benchmarks solve the problem that pushfit solves."""
 
 import importlib
+import subprocess
+import sys
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -44,6 +46,16 @@ def logs():
 @pytest.mark.parametrize("name", MODULES)
 def test_a_benchmark_can_be_imported(name):
     assert importlib.import_module(name).__doc__
+
+
+def test_every_row_of_the_table_of_speed_finds_what_it_asks_for():
+    """Three of them ended before they began, by a fixture of too narrow a scope."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "--setup-plan"]
+    options = ["-o", "addopts=--import-mode=importlib", "benchmarks"]
+    done = subprocess.run(
+        [*command, *options], cwd=FOLDER.parent, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.slow
