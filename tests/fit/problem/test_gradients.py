@@ -15,7 +15,6 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.mechanics.directions import critical_angle
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES
-from tests.tolerances import ROUTES
 
 N_DRAWS = 1000
 # Coordinates are logs: fifth derivatives cost (h p)⁴ / 30 with a transition of
@@ -25,6 +24,8 @@ STEP = 2e-4
 OFFSETS = np.array([-2.0, -1.0, 1.0, 2.0])
 WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12
 DIFFERENCE = 1e-6
+# Forward and in reverse, sums of slopes up to 1e5, most of which may cancel.
+REVERSED = 1e-9
 SOFT = "[transition]\nsharpness = 12.0\n"
 # All draws of p are below 50, so that h p is no larger than with the others.
 OPEN = '[transition]\nsharpness = "auto"\n[parameters.p]\n'
@@ -106,7 +107,7 @@ def test_derivatives_equal_differences_all_over_the_prior(name):
     # Few draws have a push within 0.2 % of the critical angle.
     assert is_smooth.mean() > 0.6
     np.testing.assert_allclose(
-        reverse, slopes["log posterior"], rtol=ROUTES, atol=ROUTES
+        reverse, slopes["log posterior"], rtol=REVERSED, atol=REVERSED
     )
     for function, values in slopes.items():
         slope, expected = np.asarray(values), np.asarray(differences[function])
