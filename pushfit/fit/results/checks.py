@@ -70,7 +70,7 @@ class GoodnessOfFit:
         lack_of_fit_p_value: F test of lack of fit against repeats; None without
             repeats.
         pattern_p_value: Test for residuals that follow neighbours in direction.
-        outliers: Labels of pushes whose residual is beyond `OUTLIER_SIGMA`.
+        outliers: Labels of pushes whose residual is beyond 5 sigma.
         is_adequate: False if the model does not describe the data.
         sentence: The verdict in words.
         predictive: Posterior predictive checks; empty where draws are not to be
