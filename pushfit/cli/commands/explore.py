@@ -112,8 +112,7 @@ class Asked:
             unit=unit,
             journal=journal,
             seed=seed,
-            # Without a journal one question is asked, and what it takes is made once.
-            source=partial(believe, is_growing=journal is not None, stages=stages),
+            source=partial(believe, stages=stages),
         )
 
 

@@ -44,7 +44,6 @@ def believe(
     question: Question,
     seed: int,
     *,
-    is_growing: bool = True,
     stages: Stages | None = None,
 ) -> Belief:
     """What a table of pushes leaves to be believed.
@@ -53,7 +52,6 @@ def believe(
     by, and those lead that would lead its identification.
 
     Args:
-        is_growing: Whether more pushes are to come, so that programs are to be few.
         stages: Hears which mechanics draws are made by.
 
     Returns:
@@ -66,10 +64,10 @@ def believe(
     first, *others = settings.by_mechanics()
     stages = stages or Stages(())
     stages.begin(posterior_stage(first))
-    drawn = _drawn(table, first, seed, is_growing=is_growing)
+    drawn = _drawn(table, first, seed)
     if others and is_tilt_large(drawn.setup, drawn.posterior):
         stages.begin(posterior_stage(others[0]))
-        other = _drawn(table, others[0], seed, is_growing=is_growing)
+        other = _drawn(table, others[0], seed)
         if do_draws_tilt(drawn.posterior, other.posterior, prob=settings.report.prob):
             drawn = other
     return belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
@@ -81,9 +79,7 @@ class _Drawn:
     posterior: PosteriorResult
 
 
-def _drawn(
-    table: PeakTable, settings: GraspConfig, seed: int, *, is_growing: bool
-) -> _Drawn:
+def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn:
     """Draws by the sweep, or where they are not to be trusted by emcee."""
     setup = build_problem(table, settings)
     reference_alpha = reference_azimuth(table, settings)
@@ -94,7 +90,6 @@ def _drawn(
         seed=seed,
         reference_alpha=reference_alpha,
         reach=reach_of(settings),
-        is_growing=is_growing,
     )
     if posterior.status is FitStatus.OK:
         return _Drawn(setup=setup, posterior=posterior)

@@ -34,9 +34,10 @@ from pushfit.parameters import OF_GRASP, SIGNED, SIX
 
 # Degrees of freedom of the Student-t likelihood: heavy tails with a finite variance.
 STUDENT_DOF = 4.0
-# One compiled program serves every table of up to this many rows, then of twice as
-# many, and so on: recompiling for each length costs seconds.
-SMALLEST_BUCKET = 16
+# One compiled program serves every table of up to this many rows, or directions, then
+# of a third more or half as many again, and so on: another length costs seconds, and a
+# table that grows push by push meets few of them.
+SMALLEST_BUCKET = 24
 
 P = TypeVar("P", Parameters, Contact)
 A = TypeVar("A", Array, np.ndarray)
@@ -266,8 +267,9 @@ class Problem(eqx.Module):
 
 
 def bucket(n: int) -> int:
-    """Padded length for n rows: a power of two, not less than the smallest bucket."""
-    return max(SMALLEST_BUCKET, 1 << (n - 1).bit_length())
+    """Padded length for n rows: 2^k or 3 2^k, so that few programs serve all tables."""
+    power = 1 << max(n - 1, 0).bit_length()
+    return max(SMALLEST_BUCKET, power * 3 // 4 if n <= power * 3 // 4 else power)
 
 
 def grasp_with(grasp: Grasp, values: Mapping[str, Scalar]) -> Grasp:

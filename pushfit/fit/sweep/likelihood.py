@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from pushfit.fit.problem.problem import STUDENT_DOF
-from pushfit.fit.problem.repeats.pooling import PADDING, Pooled
+from pushfit.fit.problem.repeats.pooling import Pooled
 from pushfit.fit.sweep.segments import Segments, make_segments
 from pushfit.model import Scalar
 
@@ -24,6 +24,8 @@ N_NODES = 25
 REACH = 6.0
 # Steps towards the scale of a Student-t sample; each at least halves the distance.
 N_SCALE_STEPS = 8
+# Factors of a product of which one log is taken; buckets are multiples of it.
+FACTORS = 8
 LN_2PI = math.log(2 * math.pi)
 # Of the density of a Student-t variable at 0.
 LN_STUDENT = (
@@ -79,8 +81,8 @@ def channel_log_likelihood(
 
 
 def log_product(values: Float[Array, " n"]) -> Scalar:
-    """Sum of logs, taken of products of eight: a log takes longer than these."""
-    return jnp.sum(jnp.log(jnp.prod(values.reshape(-1, PADDING), axis=1)))
+    """Sum of logs, taken of products of some: a log takes longer than these."""
+    return jnp.sum(jnp.log(jnp.prod(values.reshape(-1, FACTORS), axis=1)))
 
 
 def log_likelihood_of_sigma(

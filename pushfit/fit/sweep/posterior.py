@@ -108,7 +108,6 @@ def sweep_posterior(
     seed: int,
     reference_alpha: float,
     reach: tuple[float, float],
-    is_growing: bool = False,
 ) -> PosteriorResult:
     """Draws from the posterior of a table, and its evidence.
 
@@ -116,7 +115,6 @@ def sweep_posterior(
         setup: Problem with its noise weights settled.
         reference_alpha: Azimuth of θ_c [rad].
         reach: Lowest and highest azimuth for α* [rad].
-        is_growing: Whether more pushes are to come, see `pool_repeats`.
 
     Returns:
         Posterior with engine "sweep"; its status is NOT_CONVERGED where too few draws
@@ -133,7 +131,7 @@ def sweep_posterior(
             code="nothing_free",
         )
     rng = np.random.default_rng(seed)
-    target = make_target(problem, reference_alpha, is_growing=is_growing)
+    target = make_target(problem, reference_alpha)
     weighted = weighted_draws(target, seed=seed)
     x, log_prob = weighted.resampled(N_RETURNED, rng)
     prior = prior_points(problem, reference_alpha, rng)

@@ -109,15 +109,12 @@ class _Question:
         return isinstance(other, _Question) and self.key == other.key
 
 
-def make_target(
-    problem: Problem, reference_alpha: float, *, is_growing: bool = False
-) -> Target:
+def make_target(problem: Problem, reference_alpha: float) -> Target:
     """A problem made ready for the sweep.
 
     Args:
         problem: Problem with its noise weights settled.
         reference_alpha: Azimuth of θ_c [rad].
-        is_growing: Whether more pushes are to come, see `pool_repeats`.
     """
     roles = roles_of(problem)
     unit, scale, force = _in_own_units(problem)
@@ -138,7 +135,7 @@ def make_target(
         for name, (start, step, values) in shape.tables.items()
     }
     return Target(
-        pooled=pool_repeats(problem, is_growing=is_growing),
+        pooled=pool_repeats(problem),
         mean=as_float(shape.mean + shift),
         precision=as_float(shape.precision),
         covariance=as_float(np.linalg.inv(shape.precision)),

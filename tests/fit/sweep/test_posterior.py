@@ -14,7 +14,8 @@ from benchmarks.inference.agreement import compared
 from benchmarks.tables import prior_problems
 from pushfit.fit.identify import one as identify
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.problem.repeats.pooling import PADDING, pool_repeats
+from pushfit.fit.problem.problem import bucket
+from pushfit.fit.problem.repeats.pooling import pool_repeats
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.programs import folder as cache
 from pushfit.fit.results import FitStatus
@@ -151,7 +152,7 @@ def test_pooled_repeats_have_the_density_of_the_problem(name):
     directions = np.unique(
         np.stack([problem.pushes.theta, problem.pushes.alpha]), axis=1
     )
-    assert pooled.pushes.theta.size <= directions.shape[1] + PADDING
+    assert pooled.pushes.theta.size == bucket(directions.shape[1])
     x = jnp.asarray(prior_x_samples(problem, np.random.default_rng(1), 16))
     expected = jax.jit(jax.vmap(problem.log_prob))(x)
     found = jax.jit(jax.vmap(make_target(problem, ALPHA).log_prob))(x)

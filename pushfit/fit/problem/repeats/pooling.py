@@ -19,9 +19,6 @@ from pushfit.model import Pushes, as_float
 
 # Pushes closer than this in both angles, and in the log of their sd, are repeats.
 SAME = 1e-9
-# Rows come in multiples of this, so that few programs serve all tables; those of one
-# that grows push by push in the buckets of tables, so that few serve it to its end.
-PADDING = 8
 
 
 class Pooled(eqx.Module):
@@ -42,12 +39,11 @@ class Pooled(eqx.Module):
     is_single: bool = eqx.field(static=True)
 
 
-def pool_repeats(problem: Problem, *, is_growing: bool = False) -> Pooled:
+def pool_repeats(problem: Problem) -> Pooled:
     """Pool the rows of a problem.
 
     Args:
         problem: Problem with its noise weights settled.
-        is_growing: Whether more pushes are to come, so that lengths are to be few.
     """
     used = np.any(np.asarray(problem.mask), axis=0)
     observed = np.asarray(problem.observed)[:, used]
@@ -73,8 +69,8 @@ def pool_repeats(problem: Problem, *, is_growing: bool = False) -> Pooled:
 
     def padded(values: Num[np.ndarray, "*s n"], fill: float) -> Num[np.ndarray, "*s m"]:
         n = values.shape[-1]
-        n_padded = (bucket(n) if is_growing else -(-n // PADDING) * PADDING) - n
-        ends = np.full((*values.shape[:-1], n_padded), fill, dtype=values.dtype)
+        shape = (*values.shape[:-1], bucket(n) - n)
+        ends = np.full(shape, fill, dtype=values.dtype)
         return np.concatenate([values, ends], axis=-1)
 
     pushes = Pushes(padded(theta, 0.5), padded(alpha, 0.0))
