@@ -17,8 +17,10 @@ from pushfit.mechanics.containers import (
     Parameters,
     Pushes,
     Scalar,
+    Vector,
     contact,
     rolling_limits,
+    support_stiffness,
     tangential_stiffness,
     unit_vector,
 )
@@ -122,6 +124,25 @@ def linear_critical_angle(
     about_y = _switch_angle(jnp.abs(x), limit_x, A=group.A, grasp=grasp)
     about_x = _switch_angle(jnp.abs(y), limit_y, A=group.A, grasp=grasp)
     return jnp.fmax(about_y, about_x)
+
+
+def implied_tilt(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
+    """Tilt of the object that the linear solution implies [rad].
+
+        γ = |S_pt - K⁻¹ F_pt| / L
+
+    Unrolled it bends the contact, T = C_d γ; rolled it is larger, by what the object
+    has rolled. Above about 2° the push is too large for linear mechanics.
+
+    References:
+        Eqs. (3)-(5), (9), with S_dt = 0.
+    """
+    force = linear_forces(params, pushes, grasp)
+    tangential = jnp.stack([force.tangential_x, force.tangential_y])
+    reach = grasp.push_length * pushes.elevation[0]
+    S_pt = reach[None] * pushes.azimuth
+    S_rt = S_pt - jnp.linalg.solve(support_stiffness(params), tangential)
+    return norm2(*S_rt) / params.L
 
 
 def critical_B(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:

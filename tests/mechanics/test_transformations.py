@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pushfit import model
-from pushfit.mechanics import coordinates, directions, displacements
+from pushfit.mechanics import coordinates, directions, linear
 from tests.problems import CASES, SMOOTH_THETA_DEG
 from tests.tolerances import ROUNDING
 
@@ -21,7 +21,7 @@ REGISTRY = {
     "forward": model.forward,
     "forces": model.forces,
     "push_resistance": model.push_resistance,
-    "displacements": displacements.displacements,
+    "implied_tilt": linear.implied_tilt,
     "support_stiffness": lambda p, pushes, grasp: model.support_stiffness(p),
     "contact": lambda p, pushes, grasp: model.contact(p),
     "tangential_stiffness": lambda p, pushes, grasp: model.tangential_stiffness(

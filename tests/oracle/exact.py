@@ -29,6 +29,7 @@ from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import FitResult, FitStatus, PosteriorResult
+from tests.oracle import priors
 from tests.oracle.cells import Cells, cell_nodes
 from tests.oracle.integrand import Inner, Integrand, Strip
 from tests.oracle.noise_grid import make_noise_grid
@@ -199,7 +200,7 @@ def exact_grid(setup: Setup, fit: FitResult, *, rtol: float = RTOL) -> ExactGrid
         is_smooth=all(
             prior.kind != "uniform"
             for name, prior in problem.priors.items()
-            if name in fibre.names
+            if name in priors.BEHIND
         ),
         is_linear=(
             _is_linear(problem)
@@ -306,7 +307,7 @@ def draw(
         np.asarray(values) for values in _at_draws(integrand, *where)
     )
     scores = rng.standard_normal((3, n_draws))
-    logs = grid.fibre.split(ln_A, ln_B, scores) | {"C_rr": ln_C}
+    logs = priors.drawn(grid.fibre, ln_A, ln_B, scores) | {"C_rr": ln_C}
     for channel, ln_sigma, density in zip(
         problem.channels,
         np.asarray(integrand.noise.ln_sigma),

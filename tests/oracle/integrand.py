@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from pushfit.fit.problem.priors.tabulated_density import TabulatedDensity
 from pushfit.fit.problem.problem import Problem
 from pushfit.model import Contact, Scalar, contact
+from tests.oracle import priors
 from tests.oracle.cells import GAUSS, KRONROD, NODES
 from tests.oracle.noise_grid import NoiseGrid
 
@@ -163,7 +164,7 @@ class Integrand(eqx.Module):
             (self.prior_C, group.C_rr),
         ):
             if table is not None:
-                total = total + table.log_prob(jnp.log(value))
+                total = total + priors.log_density(table, jnp.log(value))
         if isinstance(node, Strip):
             rise = self._g(node.right, group.A) - self._g(node.left, group.A)
             is_end = node.left == node.right
@@ -335,7 +336,7 @@ class Integrand(eqx.Module):
 
 
 def _range(table: TabulatedDensity) -> tuple[Scalar, Scalar]:
-    return table.start, table.end
+    return table.start, priors.end(table)
 
 
 def _centre(

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import FitResult
+from tests.oracle import priors
 from tests.oracle.integrand import Integrand, Strip
 
 # Elevations outside this range switch nowhere [rad].
@@ -73,7 +74,7 @@ def make_axis(integrand: Integrand, fit: FitResult) -> OuterAxis:
     if integrand.pivot == "A":
         assert integrand.prior_A is not None
         table = integrand.prior_A
-        ends = (float(table.start), float(table.end))
+        ends = (float(table.start), float(priors.end(table)))
         return OuterAxis(knots=np.zeros(0), edges=_edges(integrand, fit, ends, None))
     knots = _knots(integrand.problem)
     means, sds = _prior_moments(integrand)

@@ -11,7 +11,7 @@ from pushfit.fit.problem.derived import equal_tailed_interval, median
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import MechanicsAnswer, PosteriorResult, ResultWarning
-from pushfit.mechanics.displacements import displacements
+from pushfit.mechanics.linear import implied_tilt
 from pushfit.mechanics.registry import mechanics_named
 from pushfit.model import Grasp, Parameters, Pushes
 from pushfit.parameters import SIGNED, SIX
@@ -118,4 +118,4 @@ def tilt_warning(
 
 @compiled
 def _tilt(params: Parameters, pushes: Pushes, grasp: Grasp) -> Float[Array, " n"]:
-    return displacements(params, pushes, grasp).tilt
+    return implied_tilt(params, pushes, grasp)

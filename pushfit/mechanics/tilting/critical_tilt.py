@@ -74,31 +74,6 @@ def tilting_critical_angle(
     return jnp.where(exists, angle, jnp.nan).reshape(jnp.shape(alpha))
 
 
-def critical_tilt(
-    params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
-) -> Float[Array, "*n"]:
-    """Tilt of the object in a push at the critical angle.
-
-        γ_c = F L sin φ / C_d
-
-    Args:
-        alpha: Azimuth of the push [rad].
-
-    Returns:
-        γ_c; NaN where the contact never rolls [rad].
-    """
-    if grasp.support_span is not None:
-        theta = tilting_critical_angle(params, grasp, jnp.ravel(jnp.asarray(alpha)))
-        azimuth = unit_vector(jnp.ravel(jnp.asarray(alpha)))
-        elevation = unit_vector(jnp.nan_to_num(theta))
-        hold = make_hold(contact(params), grasp, elevation=elevation, azimuth=azimuth)
-        tilt = jnp.where(jnp.isnan(theta), jnp.nan, unrolled_tilt(hold))
-        return tilt.reshape(jnp.shape(alpha))
-    (hold, lean, _), force, exists = _critical_force(params, grasp, jnp.asarray(alpha))
-    tilt = force * hold.L * jnp.sin(lean) / hold.C_d
-    return jnp.where(exists, tilt, jnp.nan).reshape(jnp.shape(alpha))
-
-
 def critical_friction(
     params: Parameters | Contact,
     grasp: Grasp,

@@ -133,11 +133,6 @@ def unrolled_tilt(hold: Hold) -> Vector:
     return _tilted_by(elastic_force, hold, _unrolled_guess(hold))
 
 
-def rolled_tilt(hold: Hold) -> Vector:
-    """Tilt at which rolling friction balances the forces; 0 if none [rad]."""
-    return _tilted_by(rolling_force, hold, _rolled_guess(hold))
-
-
 def _tilted_by(
     balance: Callable[[Hold, Tilt], Vector], hold: Hold, start: Vector
 ) -> Vector:

@@ -13,16 +13,17 @@ from pushfit import model
 from pushfit.mechanics.containers import support
 from pushfit.mechanics.directions import critical_angle
 from pushfit.mechanics.linear import linear_critical_angle
-from pushfit.mechanics.tilting.critical_tilt import critical_tilt
 from pushfit.mechanics.tilting.one_support import (
     _rolled_guess,
+    _tilted_by,
     _unrolled_guess,
+    elastic_force,
     make_hold,
-    rolled_tilt,
-    unrolled_tilt,
+    rolling_force,
 )
 from pushfit.model import Grasp, Parameters, Pushes, contact
 from tests.mechanics.statics import planar_forces
+from tests.mechanics.tilting.unrolled import tilt_of
 from tests.oracle import paper
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters, sweep
 from tests.tolerances import EXACT
@@ -60,7 +61,6 @@ every_grasp = pytest.mark.parametrize("name", GRASPS)
 forces = eqx.filter_jit(model.forces)
 forward = eqx.filter_jit(model.forward)
 angle = eqx.filter_jit(critical_angle)
-tilt_at_tie = eqx.filter_jit(critical_tilt)
 
 
 def tilting(push_length=PUSH, **changes) -> Grasp:
@@ -217,7 +217,7 @@ def test_at_the_critical_angle_torque_and_rolling_friction_are_equal(preload, el
     p, alpha = paper.numbers(params), jnp.asarray(0.4)
     theta_c = angle(params, grasp, alpha)
     found = forces(params, Pushes(theta_c[None], alpha[None]), grasp)
-    tilt = float(tilt_at_tie(params, grasp, alpha))
+    tilt = float(tilt_of(params, grasp, theta_c, alpha))
     normal = float(found.normal[0])
     tangential = math.hypot(float(found.tangential_x[0]), float(found.tangential_y[0]))
     across = normal * math.cos(tilt) - tangential * math.sin(tilt)
@@ -334,11 +334,11 @@ def test_slopes_are_finite_everywhere_in_the_range():
 
 
 @pytest.mark.parametrize(
-    ("guess", "solved"),
-    [(_unrolled_guess, unrolled_tilt), (_rolled_guess, rolled_tilt)],
+    ("guess", "balance"),
+    [(_unrolled_guess, elastic_force), (_rolled_guess, rolling_force)],
     ids=["unrolled", "rolled"],
 )
-def test_the_first_guess_is_off_by_the_fifth_power_of_the_push(guess, solved):
+def test_the_first_guess_is_off_by_the_fifth_power_of_the_push(guess, balance):
     """Half the push, a 32nd of the error: otherwise the search takes more steps."""
     group, pushes = contact(paper_parameters()), sweep([-30.0, 15.0, 40.0, 65.0], [0.0])
     errors = []
@@ -349,7 +349,8 @@ def test_the_first_guess_is_off_by_the_fifth_power_of_the_push(guess, solved):
             elevation=pushes.elevation,
             azimuth=pushes.azimuth,
         )
-        found = eqx.filter_jit(lambda at: guess(at) - solved(at))(hold)
+        start = guess(hold)
+        found = start - eqx.filter_jit(_tilted_by)(balance, hold, start)
         errors.append(np.abs(found))
     assert np.all(errors[0] < 1e-4)
     assert np.all(errors[0] / errors[1] > 2**4.5)

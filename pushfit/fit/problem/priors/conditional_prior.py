@@ -80,38 +80,6 @@ class Pair(abc.ABC):
             lower=min(ends), upper=max(ends), scale=scale, log_prob=self._log_prob
         )
 
-    def split(
-        self, whole: Float[np.ndarray, " n"], scores: Float[np.ndarray, " n"]
-    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Draws of both logs, one pair for each value of the combination.
-
-        Args:
-            whole: Logs of the combination.
-            scores: Standard normal numbers; each picks the quantile of a draw.
-
-        Returns:
-            Logs of the first and of the second.
-        """
-        n = whole.size
-        a, b = self.first, self.second
-        if not isinstance(a, LogDensity):
-            is_fixed = not isinstance(b, LogDensity)
-            second = b if is_fixed else self.solve(whole, a, is_first=True)[0]
-            return np.full(n, a), np.broadcast_to(second, n)
-        if not isinstance(b, LogDensity):
-            return self.solve(whole, b, is_first=False)[0], np.full(n, b)
-        low, high = self.interval(whole)
-        return self.parts(whole, np.clip(self._quantile(whole, scores), low, high))
-
-    def _quantile(self, whole: Values, scores: Values) -> Values:
-        """Quantiles of the pair's own coordinate."""
-        rows, table = self.quantiles
-        places = [
-            (whole - rows[0]) / (rows[-1] - rows[0]) * (rows.size - 1),
-            (scores - SCORES[0]) / (SCORES[-1] - SCORES[0]) * (SCORES.size - 1),
-        ]
-        return scipy.ndimage.map_coordinates(table, places, order=1, mode="nearest")
-
     @functools.cached_property
     def quantiles(self) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r s"]]:
         """Values of the combination, and the quantile at each of `SCORES`."""
@@ -224,30 +192,6 @@ class ConditionalPrior:
     tangential: Series
     rotation: Quotient
     C_rr: LogDensity | float
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The parameters behind A and B."""
-        return ("K_sn", "K_dn", "K_st", "C_d", "L")
-
-    def split(
-        self,
-        ln_A: Float[np.ndarray, " n"],
-        ln_B: Float[np.ndarray, " n"],
-        scores: Float[np.ndarray, "3 n"],
-    ) -> dict[str, Float[np.ndarray, " n"]]:
-        """Draws of the parameters from the prior given A and B.
-
-        Args:
-            scores: Standard normal numbers that pick the draws.
-
-        Returns:
-            Logs of K_sn, K_dn, K_st, C_d and L by name.
-        """
-        K_sn, K_dn = self.normal.split(ln_A, scores[0])
-        K_st, rotation = self.tangential.split(ln_B, scores[1])
-        C_d, L = self.rotation.split(rotation, scores[2])
-        return dict(zip(self.names, (K_sn, K_dn, K_st, C_d, L), strict=True))
 
 
 def make_conditional_prior(

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array, Float
@@ -54,31 +53,10 @@ class TabulatedDensity(eqx.Module):
     mean: Float[Array, ""]
     sd: Float[Array, ""]
 
-    @property
-    def end(self) -> Float[Array, ""]:
-        """Last grid point."""
-        return self.start + self.step * (self.values.size - 1)
-
     def shifted(self, by: float) -> "TabulatedDensity":
         """Density of the log of a number that is exp(by) times as large."""
         moved = (self.start + by, self.mean + by)
         return eqx.tree_at(lambda t: (t.start, t.mean), self, moved)
-
-    def log_prob(self, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
-        """Cubic through the four nearest grid points; -inf outside the grid."""
-        place = (u - self.start) / self.step
-        inside = (place >= 0) & (place <= self.values.size - 1)
-        first = jnp.clip(jnp.floor(place) - 1, 0, self.values.size - 4)
-        t = jnp.where(inside, place - first, 1.0)
-        i = first.astype(int)
-        a, b, c, d = (self.values[i + k] for k in range(4))
-        cubic = (
-            -a * (t - 1) * (t - 2) * (t - 3) / 6
-            + b * t * (t - 2) * (t - 3) / 2
-            - c * t * (t - 1) * (t - 3) / 2
-            + d * t * (t - 1) * (t - 2) / 6
-        )
-        return jnp.where(inside, cubic, -jnp.inf)
 
 
 def prior_density(prior: Prior) -> LogDensity:

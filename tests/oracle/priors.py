@@ -1,0 +1,75 @@
+"""Densities and draws of the parameters behind A and B, from the package's tables."""
+
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float
+
+from pushfit.fit.problem.priors.conditional_prior import (
+    SCORES,
+    ConditionalPrior,
+    Pair,
+)
+from pushfit.fit.problem.priors.tabulated_density import LogDensity, TabulatedDensity
+
+BEHIND = ("K_sn", "K_dn", "K_st", "C_d", "L")
+
+
+def end(table: TabulatedDensity) -> Float[Array, ""]:
+    """Last grid point."""
+    return table.start + table.step * (table.values.size - 1)
+
+
+def log_density(table: TabulatedDensity, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Cubic through the four nearest grid points; -inf outside the grid."""
+    place = (u - table.start) / table.step
+    inside = (place >= 0) & (place <= table.values.size - 1)
+    first = jnp.clip(jnp.floor(place) - 1, 0, table.values.size - 4)
+    t = jnp.where(inside, place - first, 1.0)
+    i = first.astype(int)
+    a, b, c, d = (table.values[i + k] for k in range(4))
+    cubic = (
+        -a * (t - 1) * (t - 2) * (t - 3) / 6
+        + b * t * (t - 2) * (t - 3) / 2
+        - c * t * (t - 1) * (t - 3) / 2
+        + d * t * (t - 1) * (t - 2) / 6
+    )
+    return jnp.where(inside, cubic, -jnp.inf)
+
+
+def drawn(
+    prior: ConditionalPrior,
+    ln_A: Float[np.ndarray, " n"],
+    ln_B: Float[np.ndarray, " n"],
+    scores: Float[np.ndarray, "3 n"],
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Logs of the parameters `BEHIND` A and B, drawn from the prior given these.
+
+    Args:
+        scores: Standard normal numbers that pick the draws.
+    """
+    K_sn, K_dn = _both(prior.normal, ln_A, scores[0])
+    K_st, rotation = _both(prior.tangential, ln_B, scores[1])
+    C_d, L = _both(prior.rotation, rotation, scores[2])
+    return dict(zip(BEHIND, (K_sn, K_dn, K_st, C_d, L), strict=True))
+
+
+def _both(
+    pair: Pair, whole: Float[np.ndarray, " n"], scores: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Logs of both of a pair, from those of its combination."""
+    n = whole.size
+    a, b = pair.first, pair.second
+    if not isinstance(a, LogDensity):
+        is_fixed = not isinstance(b, LogDensity)
+        second = b if is_fixed else pair.solve(whole, a, is_first=True)[0]
+        return np.full(n, a), np.broadcast_to(second, n)
+    if not isinstance(b, LogDensity):
+        return pair.solve(whole, b, is_first=False)[0], np.full(n, b)
+    rows, table = pair.quantiles
+    places = [
+        (whole - rows[0]) / (rows[-1] - rows[0]) * (rows.size - 1),
+        (scores - SCORES[0]) / (SCORES[-1] - SCORES[0]) * (SCORES.size - 1),
+    ]
+    t = scipy.ndimage.map_coordinates(table, places, order=1, mode="nearest")
+    return pair.parts(whole, np.clip(t, *pair.interval(whole)))
