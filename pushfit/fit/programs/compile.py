@@ -6,19 +6,18 @@ kept, too, under a fingerprint of the source of pushfit, the versions of the pac
 that trace, the kind of processor, and the arguments but for the numbers in arrays; not
 where these, or the source of mechanics from outside the package, say too little.
 Loading takes long as well, but leaves Python free: `loaded_ahead` has threads load what
-an analysis used the last time. `kept_arrays` keeps what follows from settings alone. A
+an analysis used the last time. `kept` keeps what follows from settings alone. A
 file that is damaged, or cannot be written, is as good as none.
 """
 
 import contextlib
 import functools
 import hashlib
-import io
 import os
 import pickle
 import threading
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import metadata
@@ -64,7 +63,7 @@ DIGEST_SIZE = hashlib.sha256().digest_size
 # died of it.
 MAX_PROGRAMS = 128
 # Files of each kind that are kept, by their endings; another one replaces the oldest.
-MAX_FILES = {"program": 512, "traced": 4096, "arrays": 64, "run": 512}
+MAX_FILES = {"program": 512, "traced": 4096, "kept": 64, "run": 512}
 # Threads that load programs, nearly all of it without Python: one core is left to it.
 N_LOADERS = max(1, min(os.cpu_count() or 1, 4) - 1)
 # Files of programs that this process has used, in order, and those that are loaded
@@ -290,25 +289,21 @@ def _compile(
     return program, trace
 
 
-def kept_arrays(
-    text: str, make: Callable[[], Mapping[str, Float[np.ndarray, "..."]]]
-) -> Mapping[str, Float[np.ndarray, "..."]]:
-    """Arrays that follow from a text and the source alone, made once for all processes.
+def kept(text: str, make: Callable[[], R]) -> R:
+    """What follows from a text and the source alone, made once for all processes.
 
     Args:
-        text: What tells them from others, numbers to the last digit included.
+        text: What tells it from others, numbers to the last digit included.
     """
     folder = programs_folder()
     if folder is None or has_foreign():
         return make()
-    path = folder / f"{_fingerprint(ORIGIN, text)}-arrays"
+    path = folder / f"{_fingerprint(ORIGIN, text)}-kept"
     content = _read(path)
     if content is not None:
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            return dict(arrays)
-    made, buffer = make(), io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **made)
-    _write(path, buffer.getvalue())
+        return pickle.loads(content)
+    made = make()
+    _write(path, pickle.dumps(made))
     return made
 
 

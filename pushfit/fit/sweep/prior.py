@@ -5,7 +5,6 @@ time. It is made once for each shape and kept. Excluded: densities, which `Probl
 """
 
 import functools
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import jax
@@ -17,7 +16,7 @@ from pushfit.fit.problem.priors.conditional_prior import SCORES, make_conditiona
 from pushfit.fit.problem.priors.distributions import Prior
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeats.pooling import pool_repeats
-from pushfit.fit.programs.compile import compiled, kept_arrays
+from pushfit.fit.programs.compile import compiled, kept
 from pushfit.fit.sweep.coordinate_roles import roles_of
 from pushfit.fit.sweep.target import QuantileTable, Target
 from pushfit.model import as_float
@@ -26,7 +25,6 @@ from pushfit.parameters import STIFF
 # Draws from the prior: moments good to 2 % of a standard deviation.
 N_DRAWS = 4000
 MAX_SHAPES = 64
-# Stiffnesses whose priors scale with the unit of the heights.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,40 +45,6 @@ class PriorShape:
     precision: Float[np.ndarray, "q q"]
     shape_sd: float
     tables: dict[str, tuple[float, float, Float[np.ndarray, "r s"]]]
-
-    def arrays(self) -> dict[str, Float[np.ndarray, "..."]]:
-        """All of it by names of its own, see `of_arrays`."""
-        draws = {f"draws {name}": values for name, values in self.draws.items()}
-        grids = {f"grid {n}": np.array(table[:2]) for n, table in self.tables.items()}
-        values = {f"table {n}": table[2] for n, table in self.tables.items()}
-        return {
-            "mean": self.mean,
-            "precision": self.precision,
-            "shape_sd": np.array(self.shape_sd),
-            **draws,
-            **grids,
-            **values,
-        }
-
-    @classmethod
-    def of_arrays(cls, arrays: Mapping[str, Float[np.ndarray, "..."]]) -> "PriorShape":
-        """The inverse of `arrays`."""
-
-        def those(word: str) -> dict[str, Float[np.ndarray, "..."]]:
-            return {
-                key.removeprefix(word): values
-                for key, values in arrays.items()
-                if key.startswith(word)
-            }
-
-        grids = {name: grid.tolist() for name, grid in those("grid ").items()}
-        return cls(
-            draws=those("draws "),
-            mean=arrays["mean"],
-            precision=arrays["precision"],
-            shape_sd=float(arrays["shape_sd"]),
-            tables={n: (*grids[n], values) for n, values in those("table ").items()},
-        )
 
 
 class _Question:
@@ -191,8 +155,7 @@ def _rounded(value: float | Float[Array, ""]) -> float:
 @functools.lru_cache(maxsize=MAX_SHAPES)
 def _shape(question: _Question) -> PriorShape:
     """Draws, moments and tables of a prior."""
-    arrays = kept_arrays(f"prior {question.key}", lambda: _made(question).arrays())
-    return PriorShape.of_arrays(arrays)
+    return kept(f"prior {question.key}", lambda: _made(question))
 
 
 def _made(question: _Question) -> PriorShape:
@@ -215,9 +178,8 @@ def _made(question: _Question) -> PriorShape:
     for name in roles.conditional:
         rows, values = pairs[name].quantiles
         tables[name] = (float(rows[0]), float(rows[1] - rows[0]), values)
-    shape_sd = (
-        float(np.std(_ellipse_draws(noiseless, rng))) if "e1" in noiseless else 1.0
-    )
+    e1 = noiseless.get("e1")
+    shape_sd = 1.0 if e1 is None else float(np.std(e1.sample(rng, N_DRAWS)))
     mean, precision = _moments(y, roles.names, shape_sd, has_s=roles.has_s)
     for i, name in enumerate((roles.pivot, roles.inner)):
         if name is None:
@@ -226,12 +188,6 @@ def _made(question: _Question) -> PriorShape:
     return PriorShape(
         draws=draws, mean=mean, precision=precision, shape_sd=shape_sd, tables=tables
     )
-
-
-def _ellipse_draws(
-    priors: dict[str, Prior], rng: np.random.Generator
-) -> Float[np.ndarray, " n"]:
-    return priors["e1"].sample(rng, N_DRAWS)
 
 
 def _moments(

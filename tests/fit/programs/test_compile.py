@@ -369,31 +369,30 @@ def test_what_the_engines_return_can_be_kept(folder, returned):
 
 def test_arrays_are_made_once_and_read_back_to_the_bit(folder):
     made = {"ln A": np.geomspace(1e-300, 1e300, 7), "mean": np.array(0.1)}
-    kept = programs.kept_arrays("prior", lambda: made)
-    assert kept is made
-    found = programs.kept_arrays("prior", lambda: pytest.fail("made again"))
+    assert programs.kept("prior", lambda: made) is made
+    found = programs.kept("prior", lambda: pytest.fail("made again"))
     assert list(found) == list(made)
     for name, values in made.items():
         np.testing.assert_array_equal(found[name], values)
-    assert programs.kept_arrays("another", dict) == {}
+    assert programs.kept("another", dict) == {}
 
 
 def test_damaged_arrays_are_made_again(folder):
-    programs.kept_arrays("prior", lambda: {"mean": np.ones(3)})
+    programs.kept("prior", lambda: {"mean": np.ones(3)})
     (path,) = folder.iterdir()
     path.write_bytes(path.read_bytes()[:-1])
-    again = programs.kept_arrays("prior", lambda: {"mean": np.zeros(3)})
+    again = programs.kept("prior", lambda: {"mean": np.zeros(3)})
     np.testing.assert_array_equal(again["mean"], 0.0)
 
 
 def test_of_many_arrays_the_latest_are_kept(folder, monkeypatch):
-    monkeypatch.setitem(programs.MAX_FILES, "arrays", 2)
+    monkeypatch.setitem(programs.MAX_FILES, "kept", 2)
     for number in range(4):
-        programs.kept_arrays(f"prior {number}", lambda: {"mean": np.ones(1)})
+        programs.kept(f"prior {number}", lambda: {"mean": np.ones(1)})
         for path in folder.iterdir():
             os.utime(path, ns=(10**9, path.stat().st_mtime_ns - 10**9))
     assert len(list(folder.iterdir())) == 2
-    programs.kept_arrays("prior 3", lambda: pytest.fail("made again"))
+    programs.kept("prior 3", lambda: pytest.fail("made again"))
 
 
 def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
