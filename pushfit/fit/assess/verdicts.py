@@ -98,7 +98,7 @@ def angle_quantity(
     )
 
 
-def parameter_quantities(
+def quantities(
     setup: Setup,
     posterior: PosteriorResult,
     profiles: Mapping[str, LikelihoodProfile],
@@ -106,103 +106,44 @@ def parameter_quantities(
     prob: float,
     unit: str,
     with_sets: bool = True,
-) -> tuple[Quantity, ...]:
-    """The parameters with what the data added to their priors.
+) -> tuple[tuple[Quantity, ...], tuple[Quantity, ...]]:
+    """The parameters with what the data added to their priors, and combinations.
 
     Args:
         with_sets: Whether to look for highest-density sets, the slowest part.
 
     Returns:
-        The six parameters, e1, e2, F_0, p and sigmas, as far as they exist.
+        The six parameters, e1, e2, F_0, p and sigmas, as far as they exist; A, B and
+        the shape of B, what linear forces depend on beside C_rr.
     """
+    newton = "N" if setup.is_calibrated else unit
+
+    def one(name: str) -> Quantity:
+        draws, profile = posterior.samples[name], profiles.get(name)
+        is_noise, prior = name.startswith("sigma_"), setup.problem.priors.get(name)
+        verdict = _parameter_verdict(name, setup, posterior)
+        note = FORMULAS.get(name) or ("fixed" if prior is None else prior.describe())
+        if name in COMBINATIONS and profile:
+            verdict = profile.verdict
+        if is_noise and setup.problem.likelihood == "student_t":
+            note += f"; scale of Student-t noise, the sd is {STUDENT_SD:.3g} times it"
+        return Quantity(
+            name=name,
+            unit=unit if is_noise else unit_of(name, newton),
+            estimate=median(draws),
+            interval=equal_tailed_interval(draws, prob),
+            prob=prob,
+            sets=highest_density_set(draws, prob) if with_sets else (),
+            likelihood_sets=() if profile is None else profile.pieces,
+            verdict=verdict,
+            contraction=_contraction(name, posterior),
+            note=note,
+        )
+
     names = [n for n in (*SIX, *SIGNED, *OF_GRASP) if n in posterior.samples]
     names += [n for n in posterior.samples if n.startswith("sigma_")]
-    newton = "N" if setup.is_calibrated else unit
-    quantities = []
-    for name in names:
-        parameter_unit = unit if name.startswith("sigma_") else unit_of(name, newton)
-        prior = setup.problem.priors.get(name)
-        note = "fixed" if prior is None else prior.describe()
-        if name.startswith("sigma_") and setup.problem.likelihood == "student_t":
-            note += f"; scale of Student-t noise, the sd is {STUDENT_SD:.3g} times it"
-        quantities.append(
-            _quantity(
-                name,
-                parameter_unit,
-                posterior=posterior,
-                profile=profiles.get(name),
-                prob=prob,
-                verdict=_parameter_verdict(name, setup, posterior),
-                note=note,
-                with_sets=with_sets,
-            )
-        )
-    return tuple(quantities)
-
-
-def combination_quantities(
-    setup: Setup,
-    posterior: PosteriorResult,
-    profiles: Mapping[str, LikelihoodProfile],
-    *,
-    prob: float,
-    unit: str,
-    with_sets: bool = True,
-) -> tuple[Quantity, ...]:
-    """A, B and the shape of B: what linear forces depend on beside C_rr.
-
-    Args:
-        with_sets: Whether to look for highest-density sets, the slowest part.
-    """
-    newton = "N" if setup.is_calibrated else unit
-    quantities = []
-    for name in COMBINATIONS:
-        if name not in posterior.samples:
-            continue
-        profile = profiles.get(name)
-        verdict = (
-            profile.verdict if profile else _parameter_verdict(name, setup, posterior)
-        )
-        quantities.append(
-            _quantity(
-                name,
-                unit_of(name, newton),
-                posterior=posterior,
-                profile=profile,
-                prob=prob,
-                verdict=verdict,
-                note=FORMULAS[name],
-                with_sets=with_sets,
-            )
-        )
-    return tuple(quantities)
-
-
-def _quantity(
-    name: str,
-    unit: str,
-    *,
-    posterior: PosteriorResult,
-    profile: LikelihoodProfile | None,
-    prob: float,
-    verdict: Verdict,
-    note: str,
-    with_sets: bool,
-) -> Quantity:
-    """A parameter or combination; its interval is a posterior one, prior included."""
-    draws = posterior.samples[name]
-    return Quantity(
-        name=name,
-        unit=unit,
-        estimate=median(draws),
-        interval=equal_tailed_interval(draws, prob),
-        prob=prob,
-        sets=highest_density_set(draws, prob) if with_sets else (),
-        likelihood_sets=() if profile is None else profile.pieces,
-        verdict=verdict,
-        contraction=_contraction(name, posterior),
-        note=note,
-    )
+    combinations = [name for name in COMBINATIONS if name in posterior.samples]
+    return tuple(map(one, names)), tuple(map(one, combinations))
 
 
 def _parameter_verdict(name: str, setup: Setup, posterior: PosteriorResult) -> Verdict:

@@ -31,11 +31,7 @@ from pushfit.fit.assess.tilt_check import (
     is_worse,
     tilt_warning,
 )
-from pushfit.fit.assess.verdicts import (
-    angle_quantity,
-    combination_quantities,
-    parameter_quantities,
-)
+from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.violations import violation_warnings
 from pushfit.fit.assess.warnings import (
     handover_warnings,
@@ -144,11 +140,14 @@ def _conclude(
     """All that fit, profiles and posterior say together."""
     prob = fitted.config.report.prob
     theta_c = angle_quantity("theta_c", posterior, profiles.get("theta_c"), prob=prob)
-    words = {
-        "prob": prob,
-        "unit": fitted.table.unit,
-        "with_sets": not is_brief,
-    }
+    parameters, combinations = quantities(
+        fitted.setup,
+        posterior,
+        profiles,
+        prob=prob,
+        unit=fitted.table.unit,
+        with_sets=not is_brief,
+    )
     problem = fitted.setup.problem
     goodness = goodness_of_fit(
         fitted.table,
@@ -176,8 +175,8 @@ def _conclude(
             and "alpha_star" not in imposable(problem),
         ),
         alpha_star_model_free=model_free_direction(fitted.table, prob=prob, seed=seed),
-        parameters=parameter_quantities(fitted.setup, posterior, profiles, **words),
-        combinations=combination_quantities(fitted.setup, posterior, profiles, **words),
+        parameters=parameters,
+        combinations=combinations,
         profiles=profiles,
         identifiability=identifiability(
             problem,

@@ -10,7 +10,7 @@ from pushfit.config import parse_config
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.assess.reporting_rules import reported
-from pushfit.fit.assess.verdicts import angle_quantity, parameter_quantities
+from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.violations import Violation
 from pushfit.fit.identify import fitted as fitted_module
 from pushfit.fit.identify.fitted import fit_table, sweep
@@ -339,7 +339,7 @@ def test_a_scale_of_heavy_tailed_noise_is_not_taken_for_its_sd(likelihood):
     text = CONSTANT + f'sigma = "sampled"\nlikelihood = "{likelihood}"\n'
     fitted = fit_table(heavy_tailed(), config(text + FRICTION_ONLY))
     posterior = sweep(fitted, 0)
-    found = parameter_quantities(fitted.setup, posterior, {}, prob=0.9, unit="n")
+    found, _ = quantities(fitted.setup, posterior, {}, prob=0.9, unit="n")
     (sigma,) = [q for q in found if q.name == "sigma_height"]
     said = f"the sd is {stats.t.std(4):.3g} times it"
     assert (said in sigma.note) == (likelihood == "student_t")
