@@ -21,7 +21,7 @@ class Named:
 
     Args:
         name: Stable name, in files and in code.
-        prose: The letter in running text.
+        prose: The letter in running text; that of its name unless stated.
         math: The letter as mathtext.
         unit: SI unit, "1" for a pure number, "deg" for an angle.
         meaning: What a reader who hovers over the letter is told.
@@ -30,11 +30,15 @@ class Named:
     """
 
     name: str
-    prose: str
     math: str
     unit: str
     meaning: str
+    prose: str = ""
     is_stiffness: bool = False
+
+    def __post_init__(self) -> None:
+        """Fill in the letter."""
+        object.__setattr__(self, "prose", self.prose or self.name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +71,6 @@ def _by_name(*records: T) -> Mapping[str, T]:
 PARAMETERS = _by_name(
     Parameter(
         name="K_sn",
-        prose="K_sn",
         math=r"$K_{sn}$",
         unit="N/m",
         meaning="normal stiffness of the support finger",
@@ -77,7 +80,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="K_dn",
-        prose="K_dn",
         math=r"$K_{dn}$",
         unit="N/m",
         meaning="normal stiffness of the contact",
@@ -87,7 +89,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="K_st",
-        prose="K_st",
         math=r"$K_{st}$",
         unit="N/m",
         meaning="tangential stiffness of the support finger",
@@ -97,7 +98,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="C_rr",
-        prose="C_rr",
         math=r"$C_{rr}$",
         unit="1",
         meaning="rolling friction coefficient",
@@ -106,7 +106,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="C_d",
-        prose="C_d",
         math=r"$C_d$",
         unit="N·m/rad",
         meaning="rotational stiffness of the contact: torque over tilt",
@@ -116,7 +115,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="L",
-        prose="L",
         math=r"$L$",
         unit="m",
         meaning="distance between the pushing and the supporting contact",
@@ -125,7 +123,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="e1",
-        prose="e1",
         math=r"$e_1$",
         unit="1",
         meaning="ellipse of K_st: logarithm of its stretch along x against y",
@@ -135,7 +132,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="e2",
-        prose="e2",
         math=r"$e_2$",
         unit="1",
         meaning="ellipse of K_st: the same along the diagonals",
@@ -145,7 +141,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="F_0",
-        prose="F_0",
         math=r"$F_0$",
         unit="N",
         meaning="preload of the grasp",
@@ -155,7 +150,6 @@ PARAMETERS = _by_name(
     ),
     Parameter(
         name="p",
-        prose="p",
         math=r"$p$",
         unit="1",
         meaning="sharpness of the transition from rolling to elastic",
@@ -168,7 +162,6 @@ PARAMETERS = _by_name(
 COMBINATIONS = _by_name(
     Named(
         name="A",
-        prose="A",
         math=r"$A$",
         unit="N/m",
         meaning="normal stiffness that the heights meet: K_sn and K_dn in series",
@@ -176,7 +169,6 @@ COMBINATIONS = _by_name(
     ),
     Named(
         name="B",
-        prose="B",
         math=r"$B$",
         unit="N/m",
         meaning="tangential stiffness that the heights meet while nothing rolls",
@@ -184,14 +176,12 @@ COMBINATIONS = _by_name(
     ),
     Named(
         name="f1",
-        prose="f1",
         math=r"$f_1$",
         unit="1",
         meaning="ellipse of B: logarithm of its stretch along x against y",
     ),
     Named(
         name="f2",
-        prose="f2",
         math=r"$f_2$",
         unit="1",
         meaning="ellipse of B: the same along the diagonals",

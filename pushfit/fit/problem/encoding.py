@@ -50,7 +50,11 @@ def prior_x_samples(
     problem: Problem, rng: np.random.Generator, n: int
 ) -> Float[np.ndarray, "n p"]:
     """Independent draws from the prior, in the order of `problem.names`."""
-    return encode(problem, _physical(problem, rng, n))
+    draws = {}
+    for name, prior in problem.priors.items():
+        u = prior.sample(rng, n)
+        draws[name] = np.exp(u) if prior.is_positive else u
+    return encode(problem, draws)
 
 
 @compiled
@@ -58,14 +62,3 @@ def _coordinates(params: Float[Array, "n 8"]) -> Float[Array, "n 8"]:
     """Rows of `PARAMETERS` as rows of the fields of `Coordinates`."""
     coords = jax.vmap(lambda row: coordinates(Parameters(*row)))(params)
     return jnp.stack(jax.tree.leaves(coords), axis=1)
-
-
-def _physical(
-    problem: Problem, rng: np.random.Generator, n: int
-) -> dict[str, Float[np.ndarray, " n"]]:
-    """Prior draws of every free parameter and sampled sigma, as physical values."""
-    draws = {}
-    for name, prior in problem.priors.items():
-        u = prior.sample(rng, n)
-        draws[name] = np.exp(u) if prior.is_positive else u
-    return draws

@@ -6,6 +6,7 @@ residuals, the rank of the Jacobian, the best of all modes rather than the first
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -33,6 +34,8 @@ from pushfit.model import as_float
 Optima = tuple[
     Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]
 ]
+# The same in any order, of JAX.
+Found = tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]
 
 # Far below any standard error that real heights allow, and above rounding.
 RTOL = ATOL = 1e-10
@@ -156,36 +159,22 @@ def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
 
 def polish(
     problem: Problem, starts: Float[np.ndarray, "k q"], max_rounds: int = MAX_ROUNDS
-) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
-    """Local optima reached from each start, best first.
-
-    Args:
-        max_rounds: Times that the solver begins, at most.
-
-    Returns:
-        Points, sums of squared residuals, and whether the solver met its tolerance.
-    """
-    return restarted(
-        lambda points: _polish(problem.of_data, points), starts, max_rounds
-    )
+) -> Optima:
+    """Local optima reached from each start."""
+    minimiser = partial(_polish, problem.of_data)
+    return restarted(minimiser, starts, max_rounds)
 
 
 def restarted(
-    minimiser: Callable[
-        [Float[Array, "k q"]],
-        tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]],
-    ],
+    minimiser: Callable[[Float[Array, "k q"]], Found],
     starts: Float[np.ndarray, "k q"],
     max_rounds: int = MAX_ROUNDS,
-) -> tuple[Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
+) -> Optima:
     """Minima reached from each start, the minimiser restarted while that helps.
 
     Args:
         minimiser: Points, sums of squares and success from starts.
         max_rounds: Times that it begins, at most.
-
-    Returns:
-        Points, sums of squares, and whether each has arrived, best first.
     """
     points = np.asarray(starts)
     costs = np.full(len(points), np.inf)
@@ -247,9 +236,7 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
 
 
 @compiled
-def _polish(
-    problem: Problem, starts: Float[Array, "k q"]
-) -> tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]:
+def _polish(problem: Problem, starts: Float[Array, "k q"]) -> Found:
     return jax.vmap(lambda start: minimise(problem.data_residuals, start))(starts)
 
 

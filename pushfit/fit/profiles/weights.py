@@ -294,25 +294,17 @@ def tail_gain(problem: Problem, fit: FitResult, kind: str) -> float:
         could gain beyond it is little, unless tails are heavy.
     """
     heights = np.asarray(problem.observed)[np.asarray(problem.mask)]
-    scaled = (heights - fit.predicted) / fit.sigma
-    channels = np.asarray(fit.channel)
-    if kind == "given":
-        return _tail_gain(scaled)
-    return sum(_best_tail_gain(scaled[channels == c]) for c in set(fit.channel))
-
-
-def _tail_gain(scaled: Float[np.ndarray, " n"]) -> float:
-    """Log likelihood ratio at residuals of unit scale."""
-    ratio = scipy.stats.t.logpdf(scaled, STUDENT_DOF) - scipy.stats.norm.logpdf(scaled)
-    return float(np.sum(ratio))
-
-
-def _best_tail_gain(residuals: Float[np.ndarray, " n"]) -> float:
-    """The same, each distribution with the scale that it finds likeliest."""
-    _, _, scale = scipy.stats.t.fit(residuals, fdf=STUDENT_DOF, floc=0.0)
-    student = scipy.stats.t.logpdf(residuals, STUDENT_DOF, scale=scale)
-    normal = scipy.stats.norm.logpdf(residuals, scale=np.sqrt(np.mean(residuals**2)))
-    return float(np.sum(student - normal))
+    residuals, channels = heights - fit.predicted, np.asarray(fit.channel)
+    total = 0.0
+    for c in set(fit.channel):
+        own = (residuals / fit.sigma)[channels == c]
+        wide = narrow = 1.0
+        if kind != "given":
+            wide = np.sqrt(np.mean(own**2))
+            *_, narrow = scipy.stats.t.fit(own, fdf=STUDENT_DOF, floc=0.0)
+        student = scipy.stats.t.logpdf(own, STUDENT_DOF, scale=narrow)
+        total += float(np.sum(student - scipy.stats.norm.logpdf(own, scale=wide)))
+    return total
 
 
 def uneven_warnings(

@@ -27,6 +27,12 @@ from pushfit.fit.sampler.mixture import Mixture
 # asks for half of them; one program with idle rows is still faster than two calls.
 CHUNK = 256
 TWISTER = "MT19937"
+# Names of the arrays of a run.
+KEPT = (
+    *("chain", "log_prob"),
+    *("random_key", "random_position", "random_has_normal", "random_normal"),
+    *("weights", "means", "factors"),
+)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -144,19 +150,11 @@ def _log_densities(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n 
 
 def keep(run: Run, path: Path, *, question: str) -> None:
     """Write a run."""
-    state = run.random.get_state(legacy=False)
-    arrays = {
-        "chain": run.chain,
-        "log_prob": run.log_prob,
-        "random_key": state["state"]["key"],
-        "random_position": np.array(state["state"]["pos"]),
-        "random_has_normal": np.array(state["has_gauss"]),
-        "random_normal": np.array(state["gauss"]),
-        "weights": run.mixture.weights,
-        "means": run.mixture.means,
-        "factors": run.mixture.factors,
-    }
-    checkpoint.save(path, arrays, question=question)
+    mixture, state = run.mixture, run.random.get_state(legacy=False)
+    random = (*state["state"].values(), state["has_gauss"], state["gauss"])
+    parts = (mixture.weights, mixture.means, mixture.factors)
+    values = map(np.asarray, (run.chain, run.log_prob, *random, *parts))
+    checkpoint.save(path, dict(zip(KEPT, values, strict=True)), question=question)
 
 
 def resume(path: Path, *, question: str) -> Run | None:
@@ -164,23 +162,10 @@ def resume(path: Path, *, question: str) -> Run | None:
     arrays = checkpoint.load(path, question=question)
     if arrays is None:
         return None
+    chain, log_prob, key, position, has_normal, normal, *parts = (
+        arrays[name] for name in KEPT
+    )
     random = np.random.RandomState()
-    random.set_state(
-        (
-            TWISTER,
-            arrays["random_key"],
-            int(arrays["random_position"]),
-            int(arrays["random_has_normal"]),
-            float(arrays["random_normal"]),
-        )
-    )
-    return Run(
-        chain=arrays["chain"],
-        log_prob=arrays["log_prob"],
-        random=random,
-        mixture=Mixture(
-            weights=arrays["weights"],
-            means=arrays["means"],
-            factors=arrays["factors"],
-        ),
-    )
+    random.set_state((TWISTER, key, int(position), int(has_normal), float(normal)))
+    mixture = Mixture(**dict(zip(KEPT[-3:], parts, strict=True)))
+    return Run(chain=chain, log_prob=log_prob, random=random, mixture=mixture)

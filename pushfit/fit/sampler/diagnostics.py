@@ -7,6 +7,7 @@ sample size follows from the autocorrelation time. Pure functions of arrays.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from emcee import autocorr
@@ -115,69 +116,58 @@ def diagnose(chain: Float[np.ndarray, "t e w p"], traces: Traces) -> Diagnostics
     """
     times = {name: autocorr_time(trace) for name, trace in traces.items()}
     n_steps, n_ensembles, n_walkers, _ = chain.shape
-    numbers = {
-        "autocorr_time": times,
-        "ess": {name: ess(trace, times[name]) for name, trace in traces.items()},
-        "rhat": {name: nested_rhat(trace) for name, trace in traces.items()},
-        "acceptance_fraction": acceptance_fraction(chain),
-        "n_steps": n_steps,
-        "n_ensembles": n_ensembles,
-        "n_walkers": n_walkers,
-    }
+    found = Diagnostics(
+        autocorr_time=times,
+        ess={name: ess(trace, times[name]) for name, trace in traces.items()},
+        rhat={name: nested_rhat(trace) for name, trace in traces.items()},
+        acceptance_fraction=acceptance_fraction(chain),
+        n_steps=n_steps,
+        n_ensembles=n_ensembles,
+        n_walkers=n_walkers,
+        problems=(),
+    )
     chances = {n: disagreement(trace, times[n]) for n, trace in traces.items()}
-    problems = judge(**numbers, chances=chances)
-    return Diagnostics(**numbers, problems=problems)
+    return replace(found, problems=judge(found, chances))
 
 
-def judge(
-    *,
-    autocorr_time: Mapping[str, float],
-    ess: Mapping[str, float],
-    rhat: Mapping[str, float],
-    acceptance_fraction: Float[np.ndarray, "e w"],
-    n_steps: int,
-    n_ensembles: int,
-    n_walkers: int,
-    chances: Mapping[str, float],
-) -> tuple[str, ...]:
+def judge(found: Diagnostics, chances: Mapping[str, float]) -> tuple[str, ...]:
     """Sentences of the checks that failed, one per check; none means converged.
 
     Args:
-        autocorr_time: By name [steps].
-        acceptance_fraction: Per ensemble and walker.
         chances: p-values of `disagreement` by name.
     """
     problems = []
-    unknown = [name for name, tau in autocorr_time.items() if not np.isfinite(tau)]
+    n_steps, times = found.n_steps, found.autocorr_time
+    unknown = [name for name, tau in times.items() if not np.isfinite(tau)]
     if unknown:
         problems.append(
             f"the autocorrelation time of {', '.join(unknown)} is not finite: a walker "
             "or a quantity never moves"
         )
-    name, tau = _largest(autocorr_time)
+    name, tau = _largest(times)
     if not n_steps >= MIN_AUTOCORR_TIMES * tau:
         problems.append(
             f"{n_steps} steps are fewer than {MIN_AUTOCORR_TIMES} autocorrelation "
-            f"times of {name} ({tau:.1f} steps, {ess[name]:.0f} effective draws)"
+            f"times of {name} ({tau:.1f} steps, {found.ess[name]:.0f} effective draws)"
         )
-    name, value = _largest(rhat)
+    name, value = _largest(found.rhat)
     if not value <= MAX_RHAT:
         problems.append(
-            f"nested R-hat of {name} across {n_ensembles} ensembles is {value:.3f}, "
-            f"above {MAX_RHAT}"
+            f"nested R-hat of {name} across {found.n_ensembles} ensembles is "
+            f"{value:.3f}, above {MAX_RHAT}"
         )
     name, surprise = _largest({n: -p for n, p in chances.items()})
     if not surprise <= -DISAGREEMENT_LEVEL:
         problems.append(
             f"the ensembles disagree about the mean of {name} (p = {-surprise:.1e})"
         )
-    low, high = ACCEPTANCE
-    is_odd = ~((acceptance_fraction >= low) & (acceptance_fraction <= high))
+    share, (low, high) = found.acceptance_fraction, ACCEPTANCE
+    is_odd = ~((share >= low) & (share <= high))
     if np.any(is_odd):
         ensemble, walker = np.argwhere(is_odd)[0]
-        value = acceptance_fraction[ensemble, walker]
+        value = share[ensemble, walker]
         problems.append(
-            f"{np.sum(is_odd)} of {n_ensembles * n_walkers} walkers accept a share of "
+            f"{np.sum(is_odd)} of {share.size} walkers accept a share of "
             f"proposals outside {low} to {high}; walker {walker} of ensemble "
             f"{ensemble}: {value:.2f}"
         )
