@@ -2,6 +2,7 @@
 
 What is not a regular file (a device, a FIFO, the standard output of a process) is
 written into and stays what it is, and a symbolic link goes on pointing where it did.
+Excluded: folders of several files (`pushfit.report.store.folder`).
 """
 
 import contextlib

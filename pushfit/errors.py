@@ -3,7 +3,7 @@
 Every error names the place, the value found, the rule and the next step. `code` is a
 stable word that scripts may test; the sentence may change between versions. A posterior
 that has not converged is a status (see `pushfit.fit.results`); a fit without an optimum
-is a `FitError`.
+is a `FitError`. Excluded: warnings, which stop nothing (`pushfit.fit.assess.warnings`).
 """
 
 import copyreg

@@ -1,7 +1,8 @@
 """The grasp and sensor of the model, from a configuration and the unit of the heights.
 
 Heights in a sensor's own unit need no calibration: gain is then 1 and every force,
-the preload included, is counted in that unit.
+the preload included, is counted in that unit. Excluded: the conversion to newtons
+(`pushfit.config.sensor`).
 """
 
 import math

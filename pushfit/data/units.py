@@ -2,8 +2,8 @@
 
 A column says its unit by its suffix (`pressure_kpa`, `time_ms`) or in brackets
 (`Force (N)`). Inside, time is in seconds, angles in radians, lengths in metres, and a
-signal keeps its own canonical unit (`n`, `kpa`, `counts`, `au`). Nothing here guesses:
-a name without a unit has none, and an implausible number is reported, never rescaled.
+signal keeps its own canonical unit (`n`, `kpa`, `counts`, `au`). Excluded: guesses. A
+name without a unit has none, and an implausible number is reported, never rescaled.
 """
 
 import re

@@ -6,7 +6,8 @@ A hyperbola is a parabola for large r and two straight flanks for r = 0, so one 
 covers a sine and a triangle, and q makes it lopsided. a, s and q are linear; t_0 and r
 run over a grid, and every cell counts by its likelihood. That gives the height without
 the bias of taking a largest value, and a standard deviation that includes not knowing
-the shape. All windows have the same grid, so one matrix serves every push.
+the shape. All windows have the same grid, so one matrix serves every push. Excluded:
+which pushes have one (`pushfit.data.peaks.apex_or_plateau`).
 """
 
 import functools

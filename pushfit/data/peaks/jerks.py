@@ -2,6 +2,7 @@
 
 A finger that snags, or a joint that knocks, may be felt as ten times the push. Heights
 of components are read at the top of the whole force, which such a reading would be.
+Excluded: leaving them out of a recording (`pushfit.data.peaks.components`).
 """
 
 import numpy as np

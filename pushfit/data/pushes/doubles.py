@@ -1,7 +1,8 @@
 """Which pushes are two, and which two are one, each by its own course.
 
 The search judges valleys by what rests the file has, and averages for as long as its
-usual push lasts; so what it joined or parted is looked at by itself again.
+usual push lasts; so what it joined or parted is looked at by itself again. Excluded:
+the search (`pushfit.data.pushes.hump_search`).
 """
 
 from dataclasses import replace

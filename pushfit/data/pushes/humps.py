@@ -2,7 +2,8 @@
 
 Several humps without a rest between them are one push. A valley is a rest if it is
 deep, or if the signal stays at its level for long, on both sides of a hump: so the
-pushes that follow a step of the rest level are as many as those before it.
+pushes that follow a step of the rest level are as many as those before it. Excluded:
+the smoothing (`pushfit.data.pushes.hump_search`).
 """
 
 from dataclasses import dataclass

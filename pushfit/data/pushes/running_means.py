@@ -2,6 +2,7 @@
 
 Counting samples would let a mean jump when its window moves past one of them. The
 integral moves with the window, so nothing depends on where a recording begins.
+Excluded: what is traced in them (`pushfit.data.pushes.tracing`).
 """
 
 from dataclasses import dataclass

@@ -3,7 +3,8 @@
 Bytes become clean text (`textfile`), whose layout is recognised (`dialects`) and held
 against every line (`scan`, `explain`); the columns get their roles (`roles`), only the
 needed ones are parsed (`csv_reader`), and the samples must make sense as a recording
-(`samples`). Bags enter at the last step (`bags`).
+(`samples`). Bags enter at the last step (`bags`). Excluded: the pushes in it
+(`pushfit.data.peaks.extract`).
 """
 
 from collections.abc import Mapping, Sequence

@@ -2,6 +2,7 @@
 
 Units come from the column's suffix, from a row of units, from the mapping, or from the
 user; they must agree. A column without a unit is left alone unless it is needed.
+Excluded: recognising columns by name (`pushfit.data.recordings.recognise`).
 """
 
 import re

@@ -1,7 +1,8 @@
 """From columns of samples to a recording: clock, gaps, plausibility.
 
 The rules that any recording keeps, whether it came as text or as a bag. All problems
-of one recording are found before any is raised.
+of one recording are found before any is raised. Excluded: which column is which
+(`pushfit.data.recordings.roles`).
 """
 
 from collections.abc import Callable

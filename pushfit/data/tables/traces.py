@@ -1,7 +1,8 @@
 """The signal that pushes were taken from, thinned to what a picture can show.
 
 A table carries the traces of its recordings, so that a report can show every push where
-it was measured without the recording itself.
+it was measured without the recording itself. Excluded: drawing it
+(`pushfit.report.figures.recording`).
 """
 
 from dataclasses import dataclass, fields

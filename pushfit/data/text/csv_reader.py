@@ -3,6 +3,7 @@
 pandas' C parser is fast and exact on a regular table, and silently shifts, renames or
 coerces an irregular one. So it only ever sees rows that the scan found regular, without
 their header, and cells that it cannot parse are looked up and reported by line.
+Excluded: which layout a table has (`pushfit.data.text.dialects`).
 
 Memory: one block of 4 MiB with its masks (about 20 MiB) for the scan; then 8 bytes per
 row and needed column, twice over for one chunk of rows.

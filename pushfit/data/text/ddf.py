@@ -1,7 +1,8 @@
 """What the preamble of an Aurora indenter log (`.ddf`) says of its columns.
 
 The program writes volts, and above them the unit and the scale of each channel and the
-samples per second: all that it takes to read the file as it is.
+samples per second: all that it takes to read the file as it is. Excluded: the columns
+themselves (`pushfit.data.text.csv_reader`).
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """How a table of text is laid out: delimiter, decimal mark, header, kind of writer.
 
 The layout is judged from the first lines only (`pushfit.data.text.layout_guess`);
-`pushfit.data.text.csv_reader` then holds every line against it. What the columns mean
-for a recording is decided in `pushfit.data.recordings.roles`.
+`pushfit.data.text.csv_reader` then holds every line against it. Excluded: what the
+columns mean for a recording (`pushfit.data.recordings.roles`).
 """
 
 import re

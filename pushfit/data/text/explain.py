@@ -1,7 +1,7 @@
 """Go through an irregular table line by line and name everything that is wrong.
 
 This is the slow pass: it runs for files with quoted fields, and for files that the fast
-pass or the parser did not accept.
+pass or the parser did not accept. Excluded: the fast pass (`pushfit.data.text.scan`).
 """
 
 import csv

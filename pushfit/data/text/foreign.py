@@ -1,7 +1,8 @@
 """Logs that are no tables: NumPy arrays, `rostopic echo` without `-p`, ROS logs.
 
-Each is brought into the one form that everything else reads: columns with names. What
-the columns mean is told by the same rules as for any other file.
+Each is brought into the one form that everything else reads: columns with names.
+Excluded: what the columns mean, told by the same rules as for any other file
+(`pushfit.data.recordings.roles`).
 """
 
 import contextlib

@@ -1,6 +1,7 @@
 """Guess delimiter, decimal mark and header of a table from its first lines.
 
-A guess is only where to begin: every line is held against it later.
+A guess is only where to begin. Excluded: holding every line against it
+(`pushfit.data.text.scan`).
 """
 
 import csv

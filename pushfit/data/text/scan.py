@@ -3,6 +3,8 @@
 Two passes share the rules. The fast one counts field borders and line ends as bytes,
 block by block, and can only say that a file is regular. When it cannot, or when parsing
 fails later, the slow one goes line by line and names everything that is wrong.
+Excluded: the slow pass (`pushfit.data.text.explain`) and parsing
+(`pushfit.data.text.csv_reader`).
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,8 @@
 r"""From the bytes of a file to clean text: what it is, how it is encoded, its lines.
 
 Clean text is UTF-8 without a byte-order mark, with `\n` as the only line end. It is
-produced in blocks, so memory does not grow with the file. What a column means is the
-business of `pushfit.data.text.dialects`.
+produced in blocks, so memory does not grow with the file. Excluded: its columns
+(`pushfit.data.text.dialects`).
 """
 
 import codecs

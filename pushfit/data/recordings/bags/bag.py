@@ -2,6 +2,8 @@
 
 Message types are decoded by the definitions that the bag carries. The time of a sample
 is the stamp in its header, or where that was never filled in, when it was received.
+Excluded: which numbers in messages are channels
+(`pushfit.data.recordings.bags.fields`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence, Set
