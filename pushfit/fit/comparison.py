@@ -4,7 +4,8 @@ Each is a fit of the same pushes with the same noise model and priors. They diff
 how rolling sets in, by the paper's switch, by a soft minimum, or never, and in whether
 the object tilts. Two criteria
 are kept apart: the evidence, which weighs priors, and the density of each push
-predicted from all others (leave-one-out), which hardly does.
+predicted from all others (leave-one-out), which hardly does. Excluded: text for readers
+(`pushfit.report.text.comparison`).
 """
 
 import math

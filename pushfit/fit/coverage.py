@@ -3,6 +3,7 @@
 Truths are drawn from the priors and pushed in the user's directions, with the user's
 repeats, channels and noise; each simulated table then goes through the whole
 identification. What is counted is therefore what would be printed, verdicts included.
+Excluded: text for readers (`pushfit.report.text.coverage`).
 """
 
 from collections import Counter

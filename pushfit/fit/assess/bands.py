@@ -1,7 +1,7 @@
 """Predicted heights along the sweeps of a table, for pictures.
 
 The band is that of the noise-free height over the posterior draws: where the model
-believes the curve lies, not where the next height will fall.
+believes the curve lies. Excluded: where the next height will fall.
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,7 @@
 
 The Jacobian of the weighted residuals against the logs of the free parameters is taken
 on the user's own pushes; its singular vectors are the combinations that these data can
-and cannot tell apart.
+and cannot tell apart. Excluded: advice in words (`pushfit.fit.assess.advice`).
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,8 @@
 
 Three questions that fail apart: is the scatter about the fit larger than the noise, do
 residuals follow their neighbours in direction, and does the fit explain the heights.
-The same is asked of heights simulated from the posterior (`predictive`).
+The same is asked of heights simulated from the posterior (`predictive`). Excluded:
+which assumption fails (`pushfit.fit.assess.violations`).
 """
 
 from collections.abc import Mapping, Sequence

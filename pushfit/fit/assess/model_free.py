@@ -3,7 +3,8 @@
     height = c0 + c1 cos 2α + s1 sin 2α   (+ a level for each elevation)
 
 Its minimum is an estimate of α* that no mechanics can bias; where it disagrees with the
-model's, one of the two assumptions fails.
+model's, one of the two assumptions fails. Excluded: the model's own α*
+(`pushfit.mechanics.directions`).
 """
 
 import numpy as np

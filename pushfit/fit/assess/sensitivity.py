@@ -7,7 +7,8 @@ A height off by δ moves the posterior mean of a quantity q, to first order, by
 and an elevation off by its own error moves a height by the slope ∂h/∂θ. An arm misses
 all repeats of a command alike, and directions add up in squares. The scatter of repeats
 does not show such errors, nor does that of few heights about a fit; how much θ_c and α*
-hang on them can be said all the same.
+hang on them can be said all the same. Excluded: errors that a key states
+(`pushfit.fit.profiles.angle_errors`).
 
 References:
     Giordano, Broderick & Jordan (2018), J. Mach. Learn. Res. 19 (51), 1: covariances

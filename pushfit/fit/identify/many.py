@@ -2,6 +2,7 @@
 
 What comes out for a table depends on that table, the configuration and its seed, never
 on the tables beside it; a table that cannot be identified gives its error in its place.
+Excluded: files and workers (`pushfit.batch`).
 """
 
 from collections.abc import Mapping, Sequence

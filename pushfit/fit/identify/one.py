@@ -1,7 +1,8 @@
 """One table through every question: fit, profiles, posterior, checks, advice.
 
 This is the only place that knows the order of things; commands, batches and reports
-all start from `identify_table`.
+all start from `identify_table`. Excluded: how each is answered (`pushfit.fit.profiles`,
+`pushfit.fit.sweep`, `pushfit.fit.assess`).
 """
 
 from collections.abc import Mapping, Sequence

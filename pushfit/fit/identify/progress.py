@@ -1,6 +1,6 @@
 """What an analysis does in turn, and how far it is by what each part usually takes.
 
-Only the ratios of the times matter.
+Only the ratios of the times matter. Excluded: showing it (`pushfit.cli.progress`).
 """
 
 from collections.abc import Callable, Sequence

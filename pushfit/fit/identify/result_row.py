@@ -2,7 +2,7 @@
 
 The names of the columns are those of `summary.json`, with `_low` and `_high` for the
 ends of intervals. What must not be quoted (`pushfit.fit.assess.reporting_rules`) is
-None here, too.
+None here, too. Excluded: the row of an item of a batch (`pushfit.batch.rows`).
 """
 
 import functools

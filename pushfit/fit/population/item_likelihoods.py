@@ -6,7 +6,8 @@ normal with a mean and a spread, is
     L(mean, spread) ∝ average over j of N(φ_j | mean, spread²) / π(φ_j)
 
 A kernel round each draw, as wide as the density of the draws allows, keeps the average
-smooth where the spread is smaller than the distance of the draws.
+smooth where the spread is smaller than the distance of the draws. Excluded: the
+population itself (`pushfit.fit.population.pooling`).
 """
 
 from collections.abc import Sequence

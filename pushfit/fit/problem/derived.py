@@ -2,6 +2,7 @@
 
 θ_c and α* are functions of the parameters, so their posterior is that of the draws:
 no propagated standard error ever stands in for it. Angles leave here in degrees.
+Excluded: which verdict a quantity gets (`pushfit.fit.assess.verdicts`).
 """
 
 import jax

@@ -2,6 +2,7 @@
 
 Given standard deviations are used where repeats do not contradict them; without them,
 repeats are pooled when there are enough; else sigma is a parameter like the others.
+Excluded: noise that only a fit tells (`pushfit.fit.profiles.weights`).
 """
 
 import math

@@ -1,7 +1,8 @@
 """What sensors would report at many points and for any pushes.
 
 Pictures, checks, weights and simulated tables all ask here: points and pushes are
-padded to one shape, so that a mechanics needs one program for them all.
+padded to one shape, so that a mechanics needs one program for them all. Excluded:
+residuals and densities (`pushfit.fit.problem.problem`).
 """
 
 from collections.abc import Callable, Mapping

@@ -1,7 +1,8 @@
 """From a peak table and a configuration to a `Problem`.
 
 Decides what is free, what is fixed, and in which coordinates; everything that depends
-on the shape of the question and not on the numbers is settled here.
+on the shape of the question and not on the numbers is settled here. Excluded: its
+densities (`pushfit.fit.problem.problem`).
 """
 
 from collections.abc import Mapping

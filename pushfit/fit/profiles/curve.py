@@ -1,6 +1,7 @@
 """The least sum of squares for every value of a quantity: its profile likelihood.
 
-One program serves every quantity of a problem, however it is imposed.
+One program serves every quantity of a problem, however it is imposed. Excluded: the set
+at a level (`pushfit.fit.profiles.profile_sets`).
 """
 
 from dataclasses import replace

@@ -2,6 +2,7 @@
 
 The solver is optimistix; what decides whether its answer may be used is here: finite
 residuals, the rank of the Jacobian, the best of all modes rather than the first.
+Excluded: finding the valleys (`pushfit.fit.profiles.curve`).
 """
 
 from collections.abc import Callable

@@ -2,7 +2,8 @@
 
 The profile likelihood of a quantity is the best fit that each of its values allows. No
 standard error enters: sets come from thresholds on the profile alone, so two separate
-critical angles stay two, and an end that no push bounds stays open.
+critical angles stay two, and an end that no push bounds stays open. Excluded: the fits
+along a quantity (`pushfit.fit.profiles.curve`).
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -2,7 +2,8 @@
 
 Where sigma is sampled least squares take the one whose chi-square is n - p. Shares of
 the height, or of slopes where angles err, are plug-ins: known noise of every row, by
-the heights of the best fit, which is sought again under the new weights.
+the heights of the best fit, which is sought again under the new weights. Excluded:
+noise that is known before a fit (`pushfit.fit.problem.noise`).
 """
 
 from collections.abc import Iterator

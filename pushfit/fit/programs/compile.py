@@ -6,8 +6,9 @@ kept, too, under a fingerprint of the source of pushfit, the versions of the pac
 that trace, the kind of processor, and the arguments but for the numbers in arrays; not
 where these, or the source of mechanics from outside the package, say too little.
 Loading takes long as well, but leaves Python free: `loaded_ahead` has threads load what
-an analysis used the last time. `kept` keeps what follows from settings alone. A
-file that is damaged, or cannot be written, is as good as none.
+an analysis used the last time. `kept` keeps what follows from settings alone. A file
+that is damaged, or cannot be written, is as good as none. Excluded: where the files are
+(`pushfit.fit.programs.folder`).
 """
 
 import contextlib

@@ -3,7 +3,7 @@
 Whoever can write there can run code as the user, so the folder belongs to the user
 alone. The command line and `pushfit.identify` turn it on, for themselves and the
 processes they start, and say so (`-v`, and a line of the log); PUSHFIT_CACHE=off turns
-it off.
+it off. Excluded: what is kept there (`pushfit.fit.programs.compile`).
 """
 
 import logging

@@ -1,4 +1,7 @@
-"""Versions and platform on which numbers depend."""
+"""Versions and platform on which numbers depend.
+
+Excluded: all other packages (`pushfit.cli.commands.doctor`).
+"""
 
 import functools
 import platform

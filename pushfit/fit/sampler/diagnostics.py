@@ -3,7 +3,8 @@
 Walkers of one ensemble are not independent chains. R-hat across them raises false
 alarms (1.12 on a perfect Gaussian), and an effective sample size from the flattened
 chain is 40 to 200 times too large; so ensembles are compared with each other, and the
-sample size follows from the autocorrelation time. Pure functions of arrays.
+sample size follows from the autocorrelation time. Pure functions of arrays. Excluded:
+weighted draws (`pushfit.fit.sweep.posterior`).
 """
 
 from collections.abc import Mapping

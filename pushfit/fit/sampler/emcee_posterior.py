@@ -3,7 +3,8 @@
 Four independent ensembles share every call of one vectorised log density. Starts are
 cooled from the prior (`starts`), moves mix differences with a fitted proposal
 (`moves`), and the verdict comes from `diagnostics`. A chain that has not converged is
-returned with its problems, not raised: the caller decides what may be quoted.
+returned with its problems, not raised. Excluded: what may be quoted
+(`pushfit.fit.assess.reporting_rules`).
 """
 
 import math

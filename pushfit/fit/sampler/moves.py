@@ -4,7 +4,7 @@ Both are moves of emcee that advance several independent ensembles in one vector
 call: rows e W ... (e + 1) W - 1 of the walkers are ensemble e, and no proposal of one
 ensemble ever looks at another. emcee's own moves know a single ensemble, and its
 `DESnookerMove` (3.1.6) gives E r² = 4.0 instead of 6 on a standard normal in six
-dimensions.
+dimensions. Excluded: fitting the mixture (`pushfit.fit.sampler.mixture`).
 """
 
 import numpy as np

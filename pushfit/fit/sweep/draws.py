@@ -3,7 +3,8 @@
 A draw follows the sheet: u, the inner coordinate, ln s, the Gaussian rest, what the
 prior alone knows, and the noise. Its weight is the posterior density, as `Problem` has
 it, over the density of the proposal, so that no approximation of the sweep biases
-anything: it only costs effective draws.
+anything: it only costs effective draws. Excluded: how many are drawn, and smoothing
+their weights (`pushfit.fit.sweep.posterior`).
 """
 
 import equinox as eqx

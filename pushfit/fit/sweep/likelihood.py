@@ -1,7 +1,8 @@
 """Sampled noise, integrated out on a grid: likelihood, weights and draws of ln σ.
 
 Given the predictions every σ is known by one number per channel, so that neither the
-search nor the other draws need it as a coordinate of their own.
+search nor the other draws need it as a coordinate of their own. Excluded: the
+likelihood at points that state the noise (`pushfit.fit.problem.problem`).
 """
 
 import math

@@ -1,7 +1,8 @@
 """A posterior by the sweep: weighted draws, their honesty, and draws of equal weight.
 
 Batches of draws are added until enough of them count. What stays short of that, or has
-weights with too heavy a tail, says so, and the caller hands it to emcee.
+weights with too heavy a tail, says so. Excluded: emcee, to which the caller then turns
+(`pushfit.fit.sampler.emcee_posterior`).
 """
 
 import functools

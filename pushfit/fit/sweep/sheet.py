@@ -3,7 +3,8 @@
 At every outer node the inner coordinate is followed from its conditional mode to both
 ends of its prior, in steps that grow like sinh: a peak of width 1e-3 and a tail as wide
 as the prior share a few nodes. The other coordinates are Gaussian around their mode
-there; where ln s is drawn from its prior, once for each stratum of it.
+there; where ln s is drawn from its prior, once for each stratum of it. Excluded:
+placing the outer nodes (`pushfit.fit.sweep.outer`).
 """
 
 import equinox as eqx

@@ -2,7 +2,8 @@
 
 Predictions and priors are those of `Problem`, the likelihood is its own with repeats
 pooled and sampled noise apart (`pushfit.fit.sweep.likelihood`); what is added here
-serves only to find where the density is large.
+serves only to find where the density is large. Excluded: finding where that is
+(`pushfit.fit.sweep.sheet`).
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,8 @@
 
 A positive parameter is sampled in its log, so `log_prob` here is the density of the
 log: a normal prior on K_sn carries the factor K_sn of that change of variable. The
-ellipse numbers e1 and e2 have any sign and are sampled as they are.
+ellipse numbers e1 and e2 have any sign and are sampled as they are. Excluded: priors of
+A and B (`pushfit.fit.problem.priors.conditional_prior`).
 """
 
 import functools

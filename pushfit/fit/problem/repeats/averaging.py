@@ -3,6 +3,8 @@
 An arm that repeats a command misses it alike each time. What repeats scatter is then
 the noise of heights alone, and their mean, with the noise of a mean, has one error of
 each angle: all that its repeats tell of the model, where their noise is known.
+Excluded: pooling that leaves the likelihood as it is
+(`pushfit.fit.problem.repeats.pooling`).
 """
 
 from dataclasses import replace

@@ -4,7 +4,8 @@ Heights of one direction with one standard deviation enter a normal likelihood t
 their number, their mean and their scatter alone. Other heights of a direction stay
 apart, as do all of a Student-t likelihood, those that have something in common with
 other directions, and those with a part of their noise known and another sampled, whose
-logarithms are taken of many rows at once; what they share is one prediction.
+logarithms are taken of many rows at once; what they share is one prediction. Excluded:
+finding what repeats have in common (`pushfit.fit.problem.repeats.effects`).
 """
 
 from dataclasses import replace
