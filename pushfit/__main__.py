@@ -1,4 +1,7 @@
-"""`python -m pushfit`, and the `pushfit` script."""
+"""`python -m pushfit`, and the `pushfit` script.
+
+Excluded: the commands (`pushfit.cli.app`).
+"""
 
 import atexit
 import gc

@@ -1,4 +1,8 @@
-"""The application: every command, and the way in."""
+"""The application: every command, and the way in.
+
+Excluded: the commands (`pushfit.cli.commands`) and what they share
+(`pushfit.cli.session`).
+"""
 
 from collections.abc import Sequence
 from typing import Annotated

@@ -1,7 +1,8 @@
 """Work aside: in a process of its own, while this one loads what comes next.
 
 Libraries are loaded under the lock of the interpreter, so that a thread would gain
-nothing.
+nothing. Excluded: work that needs JAX, and the workers of a batch
+(`pushfit.batch.workers`).
 """
 
 import contextlib

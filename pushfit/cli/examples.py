@@ -1,4 +1,7 @@
-"""One example of each command and what comes after it, for the end of its --help."""
+"""One example of each command and what comes after it, for the end of its --help.
+
+Excluded: what options mean, which stands with them (`pushfit.cli.options`).
+"""
 
 EXAMPLES = {
     "validate": (

@@ -1,4 +1,7 @@
-"""Arguments and options that several commands share, and groups of them."""
+"""Arguments and options that several commands share, and groups of them.
+
+Excluded: options that every command has (`pushfit.cli.session`).
+"""
 
 from dataclasses import dataclass
 from pathlib import Path

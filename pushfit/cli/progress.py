@@ -1,6 +1,7 @@
 """How far a command is: a bar on a terminal, else a line for each stage.
 
 All of it goes to standard error; what a command answers goes to standard output.
+Excluded: which stages there are (`pushfit.fit.identify.progress`).
 """
 
 import re

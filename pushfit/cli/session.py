@@ -2,6 +2,7 @@
 
 Data go to standard output and nothing else does; messages go to standard error, with
 colour only on a terminal. An error is one line, a traceback only under --debug.
+Excluded: options of some commands only (`pushfit.cli.options`).
 """
 
 import functools

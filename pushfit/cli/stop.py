@@ -4,7 +4,7 @@ Python runs signal handlers between two of its own steps. A compilation by JAX i
 step that may last a minute, a callback of JAX swallows what a handler raises, and emcee
 prints it. So nothing is raised: a thread of its own waits for the signal, removes what
 is half written and ends the process. All files are complete or absent at any moment, so
-no unwinding is needed.
+no unwinding is needed. Excluded: what is half written (`pushfit.atomic`).
 """
 
 import contextlib

@@ -2,7 +2,8 @@
 
 The library names arguments as they are written in Python: `min_height`, or
 `exclude=[(12.0, 13.5)]`. Who types a command reads its option instead, or the key of
-grasp.toml where the command has no such option.
+grasp.toml where the command has no such option. Excluded: how messages come to name
+arguments (`pushfit.errors`).
 """
 
 import ast

@@ -1,7 +1,7 @@
 """A result to hold: what one table told, ready to print, plot, save and pass on.
 
-A `Result` is an `Identification` that shows itself. Numbers that may not be quoted are
-not in it, whether it is fresh or read back from a folder.
+A `Result` is an `Identification` that shows itself. Excluded: numbers that may not be
+quoted, whether it is fresh or read back from a folder.
 """
 
 import warnings

@@ -1,4 +1,7 @@
-"""`identify`, `fit` and `demo`: from recordings or peaks to a report."""
+"""`identify`, `fit` and `demo`: from recordings or peaks to a report.
+
+Excluded: the analysis itself (`pushfit.fit.identify.one`).
+"""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,7 @@
-"""`pushfit doctor`: whether this installation computes, and with which versions."""
+"""`pushfit doctor`: whether this installation computes, and with which versions.
+
+Excluded: faults of input files, which `validate` finds (`pushfit.cli.commands.files`).
+"""
 
 import math
 import platform

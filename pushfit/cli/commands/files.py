@@ -1,4 +1,8 @@
-"""`init`, `validate`, `peaks` and `simulate`: what comes before anything is fitted."""
+"""`init`, `validate`, `peaks` and `simulate`: what comes before anything is fitted.
+
+Excluded: the checks (`pushfit.data.check`), the measuring of pushes
+(`pushfit.data.peaks.extract`) and the simulation (`pushfit.data.simulate`).
+"""
 
 from collections.abc import Mapping
 from dataclasses import asdict

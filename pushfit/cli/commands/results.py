@@ -1,4 +1,7 @@
-"""`report` and `diff`: what finished results say, without fitting again."""
+"""`report` and `diff`: what finished results say, without fitting again.
+
+Excluded: computing a result again (`pushfit.cli.commands.verify`).
+"""
 
 import sys
 from pathlib import Path

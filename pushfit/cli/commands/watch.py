@@ -1,4 +1,7 @@
-"""`pushfit watch`: a folder in which recordings arrive, and one page that keeps up."""
+"""`pushfit watch`: a folder in which recordings arrive, and one page that keeps up.
+
+Excluded: what is made of the recordings (`pushfit.batch.run`).
+"""
 
 import time
 from dataclasses import asdict

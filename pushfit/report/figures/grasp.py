@@ -7,7 +7,7 @@ the surface into the object.
 A stiffness ellipse says how much the contact resists in each tangential direction. It
 is the geometric mean K and two numbers (e1, e2) of the symmetric matrix
 K expm(½ [[e1, e2], [e2, -e1]]): semi-axes K exp(±|e|/2), the stiff one at the azimuth
-½ atan2(e2, e1).
+½ atan2(e2, e1). Excluded: heights (`pushfit.report.figures.sweeps`).
 """
 
 from collections.abc import Sequence

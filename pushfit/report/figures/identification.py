@@ -1,7 +1,7 @@
 """The figures of one identification: which arrays go where.
 
-Everything is drawn by the functions beside this module; here is only the choice of what
-to draw, so that text, page and figures mark the same answers.
+Here is only the choice of what to draw, so that text, page and figures mark the same
+answers. Excluded: the drawing, done by the modules beside this one.
 """
 
 import inspect

@@ -1,6 +1,7 @@
 """The sweeps of one identification and its main figure: height against θ and α.
 
-The same answers that the text gives are marked, with their whole sets.
+The same answers that the text gives are marked, with their whole sets. Excluded: the
+drawing of sweeps (`pushfit.report.figures.sweeps`).
 """
 
 from collections.abc import Callable

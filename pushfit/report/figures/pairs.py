@@ -1,6 +1,7 @@
 """Corner plots: parameters in pairs, with the prior behind.
 
-The pairs show what single intervals cannot: which combinations the data fix.
+The pairs show what single intervals cannot: which combinations the data fix. Excluded:
+one quantity by itself (`pushfit.report.figures.posterior`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence

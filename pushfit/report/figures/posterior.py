@@ -1,6 +1,7 @@
 """What the posterior says against what the prior and the likelihood alone say.
 
 Priors are always drawn behind, in grey: where blue repeats grey, data added nothing.
+Excluded: parameters in pairs (`pushfit.report.figures.pairs`).
 """
 
 from collections.abc import Sequence

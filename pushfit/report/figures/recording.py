@@ -2,7 +2,8 @@
 
 Every number that peak extraction took from the signal is drawn where it was taken, so
 that a reader can disagree with it. Force components have a panel each, below that of
-the length of their change.
+the length of their change. Excluded: what else components show
+(`pushfit.report.figures.components`).
 """
 
 import itertools

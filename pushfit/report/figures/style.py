@@ -2,7 +2,8 @@
 
 Colours are those of Okabe and Ito, told apart by readers with any colour vision and, by
 lightness, in grey print. Text is never parsed as mathematics unless a figure asks for
-it, so a `$` in a column name cannot stop a report.
+it, so a `$` in a column name cannot stop a report. Excluded: words for numbers and
+units (`pushfit.report.strings`).
 """
 
 import functools

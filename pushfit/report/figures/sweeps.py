@@ -2,6 +2,7 @@
 
 Each sweep is drawn as measured pushes, the best fit and the credible band of the
 height without noise. The quantity asked for (θ_c, α*) is marked with its whole set.
+Excluded: which sweeps are drawn (`pushfit.report.figures.main`).
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,8 @@
 """Many results as one HTML page: a population, and every item with its intervals.
 
 The table is sorted by a few lines of script that the policy names by their hash, and
-reads without them. Which columns a frame of results has is known here only.
+reads without them. Which columns a frame of results has is known here only. Excluded:
+the page of one result (`pushfit.report.html.result`).
 """
 
 import json

@@ -2,7 +2,8 @@
 
 A page is one file that needs nothing else. Every value loses its control characters and
 passes Jinja2's autoescape; the content security policy names each style sheet and
-script by its hash.
+script by its hash. Excluded: what each page shows (`pushfit.report.html.result`,
+`pushfit.report.html.batch`).
 """
 
 import base64

@@ -1,6 +1,7 @@
 """The report as one HTML file that needs nothing else and runs nothing.
 
-Styles and figures are inside; the policy allows no script and no address.
+Styles and figures are inside; the policy allows no script and no address. Excluded:
+rows for a notebook or a paper (`pushfit.report.html.card`).
 """
 
 import base64

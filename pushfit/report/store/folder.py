@@ -3,7 +3,8 @@
 Everything is written beside the target under a hidden name, forced to disk and renamed.
 What stands there already is refused, or with `force` stays whole until its successor is
 complete. Where the target is a symbolic link, all of this is done to the folder that it
-leads to. Nothing is removed that this module does not write.
+leads to. Nothing is removed that this module does not write. Excluded: reading it back
+(`pushfit.report.store.read`).
 """
 
 import json

@@ -1,6 +1,6 @@
 """A result folder read back: the same record that wrote it, nothing computed again.
 
-Numbers that were not to be quoted are not in the folder, and so not in the record.
+Excluded: numbers that were not to be quoted, which are not in the folder.
 """
 
 import itertools

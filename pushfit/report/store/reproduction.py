@@ -3,7 +3,8 @@
 Where versions and platform agree, numbers are reproduced if they are identical to the
 last bit. Elsewhere sums round differently and a chain takes another path from the same
 seed, so the answers are compared with what that can do to them, and numbers that
-belong to one chain only (its diagnostics, its draws) are not compared at all.
+belong to one chain only (its diagnostics, its draws) are not compared at all. Excluded:
+computing it again (`pushfit.cli.commands.verify`).
 """
 
 import math

@@ -1,6 +1,7 @@
 """What `summary.json` holds, declared once: its schema is made from these records.
 
-The identifier of the schema changes when a reader of the old one would break.
+The identifier of the schema changes when a reader of the old one would break. Excluded:
+the values (`pushfit.report.store.summary`).
 """
 
 import json

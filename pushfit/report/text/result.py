@@ -2,7 +2,7 @@
 
 It reads like the report of lmfit, from the statistics of the fit to the correlations,
 and ends with one plain sentence on θ_c and one on α*. If the model does not describe
-the data, that comes first.
+the data, that comes first. Excluded: what its rows say (`pushfit.report.facts`).
 """
 
 import io

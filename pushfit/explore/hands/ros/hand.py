@@ -1,4 +1,8 @@
-"""The algorithm node's view of a robot: a `Hand` that talks to the other two nodes."""
+"""The algorithm node's view of a robot: a `Hand` that talks to the other two nodes.
+
+Excluded: these two (`pushfit.explore.hands.ros.position`,
+`pushfit.explore.hands.ros.touch`).
+"""
 
 import queue
 import threading

@@ -1,6 +1,8 @@
 """Names of topics, and ROS itself, which is no package of Python's index.
 
 Nothing here is imported before a node starts: the rest of pushfit runs without ROS.
+Excluded: what nodes say on the topics (`pushfit.explore.hands.ros.hand`,
+`pushfit.explore.hands.ros.position`, `pushfit.explore.hands.ros.touch`).
 """
 
 import functools
