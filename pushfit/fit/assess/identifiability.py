@@ -1,4 +1,4 @@
-"""What the data fix, what only the prior does, and which measurement would help.
+"""What the data fix, and what only the prior does.
 
 The Jacobian of the weighted residuals against the logs of the free parameters is taken
 on the user's own pushes; its singular vectors are the combinations that these data can
