@@ -8,7 +8,7 @@ Excluded: the slow pass (`pushfit.data.text.explain`) and parsing
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -34,7 +34,6 @@ class Body:
         end: Byte where the last accepted row ends.
         has_quotes: Whether fields may be quoted.
         has_padding: Whether fields may begin with blanks.
-        n_uniform: Rows, if delimiters and line ends repeat throughout, else 0.
         notes: What was left out, for the user.
     """
 
@@ -44,7 +43,6 @@ class Body:
     end: int
     has_quotes: bool
     has_padding: bool
-    n_uniform: int
     notes: tuple[str, ...]
 
 
@@ -67,46 +65,6 @@ class Scan:
         return self.data_line + rows + np.searchsorted(self.skips, rows, side="right")
 
 
-@dataclass(slots=True, kw_only=True)
-class _Pattern:
-    """Delimiters and line ends of a table, as long as they repeat line by line."""
-
-    line: bytes
-    others: bytes
-    n_rows: int = 0
-    rest: bytes = b""
-    is_broken: bool
-
-    @classmethod
-    def of(cls, layout: Layout) -> "_Pattern":
-        """What repeats; blanks as delimiters and trailing ones need a closer look."""
-        delimiter = layout.delimiter.encode()
-        is_plain = delimiter != b" " and layout.n_fields > 1 and not layout.has_trailing
-        return cls(
-            line=delimiter * (layout.n_fields - 1) + b"\n",
-            others=bytes(set(range(256)) - {*delimiter, *b"\n"}),
-            is_broken=not is_plain,
-        )
-
-    def add(self, block: bytes) -> None:
-        """Go on with a block, which need not end with a line."""
-        if self.is_broken:
-            return
-        marks = self.rest + block.translate(None, self.others)
-        n, n_left = divmod(len(marks), len(self.line))
-        self.rest = marks[len(marks) - n_left :]
-        self.is_broken = marks[: len(marks) - n_left] != self.line * n
-        self.n_rows += n
-
-    def n_rows_to(self, *, is_ended: bool) -> int:
-        """Rows up to the last line end, or the end of the text; 0 if irregular."""
-        if self.is_broken or b"\n" in self.rest:
-            return 0
-        if is_ended:
-            return self.n_rows
-        return self.n_rows + 1 if self.rest == self.line[:-1] else 0
-
-
 def find_body(text: TextFile, layout: Layout, tail: Tail) -> Body:
     """Find where the rows end, and decide about a damaged end.
 
@@ -122,7 +80,6 @@ def find_body(text: TextFile, layout: Layout, tail: Tail) -> Body:
     has_quotes = has_padding = False
     padding = (layout.delimiter.encode() + b" ", b"\n ")
     notes: list[str] = []
-    pattern = _Pattern.of(layout)
     for block in text.blocks(start):
         zero = block.find(b"\0")
         if zero >= 0:
@@ -131,7 +88,6 @@ def find_body(text: TextFile, layout: Layout, tail: Tail) -> Body:
                 f"dropped zero bytes at the end, from byte {position + zero} on"
             )
             block = block[:zero]
-        pattern.add(block)
         has_quotes = has_quotes or b'"' in block
         if not has_padding and b" " in block:
             has_padding = any(pad in block for pad in padding)
@@ -159,7 +115,6 @@ def find_body(text: TextFile, layout: Layout, tail: Tail) -> Body:
         end=end,
         has_quotes=has_quotes,
         has_padding=has_padding,
-        n_uniform=pattern.n_rows_to(is_ended=end == last_end),
         notes=tuple(notes),
     )
 
@@ -197,14 +152,6 @@ def _judge_last_line(text: TextFile, line: int, tail: Tail) -> str:
     return f"dropped line {line}: it has no line end, so it may be cut inside a number"
 
 
-@dataclass(slots=True, kw_only=True)
-class _Tally:
-    """Running totals of the fast pass."""
-
-    n_rows: int = 0
-    skips: list[int] = field(default_factory=list)
-
-
 def fast_scan(body: Body) -> Scan | None:
     """Count rows and check that each has the layout's number of fields.
 
@@ -214,15 +161,14 @@ def fast_scan(body: Body) -> Scan | None:
     """
     if body.has_quotes:
         return None
-    tally = _Tally(n_rows=body.n_uniform)
-    for lines in () if body.n_uniform else whole_lines(body):
-        if not _count(lines, body.layout, tally):
+    n_rows, skips = 0, np.empty(0, dtype=np.int64)
+    for lines in whole_lines(body):
+        blank = _blank(lines, body.layout)
+        if blank is None:
             return None
-    return Scan(
-        n_rows=tally.n_rows,
-        data_line=body.layout.data_line,
-        skips=np.array(tally.skips, dtype=np.int64),
-    )
+        skips = np.append(skips, n_rows + blank - np.arange(blank.size))
+        n_rows += lines.count(b"\n") - blank.size
+    return Scan(n_rows=n_rows, data_line=body.layout.data_line, skips=skips)
 
 
 def whole_lines(body: Body) -> Iterator[bytes]:
@@ -242,26 +188,21 @@ def whole_lines(body: Body) -> Iterator[bytes]:
         yield rest + b"\n"
 
 
-def _count(data: bytes, layout: Layout, tally: _Tally) -> bool:
-    """Add whole lines to the tally; False if one of them is irregular."""
+def _blank(data: bytes, layout: Layout) -> Int[np.ndarray, " n_blank"] | None:
+    """Find the blank ones of whole lines; None if another one is irregular."""
     # Field borders in order, True where the border is a line end: in a regular table
     # a pattern that repeats line by line.
     borders = _borders(data, layout.delimiter)
     period = layout.n_fields + (layout.delimiter == " ")
-    n_rows = int(np.count_nonzero(borders))
-    if borders.size != n_rows * period or not borders[period - 1 :: period].all():
-        blank = _blank_lines(data, borders, period)
-        if blank is None:
-            return False
-        n_rows -= blank.size
-        tally.skips += (tally.n_rows + blank - np.arange(blank.size)).tolist()
+    n_lines = int(np.count_nonzero(borders))
     if layout.has_trailing:
         buffer = np.frombuffer(data, np.uint8)
         before = buffer[np.flatnonzero(buffer == 10) - 1]
         if np.any((before != ord(layout.delimiter)) & (before != 10)):
-            return False
-    tally.n_rows += n_rows
-    return True
+            return None
+    if borders.size == n_lines * period and borders[period - 1 :: period].all():
+        return np.empty(0, dtype=np.int64)
+    return _blank_lines(data, borders, period)
 
 
 def _borders(data: bytes, delimiter: str) -> Bool[np.ndarray, " m"]:
