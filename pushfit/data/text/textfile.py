@@ -7,6 +7,7 @@ produced in blocks, so memory does not grow with the file. Excluded: its columns
 
 import codecs
 import gzip
+import io
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -70,7 +71,7 @@ class TextFile:
                 data are damaged (`bad_gzip`) or expand suspiciously (`zip_bomb`).
         """
         position = 0
-        for block in _unified_line_ends(self._decoded()):
+        for block in self._decoded():
             begin = max(start - position, 0)
             stop = len(block) if end is None else min(end - position, len(block))
             if begin < stop:
@@ -84,21 +85,25 @@ class TextFile:
         return b"".join(self.blocks(end=size))
 
     def _decoded(self) -> Iterator[bytes]:
-        """Give the text as UTF-8 without a byte-order mark."""
-        decoder = codecs.getincrementaldecoder(self.encoding)()
+        r"""Give the text as UTF-8 without a byte-order mark, lines ended by `\n`."""
+        inner = codecs.getincrementaldecoder(self.encoding)()
+        decoder = io.IncrementalNewlineDecoder(inner, translate=True)
         passes_through = self.encoding == "utf-8"
         position = pending = 0
         try:
             with open(self.path, "rb") as file:
                 for raw in self._expanded(file):
-                    pending = len(decoder.getstate()[0])
-                    plain = passes_through and not pending and raw.isascii()
+                    held, state = decoder.getstate()
+                    pending = len(held)
+                    is_whole = not held and not state and b"\r" not in raw
+                    plain = passes_through and is_whole and raw.isascii()
                     text = raw if plain else decoder.decode(raw).encode()
                     if text:
                         yield text
                     position += len(raw)
             pending = len(decoder.getstate()[0])
-            decoder.decode(b"", final=True)
+            if rest := decoder.decode(b"", final=True):
+                yield rest.encode()
         except UnicodeDecodeError as error:
             raise refuse(
                 "bad_encoding",
@@ -149,22 +154,6 @@ class BlockReader:
             self._rest = memoryview(next(self._blocks, b""))
         taken, self._rest = self._rest[:size], self._rest[size:]
         return taken.tobytes()
-
-
-def _unified_line_ends(blocks: Iterator[bytes]) -> Iterator[bytes]:
-    r"""Turn `\r\n` and `\r` into `\n`, also across block borders."""
-    held = b""
-    for block in blocks:
-        text = held + block if held else block
-        held = b""
-        if b"\r" in text:
-            if text.endswith(b"\r"):
-                text, held = text[:-1], b"\r"
-            text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        if text:
-            yield text
-    if held:
-        yield b"\n"
 
 
 def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
