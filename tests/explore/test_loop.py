@@ -23,6 +23,7 @@ from pushfit.explore.records import Answer
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp
 from tests.explore.beliefs import PLAIN
+from tests.explore.faulty import FaultyHand
 from tests.explore.worlds import COMPONENTS, CONFIG, THETA_C, TRUTH, importance
 from tests.tolerances import EXACT
 
@@ -48,17 +49,11 @@ MONTE_CARLO = 2.0
 REACH = Reach(theta_deg=(0.0, 90.0), alpha_deg=(0.0, 180.0))
 
 
-def hand(faults=None, *, session=SESSION, seed=1, scatter=0.02, grasp=PLAIN, **world):
+def hand(faults=None, *, session=SESSION, seed=1, scatter=0.02, grasp=PLAIN, delay=0.0):
     world = World(
-        params=TRUTH,
-        grasp=grasp,
-        session=session,
-        reach=REACH,
-        scatter=scatter,
-        faults=faults or {},
-        **world,
+        params=TRUTH, grasp=grasp, session=session, reach=REACH, scatter=scatter
     )
-    return SimulatedHand(world, seed=seed)
+    return FaultyHand(world, seed=seed, faults=faults or {}, delay=delay)
 
 
 def explorer(**changes):

@@ -1,11 +1,9 @@
-"""A hand that is not there: push model, simulated sensor, and what can go wrong.
+"""A hand that is not there: push model and simulated sensor.
 
-Time is the hand's own and passes without waiting. Faults are asked for by the number of
-the push that has them. Excluded: a simulated robot for ROS
+Time is the hand's own and passes without waiting. Excluded: a simulated robot for ROS
 (`pushfit.explore.hands.ros.robot`).
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import equinox as eqx
@@ -24,8 +22,6 @@ from pushfit.explore.hands.protocol import PushOutcome, PushStatus, Reach
 from pushfit.model import Grasp, Parameters
 
 SESSION = Session(shape="triangle", rise=0.5, rest=0.6, rate=100.0)
-# Share of a push after which it stalls, and of the stiffness that a slip leaves.
-STALLS_AT, SLIP = 0.4, 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +31,6 @@ class World:
     Args:
         scatter: Standard deviation of the height of a push, relative to it: how it is
             executed, which no sensor noise shows.
-        faults: What goes wrong, by the number of the push, from 1.
-        delay: How much later than the motion a sample is stamped [s].
     """
 
     params: Parameters
@@ -44,8 +38,6 @@ class World:
     session: Session
     reach: Reach
     scatter: float = 0.0
-    faults: Mapping[int, str]
-    delay: float = 0.0
 
 
 class SimulatedHand:
@@ -59,8 +51,7 @@ class SimulatedHand:
         """Begin at rest."""
         self.world, self.seed = world, seed
         self.clock, self.n_pushes = 0.0, 0
-        self.is_extended, self.has_object = False, True
-        self._slipped = 1.0
+        self.is_extended = False
         self._parts: list[Recording] = []
 
     def push(
@@ -68,40 +59,25 @@ class SimulatedHand:
     ) -> PushOutcome:
         """Push and record; see `Hand`."""
         self.n_pushes += 1
-        fault = self.world.faults.get(self.n_pushes)
-        if fault is not None and fault not in FAULTS:
-            raise ConfigError(
-                f"fault {fault!r} is not known; there are {', '.join(FAULTS)}",
-                code="unknown_fault",
-            )
         rng = np.random.default_rng([self.seed, self.n_pushes])
         length = float(np.linalg.norm(displacement))
         theta = float(np.arcsin(np.clip(displacement[2] / length, -1, 1)))
         alpha = float(np.arctan2(displacement[1], displacement[0]))
-        share = STALLS_AT if fault == "stall" else 1.0
-        status = PushStatus.DONE
-        force = force_of(self._params(), self._grasp(length), theta=theta, alpha=alpha)
+        share, status = 1.0, PushStatus.DONE
+        params, grasp = self.world.params, self._grasp(length)
+        force = force_of(params, grasp, theta=theta, alpha=alpha)
         if max_force is not None and force > max_force:
             share, status = max_force / force, PushStatus.FORCE_ABORT
-        if fault == "slip":
-            self._slipped *= SLIP
-        if fault == "object_gone":
-            self.has_object = False
         part, t_start, t_end = self._record(
             theta, alpha, length=share * length, rng=rng
         )
         self.is_extended = True
-        if fault == "object_lost":
-            self.has_object = False
-        if fault is not None and fault in SPOILS:
-            part = SPOILS[fault](part, t_start, t_end)
         self._parts.append(part)
         return PushOutcome(
             status=status,
             reached=share * displacement,
             t_start=t_start,
             t_end=t_end,
-            text=fault or "",
         )
 
     def pass_by(self, n: int, *, rest: float) -> None:
@@ -134,7 +110,7 @@ class SimulatedHand:
         parts = self._parts
         joined = replace(
             parts[-1],
-            time=np.concatenate([p.time for p in parts]) + self.world.delay,
+            time=np.concatenate([p.time for p in parts]),
             channels={
                 name: np.concatenate([p.channels[name] for p in parts])
                 for name in parts[-1].channels
@@ -153,12 +129,6 @@ class SimulatedHand:
         """Where the finger can push."""
         return self.world.reach
 
-    def _params(self) -> Parameters:
-        """Parameters now, softer after a slip."""
-        params = self.world.params
-        softer = params.K_dn * self._slipped
-        return eqx.tree_at(lambda p: p.K_dn, params, softer)
-
     def _grasp(self, length: float) -> Grasp:
         return eqx.tree_at(lambda g: g.push_length, self.world.grasp, length)
 
@@ -176,11 +146,9 @@ class SimulatedHand:
         grasp = eqx.tree_at(lambda g: g.gain, grasp, grasp.gain * scatter)
         plan = PushSchedule.planned(theta, alpha, repeats=1)
         found = simulate_recording(
-            self._params(), grasp, plan, session=self._session(), rng=rng
+            self.world.params, grasp, plan, session=self._session(), rng=rng
         )
         part = replace(found.recording, time=found.recording.time + self.clock)
-        if not self.has_object:
-            part = replace(part, channels=self._nothing(part.time.size, rng))
         t_start = self.clock + float(found.t_start[0])
         self.clock = float(part.time[-1])
         return part, t_start, t_start + self.world.session.duration
@@ -188,10 +156,8 @@ class SimulatedHand:
     def _nothing(
         self, n: int, rng: np.random.Generator
     ) -> dict[str, Float[np.ndarray, " n"]]:
-        """What is felt while nobody pushes, or nothing is there to be pushed."""
+        """What is felt while nobody pushes."""
         session = self._session()
-        if not self.has_object:
-            session = replace(session, level=0.0)
         time = np.arange(1, n + 1) / session.rate
         reading = sensed(time, np.zeros(n), session=session, rng=rng)
         names = AXES if session.forces else (session.channel,)
@@ -211,75 +177,6 @@ class SimulatedHand:
         )
         self.clock = float(part.time[-1])
         return part
-
-
-def _dropout(part: Recording, t_start: float, t_end: float) -> Recording:
-    """No samples after the middle of the push until its end."""
-    middle = (t_start + t_end) / 2
-    lost = (part.time > middle - 0.1) & (part.time < t_end + 0.2)
-    return part.taken(np.flatnonzero(~lost))
-
-
-def _frozen(part: Recording, t_start: float, t_end: float) -> Recording:
-    """The reading of the middle of the push, for ever."""
-    stuck = part.time > (t_start + t_end) / 2 - 0.2
-    first = int(np.argmax(stuck))
-    channels = {
-        name: np.where(stuck, values[first], values)
-        for name, values in part.channels.items()
-    }
-    return replace(part, channels=channels)
-
-
-def _lost(part: Recording, t_start: float, t_end: float) -> Recording:
-    """Nothing to be felt from the middle of the push on."""
-    gone = part.time > (t_start + t_end) / 2
-    channels = {
-        name: np.where(gone, 0.0, values) for name, values in part.channels.items()
-    }
-    return replace(part, channels=channels)
-
-
-def _duplicate(part: Recording, t_start: float, t_end: float) -> Recording:
-    """Every tenth message twice."""
-    return part.taken(np.sort(np.r_[0 : part.time.size, 0 : part.time.size : 10]))
-
-
-def _late(part: Recording, t_start: float, t_end: float) -> Recording:
-    """Every twentieth message three places too late."""
-    rows = np.arange(part.time.size, dtype=float)
-    rows[::20] += 3.5
-    return part.taken(np.argsort(rows, kind="stable"))
-
-
-def _ahead(part: Recording, t_start: float, t_end: float) -> Recording:
-    """The clock of the sensor leaps an hour in the middle of the push."""
-    middle = (t_start + t_end) / 2
-    return replace(part, time=np.where(part.time > middle, part.time + 3600, part.time))
-
-
-def _back(part: Recording, t_start: float, t_end: float) -> Recording:
-    """The clock of the sensor goes back by more than a push."""
-    middle = (t_start + t_end) / 2
-    return replace(part, time=np.where(part.time > middle, part.time - 3, part.time))
-
-
-def _silent(part: Recording, t_start: float, t_end: float) -> Recording:
-    """The sensor says nothing from before the push on."""
-    return part.taken(np.flatnonzero(part.time < t_start - 0.1))
-
-
-SPOILS: Mapping[str, Callable[[Recording, float, float], Recording]] = {
-    "dropout": _dropout,
-    "frozen": _frozen,
-    "object_lost": _lost,
-    "duplicate": _duplicate,
-    "late": _late,
-    "clock_jump": _ahead,
-    "clock_back": _back,
-    "silent": _silent,
-}
-FAULTS = (*SPOILS, "stall", "slip", "object_gone")
 
 
 def joints_stated(config: GraspConfig) -> GraspConfig:
@@ -337,6 +234,5 @@ def simulated_hand(
         session=session,
         reach=Reach(theta_deg=theta_deg, alpha_deg=config.reach.alpha_deg),
         scatter=scatter,
-        faults={},
     )
     return SimulatedHand(world, seed=seed)
