@@ -58,7 +58,7 @@ def read_config(
         content = _merged(content, tomllib.loads(text))
     if changes:
         content = _merged(content, changes)
-    return _checked(content, " and ".join(files) or "command line")
+    return config_of(content, " and ".join(files) or "command line")
 
 
 def _merged(
@@ -101,22 +101,19 @@ def parse_config(text: str, *, path: str) -> GraspConfig:
             "point, and every key may stand once",
             code="config_syntax",
         ) from error
-    return _checked(content, path)
+    return config_of(content, path)
 
 
-def config_of(content: Mapping[str, object]) -> GraspConfig:
-    """Check settings that are no file.
+def config_of(content: Mapping[str, object], path: str = "config") -> GraspConfig:
+    """Check settings that may be no file.
 
     Args:
         content: Sections as in `grasp.toml`, for example `{"push": {"length_mm": 5}}`.
+        path: Where they are from, for messages.
 
     Raises:
         ConfigError: They break a rule.
     """
-    return _checked(content, "config")
-
-
-def _checked(content: Mapping[str, object], path: str) -> GraspConfig:
     try:
         return GraspConfig.model_validate(content)
     except ValidationError as error:
