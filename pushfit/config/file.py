@@ -117,7 +117,7 @@ def config_of(content: Mapping[str, object], path: str = "config") -> GraspConfi
     try:
         return GraspConfig.model_validate(content)
     except ValidationError as error:
-        first, *others = _problems(error, content, path)
+        first, *others = problems(error, content, path)
         more = f" (and {len(others)} more)" if others else ""
         raise ConfigError(
             first.message + more, code=first.code, problems=(first, *others)
@@ -159,10 +159,18 @@ def _comment(text: str) -> list[str]:
     ]
 
 
-def _problems(
-    error: ValidationError, content: Mapping[str, object], path: str
+def problems(
+    error: ValidationError,
+    content: Mapping[str, object],
+    path: str,
+    *,
+    model: type[BaseModel] = GraspConfig,
 ) -> Iterator[Problem]:
-    """One problem per key, however many alternatives of a union it failed."""
+    """One problem per key, however many alternatives of a union it failed.
+
+    Args:
+        model: What the content is not.
+    """
     by_key: dict[tuple[str, ...], list[ErrorDetails]] = {}
     for detail in error.errors():
         by_key.setdefault(_key_in_file(detail["loc"], content), []).append(detail)
@@ -171,7 +179,7 @@ def _problems(
         value = None if isinstance(found, Mapping | None) else _as_toml(found)
         name = ".".join(key)
         shown = name if value is None else f"{name} = {value}"
-        rule = " or ".join(dict.fromkeys(_rule(d, key, found) for d in details))
+        rule = " or ".join(dict.fromkeys(_rule(d, key, found, model) for d in details))
         yield Problem(
             code="config_" + CODES.get(details[0]["type"], "value"),
             message=": ".join(part for part in (path, shown, rule) if part),
@@ -202,10 +210,12 @@ def _value_at(key: tuple[str, ...], content: Mapping[str, object]) -> object:
     return node
 
 
-def _rule(detail: ErrorDetails, key: tuple[str, ...], found: object) -> str:
+def _rule(
+    detail: ErrorDetails, key: tuple[str, ...], found: object, model: type[BaseModel]
+) -> str:
     match detail["type"]:
         case "extra_forbidden":
-            return f"unknown key; {_suggestion(key)}"
+            return f"unknown key; {_suggestion(key, model)}"
         case "missing":
             return "is missing; add it" if found is None else "has too few values"
         case "value_error":
@@ -221,9 +231,8 @@ def _rule(detail: ErrorDetails, key: tuple[str, ...], found: object) -> str:
             return rule.replace("a valid number", "a number")
 
 
-def _suggestion(key: tuple[str, ...]) -> str:
+def _suggestion(key: tuple[str, ...], model: type[BaseModel]) -> str:
     """The key that was probably meant, or all that there are."""
-    model: type[BaseModel] = GraspConfig
     for part in key[:-1]:
         # The keys of an open table are no fields.
         if part in model.model_fields:

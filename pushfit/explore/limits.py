@@ -4,14 +4,16 @@ The position node aborts on force; here a push that might need that is not asked
 Excluded: the section of `grasp.toml` with them (`pushfit.config.explore`).
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import ValidationError
 
 from pushfit.config import GraspConfig
-from pushfit.config.explore import Box, ExploreSection
+from pushfit.config.explore import ExploreSection
+from pushfit.config.file import problems
+from pushfit.config.section import Positive
 from pushfit.errors import ConfigError
 
 # Chance, by the present belief, that a push exceeds the force limit or lifts off.
@@ -19,49 +21,40 @@ TOLERATED = 0.01
 # Lengths tried, as shares of the push length, while longer ones are not known safe.
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.05)
 
-# What holds where the settings say nothing.
-USUAL = ExploreSection()
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
-    """Limits of an exploration; those without a word here are keys of `[explore]`.
+class Limits(ExploreSection):
+    """Limits of an exploration: these, and by the same names the keys of `[explore]`.
 
     Args:
         theta_deg: Lowest and highest elevation of the finger.
         alpha_deg: Lowest and highest azimuth; None takes `[reach]` of the settings.
         force: Largest contact force, the preload included; None for no limit [N, or
             the unit of uncalibrated heights].
-        theta_step_deg: Step between elevations.
-        alpha_step_deg: Step between azimuths.
-        workspace_mm: Box that the fingertip stays in, (low, high) along x, y and z
-            from the contact; None for no box [mm].
-        rest_s: Least rest before a push and after it [s].
-        baseline_sigmas: Change of the reading at rest [standard deviations].
-        reference_first: Pushes before the first that repeats one.
-        reference_every: Pushes before another one; 0 for never.
-        reference_sigmas: Change of a repeated height [standard deviations].
-        stall_share: Share of a push that may be missing where it ends.
-        stale_s: Longest silence of the sensor [s].
-        max_failures: Failed pushes in a row that end the exploration.
-        max_pushes: Cap on all motions, failed ones included.
+
+    Raises:
+        ConfigError: One of them means nothing.
     """
 
     theta_deg: tuple[float, float] = (5.0, 85.0)
     alpha_deg: tuple[float, float] | None = None
-    force: float | None = None
-    theta_step_deg: float = USUAL.theta_step_deg
-    alpha_step_deg: float = USUAL.alpha_step_deg
-    workspace_mm: Box | None = USUAL.workspace_mm
-    rest_s: float = USUAL.rest_s
-    baseline_sigmas: float = USUAL.baseline_sigmas
-    reference_first: int = USUAL.reference_first
-    reference_every: int = USUAL.reference_every
-    reference_sigmas: float = USUAL.reference_sigmas
-    stall_share: float = USUAL.stall_share
-    stale_s: float = USUAL.stale_s
-    max_failures: int = USUAL.max_failures
-    max_pushes: int = USUAL.max_pushes
+    force: Positive | None = None
+
+    def __init__(self, **stated: Any) -> None:
+        """Check what is stated."""
+        try:
+            super().__init__(**stated)
+        except ValidationError as error:
+            first = next(problems(error, stated, "limits", model=Limits))
+            raise ConfigError(
+                f"{first.message}; mend it, or leave it out", code="limits"
+            ) from error
+        low, high = self.theta_deg
+        if not -90.0 <= low <= high <= 90.0:
+            raise ConfigError(
+                f"limits: theta {low:g}° to {high:g}° is no range within -90° to "
+                "90°; give low <= high",
+                code="limits",
+            )
 
     @classmethod
     def of(cls, config: GraspConfig, **stated: Any) -> "Limits":
@@ -71,28 +64,6 @@ class Limits:
             stated: Those that are no keys of the file, by name.
         """
         return cls(**config.explore.model_dump(), **stated)
-
-    def __post_init__(self) -> None:
-        low, high = self.theta_deg
-        if not -90.0 <= low <= high <= 90.0:
-            raise ConfigError(
-                f"limits: theta {low:g}° to {high:g}° is no range within -90° to "
-                "90°; give low <= high",
-                code="limits",
-            )
-        if self.force is not None and not self.force > 0:
-            raise ConfigError(
-                f"limits: force = {self.force:g} must be above 0; leave it out for no "
-                "limit",
-                code="limits",
-            )
-        if not (self.theta_step_deg > 0 and self.alpha_step_deg > 0):
-            raise ConfigError(
-                f"limits: steps of {self.theta_step_deg:g}° in theta and "
-                f"{self.alpha_step_deg:g}° in alpha must be above 0; state both in "
-                "degrees, or leave them out",
-                code="limits",
-            )
 
     def candidates(
         self, *, azimuths: tuple[float, float] | None, reference_alpha: float

@@ -1,7 +1,5 @@
 """No command ever leaves reach, workspace, rest or force limits."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -123,7 +121,10 @@ def test_every_push_is_preceded_by_a_rest_and_followed_by_a_retraction():
     [
         ({"theta_deg": (50.0, 10.0)}, "give low <= high"),
         ({"force": 0.0}, "leave it out"),
-        ({"theta_step_deg": 0.0}, "state both in degrees"),
+        ({"theta_step_deg": 0.0}, "theta_step_deg = 0.0: must be greater than 0; mend"),
+        ({"rest_s": -1.0}, "rest_s = -1.0: must be greater than 0; mend it"),
+        ({"workspace_mm": ((-1, 1), (1, 4), (0, 5))}, r"\[1, 4\] along y: give"),
+        ({"forces": 3.0}, "did you mean force"),
     ],
 )
 def test_limits_that_mean_nothing_are_refused(wrong, advice):
@@ -134,8 +135,9 @@ def test_limits_that_mean_nothing_are_refused(wrong, advice):
 def test_every_limit_can_be_stated_in_the_file_or_asked_for():
     asked = {"theta_deg", "force"}  # --theta, --max-force
     elsewhere = {"alpha_deg"}  # [reach]
-    names = {field.name for field in fields(Limits)}
-    assert names == asked | elsewhere | set(ExploreSection.model_fields)
+    assert set(Limits.model_fields) == asked | elsewhere | set(
+        ExploreSection.model_fields
+    )
 
 
 def test_limits_of_the_file_hold_where_no_others_are_given():

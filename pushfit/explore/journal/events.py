@@ -106,7 +106,7 @@ def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
         "channels": list(question.channels),
         "unit": question.unit,
         "config": question.config.digest(),
-        "limits": _adapter(Limits).dump_python(limits, mode="json"),
+        "limits": limits.model_dump(mode="json"),
     }
 
 
