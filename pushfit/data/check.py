@@ -13,7 +13,8 @@ from typing import Any, Literal
 from pushfit.data.plans.schedule import read_schedule
 from pushfit.data.recordings.recognise import Columns
 from pushfit.data.recordings.recording import read_recording
-from pushfit.data.tables.peak_table import is_parquet, read_table
+from pushfit.data.tables.columns import is_parquet
+from pushfit.data.tables.peak_table import read_table
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import existing_file, is_bag

@@ -149,7 +149,7 @@ class PushSchedule:
 
 
 def read_schedule(path: str | Path) -> PushSchedule:
-    """Read a schedule from CSV.
+    """Read a schedule, CSV or Parquet by its suffix.
 
     Args:
         path: File with columns `theta_deg`, `alpha_deg` and, where they are not simply
@@ -168,7 +168,9 @@ def read_schedule(path: str | Path) -> PushSchedule:
             "a schedule",
             path=str(path),
         )
-    return PushSchedule.from_frame(rows.frame, origin=rows.origin, source=rows.source)
+    return PushSchedule.from_frame(
+        rows.frame, origin=rows.origin, source=rows.sources[-1]
+    )
 
 
 def write_schedule(schedule: PushSchedule, path: str | Path) -> None:

@@ -7,6 +7,7 @@ remedy). Excluded: which columns a kind of table has, and the rules for their ce
 """
 
 import difflib
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,11 +18,14 @@ from jaxtyping import Float, Int
 
 from pushfit.data.recordings import recognise
 from pushfit.data.recordings.recognise import ANGLES
-from pushfit.data.text.csv_reader import read_csv_strict
+from pushfit.data.text.csv_reader import read_cells
+from pushfit.data.text.dialects import find_layout
+from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import ALIKE, data_error, problem
-from pushfit.data.text.files import Source
+from pushfit.data.text.files import Source, sha256_of
+from pushfit.data.text.textfile import open_text
 from pushfit.data.units import UNITS, Unit, in_degrees
-from pushfit.errors import DataError, Problem
+from pushfit.errors import ConfigError, DataError, Problem
 
 COUNTS = ("push", "repeat")
 
@@ -56,27 +60,84 @@ class Rows:
 
     Args:
         frame: Numbers, NaN where blank, or text, by column name.
+        sources: Files behind them; the last is the file itself.
     """
 
     frame: pd.DataFrame
     origin: Origin
-    source: Source
+    sources: tuple[Source, ...]
     notes: tuple[str, ...]
 
 
+def is_parquet(path: str | Path) -> bool:
+    """Whether a file is one of Parquet, by its suffix."""
+    return Path(path).suffix.lower() in {".parquet", ".pq"}
+
+
 def read_rows(path: str | Path, *, texts: tuple[str, ...] = ()) -> Rows:
-    """Read a CSV file with one row per push.
+    """Read a table whose every row counts, such as a schedule or peak heights.
+
+    Text may have the encodings, delimiters, decimal marks and preambles that recordings
+    may have; a last line without a line end is kept, with a note.
+
+    Args:
+        texts: Columns that hold text, in small letters; the cells of all others must be
+            numbers, or blank.
 
     Raises:
-        ConfigError: The file is not there.
-        DataError: The file is no regular table of numbers.
+        ConfigError: The path cannot be read, or it is Parquet and its library is not
+            installed.
+        DataError: The file breaks a rule; `.problems` lists file, line, column, value,
+            rule and next step of each.
     """
-    frame, source, notes = read_csv_strict(
-        path, is_text=lambda name: name.strip().lower() in texts
+    if is_parquet(path):
+        return _parquet_rows(path)
+    text = open_text(path)
+    layout = find_layout(text)
+    kinds: dict[int, Kind] = {
+        i: "text" if name.strip().lower() in texts else "float"
+        for i, name in enumerate(layout.names)
+        if name
+    }
+    cells = read_cells(text, layout, kinds, tail="keep")
+    lines = cells.scan.lines(np.arange(cells.scan.n_rows))
+    own = Source(path=text.path, sha256=text.sha256, dialect=layout.description)
+    return Rows(
+        frame=pd.DataFrame({layout.names[i]: v for i, v in cells.values.items()}),
+        origin=Origin(path=str(path), lines=lines),
+        sources=(own,),
+        notes=(*layout.notes, *cells.notes),
     )
-    lines = np.asarray(frame.index, dtype=int)
-    origin = Origin(path=str(path), lines=lines)
-    return Rows(frame=frame, origin=origin, source=source, notes=notes)
+
+
+def _parquet_rows(path: str | Path) -> Rows:
+    """Rows with the sources and notes that they were written with."""
+    try:
+        frame = pd.read_parquet(path, engine="pyarrow")
+    except ImportError as error:
+        raise no_parquet(path) from error
+    except (OSError, ValueError) as error:
+        raise DataError(
+            f"{path}: cannot be read as Parquet: {error}; give the CSV",
+            code="not_parquet",
+        ) from error
+    kept = json.loads(frame.attrs.pop("pushfit", "{}"))
+    own = Source(path=str(path), sha256=sha256_of(path), dialect="parquet")
+    return Rows(
+        frame=frame,
+        origin=Origin(path=str(path)),
+        sources=(*(Source(**s) for s in kept.get("sources", ())), own),
+        notes=tuple(kept.get("notes", ())),
+    )
+
+
+def no_parquet(path: str | Path) -> ConfigError:
+    """Say how to get on without the optional library."""
+    return ConfigError(
+        f"{path}: Parquet needs the package pyarrow, which is not installed; "
+        "install it or use a name that ends in .csv",
+        code="parquet_unavailable",
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,10 +15,10 @@ import pandas as pd
 from jaxtyping import UInt64
 from pandas.util import hash_pandas_object
 
-from pushfit.data.tables.columns import Origin, Rows, read_rows
-from pushfit.data.tables.peak_table import PeakTable, is_parquet
+from pushfit.data.tables.columns import Origin, Rows, is_parquet, read_rows
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import KNOWN
-from pushfit.data.text.files import Source, sha256_of
+from pushfit.data.text.files import Source
 from pushfit.errors import DataError
 
 COLUMN = "grasp"
@@ -93,7 +93,7 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
     Raises:
         DataError: The file is no regular table, or a row names no grasp.
     """
-    rows = _read_rows(path)
+    rows = read_rows(path, texts=(*KNOWN.texts, COLUMN))
     column = next(c for c in rows.frame.columns if str(c).strip().lower() == COLUMN)
     names = rows.frame[column].fillna("").astype(str).str.strip()
     if (names == "").any():
@@ -113,7 +113,7 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
             sha256=hashlib.sha256(header + hashes[where].tobytes()).hexdigest(),
             frame=cells.iloc[where].reset_index(drop=True),
             origin=Origin(path=rows.origin.path, lines=lines),
-            source=rows.source,
+            source=rows.sources[-1],
         )
 
 
@@ -129,18 +129,6 @@ def _place(rows: Rows, row: int) -> str:
     """Where a row is, for a message."""
     lines = rows.origin.lines
     return f"row {row + 1}" if lines is None else f"line {int(lines[row])}"
-
-
-def _read_rows(path: str | Path) -> Rows:
-    """Cells of a long table."""
-    if not is_parquet(path):
-        return read_rows(path, texts=(*KNOWN.texts, COLUMN))
-    frame = pd.read_parquet(path, engine="pyarrow")
-    frame.attrs.clear()
-    source = Source(
-        path=str(path), sha256=sha256_of(path), dialect="peak table, parquet"
-    )
-    return Rows(frame=frame, origin=Origin(path=str(path)), source=source, notes=())
 
 
 def _parquet_has_grasps(path: str | Path) -> bool:

@@ -5,7 +5,6 @@ the same rules have been checked (`pushfit.data.tables.rules`). Excluded: how he
 are measured (`pushfit.data.peaks.extract`) and what they mean (`pushfit.fit`).
 """
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -16,7 +15,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from pushfit.atomic import atomic_path
-from pushfit.data.tables.columns import Origin, read_rows
+from pushfit.data.tables.columns import Origin, is_parquet, no_parquet, read_rows
 from pushfit.data.tables.rules import (
     CHANNELS,
     EXCLUDING_FLAGS,
@@ -26,12 +25,7 @@ from pushfit.data.tables.rules import (
 from pushfit.data.tables.traces import Trace
 from pushfit.data.text.files import Source
 from pushfit.data.units import in_degrees
-from pushfit.errors import ConfigError, DataError
-
-
-def is_parquet(path: str | Path) -> bool:
-    """Whether a file is one of Parquet, by its suffix."""
-    return Path(path).suffix.lower() in {".parquet", ".pq"}
+from pushfit.errors import DataError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,11 +215,9 @@ def read_table(path: str | Path) -> PeakTable:
         DataError: The file cannot be read or breaks a rule.
         ConfigError: Parquet is asked for and its library is not installed.
     """
-    if is_parquet(path):
-        return _read_parquet(Path(path))
     rows = read_rows(path, texts=KNOWN.texts)
     return PeakTable.from_frame(
-        rows.frame, origin=rows.origin, sources=(rows.source,), notes=rows.notes
+        rows.frame, origin=rows.origin, sources=rows.sources, notes=rows.notes
     )
 
 
@@ -249,35 +241,4 @@ def write_table(table: PeakTable, path: str | Path) -> None:
         try:
             frame.to_parquet(temporary, index=False, engine="pyarrow")
         except ImportError as error:
-            raise _no_parquet(path) from error
-
-
-def _read_parquet(path: Path) -> PeakTable:
-    """Read a table with the sources and notes it was written with."""
-    try:
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        frame = pd.read_parquet(path, engine="pyarrow")
-    except ImportError as error:
-        raise _no_parquet(path) from error
-    except (OSError, ValueError) as error:
-        raise DataError(
-            f"{path}: cannot be read as Parquet: {error}; give the CSV",
-            code="not_parquet",
-        ) from error
-    kept = json.loads(frame.attrs.pop("pushfit", "{}"))
-    own = Source(path=str(path), sha256=digest, dialect="peak table, parquet")
-    return PeakTable.from_frame(
-        frame,
-        origin=Origin(path=str(path)),
-        sources=(*(Source(**s) for s in kept.get("sources", ())), own),
-        notes=tuple(kept.get("notes", ())),
-    )
-
-
-def _no_parquet(path: str | Path) -> ConfigError:
-    """Say how to get on without the optional library."""
-    return ConfigError(
-        f"{path}: Parquet needs the package pyarrow, which is not installed; "
-        "install it or use a name that ends in .csv",
-        code="parquet_unavailable",
-    )
+            raise no_parquet(path) from error

@@ -10,22 +10,20 @@ row and needed column, twice over for one chunk of rows.
 """
 
 import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import IO, cast
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Int, Shaped
 
-from pushfit.data.text.dialects import Layout, find_layout
+from pushfit.data.text.dialects import Layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
 from pushfit.data.text.faults import data_error, no_rows, refuse, refuse_too_large
-from pushfit.data.text.files import Source
 from pushfit.data.text.layout_guess import STAMPS, Stamp
 from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
-from pushfit.data.text.textfile import BlockReader, TextFile, open_text
+from pushfit.data.text.textfile import BlockReader, TextFile
 from pushfit.errors import DataError, Problem
 
 # Samples may take so much memory where the caller says nothing else.
@@ -195,47 +193,3 @@ def _nanoseconds(texts: list[str], kind: Stamp) -> Int[np.ndarray, " n"]:
     points = [text.replace(",", ".") for text in texts]
     times = pd.DatetimeIndex(pd.to_datetime(points, utc=True, format="ISO8601"))
     return times.as_unit("ns").asi8
-
-
-def read_csv_strict(
-    path: str | Path,
-    *,
-    is_text: Callable[[str], bool] = lambda name: False,
-    missing: Sequence[str] = (),
-    encoding: str | None = None,
-) -> tuple[pd.DataFrame, Source, tuple[str, ...]]:
-    """Read a table whose every row counts, such as a schedule or peak heights.
-
-    Accepts the encodings, delimiters, decimal marks and preambles that recordings may
-    have. A last line without a line end is kept, with a note.
-
-    Args:
-        is_text: Tells by its name whether a column holds text; the cells of all other
-            columns must be numbers, or blank.
-        missing: Further texts that stand for a missing number.
-        encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
-
-    Returns:
-        The table: columns of float64 (NaN where blank) or text, named as in the file;
-        its index, named `line`, is each row's line in the file, for messages. Then
-        where it came from, and notes for the user.
-
-    Raises:
-        ConfigError: If the path cannot be read.
-        DataError: If the file breaks a rule; `.problems` lists file, line, column,
-            value, rule and next step of each.
-    """
-    text = open_text(path, encoding=encoding)
-    layout = find_layout(text)
-    kinds: dict[int, Kind] = {
-        i: "text" if is_text(name) else "float"
-        for i, name in enumerate(layout.names)
-        if name
-    }
-    cells = read_cells(text, layout, kinds, tail="keep", missing=missing)
-    index = pd.Index(cells.scan.lines(np.arange(cells.scan.n_rows)), name="line")
-    frame = pd.DataFrame(
-        {layout.names[i]: values for i, values in cells.values.items()}, index=index
-    )
-    source = Source(path=text.path, sha256=text.sha256, dialect=layout.description)
-    return frame, source, (*layout.notes, *cells.notes)

@@ -1,6 +1,7 @@
 """Schedules: reading plans of pushes."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pushfit.data.plans.schedule import read_schedule
@@ -26,6 +27,16 @@ def test_a_schedule_keeps_its_order_and_numbers(tmp_path):
 def test_planned_times_are_seconds(tmp_path):
     text = "theta_deg,alpha_deg,time_ms\n60,90,500\n30,90,2500\n"
     assert read_schedule(written(tmp_path, text)).time.tolist() == [0.5, 2.5]
+
+
+def test_a_schedule_may_be_parquet(tmp_path):
+    text = written(tmp_path, "theta_deg,alpha_deg\n60,90\n30,0\n")
+    path = tmp_path / "plan.parquet"
+    pd.read_csv(text).to_parquet(path)
+    found, same = read_schedule(path), read_schedule(text)
+    np.testing.assert_array_equal(found.theta, same.theta)
+    np.testing.assert_array_equal(found.alpha, same.alpha)
+    assert found.source.path == str(path)
 
 
 def test_an_impossible_elevation_is_named(tmp_path):

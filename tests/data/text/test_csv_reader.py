@@ -12,9 +12,9 @@ import pytest
 
 from benchmarks.speed import recording_scale
 from pushfit.data.recordings.recording import read_recording
+from pushfit.data.tables.columns import read_rows
 from pushfit.data.text import csv_reader as csv_reader
 from pushfit.data.text import textfile
-from pushfit.data.text.csv_reader import read_csv_strict
 from pushfit.errors import DataError
 
 
@@ -28,35 +28,31 @@ def write(tmp_path):
     return write
 
 
-def is_label(name):
-    return name == "label"
-
-
 def test_a_table_keeps_names_text_and_line_numbers(write):
     path = write(
         "# made by hand\n\npush,label,height_n\n1,NA,2.5\n\n2,007,\n3,None,1e-3"
     )
-    frame, source, notes = read_csv_strict(path, is_text=is_label)
+    rows = read_rows(path, texts=("label",))
+    frame = rows.frame
     assert list(frame.columns) == ["push", "label", "height_n"]
     assert frame["label"].tolist() == ["NA", "007", "None"]
     np.testing.assert_array_equal(frame["height_n"], [2.5, np.nan, 1e-3])
-    assert frame.index.name == "line"
-    assert frame.index.tolist() == [4, 6, 7]
-    assert source.dialect == "native csv: comma, header on line 3"
-    assert notes[-1].startswith("line 7 has no line end")
+    assert rows.origin.lines.tolist() == [4, 6, 7]
+    assert rows.sources[-1].dialect == "native csv: comma, header on line 3"
+    assert rows.notes[-1].startswith("line 7 has no line end")
 
 
 def test_lines_are_counted_through_quoted_line_ends(write):
     path = write('push,label,height_n\n1,"a\nb",2\n\n2,"c,d",3\n3,e,4\n')
-    frame, _, _ = read_csv_strict(path, is_text=is_label)
-    assert frame.index.tolist() == [2, 5, 6]
-    assert frame["label"].tolist() == ["a\nb", "c,d", "e"]
+    rows = read_rows(path, texts=("label",))
+    assert rows.origin.lines.tolist() == [2, 5, 6]
+    assert rows.frame["label"].tolist() == ["a\nb", "c,d", "e"]
 
 
 def test_text_where_a_number_is_needed_names_its_line(write):
     path = write("push,height_n\n1,2\n\n2,97x\n")
     with pytest.raises(DataError) as caught:
-        read_csv_strict(path)
+        read_rows(path)
     (problem,) = caught.value.problems
     assert (problem.line, problem.column, problem.value) == (4, "height_n", "97x")
     assert problem.message == (
@@ -67,10 +63,10 @@ def test_text_where_a_number_is_needed_names_its_line(write):
 
 def test_a_long_text_is_kept_whole_and_shown_short(write):
     long = "x" * 5000
-    frame, _, _ = read_csv_strict(write(f"a,label\n1,{long}\n"), is_text=is_label)
-    assert frame["label"].tolist() == [long]
+    rows = read_rows(write(f"a,label\n1,{long}\n"), texts=("label",))
+    assert rows.frame["label"].tolist() == [long]
     with pytest.raises(DataError, match=r"'x{37}\.\.\.' is not a number"):
-        read_csv_strict(write(f"a,b\n1,2\n1,{long}\n"))
+        read_rows(write(f"a,b\n1,2\n1,{long}\n"))
 
 
 # Rows that pandas reads into wrong numbers without a word.
