@@ -13,14 +13,13 @@ from jaxtyping import Float, Int
 
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.recognise import Columns
-from pushfit.data.tables.columns import KnownColumns, Origin, read_columns, read_rows
-from pushfit.data.tables.rules import CHANNELS, check_columns
-from pushfit.data.tables.rules import KNOWN as TABLE
+from pushfit.data.tables.columns import COMMON, Known, Origin, read_columns, read_rows
+from pushfit.data.tables.rules import CHANNELS, TEXTS, check_columns
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import Source
 from pushfit.data.units import in_degrees
 
-KNOWN = KnownColumns(times=("time",))
+KNOWN: Known = {**COMMON, "time": "time"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +158,7 @@ def read_schedule(path: str | Path) -> PushSchedule:
         DataError: The file cannot be read, is a table of peak heights (`wrong_kind`) or
             breaks a rule.
     """
-    rows = read_rows(path, texts=TABLE.texts)
+    rows = read_rows(path, texts=TEXTS)
     if not {*Columns([str(name) for name in rows.frame]).stems}.isdisjoint(CHANNELS):
         raise refuse(
             "wrong_kind",

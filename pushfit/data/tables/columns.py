@@ -11,6 +11,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -28,6 +29,11 @@ from pushfit.data.units import UNITS, Unit, in_degrees
 from pushfit.errors import ConfigError, DataError, Problem
 
 COUNTS = ("push", "repeat")
+
+# Columns that a kind of table may have, without units, and what each one holds.
+Known = Mapping[str, Literal["angle", "signal", "time", "bare"]]
+# Those of every kind.
+COMMON: Known = {**dict.fromkeys(ANGLES, "angle"), **dict.fromkeys(COUNTS, "bare")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,47 +147,6 @@ def no_parquet(path: str | Path) -> ConfigError:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnownColumns:
-    """Columns that a kind of table may have, besides angles, push and repeat.
-
-    Args:
-        signals: Stems of columns in sensor units, all in one of them.
-        times: Stems of columns in units of time.
-        any_of: Stems of which at least one must be there.
-    """
-
-    signals: tuple[str, ...] = ()
-    times: tuple[str, ...] = ()
-    texts: tuple[str, ...] = ()
-    any_of: tuple[str, ...] = ()
-
-    @property
-    def bare(self) -> tuple[str, ...]:
-        """Names of columns without a unit."""
-        return (*COUNTS, *self.texts)
-
-    @property
-    def stems(self) -> tuple[str, ...]:
-        """All names, without units."""
-        return (*ANGLES, *self.signals, *self.times, *self.bare)
-
-    def of(self, quantity: str) -> tuple[str, ...]:
-        """Stems of the columns that measure a quantity."""
-        by_quantity = {"signal": self.signals, "time": self.times, "angle": ANGLES}
-        return by_quantity.get(quantity, ())
-
-    def full_names(self, stem: str) -> str:
-        """A stem with the suffixes it may have."""
-        if stem in self.bare:
-            return stem
-        if stem in ANGLES:
-            return f"{stem}_deg or {stem}_rad"
-        if stem in self.times:
-            return f"{stem}_s"
-        return ", ".join(f"{stem}_{unit}" for unit in recognise.units_of("signal"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
     """Converted columns of a table of pushes.
 
@@ -198,11 +163,18 @@ class Columns:
     in_degrees: Mapping[str, str]
 
 
-def read_columns(raw: pd.DataFrame, known: KnownColumns, origin: Origin) -> Columns:
+def read_columns(
+    raw: pd.DataFrame,
+    known: Known,
+    origin: Origin,
+    *,
+    any_of: tuple[str, ...] = (),
+) -> Columns:
     """Recognise and convert the columns of a table of pushes.
 
     Args:
         raw: Columns as named by the user; cells are numbers or text.
+        any_of: Known ones of which at least one must be there.
 
     Raises:
         DataError: There are no rows; a column is missing, doubtful, twice there or in
@@ -213,8 +185,8 @@ def read_columns(raw: pd.DataFrame, known: KnownColumns, origin: Origin) -> Colu
             f"{origin.path or 'table'}: 0 data rows; give one row per push",
             code="no_rows",
         )
-    found, left_out = _recognise(raw, known, origin)
-    unit = _common_unit(found, known, origin)
+    found, left_out = _recognise(raw, known, origin, any_of)
+    unit = _common_unit(found, origin)
     frame = _convert(raw, found, unit=unit, origin=origin)
     notes = _number(frame, origin)
     if left_out:
@@ -235,7 +207,7 @@ class _Column:
 
 
 def _recognise(
-    raw: pd.DataFrame, known: KnownColumns, origin: Origin
+    raw: pd.DataFrame, known: Known, origin: Origin, any_of: tuple[str, ...]
 ) -> tuple[dict[str, _Column], list[str]]:
     """Which column is what, and the columns left out."""
     found: dict[str, _Column] = {}
@@ -245,7 +217,7 @@ def _recognise(
     for i, (given, stem) in enumerate(zip(columns.names, columns.stems, strict=True)):
         unit = columns.unit(i)
         column = _Column(given=given, stem=stem, unit=unit)
-        if stem not in (known.bare if unit is None else known.of(unit.quantity)):
+        if known.get(stem) != (unit.quantity if unit else "bare"):
             left_out[given] = stem
         elif column.stem in found:
             first = found[column.stem].given
@@ -255,7 +227,7 @@ def _recognise(
             )
         else:
             found[column.stem] = column
-    problems += _doubtful(found, left_out, known, origin=origin)
+    problems += _doubtful(found, left_out, known, origin=origin, any_of=any_of)
     if problems:
         raise data_error(problems)
     return found, list(left_out)
@@ -264,37 +236,46 @@ def _recognise(
 def _doubtful(
     found: dict[str, _Column],
     left_out: dict[str, str],
-    known: KnownColumns,
+    known: Known,
     *,
     origin: Origin,
+    any_of: tuple[str, ...],
 ) -> Iterator[Problem]:
     """Names that look like a slip, and columns that a table cannot do without."""
     have = ", ".join([*(c.given for c in found.values()), *left_out])
     meant = set(found)
     for given, name in left_out.items():
-        near = difflib.get_close_matches(name, known.stems, n=1, cutoff=ALIKE)
+        near = difflib.get_close_matches(name, list(known), n=1, cutoff=ALIKE)
         if near and near[0] not in meant:
             meant.add(near[0])
-            text = f"is not known here; did you mean {known.full_names(near[0])}?"
+            text = f"is not known here; did you mean {_full_names(near[0], known)}?"
             yield origin.problem("near_miss_column", text, column=given, value=given)
-    needed: list[tuple[str, ...]] = [(stem,) for stem in ANGLES]
-    if known.any_of:
-        needed.append(known.any_of)
-    for stems in needed:
-        if not meant.intersection(stems):
+    for stems in (*((stem,) for stem in ANGLES), any_of):
+        if stems and not meant.intersection(stems):
             text = f"is missing; the columns are {have}; add it or rename one"
-            wanted = known.full_names(stems[0])
+            wanted = _full_names(stems[0], known)
             yield origin.problem("missing_column", text, column=wanted, value=have)
 
 
-def _common_unit(
-    found: dict[str, _Column], known: KnownColumns, origin: Origin
-) -> str | None:
+def _full_names(stem: str, known: Known) -> str:
+    """A stem with the suffixes it may have."""
+    match known[stem]:
+        case "bare":
+            return stem
+        case "angle":
+            return f"{stem}_deg or {stem}_rad"
+        case "time":
+            return f"{stem}_s"
+        case "signal":
+            return ", ".join(f"{stem}_{unit}" for unit in recognise.units_of("signal"))
+
+
+def _common_unit(found: dict[str, _Column], origin: Origin) -> str | None:
     """Unit that all signals share."""
     units = {
         column.given: column.unit.canonical
         for column in found.values()
-        if column.unit and column.stem in known.signals
+        if column.unit and column.unit.quantity == "signal"
     }
     if len(set(units.values())) > 1:
         text = "one table has one unit, found " + ", ".join(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from pushfit.data.tables.columns import Columns, KnownColumns, Origin, read_columns
+from pushfit.data.tables.columns import COMMON, Columns, Known, Origin, read_columns
 from pushfit.data.text.faults import data_error
 from pushfit.data.units import UNITS, implausible_angles
 from pushfit.errors import DataError, Problem
@@ -44,13 +44,16 @@ EXCLUDING_FLAGS = frozenset(
     }
 )
 
-_HEIGHTS = tuple(name for c in CHANNELS for name in (c, f"{c}_sd"))
-KNOWN = KnownColumns(
-    signals=(*_HEIGHTS, "baseline"),
-    times=("t_start", "t_peak", "t_end"),
-    texts=("definition", "flags"),
-    any_of=CHANNELS,
-)
+# Other columns that tables of peak heights may have.
+SIGNALS = (*(name for c in CHANNELS for name in (c, f"{c}_sd")), "baseline")
+TIMES = ("t_start", "t_peak", "t_end")
+TEXTS = ("definition", "flags")
+KNOWN: Known = {
+    **COMMON,
+    **dict.fromkeys(SIGNALS, "signal"),
+    **dict.fromkeys(TIMES, "time"),
+    **dict.fromkeys(TEXTS, "bare"),
+}
 
 
 def canonical_frame(
@@ -69,7 +72,7 @@ def canonical_frame(
         DataError: A column is missing, doubtful, twice there or in a wrong unit, or a
             cell breaks its rule; all breaches are in `problems`.
     """
-    columns = read_columns(raw, KNOWN, origin)
+    columns = read_columns(raw, KNOWN, origin, any_of=CHANNELS)
     frame, unit = columns.frame, columns.unit
     if unit is None:
         raise DataError(
@@ -85,10 +88,9 @@ def canonical_frame(
         "theta_deg",
         "alpha_deg",
         "repeat",
-        *(f"{name}_{unit}" for name in KNOWN.signals),
-        *(f"{name}_s" for name in KNOWN.times),
-        "definition",
-        "flags",
+        *(f"{name}_{unit}" for name in SIGNALS),
+        *(f"{name}_s" for name in TIMES),
+        *TEXTS,
     ]
     ordered = frame.reindex(columns=[name for name in names if name in frame])
     return ordered, unit, columns.notes
