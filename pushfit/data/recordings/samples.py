@@ -72,23 +72,13 @@ class _Findings:
     problems: list[Problem] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def add(
-        self,
-        code: str,
-        text: str,
-        *,
-        at: int | None = None,
-        column: str | None = None,
-        value: str | None = None,
-    ) -> None:
+    def add(self, code: str, text: str, *, at: int | None = None, **cell: str) -> None:
         """Note a problem, perhaps at one sample."""
         line = None
         if at is not None and self.samples.lines:
             line = int(self.samples.lines(np.array([at]))[0])
         path = self.samples.path
-        self.problems.append(
-            problem(code, text, path=path, line=line, column=column, value=value)
-        )
+        self.problems.append(problem(code, text, path=path, line=line, **cell))
 
     def places(self, at: Int[np.ndarray, " m"]) -> str:
         """Name the first of several samples."""

@@ -107,23 +107,11 @@ class _RowCheck:
     problems: list[Problem] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
 
-    def add(
-        self,
-        code: str,
-        line: int,
-        text: str,
-        *,
-        column: str | None = None,
-        value: str | None = None,
-    ) -> None:
+    def add(self, code: str, line: int, text: str, **cell: str) -> None:
         """Note a problem, unless enough of its kind are listed."""
         self.counts[code] += 1
         if self.counts[code] <= _MAX_LISTED:
-            self.problems.append(
-                problem(
-                    code, text, path=self.path, line=line, column=column, value=value
-                )
-            )
+            self.problems.append(problem(code, text, path=self.path, line=line, **cell))
 
     def row(self, line: int, row: list[str]) -> None:
         """Check the number of fields and the needed cells."""
