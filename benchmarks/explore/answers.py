@@ -187,7 +187,7 @@ def by_gain(grid, n, rng):
     )
     sigma = np.full(len(grid.channels), grid.sigma)
     gains = information_gain(
-        heights, np.degrees(theta_c), np.full(N_GAIN, 1 / N_GAIN), sigma=sigma
+        heights, [np.degrees(theta_c)], np.full(N_GAIN, 1 / N_GAIN), sigma=sigma
     )
     return float(THETA[np.argmax(gains)])
 

@@ -92,26 +92,27 @@ def labels(
     return found
 
 
+@one_thread()
 def information_gain(
     heights: Float[np.ndarray, "k c n"],
-    values: Float[np.ndarray, " n"],
+    angles: Sequence[Float[np.ndarray, " n"]],
     weights: Float[np.ndarray, " n"],
     *,
     sigma: Float[np.ndarray, " c"],
     is_coarse: bool = False,
 ) -> Float[np.ndarray, " k"]:
-    """Expected information gain about an angle of each candidate push.
+    """Sum of the expected information gains about angles, of each candidate push.
 
         EIG = Σ J ln J - Σ_y J_y ln J_y - Σ_q J_q ln J_q,   J[q, y]
 
-    J is the joint probability of bin q of the angle and bin y of the noisy reading.
+    J is the joint probability of bin q of an angle and bin y of the noisy reading.
     Draws are finite, so J is only estimated and the sum is biased upwards; its bias of
     first order in the number of draws is taken off. Of several channels the two
     directions in which the readings vary most, in units of their noise, are counted.
 
     Args:
         heights: Noise-free readings of every candidate, channel and draw.
-        values: The angle of every draw; NaN where undefined.
+        angles: Each angle of every draw; NaN where undefined.
         weights: Weight of every draw; they sum to 1.
         sigma: Noise of a reading by channel [as heights].
         is_coarse: Whether a gain for screening will do.
@@ -122,23 +123,6 @@ def information_gain(
     References:
         Lindley (1956), doi:10.1214/aoms/1177728069; the bias: Miller (1955), for
         weighted and blurred counts.
-    """
-    return summed_gain(heights, (values,), weights, sigma=sigma, is_coarse=is_coarse)
-
-
-@one_thread()
-def summed_gain(
-    heights: Float[np.ndarray, "k c n"],
-    angles: Sequence[Float[np.ndarray, " n"]],
-    weights: Float[np.ndarray, " n"],
-    *,
-    sigma: Float[np.ndarray, " c"],
-    is_coarse: bool = False,
-) -> Float[np.ndarray, " k"]:
-    """Sum of the expected information gains about several angles, of one count [nat].
-
-    Args:
-        angles: Each angle of every draw; NaN where undefined.
     """
     own = weights > 0
     if not np.all(own):

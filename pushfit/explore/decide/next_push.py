@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.predict import Predicted, predict
-from pushfit.explore.decide.gain import information_gain, outlook, summed_gain
+from pushfit.explore.decide.gain import information_gain, outlook
 from pushfit.explore.decide.intervals import Target
 from pushfit.explore.limits import SHARES, TOLERATED, Limits
 from pushfit.explore.records import Purpose, Suggestion, Told
@@ -190,7 +190,7 @@ def repetition(
     theta, alpha = np.array([push.theta]), np.array([push.alpha])
     found = predict(belief, theta, alpha)
     gains = information_gain(
-        found.heights, target.values, belief.weights, sigma=belief.sigma
+        found.heights, [target.values], belief.weights, sigma=belief.sigma
     )
     alone = replace(
         survey,
@@ -231,7 +231,7 @@ def _gains(
     if rows.size > N_FULL and not is_full:
         ticks = (np.arange(N_COARSE_DRAWS) + 0.5) / N_COARSE_DRAWS
         few = np.searchsorted(np.cumsum(weights), ticks * weights.sum())
-        gains = summed_gain(
+        gains = information_gain(
             heights.take(few, axis=2),
             [values[few] for values in angles],
             np.full(few.size, 1 / few.size),
@@ -241,7 +241,7 @@ def _gains(
         rows = np.argsort(-gains, kind="stable")[:N_FULL]
         # Those left behind stay behind.
         gains = np.minimum(gains, np.sort(gains)[-N_FULL])
-    fine = summed_gain(heights[rows], angles, weights, sigma=sigma)
+    fine = information_gain(heights[rows], angles, weights, sigma=sigma)
     floor = float(np.min(fine))
     gains = np.minimum(gains, floor)
     gains[rows] = fine

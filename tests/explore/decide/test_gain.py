@@ -81,7 +81,9 @@ def test_gain_is_that_of_brute_force(channels, theta_deg):
     belief = belief_of(few, channels=channels)
     heights = predict(belief, theta, alpha).heights
     gains = {
-        angle: information_gain(heights, few[angle], belief.weights, sigma=belief.sigma)
+        angle: information_gain(
+            heights, [few[angle]], belief.weights, sigma=belief.sigma
+        )
         for angle in ANGLES
     }
     all_heights = predict(belief_of(many, channels=channels), theta, alpha).heights
@@ -101,7 +103,7 @@ def test_gain_is_zero_where_nothing_can_be_felt():
     # Almost along the normal: A alone is felt, and A knows nothing of the ellipse.
     heights = predict(belief, np.radians([89.99]), np.zeros(1)).heights
     gain = information_gain(
-        heights, draws["alpha_star"], belief.weights, sigma=belief.sigma
+        heights, [draws["alpha_star"]], belief.weights, sigma=belief.sigma
     )
     # Twelve seeds gave at most 0.0065: cells with a draw or two keep some bias.
     assert gain[0] < 0.01
@@ -112,7 +114,7 @@ def test_gain_of_an_equal_reading_is_zero():
     heights = np.full((1, 1, 4096), 2.0)
     weights = rng.dirichlet(np.ones(4096))
     gain = information_gain(
-        heights, rng.uniform(0, 90, 4096), weights, sigma=np.array([0.1])
+        heights, [rng.uniform(0, 90, 4096)], weights, sigma=np.array([0.1])
     )
     # Entropies of 16 bins, in single precision.
     assert gain[0] < np.finfo(np.float32).eps * np.log(16)
@@ -122,7 +124,7 @@ def test_gain_of_a_perfect_reading_is_the_entropy_of_the_label():
     values = np.repeat([10.0, 20.0, 30.0, 40.0], 1024)
     heights = values[None, None]
     gain = information_gain(
-        heights, values, np.full(4096, 1 / 4096), sigma=np.array([1e-2])
+        heights, [values], np.full(4096, 1 / 4096), sigma=np.array([1e-2])
     )
     np.testing.assert_allclose(gain, np.log(4), atol=CORRECTION)
 
@@ -132,9 +134,9 @@ def test_gain_does_not_depend_on_the_unit():
     heights = rng.standard_normal((2, 2, 512))
     values = heights[0, 0] + rng.standard_normal(512)
     weights = np.full(512, 1 / 512)
-    newton = information_gain(heights, values, weights, sigma=np.array([0.3, 0.1]))
+    newton = information_gain(heights, [values], weights, sigma=np.array([0.3, 0.1]))
     counts = information_gain(
-        1000 * heights, values, weights, sigma=np.array([300.0, 100.0])
+        1000 * heights, [values], weights, sigma=np.array([300.0, 100.0])
     )
     np.testing.assert_allclose(newton, counts, rtol=ROUTES)
 
@@ -159,7 +161,7 @@ def test_a_suggestion_takes_a_tenth_of_a_second():
     for _ in range(20):
         start = time.perf_counter()
         information_gain(
-            heights, belief.samples["theta_c"], belief.weights, sigma=belief.sigma
+            heights, [belief.samples["theta_c"]], belief.weights, sigma=belief.sigma
         )
         times.append(time.perf_counter() - start)
     assert np.median(times) < 0.1

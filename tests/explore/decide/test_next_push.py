@@ -5,7 +5,7 @@ import pytest
 
 from pushfit.explore.belief.belief import N_DRAWS, Question
 from pushfit.explore.decide.forecast import imagine, p_decided
-from pushfit.explore.decide.gain import information_gain, summed_gain
+from pushfit.explore.decide.gain import information_gain
 from pushfit.explore.decide.intervals import Target, shortest_interval
 from pushfit.explore.decide.next_push import Surveyor
 from pushfit.explore.limits import Limits
@@ -75,9 +75,9 @@ def test_gains_of_two_angles_at_once_are_those_of_each():
     found = belief(0)
     heights = surveyor().survey(found, undecided=ANGLES).predicted.heights[:20]
     angles = [found.samples[name] for name in ANGLES]
-    both = summed_gain(heights, angles, found.weights, sigma=found.sigma)
+    both = information_gain(heights, angles, found.weights, sigma=found.sigma)
     each = [
-        information_gain(heights, values, found.weights, sigma=found.sigma)
+        information_gain(heights, [values], found.weights, sigma=found.sigma)
         for values in angles
     ]
     np.testing.assert_allclose(both, sum(each), rtol=EXACT, atol=EXACT)
