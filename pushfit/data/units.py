@@ -7,7 +7,6 @@ name without a unit has none, and an implausible number is reported, never resca
 """
 
 import re
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
@@ -125,33 +124,23 @@ def split_unit(name: str) -> tuple[str, Unit | None]:
     return (stem, unit) if stem and unit else (text, None)
 
 
-def parse_unit(text: str, *, quantities: Sequence[Quantity] = ()) -> Unit:
+def parse_unit(text: str) -> Unit:
     """Look up a unit that the user named.
 
     Args:
         text: Unit as written, case does not matter.
-        quantities: What the unit may measure; empty for anything.
 
     Raises:
-        ConfigError: If the unit is unknown (`unknown_unit`) or measures something else
-            (`wrong_unit`).
+        ConfigError: If the unit is unknown (`unknown_unit`).
     """
     unit = find_unit(text)
-    allowed = [
-        u.name for u in UNITS.values() if not quantities or u.quantity in quantities
-    ]
     if unit is None:
-        hint = did_you_mean(text.lower(), allowed)
+        known = [unit.name for unit in UNITS.values()]
+        hint = did_you_mean(text.lower(), known)
         raise ConfigError(
-            f"unit {text!r} is not known; known here: {', '.join(allowed)}, and volts "
+            f"unit {text!r} is not known; known here: {', '.join(known)}, and volts "
             f"with their gain, such as 500mN/V{hint}",
             code="unknown_unit",
-        )
-    if quantities and unit.quantity not in quantities:
-        raise ConfigError(
-            f"unit {text!r} measures {unit.quantity}; needed is a unit of "
-            f"{' or '.join(quantities)}: {', '.join(allowed)}",
-            code="wrong_unit",
         )
     return unit
 
