@@ -16,18 +16,9 @@ from jaxtyping import Float
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.profiles.profile_sets import threshold
-from pushfit.fit.results import (
-    FitStatus,
-    Identification,
-    PosteriorResult,
-    Quantity,
-    Verdict,
-)
+from pushfit.fit.results import FitStatus, Identification, Quantity, Verdict
 from pushfit.parameters import HALF_TURN, STIFFNESSES
-from pushfit.report.answers import (
-    ANSWERS,
-    alpha_star_answer,
-)
+from pushfit.report.answers import ANSWERS, alpha_star_answer
 from pushfit.report.facts import verdict_word
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.grasp import Ellipses, ellipse_figure, grasp_figure
@@ -38,10 +29,7 @@ from pushfit.report.figures.main import (
     within_half_turn,
 )
 from pushfit.report.figures.pairs import corner_figure
-from pushfit.report.figures.posterior import (
-    learned_figure,
-    quantity_figure,
-)
+from pushfit.report.figures.posterior import learned_figure, quantity_figure
 from pushfit.report.figures.recording import signal_figure
 from pushfit.report.figures.style import figure_bytes
 
@@ -49,12 +37,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
+# Draws into `ax` or `fig`, whichever it takes.
+Maker = Callable[..., "Figure"]
 INFORMED = frozenset({Verdict.LEARNED, Verdict.PARTLY, Verdict.DETERMINED})
 
 
-def figure_makers(
-    identification: Identification,
-) -> dict[str, Callable[..., "Figure"]]:
+def figure_makers(identification: Identification) -> dict[str, Maker]:
     """What draws each figure that a result supports, by the name of its file.
 
     Returns:
@@ -62,9 +50,9 @@ def figure_makers(
         of a posterior only where it is to be trusted, corner plots only where the
         library `corner` is installed.
     """
-    makers: dict[str, Callable[..., Figure]] = {
+    makers: dict[str, Maker] = {
         "main": partial(main_figure, identification),
-        "grasp": partial(_grasp, identification),
+        "grasp": _grasp(identification),
     }
     for index, trace in enumerate(identification.table.traces, start=1):
         makers[f"recording_{index}"] = partial(
@@ -72,12 +60,19 @@ def figure_makers(
         )
     makers |= sweep_makers(identification)
     if identification.fit.status is FitStatus.OK:
-        makers["residuals"] = partial(_residuals, identification)
+        makers["residuals"] = _residuals(identification)
     if is_trusted(identification):
         makers |= _posterior_makers(identification)
-    chain = identification.posterior.chain
-    if chain is not None:
-        makers["traces"] = partial(_traces, identification.posterior, chain)
+    posterior = identification.posterior
+    if posterior.chain is not None:
+        diagnostics = posterior.diagnostics
+        makers["traces"] = partial(
+            trace_figure,
+            posterior.chain,
+            posterior.chain_names,
+            thin=posterior.thin,
+            autocorr_time=diagnostics.autocorr_time if diagnostics else {},
+        )
     return makers
 
 
@@ -147,80 +142,55 @@ def figure_files(
     return files
 
 
-def _posterior_makers(
-    identification: Identification,
-) -> dict[str, Callable[..., "Figure"]]:
-    makers: dict[str, Callable[..., Figure]] = {}
-    samples = identification.posterior.samples
+def _posterior_makers(identification: Identification) -> dict[str, Maker]:
+    makers: dict[str, Maker] = {}
+    posterior, parameters = identification.posterior, identification.parameters
+    samples = posterior.samples
     for name in ("theta_c", "alpha_star"):
         if name in samples:
-            makers[name] = partial(_angle, identification, name)
+            makers[name] = _angle(identification, name)
     if "f1" in samples:
-        makers["ellipse"] = partial(_ellipse, identification)
-    if identification.parameters:
-        makers["learned"] = partial(_learned, identification)
+        makers["ellipse"] = _ellipse(identification)
+    if parameters:
+        makers["learned"] = partial(
+            learned_figure,
+            [q.name for q in parameters],
+            np.array([q.contraction for q in parameters], dtype=float),
+            verdicts=[verdict_word(q.verdict) for q in parameters],
+        )
     if find_spec("corner"):
         groups = {
-            "corner_parameters": identification.parameters,
+            "corner_parameters": parameters,
             "corner_combinations": identification.combinations,
         }
         for name, quantities in groups.items():
             shown = _shown_in_pairs(identification, quantities)
             if len(shown) > 1:
-                makers[name] = partial(_corner, identification, shown)
+                makers[name] = partial(
+                    corner_figure,
+                    {q.name: samples[q.name] for q in shown},
+                    {q.name: posterior.prior_samples[q.name] for q in shown},
+                    units={q.name: q.unit for q in shown},
+                )
     return makers
 
 
-def _grasp(
-    identification: Identification, *, fig: "Figure | SubFigure | None" = None
-) -> "Figure":
+def _grasp(identification: Identification) -> Maker:
     table, used = identification.table, identification.used
     markers = {
         name: marker_of(answer(identification), identification)
         for name, answer in ANSWERS.items()
     }
-    return grasp_figure(
+    return partial(
+        grasp_figure,
         np.degrees(table.theta[used]),
         np.degrees(table.alpha[used]),
         reach_deg=identification.config.reach.alpha_deg,
-        fig=fig,
         **markers,
     )
 
 
-def _learned(identification: Identification, *, ax: "Axes | None" = None) -> "Figure":
-    shown = identification.parameters
-    return learned_figure(
-        [q.name for q in shown],
-        np.array([q.contraction for q in shown], dtype=float),
-        verdicts=[verdict_word(q.verdict) for q in shown],
-        ax=ax,
-    )
-
-
-def _traces(
-    posterior: PosteriorResult,
-    chain: Float[np.ndarray, "e t w p"],
-    *,
-    fig: "Figure | SubFigure | None" = None,
-) -> "Figure":
-    diagnostics = posterior.diagnostics
-    return trace_figure(
-        chain,
-        posterior.chain_names,
-        thin=posterior.thin,
-        autocorr_time=diagnostics.autocorr_time if diagnostics else {},
-        fig=fig,
-    )
-
-
-def _angle(
-    identification: Identification,
-    name: str,
-    *,
-    ax: "Axes | None" = None,
-    fig: "Figure | SubFigure | None" = None,
-) -> "Figure":
+def _angle(identification: Identification, name: str) -> Maker:
     """Profile and posterior of θ_c or α*; into given axes the posterior alone."""
     quantity: Quantity = getattr(identification, name)
     answer = ANSWERS[name](identification)
@@ -242,7 +212,8 @@ def _angle(
             values = curve[0] % HALF_TURN
             order = np.argsort(values)
             curve = (values[order], curve[1][order])
-    return quantity_figure(
+    return partial(
+        quantity_figure,
         curve,
         draws,
         prior,
@@ -251,14 +222,10 @@ def _angle(
         level=threshold(quantity.prob, freedom),
         prob=quantity.prob,
         modes=modes,
-        ax=ax,
-        fig=fig,
     )
 
 
-def _ellipse(
-    identification: Identification, *, fig: "Figure | SubFigure | None" = None
-) -> "Figure":
+def _ellipse(identification: Identification) -> Maker:
     samples = identification.posterior.samples
     quantities = {
         q.name: q for q in (*identification.combinations, *identification.parameters)
@@ -281,7 +248,7 @@ def _ellipse(
             )
         )
     marker = marker_of(alpha_star_answer(identification), identification)
-    return ellipse_figure(panels, unit=unit, alpha_star=marker, fig=fig)
+    return partial(ellipse_figure, panels, unit=unit, alpha_star=marker)
 
 
 def _shown_in_pairs(
@@ -299,34 +266,17 @@ def _shown_in_pairs(
     ]
 
 
-def _corner(
-    identification: Identification,
-    shown: Sequence[Quantity],
-    *,
-    fig: "Figure | SubFigure | None" = None,
-) -> "Figure":
-    posterior = identification.posterior
-    return corner_figure(
-        {q.name: posterior.samples[q.name] for q in shown},
-        {q.name: posterior.prior_samples[q.name] for q in shown},
-        units={q.name: q.unit for q in shown},
-        fig=fig,
-    )
-
-
 def _varies(draws: Float[np.ndarray, " n"] | None) -> bool:
     return draws is not None and bool(np.nanstd(draws) > 0)
 
 
-def _residuals(
-    identification: Identification, *, fig: "Figure | SubFigure | None" = None
-) -> "Figure":
+def _residuals(identification: Identification) -> Maker:
     fit, table = identification.fit, identification.table
     rows = np.array(fit.row, dtype=int)
-    observed = np.array(
-        [table.heights(c)[r] for c, r in zip(fit.channel, fit.row, strict=True)]
-    )
-    return residual_figure(
+    pairs = zip(fit.channel, fit.row, strict=True)
+    observed = np.array([table.heights(channel)[row] for channel, row in pairs])
+    return partial(
+        residual_figure,
         (observed - fit.predicted) / fit.sigma,
         fit.predicted,
         theta_deg=np.degrees(table.theta)[rows],
@@ -334,5 +284,4 @@ def _residuals(
         row=rows,
         channels=fit.channel,
         unit=table.unit,
-        fig=fig,
     )
