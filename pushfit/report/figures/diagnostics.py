@@ -87,7 +87,6 @@ def residual_figure(
         theta_deg: Elevation of each residual [deg].
         alpha_deg: Azimuth of each residual [deg].
         row: Row of the table of each residual, the order in time.
-        fig: Figure or subfigure to draw into; None makes one.
     """
     from scipy.special import ndtri
 
@@ -145,7 +144,6 @@ def trace_figure(
         names: Coordinates, the last axis of the chain.
         thin: Steps between kept states.
         autocorr_time: Integrated autocorrelation time by name [steps].
-        fig: Figure or subfigure to draw into; None makes one.
     """
     n_ensembles, n_kept, n_walkers, n_names = chain.shape
     figure, room = sheet(fig, width=PAGE, height=0.7 + 1.05 * n_names)

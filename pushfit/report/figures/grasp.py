@@ -174,7 +174,6 @@ def grasp_figure(
         theta_deg: Elevations that were pushed [deg].
         alpha_deg: Azimuths that were pushed [deg].
         reach_deg: Azimuths that the finger can push in [deg].
-        fig: Figure or subfigure to draw into; None makes one.
     """
     figure, room = sheet(fig, width=1.4 * COLUMN, height=0.82 * COLUMN)
     side, top = room.subplots(1, 2)
@@ -269,11 +268,7 @@ def ellipse_figure(
     alpha_star: Marker | None = None,
     fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
-    """Stiffness ellipses side by side, with the best push direction.
-
-    Args:
-        fig: Figure or subfigure to draw into; None makes one.
-    """
+    """Stiffness ellipses side by side, with the best push direction."""
     from matplotlib.lines import Line2D
 
     figure, room = sheet(fig, width=COLUMN * len(ellipses), height=COLUMN + 0.5)

@@ -158,7 +158,6 @@ def main_figure(
 
     Args:
         is_stacked: Whether panels stand below each other, for a narrow page.
-        fig: Figure or subfigure to draw into; None makes one.
     """
     answers = {swept: answer(identification) for swept, answer in ANSWERS.items()}
     channels = identification.table.channels

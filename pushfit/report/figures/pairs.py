@@ -52,7 +52,6 @@ def corner_figure(
 
     Args:
         samples: Posterior draws by name, none of them constant.
-        fig: Figure or subfigure to draw into; None makes one.
     """
     import corner
     from matplotlib.lines import Line2D

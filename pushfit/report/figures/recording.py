@@ -153,7 +153,6 @@ def recording_figure(
         signal: Samples; gaps are NaN.
         marks: The pushes, as `marks_of` gives them.
         components: Force components to draw below, with heights of the same pushes.
-        fig: Figure or subfigure to draw into; None makes one.
     """
     # Seconds since 1970 would leave no room for themselves.
     origin = float(np.floor(time[0])) if abs(time[0]) > MAX_TIME else 0.0
@@ -273,11 +272,7 @@ def _row_edges(
 def signal_figure(
     trace: Trace, table: PeakTable, *, fig: "Figure | SubFigure | None" = None
 ) -> "Figure":
-    """A recording as the table keeps it, with the pushes that were taken from it.
-
-    Args:
-        fig: Figure or subfigure to draw into; None makes one.
-    """
+    """A recording as the table keeps it, with the pushes that were taken from it."""
     rows = range(trace.first_row, trace.first_row + trace.n_rows)
     return recording_figure(
         trace.time,
@@ -296,11 +291,7 @@ def found_figure(
     *,
     fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
-    """A recording with its pushes numbered: what a schedule has to name.
-
-    Args:
-        fig: Figure or subfigure to draw into; None makes one.
-    """
+    """A recording with its pushes numbered: what a schedule has to name."""
     extents = find_pushes(recording, settings=settings)
     components: tuple[ComponentTrace, ...] = ()
     if settings.normal is not None and extents:
