@@ -8,13 +8,12 @@ the length of their change. Excluded: what else components show
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import looked_at, push_signal, signal_name
@@ -161,12 +160,10 @@ def recording_figure(
     marks = marks.assign(label=labels, row=np.arange(len(marks)), **times)
     marks = marks.sort_values("t_peak_s", kind="stable")
     no_jerk = np.zeros(len(time), dtype=bool)
-    panels = [_Panel(channel, time - origin, signal, no_jerk, marks)]
+    panels = [(channel, (time - origin, signal, no_jerk), marks)]
     for own in components:
-        heights = heights_in(own, marks, origin=origin)
-        panels.append(
-            _Panel(own.name, own.time - origin, own.signal, own.is_jerk, heights)
-        )
+        samples = (own.time - origin, own.signal, own.is_jerk)
+        panels.append((own.name, samples, heights_in(own, marks, origin=origin)))
     n_pushes = len(marks)
     most = min(MAX_ROWS, max(1, MAX_PANELS // len(panels)))
     n_rows = int(np.clip(-(-n_pushes // PUSHES_PER_ROW), 1, most))
@@ -174,10 +171,10 @@ def recording_figure(
     rows = np.array_split(np.arange(n_pushes), n_rows)
     edges = _row_edges(time - origin, [marks["t_peak_s"].to_numpy()[r] for r in rows])
     for across, row, edge in zip(grid, rows, edges, strict=True):
-        for axes, panel in zip(across, panels, strict=True):
-            panel.draw(axes, row, edge)
-            label = axis_label(panel.name, unit)
-            axes.set_ylabel(label if panel is panels[0] else fill(label, LETTERS))
+        for axes, (name, samples, own_marks) in zip(across, panels, strict=True):
+            _draw_panel(axes, *samples, marks=own_marks.iloc[row], edge=edge)
+            label = axis_label(name, unit)
+            axes.set_ylabel(label if axes is across[0] else fill(label, LETTERS))
         label_pushes(across[0], marks.iloc[row])
     last = grid[-1, -1]
     last.set_xlabel("time [s]" + (f" after {origin:.0f} s" if origin else ""))
@@ -195,43 +192,30 @@ def recording_figure(
     return figure
 
 
-@dataclass(frozen=True, slots=True)
-class _Panel:
-    """One signal with the pushes as they were measured in it.
-
-    Args:
-        time: Sample times [s].
-        signal: Samples; gaps are NaN.
-        is_jerk: Which samples were left out as those of a jerk.
-        marks: The pushes in order, of a component as `heights_in` gives them.
-    """
-
-    name: str
-    time: Float[np.ndarray, " n"]
-    signal: Float[np.ndarray, " n"]
-    is_jerk: Bool[np.ndarray, " n"]
-    marks: pd.DataFrame
-
-    def draw(
-        self, axes: "Axes", row: Int[np.ndarray, " r"], edge: tuple[float, float]
-    ) -> None:
-        """Draw some of the pushes, and the samples between two times [s]."""
-        inside = (self.time >= edge[0]) & (self.time <= edge[1])
-        time, signal = envelope(
-            self.time[inside], self.signal[inside], max_points=MAX_POINTS
-        )
-        is_jerk = np.isin(time, self.time[self.is_jerk])
-        kept = np.where(is_jerk, np.nan, signal)
-        axes.plot(time, kept, color=DATA, lw=0.8, zorder=2)
-        if is_jerk.any():
-            draw_jerks(axes, time, signal, is_jerk)
-        marks = self.marks.iloc[row]
-        has_stretches = "first_s" in marks
-        draw_pushes(axes, marks, tip="" if has_stretches else "_")
-        if has_stretches:
-            draw_stretches(axes, marks)
-        axes.margins(x=0.01, y=0.08)
-        axes.grid(visible=False, axis="x")
+def _draw_panel(
+    axes: "Axes",
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    is_jerk: Bool[np.ndarray, " n"],
+    *,
+    marks: pd.DataFrame,
+    edge: tuple[float, float],
+) -> None:
+    """Draw pushes as they were measured in a signal, and it between two times [s]."""
+    inside = (time >= edge[0]) & (time <= edge[1])
+    jerks = time[is_jerk]
+    time, signal = envelope(time[inside], signal[inside], max_points=MAX_POINTS)
+    is_jerk = np.isin(time, jerks)
+    kept = np.where(is_jerk, np.nan, signal)
+    axes.plot(time, kept, color=DATA, lw=0.8, zorder=2)
+    if is_jerk.any():
+        draw_jerks(axes, time, signal, is_jerk)
+    has_stretches = "first_s" in marks
+    draw_pushes(axes, marks, tip="" if has_stretches else "_")
+    if has_stretches:
+        draw_stretches(axes, marks)
+    axes.margins(x=0.01, y=0.08)
+    axes.grid(visible=False, axis="x")
 
 
 def _grid(
