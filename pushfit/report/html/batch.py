@@ -96,14 +96,14 @@ def render_batch(
             without `_deg`, and `<name>_unit`. Columns and cells may be missing.
         population: One row per quantity: `quantity`, `unit`, `mean`, `mean_low`,
             `mean_high`, `spread`, `spread_low`, `spread_high`, `n_items`, and
-            `outliers` and `not_usable`, names of items. With an upper end alone a
-            number is below it.
+            `outliers` and `not_usable`, names of items joined by ";". With an upper
+            end alone a number is below it.
 
     Raises:
         ConfigError: Jinja2 is not installed.
     """
     records = frame.to_dict("records")
-    names = [n for n in (*ANGLES, *NUMBERS) if any(_has(r, n) for r in records)]
+    names = [n for n in (*ANGLES, *NUMBERS) if n in frame or f"{n}_deg" in frame]
     entries = {name: [_entry(record, name) for record in records] for name in names}
     axes = {name: _axis(column) for name, column in entries.items()}
     n_ok = sum(_word(record, "status") == OK for record in records)
@@ -128,10 +128,6 @@ def render_batch(
         ],
     }
     return render_page("batch.html.j2", content, script="sort.js")
-
-
-def _has(record: Record, name: str) -> bool:
-    return name in record or f"{name}_deg" in record
 
 
 def _entry(record: Record, name: str) -> Entry:
@@ -225,27 +221,22 @@ def _p_value(value: float | None) -> str:
 def _population_row(row: Record) -> dict[str, object]:
     name, unit = _word(row, "quantity"), _word(row, "unit")
     n_items = _number(row, "n_items")
-    if name.startswith(LOG):
+    is_ratio = name.startswith(LOG)
+    if is_ratio:
         # Pooled as logarithms, so the mean is geometric and the spread a ratio.
         name, row = name.removeprefix(LOG), _exponentials(row)
-        spread = _with_range(row, "spread")
+    spread = _with_range(row, "spread")
+    if is_ratio and spread:
         spread = f"a factor {'' if spread.startswith('below') else 'of '}{spread}"
-    else:
-        spread = _with_range(row, "spread")
     return {
         "name": name,
         "unit": unit_label(unit),
         "mean": _with_range(row, "mean"),
-        "spread": spread if _is_known(row, "spread") else "",
+        "spread": spread,
         "n_items": "" if n_items is None else f"{n_items:.0f}",
-        "outliers": _names(row, "outliers"),
-        "not_usable": _names(row, "not_usable"),
+        "outliers": _word(row, "outliers").replace(";", ", "),
+        "not_usable": _word(row, "not_usable").replace(";", ", "),
     }
-
-
-def _is_known(row: Record, name: str) -> bool:
-    """Whether there is a number or at least its upper end."""
-    return any(_number(row, column) is not None for column in (name, f"{name}_high"))
 
 
 def _exponentials(row: Record) -> Record:
@@ -257,15 +248,6 @@ def _exponentials(row: Record) -> Record:
             if value is not None:
                 changed[column] = math.exp(value)
     return changed
-
-
-def _names(row: Record, column: str) -> str:
-    """Names of items, in a list or joined by ";"."""
-    names = row.get(column)
-    if isinstance(names, str):
-        names = [part for part in names.split(";") if part]
-    listed = names if isinstance(names, list | tuple) else ()
-    return ", ".join(map(str, listed))
 
 
 def _with_range(row: Record, name: str) -> str:

@@ -107,7 +107,7 @@ def test_the_population_comes_before_the_items(frame):
         "spread": 4.0,
         "spread_low": 3.0,
         "spread_high": 6.0,
-        "outliers": ["c.csv"],
+        "outliers": "c.csv",
     }
     page = render_batch(frame, [row])
     text = Page(page).text
@@ -136,7 +136,7 @@ def test_nothing_of_a_user_is_markup():
             "A_verdict": [HOSTILE],
         }
     )
-    row = {"quantity": HOSTILE, "unit": HOSTILE, "outliers": [HOSTILE]}
+    row = {"quantity": HOSTILE, "unit": HOSTILE, "outliers": HOSTILE}
     page = Page(render_batch(frame, [row], title=HOSTILE))
     assert {tag for tag, _ in page.tags} <= TAGS
     assert [tag for tag, _ in page.tags].count("script") == 1
