@@ -13,14 +13,10 @@ import re
 from collections.abc import Mapping
 from importlib import resources
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
 from pushfit.errors import ConfigError, installed_by
 from pushfit.parameters import NAMED, named
 from pushfit.report.strings import printable, symbol
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
 
 # Letters with an index, as they occur in prose: K_sn, θ_c, F_0.
 INDEXED = re.compile(
@@ -46,14 +42,24 @@ def render_page(
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
+    def finalized(value: object) -> object:
+        # What is marked up has been made safe before.
+        if isinstance(value, str) and not isinstance(value, Markup):
+            return printable(value)
+        return value
+
     environment = Environment(
         loader=PackageLoader("pushfit.report.html"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
-        finalize=_finalized,
+        finalize=finalized,
     )
-    environment.filters |= {"letters": letters, "named": marked, "listed": listed}
+    environment.filters |= {
+        "letters": lambda text: Markup(indexed_html(printable(text))),
+        "named": lambda name: Markup(symbol_html(name)),
+        "listed": lambda words: Markup(listed_html(words)),
+    }
     style, code = _text("report.css"), _text(script) if script else ""
     page = environment.get_template(template).render(
         style=Markup(style),
@@ -79,40 +85,15 @@ def check_templates() -> None:
         )
 
 
-def _finalized(value: object) -> object:
-    """What a template prints; what is marked up has been made safe before."""
-    from markupsafe import Markup
-
-    if isinstance(value, str) and not isinstance(value, Markup):
-        return printable(value)
-    return value
-
-
-def letters(text: str) -> "Markup":
-    """The same for a template."""
-    from markupsafe import Markup
-
-    return Markup(indexed_html(printable(text)))
-
-
-def marked(name: str) -> "Markup":
-    """Symbol of a quantity that says on hover what it stands for."""
-    from markupsafe import Markup
-
-    return Markup(symbol_html(name))
-
-
-def listed(words: str) -> "Markup":
-    """Words between commas, in which every letter of a quantity says the same."""
-    from markupsafe import Markup
-
+def listed_html(words: str) -> str:
+    """Words between commas, in which every letter of a quantity says what it is."""
     names = {record.prose: name for name, record in NAMED.items()}
     parts = [symbol_html(names.get(word, word)) for word in words.split(", ")]
-    return Markup(", ".join(parts))
+    return ", ".join(parts)
 
 
 def symbol_html(name: str) -> str:
-    """The same for a page that is no template."""
+    """Symbol of a quantity that says on hover what it stands for."""
     shown, record = indexed_html(symbol(name)), named(name)
     if record is None:
         return shown

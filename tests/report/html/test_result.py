@@ -12,7 +12,7 @@ from pushfit.config import GraspConfig
 from pushfit.parameters import ANGLES
 from pushfit.report.figures import figure_bytes, main_figure
 from pushfit.report.html import result as html_module
-from pushfit.report.html.pages import letters
+from pushfit.report.html.pages import indexed_html
 from pushfit.report.html.result import render_html
 from tests.report.makers import HOSTILE
 
@@ -158,7 +158,7 @@ def test_the_letter_of_an_angle_says_on_hover_what_it_is(determined, name):
 
 
 def test_indices_are_set_low_only_after_escaping():
-    assert letters("θ_c <b> & C_rr_x K_sn") == (
+    assert indexed_html("θ_c <b> & C_rr_x K_sn") == (
         "θ<sub>c</sub> &lt;b&gt; &amp; C_rr_x K<sub>sn</sub>"
     )
 
