@@ -1,9 +1,9 @@
-"""How fast emcee mixes here: moves, numbers of walkers, coordinates, and NUTS.
+"""How fast emcee mixes here: moves, numbers of walkers and coordinates.
 
 Prints one table for a table of 51 pushes. Engines take turns within each round, so
 that whatever else the machine does hits all of them; trust ratios, not milliseconds.
 
-    python -m benchmarks.inference.emcee_mixing [--rounds 3] [--steps 1000] [--nuts]
+    python -m benchmarks.inference.emcee_mixing [--rounds 3] [--steps 1000]
 """
 
 import argparse
@@ -49,15 +49,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--steps", type=int, default=1000)
-    parser.add_argument("--nuts", action="store_true", help="needs numpyro")
     options = parser.parse_args()
     problem, points = posterior_points()
     engines = emcee_engines(problem, points, options.steps)
-    if options.nuts:
-        engines |= nuts_engines(problem, points)
     results = {name: [] for name in engines}
     for engine in engines.values():
-        engine()  # compiles; NUTS compiles anew where that is what is measured
+        engine()  # compiles
     for _ in range(options.rounds):
         for name, engine in engines.items():
             results[name].append(engine())
@@ -167,55 +164,6 @@ def emcee_engines(problem, points, n_steps: int) -> dict[str, Callable]:
         name = f"mix, 25% differences, {n_walkers} walkers"
         engines[name] = engine(mix(0.25), n_walkers)
     return engines
-
-
-def nuts_engines(problem, points, n_warmup=500, n_draws=1000) -> dict[str, Callable]:
-    """Four chains of numpyro's NUTS in the fitting coordinates."""
-    from numpyro.infer import MCMC, NUTS  # noqa: PLC0415 - optional peer
-
-    def potential(x):
-        return -problem.log_prob(x)
-
-    def fresh():
-        # A chain started at its posterior has no burn-in: to the advantage of NUTS.
-        sampler = MCMC(
-            NUTS(potential_fn=potential),
-            num_warmup=n_warmup,
-            num_samples=n_draws,
-            num_chains=4,
-            chain_method="vectorized",
-            progress_bar=False,
-        )
-        return sampler
-
-    start = jnp.asarray(points[:: len(points) // 4][:4])
-    kept = fresh()
-
-    def run(sampler) -> Measurement:
-        started = time.perf_counter()
-        sampler.run(
-            jax.random.PRNGKey(0),
-            init_params=start,
-            extra_fields=("num_steps",),
-        )
-        draws = np.asarray(sampler.get_samples(group_by_chain=True))
-        seconds = time.perf_counter() - started
-        trace = theta_c(problem, draws.reshape(-1, draws.shape[-1]))
-        trace = trace.reshape(4, -1).T[:, :, None]
-        tau = autocorr_time(trace)
-        n_steps = int(np.sum(sampler.get_extra_fields()["num_steps"]))
-        n_evaluations = n_steps * (n_warmup + n_draws) // n_draws
-        return Measurement(
-            tau=tau,
-            ess=trace.size / tau,
-            seconds=seconds,
-            n_evaluations=n_evaluations,
-        )
-
-    return {
-        "NUTS, 4 chains, compiled before": lambda: run(kept),
-        "NUTS, 4 chains, compiling counted": lambda: run(fresh()),
-    }
 
 
 def theta_c(problem, x):
