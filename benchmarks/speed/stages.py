@@ -11,14 +11,11 @@ stands beside.
 import argparse
 import itertools
 import json
-import os
 import statistics
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.speed.waiting import CONFIG, SWEEP
+from benchmarks.speed.waiting import CONFIG, SWEEP, run
 from pushfit.fit.identify.progress import SECONDS
 
 # A process whose stages say when they begin.
@@ -71,17 +68,8 @@ def print_rows(what: str, folder: Path, words: list[str], n_warm: int) -> None:
 
 def seconds(folder: Path, words: list[str]) -> dict[str, float]:
     """Processor seconds of every stage of one run."""
-    environment = os.environ | {"XDG_CACHE_HOME": str(folder / "cache")}
-    environment["PYTHONPATH"] = str(Path(__file__).parents[2])
-    said = subprocess.run(
-        [sys.executable, "-c", TIMED, *words, "--json"],
-        cwd=folder,
-        env=environment,
-        check=True,
-        capture_output=True,
-        text=True,
-    ).stdout
-    code, began = json.loads(said.splitlines()[-1])
+    _, said = run(folder, ["-c", TIMED, *words, "--json"])
+    code, began = json.loads(said[-1])
     assert code == 0
     pairs = itertools.pairwise(began)
     return {name: after - before for (name, before), (_, after) in pairs}

@@ -7,20 +7,14 @@ of them; trust the ratios, not the seconds.
 """
 
 import argparse
-import os
-import subprocess
-import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 
-from pushfit.data.simulate import simulate_table
-from pushfit.data.tables.peak_table import write_table
-from pushfit.model import Grasp, Parameters
+from benchmarks.inference.side_by_side import FOLDER
+from benchmarks.speed.waiting import run
 
-TRUTH = Parameters(K_sn=1200.0, K_dn=600.0, K_st=300.0, C_rr=0.24, C_d=0.24, L=0.04)
 LMFIT = "lmfit and pandas, one local fit"
 BASES = ("import jax", LMFIT)
 # What a user of lmfit would run instead of `pushfit fit`.
@@ -35,7 +29,7 @@ def residuals(params):
     A, B, C_rr = np.exp(list(params.valuesdict().values()))
     normal = A * np.sin(theta)
     predicted = np.hypot(normal, np.minimum(C_rr * normal, B * np.cos(theta)))
-    return np.asarray(5e-3 * predicted - heights) / 0.03
+    return np.asarray((5e-3 * predicted - heights) / table["height_sd_n"])
 params = lmfit.Parameters()
 for name, start in (("ln_A", 6.3), ("ln_B", 5.0), ("ln_C_rr", -1.2)):
     params.add(name, value=start)
@@ -53,16 +47,14 @@ def main() -> None:
 
 def measure(folder: Path, n_rounds: int) -> dict[str, list[float]]:
     """Seconds of each command in each round."""
-    table = folder / "table.csv"
-    write_pushes(table)
-    pushfit = [sys.executable, "-m", "pushfit"]
+    pushfit, table = ["-m", "pushfit"], str(FOLDER / "heights.csv")
     commands = {
-        BASES[0]: [sys.executable, "-c", "import jax"],
-        LMFIT: [sys.executable, "-c", SCRIPT, str(table)],
-        "import pushfit": [sys.executable, "-c", "import pushfit"],
+        BASES[0]: ["-c", "import jax"],
+        LMFIT: ["-c", SCRIPT, table],
+        "import pushfit": ["-c", "import pushfit"],
         "pushfit --help": [*pushfit, "--help"],
-        "pushfit fit, nothing compiled": [*pushfit, "fit", str(table)],
-        "pushfit fit, compiled before": [*pushfit, "fit", str(table)],
+        "pushfit fit, nothing compiled": [*pushfit, "fit", table],
+        "pushfit fit, compiled before": [*pushfit, "fit", table],
     }
     seconds: dict[str, list[float]] = {name: [] for name in commands}
     for number in range(n_rounds):
@@ -70,32 +62,8 @@ def measure(folder: Path, n_rounds: int) -> dict[str, list[float]]:
         cache = folder / f"cache{number}"
         cache.mkdir(mode=0o700)
         for name, command in commands.items():
-            seconds[name].append(timed(command, cache))
+            seconds[name].append(run(folder, command, cache=cache)[0].wall)
     return seconds
-
-
-def timed(command: list[str], cache: Path) -> float:
-    """Seconds from start to end of a process."""
-    environment = os.environ | {"XDG_CACHE_HOME": str(cache)}
-    environment.pop("JAX_COMPILATION_CACHE_DIR", None)
-    start = time.perf_counter()
-    subprocess.run(command, env=environment, check=True, capture_output=True)
-    return time.perf_counter() - start
-
-
-def write_pushes(path: Path) -> None:
-    """A table of 17 elevations, three times each."""
-    theta = np.radians(np.linspace(5, 85, 17))
-    table = simulate_table(
-        TRUTH,
-        Grasp(push_length=5e-3),
-        theta=theta,
-        alpha=np.full_like(theta, np.pi / 2),
-        repeats=3,
-        noise=0.03,
-        rng=np.random.default_rng(0),
-    )
-    write_table(table, path)
 
 
 def print_table(seconds: dict[str, list[float]]) -> None:
