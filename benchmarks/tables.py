@@ -29,6 +29,8 @@ HARD = '[transition]\nsharpness = "hard"\n'
 CONFIG = parse_config(
     f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n{HARD}", path="grasp.toml"
 )
+# A = 520 and B = 150 N/m: tan θ_c = 150 / (0.5 · 520), θ_c = 30.0°.
+FIRM = Parameters(K_sn=1300, K_dn=2600 / 3, K_st=450, C_rr=0.5, C_d=0.36, L=0.04)
 NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
 NOISE = 0.03
 

@@ -26,13 +26,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from benchmarks.coverage.one_sweep import (
-    LIMITS_PROB,
-    PUSH_LENGTH,
-    is_held,
-    pushes,
-)
-from benchmarks.tables import HARD
+from benchmarks.coverage.one_sweep import LIMITS_PROB, is_held, pushes
+from benchmarks.tables import HARD, PUSH_LENGTH
 from pushfit.config import parse_config
 from pushfit.fit.coverage import simulate_tables
 from pushfit.fit.identify.fitted import fit_table

@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from benchmarks.tables import HARD
-from pushfit.config import parse_config
+from benchmarks.tables import CONFIG, GRASP
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.problem.priors.distributions import default_priors
@@ -25,7 +24,7 @@ from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.results import FitStatus
 from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
 from pushfit.mechanics.directions import best_direction, critical_angle
-from pushfit.model import Grasp, Parameters, Pushes, forward
+from pushfit.model import Parameters, Pushes, forward
 
 LEVELS = (0.5, 0.9, 0.95)
 REACH = (0.0, np.pi)
@@ -37,9 +36,8 @@ BUDGET = Budget(n_ensembles=2, n_walkers=32)
 def covered(seed: int) -> dict[str, list[bool]] | None:
     """Which intervals of one table hold its truth; None if the sampler gave up."""
 
-    table, params, grasp = prior_table(np.random.default_rng(seed))
-    config = parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="grasp.toml")
-    setup = build_problem(table, config)
+    table, params = prior_table(np.random.default_rng(seed))
+    setup = build_problem(table, CONFIG)
     words = {"reference_alpha": REFERENCE_ALPHA}
     fit = fit_least_squares(setup, throw=False, **words)
     posterior = sample_posterior(
@@ -48,8 +46,8 @@ def covered(seed: int) -> dict[str, list[bool]] | None:
     if posterior.status is not FitStatus.OK:
         return None
     angles = {
-        "theta_c": float(critical_angle(params, grasp, REFERENCE_ALPHA)),
-        "alpha_star": float(best_direction(params, grasp, 0.26, reach=REACH)),
+        "theta_c": float(critical_angle(params, GRASP, REFERENCE_ALPHA)),
+        "alpha_star": float(best_direction(params, GRASP, 0.26, reach=REACH)),
     }
     found = {}
     for name, truth in angles.items():
@@ -74,15 +72,14 @@ def prior_table(rng: np.random.Generator):
     params = Parameters(
         **{n: v if n in ("e1", "e2") else np.exp(v) for n, v in values.items()}
     )
-    grasp = Grasp(push_length=5e-3)
     sweep = np.radians(np.arange(5.0, 86.0, 10.0))
     turn = np.radians(np.arange(0.0, 151.0, 30.0))
     theta = np.concatenate([sweep, np.full(turn.size, np.radians(15.0))])
     alpha = np.concatenate([np.full(sweep.size, np.pi / 2), turn])
-    heights = np.asarray(forward(params, Pushes(theta, alpha), grasp).height)
+    heights = np.asarray(forward(params, Pushes(theta, alpha), GRASP).height)
     table = simulate_table(
         params,
-        grasp,
+        GRASP,
         theta=theta,
         alpha=alpha,
         repeats=3,
@@ -90,7 +87,7 @@ def prior_table(rng: np.random.Generator):
         rng=rng,
         state_sd=True,
     )
-    return table, params, grasp
+    return table, params
 
 
 def main() -> None:

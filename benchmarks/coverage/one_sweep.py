@@ -19,8 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from benchmarks.tables import HARD
-from pushfit.config import parse_config
+from benchmarks.tables import CONFIG, FIRM, GRASP, PUSH_LENGTH
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.coverage import LEVELS, simulate_tables
 from pushfit.fit.identify.fitted import Fitted, fit_table
@@ -28,17 +27,11 @@ from pushfit.fit.identify.one import identify_table
 from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.profiles.profile_sets import profile_set
 from pushfit.fit.results import FitStatus, Identification, Piece
-from pushfit.model import Grasp, Parameters
 
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
 REPEATS, NOISE = 3, 0.03
-PUSH_LENGTH = 5e-3
-# A = 520 and B = 150 N/m; 3 % of its tallest height is the noise of every table.
-FIRM = Parameters(K_sn=1300, K_dn=2600 / 3, K_st=450, C_rr=0.5, C_d=0.36, L=0.04)
+# Of the firm grasp; 3 % of it is the noise of every table.
 TALLEST = 520 * PUSH_LENGTH
-CONFIG = parse_config(
-    f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n{HARD}", path="grasp.toml"
-)
 QUANTITIES = ("theta_c", "A", "B", "C_rr")
 WORDS = {"interval": "interval", "set": "profile set"}
 # Probability of the binomial limits that a right count keeps.
@@ -52,7 +45,7 @@ def pushes(noise: float = NOISE) -> Fitted:
     """The sweep with its noise, fitted once."""
     table = simulate_table(
         FIRM,
-        Grasp(push_length=PUSH_LENGTH),
+        GRASP,
         theta=THETA,
         alpha=0.0,
         repeats=REPEATS,

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
+from benchmarks.tables import FIRM
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
@@ -184,9 +185,8 @@ def truths(
     n: int, plan: int, rng: np.random.Generator
 ) -> list[tuple[Parameters, float]]:
     """Grasps from the default priors, and their critical angles [deg]."""
-    firm = Parameters(1300, 2600 / 3, 450, 0.5, 0.36, 0.04)
     own = np.random.default_rng(0)
-    table = heights(firm, "nothing", plan, 0.01, ("height",), own)
+    table = heights(FIRM, "nothing", plan, 0.01, ("height",), own)
     hard = settings("nothing", ["hard"])["hard"]
     drawn = simulate_tables(fit_table(table, hard), n, rng).truths
     names = [name for name in (*SIX, "e1", "e2") if name in drawn]

@@ -22,8 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.explore.strategies import LikelihoodSets
-from benchmarks.tables import HARD
-from pushfit.config import parse_config
+from benchmarks.tables import CONFIG
 from pushfit.explore.belief.belief import N_DRAWS, Belief
 from pushfit.explore.decide.gain import information_gain
 from pushfit.explore.decide.intervals import Target, shortest_interval
@@ -405,12 +404,11 @@ def source(table, question, seed) -> Belief:
 def run_explorer(args) -> None:
     """`pushfit.Explorer` with its forecasts: answers, and how many are wrong."""
     channels = CHANNELS[args.channels]
-    config = parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="grasp.toml")
     for width in args.widths:
         answers, covered, pushes, gave_up, times = [], [], [], [], []
         for k, world in enumerate(truths(args.explorer, args.seed)):
             explorer = Explorer(
-                config,
+                CONFIG,
                 width_deg=width,
                 budget=args.cap,
                 sigma=world.sigma,

@@ -27,8 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.explore.strategies import LIMITS, STRATEGIES, LikelihoodSets
-from benchmarks.tables import HARD
-from pushfit.config import parse_config
+from benchmarks.tables import CONFIG
 from pushfit.explore.belief.belief import ANGLES, Belief, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, weighed
@@ -46,7 +45,6 @@ from pushfit.explore.explorer import KEPT_SHARE
 from pushfit.explore.records import Answer, Told
 from pushfit.fit.programs.folder import enable_compile_cache
 
-CONFIG = parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="grasp.toml")
 NOISE, PROB = 0.03, 0.9
 CHANNELS = {
     "height": ("height",),

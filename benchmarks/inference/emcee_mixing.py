@@ -16,8 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.tables import HARD
-from pushfit.config import parse_config
+from benchmarks.tables import CONFIG, GRASP, NAMES
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.setup import build_problem
@@ -28,9 +27,8 @@ from pushfit.fit.sampler.diagnostics import autocorr_time
 from pushfit.fit.sampler.mixture import fit_mixture
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.sampler.starts import starting_points
-from pushfit.model import Grasp, Parameters
+from pushfit.model import Parameters
 
-NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
 N_ENSEMBLES = 4
 BURN_IN = 0.2
 
@@ -79,7 +77,7 @@ def posterior_points():
     theta = np.repeat(np.radians(np.arange(5.0, 90.0, 5.0)), 3)
     table = simulate_table(
         Parameters(1300, 2600 / 3, 201, 0.3, 0.1608, 0.04),
-        Grasp(push_length=0.005),
+        GRASP,
         theta=theta,
         alpha=np.zeros_like(theta),
         repeats=1,
@@ -87,9 +85,7 @@ def posterior_points():
         rng=np.random.default_rng(0),
         state_sd=True,
     )
-    setup = build_problem(
-        table, parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="")
-    )
+    setup = build_problem(table, CONFIG)
     fit = fit_least_squares(setup, reference_alpha=0.0)
     points = starting_points(
         setup.problem,

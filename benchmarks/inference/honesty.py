@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from scipy import optimize, stats
 
-from benchmarks.tables import HARD
+from benchmarks.tables import FIRM, GRASP, HARD, NAMES, PUSH_LENGTH
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
@@ -27,12 +27,8 @@ from pushfit.fit.assess.reporting_rules import pieces_for
 from pushfit.fit.identify.one import identify_table
 from pushfit.fit.problem.priors.distributions import default_priors
 from pushfit.fit.results import FitStatus, Verdict
-from pushfit.model import Grasp, Parameters
 
-NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
-PUSH_LENGTH = 5e-3
-# A = 520 and B = 150 N/m: tan θ_c = 150 / (0.5 · 520), θ_c = 30.0°.
-TRUTH = Parameters(K_sn=1300, K_dn=2600 / 3, K_st=450, C_rr=0.5, C_d=0.36, L=0.04)
+# Of the firm grasp.
 THETA_C_DEG = float(np.degrees(np.arctan(150 / 260)))
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
 REPEATS, NOISE = 3, 0.03
@@ -165,11 +161,10 @@ PROGRAMS: dict[str, Callable[[PeakTable, int], Answer]] = {
 
 def draw(seed: int) -> PeakTable:
     """Heights of one noise draw."""
-    grasp = Grasp(push_length=PUSH_LENGTH)
-    tallest = float(np.max(heights(THETA, *(float(getattr(TRUTH, n)) for n in NAMES))))
+    tallest = float(np.max(heights(THETA, *(float(getattr(FIRM, n)) for n in NAMES))))
     return simulate_table(
-        TRUTH,
-        grasp,
+        FIRM,
+        GRASP,
         theta=THETA,
         alpha=0.0,
         repeats=REPEATS,

@@ -16,18 +16,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.tables import HARD
+from benchmarks.tables import FIRM, HARD
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.problem.slopes import with_slopes
-from pushfit.model import Grasp, Parameters, Vector, forward
+from pushfit.model import Grasp, Vector, forward
 
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
 N_DRAWS = 512
-TRUTH = Parameters(1300, 2600 / 3, 450, 0.5, 0.36, 0.04)
 MECHANICS = ("linear", "tilting")
 SPAN_MM = 60.0
 
@@ -36,7 +35,7 @@ def setup(mechanics: str, *, has_span: bool = False, seed: int = 0) -> Setup:
     """51 pushes simulated by tilting mechanics, all parameters but L free."""
     span = SPAN_MM / 1000 if has_span else None
     table = simulate_table(
-        TRUTH,
+        FIRM,
         Grasp(push_length=5e-3, mechanics="tilting", support_span=span),
         theta=THETA,
         alpha=0.0,
