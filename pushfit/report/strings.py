@@ -59,24 +59,6 @@ def symbol(name: str) -> str:
     return printable(record.prose if record else name)
 
 
-def decimals_for(spread: float) -> int:
-    """Decimals that keep two significant digits of an uncertainty.
-
-    Args:
-        spread: Width of an interval, or a standard error, in the unit of the number.
-
-    Returns:
-        Digits after the point; negative where even units are uncertain.
-
-    Raises:
-        ValueError: If the spread is not a positive finite number.
-    """
-    if not (math.isfinite(spread) and spread > 0):
-        raise ValueError(f"spread = {spread} must be positive and finite")
-    # The spread is rounded first, so that 0.996 counts as 1.0 and not as 0.99.
-    return 1 - math.floor(math.log10(float(f"{spread:.1e}")))
-
-
 def format_number(value: float | None, *, spread: float | None = None) -> str:
     """Number with the digits that its uncertainty justifies.
 
@@ -98,7 +80,8 @@ def format_number(value: float | None, *, spread: float | None = None) -> str:
         return "∞" if value > 0 else "-∞"
     if spread is None or not (math.isfinite(spread) and spread > 0):
         spread = max(abs(value), 1e-300) / 10
-    decimals = decimals_for(spread)
+    # Two digits of the spread, rounded first: 0.996 counts as 1.0 and not as 0.99.
+    decimals = 1 - math.floor(math.log10(float(f"{spread:.1e}")))
     rounded = round(value, decimals) + 0.0  # + 0.0: never "-0"
     size = abs(rounded)
     if size != 0 and not 1e-4 <= size < 1e7:

@@ -5,7 +5,6 @@ import math
 import pytest
 
 from pushfit.report.strings import (
-    decimals_for,
     format_number,
     format_range,
     join_or,
@@ -57,14 +56,9 @@ def test_the_near_end_of_a_skewed_interval_keeps_its_digits():
     assert format_range(563.0, 1871.0, "", spread=spread) == "560 to 1870"
 
 
-def test_a_zero_spread_is_no_spread():
-    assert format_number(12.3456, spread=0.0) == "12.3"
-
-
 @pytest.mark.parametrize("spread", [0.0, -1.0, math.inf, math.nan])
-def test_decimals_need_a_positive_spread(spread):
-    with pytest.raises(ValueError, match="positive"):
-        decimals_for(spread)
+def test_a_spread_that_is_none_decides_no_digits(spread):
+    assert format_number(12.3456, spread=spread) == "12.3"
 
 
 @pytest.mark.parametrize(
