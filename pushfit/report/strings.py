@@ -9,6 +9,7 @@ import math
 import re
 import unicodedata
 from collections.abc import Sequence
+from functools import partial
 
 from pushfit.parameters import HALF_TURN, named
 
@@ -146,13 +147,16 @@ def format_range(
     Args:
         spread: Uncertainty that decides the digits; None is the width.
     """
+    is_angle = unit_label(unit) == "°"
     if lower is None or upper is None:
         end = lower if upper is None else upper
         if end is None:
             return "any value"
-        return f"{'above' if upper is None else 'below'} {format_bound(end, unit)}"
+        # Whole degrees, otherwise three digits.
+        bound = format_angle(end) if is_angle else with_unit(format_number(end), unit)
+        return f"{'above' if upper is None else 'below'} {bound}"
     spread = upper - lower if spread is None else spread
-    if unit_label(unit) == "°":
+    if is_angle:
         return f"{format_angle(lower, spread=spread)} to {_format_end(upper, spread)}"
     low, high = (format_number(end, spread=spread) for end in (lower, upper))
     return with_unit(f"{low} to {high}", unit)
@@ -163,13 +167,6 @@ def _format_end(upper: float, spread: float) -> str:
     if upper <= HALF_TURN:
         return format_angle(upper, spread=spread)
     return f"180° and on to {format_angle(upper - HALF_TURN, spread=spread)}"
-
-
-def format_bound(value: float, unit: str) -> str:
-    """One-sided bound: whole degrees, otherwise three digits."""
-    if unit_label(unit) == "°":
-        return format_angle(value)
-    return with_unit(format_number(value), unit)
 
 
 def time_left(share: float, seconds: float) -> str:
@@ -184,22 +181,16 @@ def time_left(share: float, seconds: float) -> str:
     return f", about {seconds * (1 - share) / share:.0f} s left"
 
 
-def join_or(items: Sequence[str]) -> str:
-    """Alternatives in a sentence: "a", "a or b", "a, b or c"."""
-    return _join(items, "or")
-
-
-def join_and(items: Sequence[str]) -> str:
-    """List in a sentence: "a", "a and b", "a, b and c"."""
-    return _join(items, "and")
-
-
 def format_p_value(p_value: float) -> str:
     """Probability as a relation: "< 0.001" or "= 0.46"."""
     return "< 0.001" if p_value < 1e-3 else f"= {p_value:.2g}"
 
 
-def _join(items: Sequence[str], word: str) -> str:
+def _join(items: Sequence[str], *, word: str) -> str:
+    """Items in a sentence: "a", "a or b", "a, b or c"."""
     if len(items) < 2:
         return "".join(items)
     return f"{', '.join(items[:-1])} {word} {items[-1]}"
+
+
+join_or, join_and = partial(_join, word="or"), partial(_join, word="and")
