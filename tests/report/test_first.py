@@ -1,26 +1,33 @@
 """The first lines of an answer: what is known before the posterior."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from pushfit.fit.results import FitResult, LikelihoodProfile, Mode, Verdict
+from pushfit.fit.identify.fitted import Fitted
+from pushfit.fit.problem.setup import Setup
+from pushfit.fit.results import LikelihoodProfile, Mode, Verdict
 from pushfit.fit.results.search import Curve, Search
-from pushfit.report.text.first import fit_line, look_line, set_line
+from pushfit.report.text.first import First
 
 
-def fit(*modes: tuple[float | None, float]) -> FitResult:
-    """A fit of which only the modes are known."""
-    result = object.__new__(FitResult)
-    found = tuple(
-        Mode(coordinates={}, theta_c_deg=angle, chi_square=cost)
-        for angle, cost in modes
-    )
-    object.__setattr__(result, "modes", found)
-    return result
+def partly(kind, **known):
+    """A record of which only some fields are known."""
+    record = object.__new__(kind)
+    for name, value in known.items():
+        object.__setattr__(record, name, value)
+    return record
+
+
+def by(mechanics: str, search: Search | None = None) -> Setup:
+    """A problem by some mechanics."""
+    problem = SimpleNamespace(grasp=SimpleNamespace(mechanics=mechanics))
+    return partly(Setup, problem=problem, search=search)
 
 
 @pytest.mark.parametrize(
-    ("modes", "said"),
+    ("modes", "words"),
     [
         ([(41.26, 50.0)], "θ_c = 41.3° at α = 90°"),
         (
@@ -33,20 +40,26 @@ def fit(*modes: tuple[float | None, float]) -> FitResult:
         ),
     ],
 )
-def test_the_best_fit_is_said_with_what_fits_as_well(modes, said):
-    expected = f"best fit by linear mechanics: {said}"
-    assert fit_line(fit(*modes), 90.0, "linear") == expected
+def test_the_best_fit_is_said_with_what_fits_as_well(modes, words):
+    found = [
+        Mode(coordinates={}, theta_c_deg=angle, chi_square=cost)
+        for angle, cost in modes
+    ]
+    said, fit = [], SimpleNamespace(modes=found)
+    fitted = partly(Fitted, setup=by("linear"), fit=fit, reference_alpha=np.pi / 2)
+    First(tell=said.append).fitted(fitted)
+    assert said == [f"best fit by linear mechanics: {words}"]
 
 
 @pytest.mark.parametrize(
-    ("quantity", "costs", "said"),
+    ("quantity", "costs", "words"),
     [
-        ("theta_c", [9.0, 2.0, 5.0], "θ_c near 40° at α = 90°"),
-        ("theta_c", [np.inf] * 3, None),
-        ("ln_A", [9.0, 2.0, 5.0], None),
+        ("theta_c", [9.0, 2.0, 5.0], ["θ_c near 40° at α = 90°"]),
+        ("theta_c", [np.inf] * 3, []),
+        ("ln_A", [9.0, 2.0, 5.0], []),
     ],
 )
-def test_the_first_look_says_where_the_fit_is_best(quantity, costs, said):
+def test_the_first_look_says_where_the_fit_is_best(quantity, costs, words):
     values = np.radians([20.0, 40.2, 60.0])
     curve = Curve(values=values, points=np.zeros((3, 0)), chi_square=np.array(costs))
     search = Search(
@@ -57,19 +70,20 @@ def test_the_first_look_says_where_the_fit_is_best(quantity, costs, said):
         curve=curve,
         valleys=curve.points,
     )
-    expected = said and f"first look by tilting mechanics: {said}"
-    assert look_line(search, "tilting") == expected
+    said = []
+    First(tell=said.append).searched(by("tilting", search))
+    assert said == [f"first look by tilting mechanics: {found}" for found in words]
 
 
 @pytest.mark.parametrize(
-    ("pieces", "said"),
+    ("pieces", "words"),
     [
         (((38.0, 42.0), (56.0, None)), "38.0° to 42.0° or above 56°"),
         (((None, None),), "any value"),
         ((), "empty"),
     ],
 )
-def test_the_set_is_said_in_all_its_pieces(pieces, said):
+def test_the_set_is_said_in_all_its_pieces(pieces, words):
     profile = LikelihoodProfile(
         name="theta_c",
         unit="deg",
@@ -79,5 +93,6 @@ def test_the_set_is_said_in_all_its_pieces(pieces, said):
         prob=0.9,
         verdict=Verdict.DETERMINED,
     )
-    expected = f"likelihood set of θ_c (90 %, tilting): {said}"
-    assert set_line(profile, "tilting") == expected
+    said = []
+    First(tell=said.append).confined(partly(Fitted, setup=by("tilting")), profile)
+    assert said == [f"likelihood set of θ_c (90 %, tilting): {words}"]
