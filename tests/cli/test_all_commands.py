@@ -27,6 +27,8 @@ LINEAR = '[grasp]\nmechanics = "linear"\n'
 NOISE = "0.02"
 # Standard deviations from a truth that no seed here leaves.
 FAR = 4.0
+# Medians of two seeds are 0.07° apart, by 3000 draws that count; five of them.
+OTHER_SEED = 0.35
 
 
 def stated(values: dict[str, float]) -> str:
@@ -109,7 +111,7 @@ def test_a_batch_has_the_row_of_its_table(place):
     with (place / "rows" / "results.csv").open(encoding="utf-8") as lines:
         (row,) = csv.DictReader(lines)
     assert float(row["theta_c_deg"]) == pytest.approx(
-        first["theta_c_deg"]["estimate"], abs=0.5
+        first["theta_c_deg"]["estimate"], abs=OTHER_SEED
     )
 
 

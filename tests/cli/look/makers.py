@@ -9,6 +9,10 @@ from pushfit.config import read_config
 from pushfit.data.recordings.records import Recording
 
 TIME = np.arange(0.0, 26.0, 0.01)
+# A top is found within a few samples of 10 ms.
+NEAR = 0.05
+# Rests are read where rounded humps begin already: heights come out 0.3 % low.
+LOW = 5e-3
 # Time and height of every hump; the third is somebody touching the table, the fifth is
 # a push that hardly met anything.
 HUMPS = ((2.0, 1.0), (5.0, 0.8), (8.2, 0.5), (12.0, 1.2), (16.5, 0.02), (22.0, 1.1))

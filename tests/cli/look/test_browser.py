@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from pushfit.cli import main
 from pushfit.data.simulate import write_recording
 from tests.cli.look.chromium import BROWSER, chromium
-from tests.cli.look.makers import FAINT, HUMPS, TOUCH, recording
+from tests.cli.look.makers import FAINT, HUMPS, LOW, NEAR, TOUCH, recording
 from tests.cli.look.test_server import looking
 
 pytestmark = [
@@ -124,9 +124,8 @@ def test_a_push_is_clicked_away_angles_are_typed_and_what_is_saved_is_used(tab, 
     table = pd.read_csv("result/peaks.csv")
     assert table["theta_deg"].tolist() == [0.0, 15.0, 30.0, 45.0]
     kept = np.array([h for k, h in enumerate(HUMPS) if k not in (TOUCH, FAINT)])
-    np.testing.assert_allclose(table["t_peak_s"], kept[:, 0], atol=0.05)
-    # The parabola that is fitted to a rounded top lies 0.3 % below it.
-    np.testing.assert_allclose(table["height_n"], kept[:, 1], rtol=5e-3)
+    np.testing.assert_allclose(table["t_peak_s"], kept[:, 0], atol=NEAR)
+    np.testing.assert_allclose(table["height_n"], kept[:, 1], rtol=LOW)
 
 
 def test_what_was_decided_is_there_when_the_page_is_loaded_again(tab, place):

@@ -15,7 +15,7 @@ from bokeh.models import (
 )
 
 from pushfit.cli.look.page import Page, static_page
-from tests.cli.look.makers import DIP, FAINT, HUMPS, TOUCH, a_look, markup
+from tests.cli.look.makers import DIP, FAINT, HUMPS, LOW, NEAR, TOUCH, a_look, markup
 
 # Runs if any text of a user is taken for markup.
 ATTACK = "<img src=x onerror=\"document.title='owned'\">.csv"
@@ -65,7 +65,7 @@ def test_what_counts_is_numbered_and_has_its_height(page):
     assert shown["height"][FAINT] == ""
     heights = [float(h) for k, h in enumerate(shown["height"]) if k != FAINT]
     truth = [h for k, (_, h) in enumerate(HUMPS) if k != FAINT]
-    assert heights == pytest.approx(truth, rel=0.02)
+    assert heights == pytest.approx(truth, rel=LOW)
 
 
 def test_a_click_in_the_picture_leaves_a_hump_out_and_another_takes_it_in(page, look):
@@ -126,14 +126,14 @@ def test_dips_are_shown_as_soon_as_pushes_go_both_ways():
     one(page, Checkbox, label="pushes go both ways").active = True
     assert len(cells(page)["push"]) == len(HUMPS) + 1
     lowest = min(float(height) for height in cells(page)["height"] if height)
-    assert lowest == pytest.approx(DIP[1], rel=0.02)
+    assert lowest == pytest.approx(DIP[1], rel=LOW)
 
 
 def test_seconds_since_1970_are_counted_from_the_first():
     look = a_look()
     look = type(look)(_later(look.recording, 1.7e9), look.config)
     page = Page(look, title="a.csv", save=lambda own: "")
-    assert float(cells(page)["time"][0]) == pytest.approx(HUMPS[0][0], abs=0.05)
+    assert float(cells(page)["time"][0]) == pytest.approx(HUMPS[0][0], abs=NEAR)
     tap(page, HUMPS[TOUCH][0])
     assert not look.counts[TOUCH]
 
@@ -157,8 +157,8 @@ def test_an_inverted_signal_is_drawn_with_its_heights_upwards():
     look = type(look)(turned, look.config.model_copy(update={"peaks": peaks}))
     page = Page(look, title="a.csv", save=None)
     (marks,) = {r.data_source for r in one(page, Plot).renderers if _is_marks(r)}
-    assert marks.data["rest"][0] == pytest.approx(3, abs=0.05)
-    assert marks.data["height"][0] == pytest.approx(4, abs=0.05)
+    assert marks.data["rest"][0] == pytest.approx(3, abs=LOW)
+    assert marks.data["height"][0] == pytest.approx(4, abs=LOW)
 
 
 def _is_marks(renderer) -> bool:
@@ -178,8 +178,8 @@ def test_components_are_drawn_by_the_length_of_their_change():
     page = Page(look, title="a.csv", save=None)
     (marks,) = {r.data_source for r in one(page, Plot).renderers if _is_marks(r)}
     assert marks.data["rest"][0] == 0
-    assert marks.data["height"][0] == pytest.approx(HUMPS[0][1], rel=0.02)
-    assert float(cells(page)["height_normal"][0]) == pytest.approx(0.8, rel=0.02)
+    assert marks.data["height"][0] == pytest.approx(HUMPS[0][1], rel=LOW)
+    assert float(cells(page)["height_normal"][0]) == pytest.approx(0.8, rel=LOW)
 
 
 def test_a_page_to_look_at_has_nothing_to_press_and_loads_nothing(look):
