@@ -7,6 +7,9 @@ from pushfit.data.check import check_files, file_kind
 from pushfit.data.recordings.recording import read_recording
 from pushfit.errors import DataError
 
+# Angles are recorded to 0.001°, and components of the normal to 1e-6, which near it
+# (90°) resolves sqrt(2e-6) rad.
+ANGLE = 1.5e-3
 RECORDING = "time_s,force_n\n0,1\n0.01,2\n"
 SCHEDULE = "push,theta_deg,alpha_deg,repeat\n1,30,0,1\n2,45,90,1\n"
 TABLE = "push,theta_deg,alpha_deg,repeat,height_n\n1,30,0,1,2.5\n2,45,90,1,2.75\n"
@@ -152,9 +155,7 @@ def test_the_recorded_angle_of_the_hand_pushes_is_from_the_normal(real_data):
     path = real_data / "biotac_hand_pushes/trial2.csv"
     recording = read_recording(path, **HAND)
     normal = np.genfromtxt(path, delimiter=",", skip_header=1)[:, 4]
-    # Angles are recorded to 0.001°, and components to 1e-6, which near the normal
-    # (90°) resolves sqrt(2e-6) rad.
-    np.testing.assert_allclose(recording.theta, np.arcsin(normal), rtol=0, atol=1.5e-3)
+    np.testing.assert_allclose(recording.theta, np.arcsin(normal), rtol=0, atol=ANGLE)
 
 
 def test_heights_in_an_unknown_unit_are_no_schedule(tmp_path):

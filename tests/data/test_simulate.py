@@ -18,6 +18,10 @@ from pushfit.data.simulate import (
 from pushfit.model import Grasp, Parameters
 
 EXACT = 1e-13  # equal on paper: a few ulp per operation
+# The sd of a sample sd is sd/sqrt(2n) = 1.1 %; four of them.
+SAMPLED = 0.045
+# The clock may miss the tip by half a step: 0.5 ms of a rise of 1 s.
+CLOCK = 6e-4
 PARAMS = Parameters(K_sn=800.0, K_dn=1500.0, K_st=400.0, C_rr=0.3, C_d=0.3, L=0.04)
 GRASP = Grasp(push_length=5e-3)
 
@@ -50,8 +54,7 @@ def test_table_noise_has_the_stated_sd():
         rng=np.random.default_rng(1),
         state_sd=True,
     )
-    # The sd of a sample sd is sd/sqrt(2n) = 1.1 %; four of them.
-    np.testing.assert_allclose(table.pooled_sd("height")[0], 0.1, rtol=0.045)
+    np.testing.assert_allclose(table.pooled_sd("height")[0], 0.1, rtol=SAMPLED)
     assert set(table.sd("height")) == {0.1}
 
 
@@ -83,8 +86,7 @@ def test_without_disturbance_the_top_of_a_push_is_its_height(shape):
     top = np.interp(
         made.t_peak, made.recording.time, made.recording.channels["pressure"]
     )
-    # The clock may miss the tip by half a step: 0.5 ms of a rise of 1 s.
-    np.testing.assert_allclose(top - 3.0, made.truth.height, rtol=6e-4)
+    np.testing.assert_allclose(top - 3.0, made.truth.height, rtol=CLOCK)
 
 
 def test_joints_reach_directions_within_half_their_resolution():
@@ -119,8 +121,8 @@ def test_force_components_add_up_to_the_two_heights():
         for name, values in made.recording.channels.items()
     }
     tangential = np.hypot(forces["fx"], forces["fy"])
-    np.testing.assert_allclose(tangential, made.truth.height_tangential, rtol=2e-3)
-    np.testing.assert_allclose(forces["fz"], made.truth.height_normal, rtol=2e-3)
+    np.testing.assert_allclose(tangential, made.truth.height_tangential, rtol=CLOCK)
+    np.testing.assert_allclose(forces["fz"], made.truth.height_normal, rtol=CLOCK)
 
 
 def test_a_written_recording_holds_the_same_numbers(tmp_path):

@@ -16,6 +16,14 @@ from pushfit.data.recordings.records import Recording
 
 RATE = 100.0
 NOISE = 0.5
+# Noise over the slope of a flank is 5 ms at most; four of them.
+NEAR = 0.02
+# Heights scatter by 0.15 and rests by less; three of them.
+LEVEL = 0.45
+# Means of samples widen a brief push by 3 ms and take 3 % off a pointed top.
+WIDENED, BLUNTED = 0.005, 0.05
+# σ of 4000 samples scatters by 2 %, and the bends of flanks add as much.
+SIGMA = 0.1
 
 
 def course(*corners, rate=RATE):
@@ -67,7 +75,7 @@ def test_pushes_close_together_beyond_a_step_of_the_rest_are_told_apart():
     time, y = course(*corners)
     extents = found(time, y)
     np.testing.assert_allclose(
-        [extent.t_peak for extent in extents], 6.0 + 2.2 * np.arange(4), atol=0.1
+        [extent.t_peak for extent in extents], 6.0 + 2.2 * np.arange(4), atol=NEAR
     )
 
 
@@ -91,8 +99,8 @@ def test_a_little_change_of_rest_under_a_push_is_drift_and_a_large_one_a_step(
     extents = found(time, y)
     height = measure_heights(time, y, extents, definition="apex", limit=None)[0]
     # The top lies 100 above the rest before; half of the drift has passed by then.
-    np.testing.assert_allclose(height.height, 100.0 - slope / 2, rtol=0, atol=0.45)
-    np.testing.assert_allclose(height.baseline, slope / 2, rtol=0, atol=0.45)
+    np.testing.assert_allclose(height.height, 100.0 - slope / 2, rtol=0, atol=LEVEL)
+    np.testing.assert_allclose(height.baseline, slope / 2, rtol=0, atol=LEVEL)
 
 
 def test_brief_pushes_with_brief_rests_are_told_apart():
@@ -101,10 +109,10 @@ def test_brief_pushes_with_brief_rests_are_told_apart():
     time, y = course((0, 0), *taps, (4, 0), rate=1000.0)
     extents = found(time, y)
     np.testing.assert_allclose(
-        [extent.t_peak for extent in extents], 1.1 + 0.3 * np.arange(6), atol=0.02
+        [extent.t_peak for extent in extents], 1.1 + 0.3 * np.arange(6), atol=NEAR
     )
     # Half of a triangle's base is above half of its height.
-    np.testing.assert_allclose([e.width for e in extents], 0.1, rtol=0, atol=0.015)
+    np.testing.assert_allclose([e.width for e in extents], 0.1, rtol=0, atol=WIDENED)
 
 
 @pytest.mark.parametrize("shown", [0.15, 0.4, 1.0])
@@ -113,8 +121,8 @@ def test_a_push_on_a_grip_is_found_however_little_follows_it(shown):
     corners = ((0, 0), (2.0, 0), (2.2, grip), *push(6.0, rest=grip, height=130.0))
     time, y = course(*corners, (8.0 + shown, grip))
     (extent,) = found(time, y)
-    np.testing.assert_allclose(extent.t_peak, 7.0, atol=0.1)
-    np.testing.assert_allclose(extent.height, 130.0, rtol=0.05)
+    np.testing.assert_allclose(extent.t_peak, 7.0, atol=NEAR)
+    np.testing.assert_allclose(extent.height, 130.0, rtol=BLUNTED)
 
 
 def test_a_push_on_a_grip_is_found_if_the_next_one_is_cut_as_it_begins():
@@ -130,7 +138,7 @@ def test_the_noise_of_uneven_steps_is_that_of_the_samples():
     time = np.cumsum(rng.choice([0.01, 0.3], size=4000, p=[0.7, 0.3]))
     flanks = 200.0 * np.abs(time % 4.0 - 2.0)
     noise = Noise.of(time, flanks + 2.0 * rng.standard_normal(len(time)))
-    np.testing.assert_allclose(noise.sigma, 2.0, rtol=0.1)
+    np.testing.assert_allclose(noise.sigma, 2.0, rtol=SIGMA)
 
 
 def test_a_small_push_is_found_beside_the_edge_of_a_large_one():
