@@ -36,6 +36,8 @@ FIVE = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
 END = 3e-3
 # A profile found by another solver, from many starts.
 SAME_PROFILE = 1e-3
+# Twice the step beside an end that stands for the jump of a profile there [deg].
+JUMP = 2e-6
 
 
 def profiles_of(setup, *, prob=0.9, alpha=ALPHA, reach=(0.0, np.pi)):
@@ -97,7 +99,7 @@ def test_linear_model_has_the_normal_interval():
     fit = fit_least_squares(setup, reference_alpha=ALPHA)
     error = sigma / np.sqrt(np.sum(slope**2)) / estimate
     np.testing.assert_allclose(fit.estimate, [np.log(estimate)], rtol=ROUTES)
-    np.testing.assert_allclose(fit.standard_error, [error], rtol=1e-6)
+    np.testing.assert_allclose(fit.standard_error, [error], rtol=ROUTES)
 
 
 def test_noise_estimated_from_residuals_gives_the_t_interval():
@@ -223,9 +225,8 @@ def test_unreachable_soft_axis_counts_at_the_end_of_the_reach():
     table = case_table(CASES["ellipse"], noise=1e-3)
     reach = (np.radians(40), np.radians(90))
     profiles = profiles_of(setup_of(table), alpha=np.radians(30), reach=reach)
-    # The end itself and the step that stands for the jump of the profile at it.
     np.testing.assert_allclose(
-        profiles["alpha_star"].pieces, ((90.0, 90.0),), atol=2e-6
+        profiles["alpha_star"].pieces, ((90.0, 90.0),), rtol=0, atol=JUMP
     )
 
 
@@ -258,8 +259,8 @@ def test_sets_of_higher_levels_contain_those_of_lower(firm):
 
 
 def test_threshold_is_that_of_one_parameter():
-    assert threshold(0.95, np.inf) == pytest.approx(1.959963984540054**2)
-    assert threshold(0.95, 5.0) == pytest.approx(2.570581835636197**2)
+    assert threshold(0.95, np.inf) == pytest.approx(1.959963984540054**2, rel=ROUTES)
+    assert threshold(0.95, 5.0) == pytest.approx(2.570581835636197**2, rel=ROUTES)
 
 
 def test_as_many_unknowns_as_heights_bound_nothing():
