@@ -4,6 +4,7 @@ import pytest
 
 from pushfit.config import config_of
 from pushfit.fit.identify.progress import SECONDS, Stages, stages_of, usual_seconds
+from tests.tolerances import EXACT
 
 BOTH = {"push": {"length_mm": 5.0}, "parameters": {"L": {"fixed": 0.04}}}
 LINEAR = {"grasp": {"mechanics": "linear"}}
@@ -30,8 +31,8 @@ def test_a_stage_begins_when_those_before_it_are_over():
     whole = first + last
     assert said == [
         (names[0], 0.0),
-        (names[1], pytest.approx(first / whole)),
-        ("sampling", pytest.approx((first + last / 2) / whole)),
+        (names[1], pytest.approx(first / whole, rel=EXACT)),
+        ("sampling", pytest.approx((first + last / 2) / whole, rel=EXACT)),
     ]
 
 
@@ -42,7 +43,8 @@ def test_other_mechanics_than_foreseen_shorten_what_is_left():
     stages.begin(names[0])
     stages.begin("likelihood sets by linear mechanics")
     run = [names[0], "likelihood sets by linear mechanics"]
-    assert said == [0.0, pytest.approx(SECONDS[names[0]][0] / usual_seconds(run))]
+    share = SECONDS[names[0]][0] / usual_seconds(run)
+    assert said == [0.0, pytest.approx(share, rel=EXACT)]
 
 
 def test_what_was_not_foreseen_moves_no_bar_back():

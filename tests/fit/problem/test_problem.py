@@ -11,7 +11,7 @@ from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.problem.setup import build_problem, n_azimuths
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
-from tests.tolerances import EXACT, ROUTES
+from tests.tolerances import DIFFERENCE, EXACT, ROUTES
 
 SAMPLED = '[noise]\nsigma = "sampled"\n'
 FIXED = {
@@ -159,7 +159,7 @@ def test_gradient_of_log_prob_equals_finite_differences(shape, text):
         up, down = log_prob(x.at[i].add(step)), log_prob(x.at[i].add(-step))
         slope = float(up - down) / (2 * step)
         scale = max(abs(slope), np.max(np.abs(gradient)))
-        np.testing.assert_allclose(gradient[i], slope, atol=1e-6 * scale, rtol=0)
+        np.testing.assert_allclose(gradient[i], slope, atol=DIFFERENCE * scale, rtol=0)
 
 
 def test_padding_cannot_poison_a_gradient():

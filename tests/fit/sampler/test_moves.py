@@ -9,11 +9,15 @@ from pushfit.fit.sampler.chains import advance
 from pushfit.fit.sampler.diagnostics import autocorr_time
 from pushfit.fit.sampler.mixture import DEGREES_OF_FREEDOM, fit_mixture
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
+from tests.tolerances import EXACT, ROUTES
 
 N_ENSEMBLES, N_WALKERS, N_DIM = 4, 64, 6
 N_TOTAL = N_ENSEMBLES * N_WALKERS
 # A false alarm once in 16 000 seeds.
 MAX_Z = 4.0
+# Errors of moments of 4000 points are up to .003, .05 and .011; k-means alone takes a
+# share of .28 for .2.
+SHARE, CENTRE, WIDTH = 0.02, 0.1, 0.05
 # Weights and distance of two modes: a jump between them crosses 12 standard deviations.
 RARE, DISTANCE = 0.1, 12.0
 
@@ -134,8 +138,7 @@ def test_mixture_density_is_that_of_scipy(mixture):
         ],
         axis=0,
     )
-    # Two implementations in another order of operations.
-    np.testing.assert_allclose(mixture.log_density(x), expected, rtol=1e-10)
+    np.testing.assert_allclose(mixture.log_density(x), expected, rtol=ROUTES)
 
 
 def test_mixture_finds_the_clusters_that_points_come_from():
@@ -147,12 +150,11 @@ def test_mixture_finds_the_clusters_that_points_come_from():
     points = centres[which] + rng.standard_normal((n, 2)) * widths[which]
     found = fit_mixture(points, rng, n_components=2)
     order = np.argsort(found.means[:2, 0])
-    # Errors of moments of some thousand points; k-means alone takes .28 for .2.
     shares = found.weights[order] / np.sum(found.weights[:2])
-    np.testing.assert_allclose(shares, weights, atol=0.02)
-    np.testing.assert_allclose(found.means[order], centres, atol=0.1)
+    np.testing.assert_allclose(shares, weights, atol=SHARE)
+    np.testing.assert_allclose(found.means[order], centres, atol=CENTRE)
     sd = np.sqrt([np.diag(L @ L.T) for L in found.factors[order]])
-    np.testing.assert_allclose(sd, widths, rtol=0.05)
+    np.testing.assert_allclose(sd, widths, rtol=WIDTH)
 
 
 def test_mixture_draws_what_its_density_says(mixture):
@@ -170,7 +172,7 @@ def test_mixture_survives_points_that_repeat():
     rng = np.random.default_rng(8)
     points = rng.standard_normal((3, 2))[rng.integers(0, 3, 512)]
     mixture = fit_mixture(points, rng)
-    assert np.sum(mixture.weights) == pytest.approx(1.0)
+    assert np.sum(mixture.weights) == pytest.approx(1.0, rel=EXACT)
     assert np.all(np.isfinite(mixture.log_density(points)))
 
 

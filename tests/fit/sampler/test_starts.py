@@ -18,6 +18,7 @@ from pushfit.fit.sampler.chains import Densities
 from pushfit.fit.sampler.starts import starting_points
 from tests.fit.tables import case_table, config, setup_of
 from tests.problems import CASES
+from tests.tolerances import EXACT
 
 # A chain of logs and exponentials.
 ROUND_TRIP = 1e-10
@@ -109,7 +110,7 @@ def test_densities_are_those_of_the_problem(setup):
     log_probs = eqx.filter_jit(lambda p, x: jax.vmap(p.log_prob)(x))
     expected = log_probs(setup.problem, jnp.asarray(points[:7]))
     # The same operations, fused in another way.
-    np.testing.assert_allclose(densities.log_prob(points[:7]), expected, rtol=1e-12)
+    np.testing.assert_allclose(densities.log_prob(points[:7]), expected, rtol=EXACT)
 
 
 def test_a_mode_that_cooling_missed_starts_a_walker_in_every_ensemble(setup):

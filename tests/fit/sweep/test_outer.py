@@ -7,6 +7,7 @@ import numpy as np
 from pushfit.fit.sweep.outer import ascending, begun, next_round
 from pushfit.fit.sweep.search import in_rounds
 from pushfit.fit.sweep.target import Expansion
+from tests.tolerances import EXACT
 
 N_NODES, FAR, SLOPE = 32, 100.0, 0.05
 # Cost of the valley at v = 3 over that at v = 0, about.
@@ -61,4 +62,4 @@ def test_no_node_stays_above_its_neighbours_valley():
     _, found = in_rounds(lambda _: target, jnp.arange(2), first, None, onward)
     nodes = jax.tree.map(lambda a: a[-1], found)
     profile = (SLOPE * (nodes.y[:, 0] - FAR)) ** 2 / 2
-    np.testing.assert_allclose(nodes.cost, profile, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(nodes.cost, profile, rtol=0, atol=EXACT)
