@@ -16,6 +16,7 @@ from pushfit.report.figures import found_figure
 from pushfit.report.figures.components import SHADE, TOP
 from pushfit.report.figures.recording import marks_of, recording_figure, signal_figure
 from pushfit.report.figures.style import ALARM, BLACK, DATA, GREY, PURPLE
+from tests.tolerances import EXACT
 
 NOISE, STEP = 0.02, 0.01
 # Changes of force while a push is held [N], and readings at rest [N].
@@ -31,6 +32,8 @@ BEGINS, HOLD, END = 2.0 + 5.0 * np.arange(4), (0.5, 2.0), 2.5
 JERK_AT, JERK = BEGINS[1] + 2.3, 30.0
 # Means of 50 samples and more scatter by 0.02 / sqrt(50); five of them, with rests.
 CLOSE = 0.02
+ENDS = 3 * STEP  # a stretch ends at samples, and so do the pushes it is a share of
+CLOCK = 1e-6  # samples of a clock of 1.7e9 s are 2e-7 s apart at the finest [s]
 
 
 def course(time):
@@ -126,13 +129,13 @@ def test_heights_are_drawn_over_the_shaded_stretch_of_the_hold(drawn):
     _, figure = drawn
     for axes in figure.axes[1:]:
         stretches, _ = tops_of(axes)
-        np.testing.assert_allclose(spans_of(axes, SHADE), stretches, atol=1e-9)
+        np.testing.assert_allclose(spans_of(axes, SHADE), stretches, rtol=EXACT)
         first, last = (stretches - BEGINS[:, None]).T
         assert (first > HOLD[0]).all()
         assert (last < HOLD[1]).all()
         # So much of the width at half height, on either side of the middle.
         width = (END + HOLD[1] - HOLD[0]) / 2
-        np.testing.assert_allclose(last - first, 2 * 0.2 * width, rtol=0.1)
+        np.testing.assert_allclose(last - first, 2 * 0.2 * width, rtol=0, atol=ENDS)
 
 
 def test_the_height_drawn_is_that_of_the_samples_in_the_stretch():
@@ -188,10 +191,9 @@ def test_stretches_and_jerks_of_a_clock_are_counted_from_the_first_second():
     plain, clock = (table_of(forces(THREE, after=after)) for after in (0.0, 1.7e9))
     figures = [signal_figure(table.traces[0], table) for table in (plain, clock)]
     for one, other in zip(*(figure.axes[1:] for figure in figures), strict=True):
-        # Samples of a clock of 1.7e9 s are 2e-7 s apart at the finest.
         for ours, theirs in zip(tops_of(one), tops_of(other), strict=True):
             np.testing.assert_allclose(theirs, ours, rtol=0, atol=2 * STEP)
-        np.testing.assert_allclose(other.get_xlim(), one.get_xlim(), atol=1e-3)
+        np.testing.assert_allclose(other.get_xlim(), one.get_xlim(), rtol=0, atol=CLOCK)
 
 
 def test_pushes_without_directions_have_their_components_as_well():

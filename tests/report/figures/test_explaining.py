@@ -164,7 +164,7 @@ def test_the_sketch_shows_true_angles(determined):
     for axes, angle in ((side, -40.123), (top, 65.0)):
         (ray,) = [li for li in axes.lines if li.get_linestyle() == "--"]
         x, y = ray.get_xydata()[1]
-        assert np.degrees(np.arctan2(y, x)) == pytest.approx(angle)
+        assert np.degrees(np.arctan2(y, x)) == pytest.approx(angle, rel=EXACT)
 
 
 def test_the_height_of_components_is_drawn_to_the_length_of_their_change():
