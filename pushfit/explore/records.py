@@ -36,7 +36,7 @@ class Suggestion:
     """A push to make.
 
     Args:
-        number: Its place among the pushes told and failed, from 1; 0 for those not
+        number: Its place among the pushes told and failed, from 1; None for those not
             first in rank.
         theta: Elevation [rad].
         alpha: Azimuth [rad].
@@ -50,7 +50,7 @@ class Suggestion:
             the unit of uncalibrated heights].
     """
 
-    number: int
+    number: int | None
     theta: float
     alpha: float
     length_share: float

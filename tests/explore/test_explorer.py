@@ -75,6 +75,20 @@ def test_suggestions_are_ranked_by_gain():
     assert gains[0] > 0
 
 
+def test_only_the_first_in_rank_has_a_number():
+    assert [s.number for s in explorer().ask(3)] == [1, None, None]
+
+
+def test_a_journal_that_says_0_for_no_number_is_gone_on_with(tmp_path):
+    path = tmp_path / "run.jsonl"
+    own = explorer(journal=path)
+    own.fail(own.ask(2)[1], "stalled")
+    text = path.read_text()
+    assert text.count('"number": null') == 1
+    path.write_text(text.replace('"number": null', '"number": 0'))
+    assert explorer(journal=path).history == own.history
+
+
 def test_earlier_pushes_are_attached_and_cost_no_budget():
     rng = np.random.default_rng(1)
     table = simulate_table(

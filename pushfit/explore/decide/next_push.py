@@ -171,7 +171,7 @@ def suggestion(
     heights = survey.predicted.heights[row]
     expected = outlook(heights, target, weights=belief.weights, sigma=belief.sigma)
     return Suggestion(
-        number=0,
+        number=None,
         theta=float(survey.theta[row]),
         alpha=float(survey.alpha[row]),
         length_share=survey.length_share,
