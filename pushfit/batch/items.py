@@ -29,7 +29,10 @@ class Failure:
     """Why an item has no result.
 
     Args:
+        item: Name of the item, or the file that none could be made of.
         stage: "input", "read", "peaks", "fit", "folder" or "worker".
+        code: Stable snake_case word for the kind of failure.
+        message: Sentence for the user.
     """
 
     item: str
@@ -58,12 +61,16 @@ class Item:
 
     Args:
         name: Path as named, and behind "#" the grasp in a long table.
+        path: File or bag folder that holds it.
         sha256: Digest of its content, or of the rows of the grasp.
         size: Size of the content in bytes; alike in size is alike in shape.
         rows: Rows of the grasp; None where the file is the item.
         schedule: Schedule, used if the file is a recording.
+        schedule_sha256: Digest of its bytes.
+        config: Settings that it is identified with.
         config_from: File that they are from, or "defaults".
         seed: Seed of its randomness, from the user's seed and the content.
+        key: Digest of all that its result depends on.
     """
 
     name: str
@@ -81,7 +88,15 @@ class Item:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What is asked of every item, as of `identify_batch`."""
+    """What is asked of every item, as of `identify_batch`.
+
+    Args:
+        config: Settings of items that have none of their own.
+        profile: What a laboratory always states, under the settings of every item.
+        schedule: Schedule of recordings that have none of their own.
+        seed: Seed from which those of the items derive.
+        engine: "auto", "sweep" or "emcee".
+    """
 
     config: Path | None
     profile: Path | None
@@ -92,7 +107,12 @@ class Request:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """Everything that a batch is to identify."""
+    """Everything that a batch is to identify.
+
+    Args:
+        items: What to identify, sorted by name.
+        failures: Files that no item could be made of.
+    """
 
     items: tuple[Item, ...]
     failures: tuple[Failure, ...]

@@ -38,6 +38,8 @@ class Pooled:
     """A quantity that is pooled.
 
     Args:
+        quantity: Name in `population.csv`.
+        column: Name of its draws in the result of an item.
         scale: How much items may well differ [unit of the draws].
         unit: Unit, or the column of the row of an item that has it.
     """

@@ -29,7 +29,12 @@ Row = Mapping[str, Cell]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """What a batch says."""
+    """What a batch says.
+
+    Args:
+        rows: One for each item, also a failed one, sorted by name.
+        failures: Sorted by name of the item, in the words of who reads them.
+    """
 
     rows: tuple[Row, ...]
     failures: tuple[Failure, ...]

@@ -40,6 +40,9 @@ class Batch:
         rows: One row for each item, sorted by name; see `results.csv`.
         population: One row for each quantity that was pooled; see `population.csv`.
         failures: Items without a result, sorted by name; see `failures.csv`.
+        files: Tables written, and the page.
+        n_computed: Results that were computed now; duplicates count once.
+        n_kept: Results that the folder had and that are still valid.
         left_out: Schedules, settings and other files among the inputs.
         notice: What the user should know about the store; empty if nothing.
     """

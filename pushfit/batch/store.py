@@ -47,6 +47,8 @@ class Finished:
 
     Args:
         kind: "recording" or "table".
+        values: Cells of its row, by column.
+        draws: Posterior draws of what is pooled, and their log prior, by name.
     """
 
     kind: str

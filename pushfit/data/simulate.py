@@ -105,6 +105,8 @@ class Session:
         forces: Whether the three force components are recorded instead of a pressure.
         normal: Which of fx, fy and fz is along the contact normal, with "-" before it
             where pushing lowers it.
+        channel: Name of the channel where no force components are recorded.
+        unit: Unit of every channel.
     """
 
     shape: Literal["triangle", "sine", "plateau"] = "triangle"
@@ -152,9 +154,10 @@ class SimulatedRecording:
 
     Args:
         recording: What a reader would give.
+        schedule: Pushes as they were planned.
         theta: Elevation that each push really had [rad].
         alpha: Azimuth that each push really had [rad].
-        truth: Heights of the pushes before noise and saturation.
+        truth: Heights of the pushes before noise and saturation [unit].
         t_start: Contact of each push [s].
         t_peak: Middle of each push [s].
     """

@@ -27,7 +27,13 @@ LOST = PushStatus.OBJECT_LOST.value
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One push of an exploration, for whoever watches; without a height its fault."""
+    """One push of an exploration, for whoever watches.
+
+    Args:
+        suggestion: The push as it was asked for.
+        fault: Why it gave no height; None where it gave one.
+        state: Where the exploration stands after it.
+    """
 
     suggestion: Suggestion
     fault: str | None

@@ -42,6 +42,7 @@ class Suggestion:
         alpha: Azimuth [rad].
         length_share: Length, as a share of the push length; below 1 while longer
             pushes might exceed the force limit.
+        purpose: Why it is suggested.
         gain: Expected information about the asked angles [nat].
         expected_width: Mean width of the interval after it, of the first angle that
             is undecided; infinite where none may be left [deg].
@@ -80,12 +81,15 @@ class State:
     """Where an exploration stands.
 
     Args:
+        answer: Whether there is an answer, or why there is none.
+        sentence: The same for the user.
         intervals: Shortest posterior interval of every asked angle [deg]; None where
             none has the probability asked for.
         p_unlimited: Probability to decide with unlimited pushes; None where those that
             are left have a chance, or before a forecast may end anything.
         p_budget: The same with the pushes that are left; None where not forecast.
         n_pushes: Pushes told, attached ones included.
+        n_left: Pushes that budget and limits leave.
     """
 
     answer: Answer

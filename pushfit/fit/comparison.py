@@ -91,9 +91,13 @@ class ModelScore:
         sharpness: Sharpness of the transition, infinite for a hard switch; None where
             it is one of the unknowns.
         is_adequate: Whether it describes the heights within their noise.
+        verdict: The same in a sentence.
         log_evidence: ln p(h); None where the sweep was not to be trusted.
+        log_evidence_error: Its standard error.
         densities: Leave-one-out densities; None where draws are not to be trusted, and
             with effects of repeats, which pushes have in common.
+        engine: "sweep" or "emcee".
+        status: Whether its posterior is to be trusted.
         log_bayes_factor: Log evidence minus the highest of all models.
         elpd_difference: Sum of the densities minus the highest of all models.
         elpd_difference_se: Standard error of the difference; 0 for the best.
@@ -147,9 +151,12 @@ class Comparison:
     """The same pushes under several models.
 
     Args:
+        models: Scores: ways of rolling, other mechanics, other noise.
         mechanics: Which the table would be identified by, and all models but one are.
         why_no_evidence: Why there is none; None where there is.
+        n_pushes: Number of pushes that all of them answer for.
         noise: Noise model of all of them: "given", "pooled" or "sampled".
+        seed: Seed of all randomness.
     """
 
     models: tuple[ModelScore, ...]

@@ -41,6 +41,7 @@ class Coverage:
     """How often one kind of interval held the truth.
 
     Args:
+        name: Quantity, as in `summary.json`.
         kind: "interval" (equal-tailed) or "set" (as quoted, pieces and open ends).
         prob: Probability that it claims.
         n_held: Tables in which it held the truth.
@@ -76,7 +77,18 @@ class Coverage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoverageStudy:
-    """Measured coverage for one design, by quantity, kind and probability."""
+    """Measured coverage for one design.
+
+    Args:
+        coverages: Counts by quantity, kind and probability.
+        verdicts: How many tables gave each verdict, by angle.
+        n_tables: Tables simulated.
+        n_failed: Tables without a result, or whose status is not OK; no coverage counts
+            them.
+        n_pushes: Pushes in each table.
+        engine: Engines behind the results, joined by " and ".
+        seed: Seed of all randomness.
+    """
 
     coverages: tuple[Coverage, ...]
     verdicts: Mapping[str, Mapping[Verdict, int]]
@@ -92,6 +104,7 @@ class Simulation:
     """Tables with known truth.
 
     Args:
+        tables: Heights of the same pushes, one table per truth.
         truths: True values by quantity, one per table, as in `samples_mapping`.
     """
 

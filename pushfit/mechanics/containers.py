@@ -77,8 +77,8 @@ class Parameters(eqx.Module):
 class Pushes(eqx.Module):
     """Directions of pushes in the push frame.
 
-    Sines and cosines are kept: they are the same for every set of parameters, and cost
-    more than all else in `forward`.
+    Cosines and sines are kept, as rows of `elevation` and `azimuth`: they are the same
+    for every set of parameters, and cost more than all else in `forward`.
 
     Args:
         theta: Elevation out of the tangential plane [rad].

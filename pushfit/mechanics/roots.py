@@ -33,8 +33,12 @@ class _Search(eqx.Module):
     """State of a search.
 
     Args:
+        x: Last points.
+        lower: Lower ends of the brackets.
+        upper: Upper ends of the brackets.
         newton: Where Newton's step leads from the last point.
         length: Of the step that led to it.
+        n_steps: Steps taken.
     """
 
     x: Numbers

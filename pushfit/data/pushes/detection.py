@@ -39,6 +39,7 @@ class Extent:
     Args:
         start: First sample above the foot.
         end: One past the last sample above the foot.
+        feet: Its course in time [s].
         is_brush: Whether it is so small among the others, or so brief beside one, that
             it may be no push.
         is_cut: Whether the signal begins or ends inside the push.

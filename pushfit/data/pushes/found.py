@@ -16,6 +16,7 @@ class Found:
 
     Args:
         extents: The humps in order; brushes are marked.
+        course: Running means of the signal that was searched [unit].
         dips: Dips that are not asked for; only where all humps go up.
         excluded: Humps that the user left out, by their time or their height.
         idle: Windows of the user's in which no hump is at its highest [s].

@@ -41,6 +41,7 @@ class Humps:
     """Peaks with the valleys before, between and after them.
 
     Args:
+        y: Means of the signal in short bins, the grid [unit].
         peaks: Grid positions of the tops.
         valleys: Grid positions of the lowest points beside them.
         rests: Rest level at each valley, which a brief dip does not lower.

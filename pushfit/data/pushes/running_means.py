@@ -106,6 +106,7 @@ class View:
         time: Sample times [s].
         signal: Samples without gaps in value [unit].
         course: Running means of the samples [unit].
+        noise: Scatter of the samples, and their resolution [unit].
         min_height: Smallest height of a push, lower humps are marked; None judges by
             the noise, and by the other pushes what is a brush [unit].
         smoothing: Averaging time; None takes a share of the width of each push [s].

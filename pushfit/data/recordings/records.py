@@ -26,6 +26,7 @@ class Recording:
         alpha: Azimuth of the push in the tangential plane, if recorded [rad].
         sources: Files behind the samples.
         notes: What the reader recognised, dropped or filled in, for the user.
+        cautions: Further notes, which the user should not overlook.
     """
 
     time: Float[np.ndarray, " n"]

@@ -66,7 +66,9 @@ class Rows:
 
     Args:
         frame: Numbers, NaN where blank, or text, by column name.
+        origin: Places that messages name.
         sources: Files behind them; the last is the file itself.
+        notes: What the reader recognised or left out, for the user.
     """
 
     frame: pd.DataFrame

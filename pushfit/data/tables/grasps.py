@@ -34,6 +34,8 @@ class GraspRows:
         grasp: Text of the cell that names it.
         sha256: Digest of the cells, not of the file: other grasps may change.
         frame: The rows, without the column of names.
+        origin: Places of the rows, for messages.
+        source: The whole file with its digest.
     """
 
     grasp: str

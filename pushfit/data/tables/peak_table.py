@@ -40,6 +40,7 @@ class PeakTable:
             `height_tangential`), and where known `baseline_<unit>`, `t_start_s`,
             `t_peak_s`, `t_end_s`, and `flags`, words joined by ";".
         unit: Unit of all heights: `n`, `kpa`, `counts` or `au`.
+        sources: Files behind the rows.
         notes: What was recognised, left out or filled in, for the user.
         traces: Signals that the heights were measured in, where there were any.
         cautions: Notes that the user should not overlook.

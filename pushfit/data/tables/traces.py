@@ -42,6 +42,7 @@ class ComponentTrace:
     """One force component of a recording, whole.
 
     Args:
+        name: Its channel.
         time: Sample times [s].
         signal: Samples, also those of jerks [unit].
         is_jerk: Whether each sample was left out as one of a jerk.
@@ -61,10 +62,12 @@ class Trace:
 
     Args:
         path: Recording as the user named it.
+        name: Words for the signal: its channel, or the change of force.
         unit: Unit of the signal, that of the heights.
         time: Sample times [s].
         signal: Samples, pushes going up [unit].
         first_row: First row of the peak table that was measured in it.
+        n_rows: Rows that were measured in it, from there on.
         sign: -1 where the channel is turned, so that pushes go up; baselines of the
             table are those of the channel.
         components: What `signal` is the length of the change of; none where the pushes

@@ -51,7 +51,13 @@ class Source:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileStamp:
-    """What tells that a file changed: its size and time of change."""
+    """What tells that a file changed.
+
+    Args:
+        path: File as the user named it.
+        size: Its length [bytes].
+        mtime_ns: Time of its last change [ns].
+    """
 
     path: str
     size: int

@@ -29,6 +29,7 @@ class Body:
     """The part of the clean text that holds the rows of a table.
 
     Args:
+        text: The file.
         layout: How its rows are laid out.
         start: Byte where the first row begins.
         end: Byte where the last accepted row ends.
@@ -51,6 +52,7 @@ class Scan:
     """What the lines of a table amount to.
 
     Args:
+        n_rows: Number of data rows.
         data_line: Line of the first data row, if no line is skipped before it.
         skips: Row before which each skipped line (blank, or inside a quoted field)
             lies, in order.

@@ -47,6 +47,8 @@ class TextFile:
     Args:
         stamp: Path, size and time of change when it was opened.
         sha256: Digest of the bytes as stored, hexadecimal.
+        encoding: Its text encoding.
+        is_gzip: Whether the bytes are compressed.
     """
 
     stamp: FileStamp

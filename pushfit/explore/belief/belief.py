@@ -33,7 +33,10 @@ class Question:
     """What is asked, and through which sensor.
 
     Args:
+        config: Settings of grasp, sensor and priors.
         ask: The angles asked for, of "theta_c" and "alpha_star".
+        channels: Height channels of the sensor.
+        unit: Unit of the heights.
         sigma: Stated standard deviation of a height; None where it is to be learned
             [unit].
         reference_alpha: Azimuth at which θ_c is asked for [rad].
@@ -66,6 +69,7 @@ class Belief:
         sd: Noise to expect that is stated with a height, by channel [unit].
         is_sd_used: Whether the sd stated with a height counts.
         channels: Names of the rows of `scatter`.
+        grasp: What is known of grasp and sensor.
         likelihood: "normal" or "student_t".
         is_guess: Whether only the priors speak.
     """

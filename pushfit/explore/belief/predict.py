@@ -30,6 +30,7 @@ class Predicted:
     Args:
         heights: Noise-free heights, by push, channel and draw [unit].
         force: Magnitude of the contact force, the preload included [N, or unit].
+        in_contact: False where a push lifts the finger off, by push and draw.
     """
 
     heights: Float[np.ndarray, "k c n"]

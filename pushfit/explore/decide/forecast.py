@@ -160,7 +160,9 @@ class _Bins:
     """Bins of an angle.
 
     Args:
+        members: 1 where a draw lies in a bin, by bin and draw.
         step: Width of a bin [deg].
+        target: The angle.
     """
 
     members: csr_array

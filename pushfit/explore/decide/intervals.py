@@ -21,6 +21,7 @@ class Target:
         values: Its draws; NaN where undefined [deg].
         is_axis: Whether it is an azimuth of period 180°.
         width: Width asked for [deg].
+        prob: Probability that an interval must have.
     """
 
     values: Float[np.ndarray, " n"]

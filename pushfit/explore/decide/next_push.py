@@ -32,6 +32,8 @@ class Survey:
         theta: Elevations [rad].
         alpha: Azimuths [rad].
         length_share: Length of the pushes, as a share of the push length.
+        predicted: Their heights and forces, by every draw.
+        is_allowed: Whether each may be asked for.
         gains: Expected information about the asked angles; 0 where not allowed [nat].
         refusals: How many candidates each reason rules out.
     """

@@ -47,6 +47,7 @@ class Moved:
     Args:
         first: Index of the first push after the last one that agreed: of it and those
             that follow nobody knows which object they felt.
+        sentence: The same in words, and what to do.
     """
 
     first: int
@@ -59,6 +60,9 @@ class Judge:
 
     Args:
         width: Width of an interval that decides [deg].
+        prob: Probability that the interval must have.
+        budget: Pushes that may be made, besides those attached.
+        seed: Seed of draws and forecasts.
     """
 
     width: float

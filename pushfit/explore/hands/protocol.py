@@ -34,6 +34,7 @@ class PushOutcome:
     """What became of a push.
 
     Args:
+        status: How it ended.
         reached: Displacement at its end, from the contact [m].
         t_start: When the finger began to move, on the clock of the samples [s].
         t_end: When it was back, or had stopped [s].
@@ -49,7 +50,12 @@ class PushOutcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Where the finger can push: lowest and highest elevation and azimuth [deg]."""
+    """Where the finger can push.
+
+    Args:
+        theta_deg: Lowest and highest elevation [deg].
+        alpha_deg: Lowest and highest azimuth [deg].
+    """
 
     theta_deg: tuple[float, float]
     alpha_deg: tuple[float, float]

@@ -29,6 +29,10 @@ class World:
     """What is true and nobody knows.
 
     Args:
+        params: Stiffnesses and friction of finger and object.
+        grasp: Grasp and sensor.
+        session: How pushes are executed and sensed.
+        reach: Where the finger can push.
         scatter: Standard deviation of the height of a push, relative to it: how it is
             executed, which no sensor noise shows.
     """

@@ -38,7 +38,10 @@ class History:
     """What was asked and told so far: nothing but the sum of the events.
 
     Args:
+        told: Pushes that gave heights, in order.
         course: Where it stood after each push, for pictures.
+        failures: Pushes that gave none, in order.
+        pending: Push asked for that is not answered.
         n_drawn: Pushes that the draws rest on; the others came by new weights.
         stopped: Why it was ended from outside, if it was.
         is_over: Whether that cannot be put right.

@@ -230,7 +230,9 @@ class Directions:
     """Directions that were pushed, each with the nearest other one on the sphere.
 
     Args:
+        order: Pushes sorted by direction.
         first: Where each direction begins in this order.
+        counts: Number of pushes of each direction.
         nearest: Nearest other direction of each.
     """
 

@@ -47,6 +47,7 @@ class Violation:
     """An assumption that the residuals speak against.
 
     Args:
+        code: Stable snake_case word.
         p_value: Chance of as much of it where the assumption holds.
         text: What the residuals show and what to set, as a clause.
     """

@@ -31,6 +31,7 @@ class ItemDraws:
     """Posterior of one item.
 
     Args:
+        name: Name of the item.
         draws: Draws of φ; NaN where it has no value.
         log_prior: Log prior density of each draw, up to a constant.
     """
@@ -46,8 +47,10 @@ class Likelihoods:
 
     Args:
         nodes: Nodes of each item [unit of φ].
+        log_weights: Logs of the weights of the nodes, which sum to 1.
         kernel: Standard deviation of the kernel of each item.
         mean: Mean of each item, as if the prior of φ were flat.
+        sd: Standard deviation of each item, likewise.
     """
 
     nodes: Float[np.ndarray, "n m"]

@@ -52,6 +52,7 @@ class Population:
         spread: Posterior median of its standard deviation; None if it may be zero.
         spread_interval: Interval with 90 %; if the spread may be zero the lower end is
             None, and the spread is below the upper end with 90 %.
+        n_items: Items that were pooled.
         effective_draws: Fewest draws that count of any of these items.
         outliers: Items that the rest of the population does not predict.
         not_usable: Items that are left out, because too few of their draws lie where
@@ -224,6 +225,7 @@ class _NormalItems:
 
     Args:
         mean: Mean of the population's mean at each spread.
+        sd: Standard deviation of that mean at each spread.
         log_density: Log density of ln spread, unnormalised.
     """
 

@@ -80,7 +80,9 @@ class Problem(eqx.Module):
         sd: Known noise of each height, 0 where unknown [table unit].
         reference_sigma: Noise that weights the residuals of least squares.
         mask: Which entries of `observed` are data.
+        grasp: What is known of grasp and sensor.
         priors: Prior of every free parameter and of every sampled sigma.
+        fixed: Values of the parameters that are not free.
         channels: Names of the rows of `observed`.
         names: Names of the entries of x.
         data_names: Names of the entries of y.

@@ -41,6 +41,7 @@ class Run:
 
     Args:
         chain: Points by step and walker, ensembles one after the other.
+        log_prob: Log density of each point.
         random: Source of randomness of the next step.
         mixture: Proposal of the independence move.
     """

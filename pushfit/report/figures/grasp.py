@@ -197,7 +197,8 @@ class Ellipses:
     """Draws of one stiffness ellipse.
 
     Args:
-        mean: Geometric mean stiffness K of each draw.
+        title: Words above the panel.
+        mean: Geometric mean stiffness K of each draw [unit].
         e1: First shape number of each draw [-].
         e2: Second shape number of each draw [-].
         is_informed: Whether the data fix it; a prior is drawn in grey.

@@ -65,11 +65,13 @@ class Sweep:
     Args:
         fixed_deg: The other angle [deg].
         angle_deg: Swept angle of each measured push [deg].
-        sd: Their standard deviations; NaN where unknown.
+        height: Their heights [unit].
+        sd: Standard deviations of them; NaN where unknown [unit].
         is_used: False for pushes that were left out of the fit.
         grid_deg: Swept angle of the predictions [deg]; empty if there are none.
-        lower: Lower end of the credible band; empty if there is none.
-        upper: Upper end of the credible band; empty if there is none.
+        lower: Lower end of the credible band; empty if there is none [unit].
+        upper: Upper end of the credible band; empty if there is none [unit].
+        best_fit: Least-squares predictions [unit].
     """
 
     fixed_deg: float

@@ -45,6 +45,8 @@ class Entry:
     Args:
         estimate: None if not quoted.
         pieces: Interval or set to draw; None for an open end.
+        unit: Unit of both.
+        verdict: What may be said, in a word.
     """
 
     estimate: float | None

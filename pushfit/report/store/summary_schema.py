@@ -43,7 +43,12 @@ Quantities = Mapping[str, Quantity]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sentences:
-    """The two answers in words."""
+    """The two answers in words.
+
+    Args:
+        theta_c: The critical angle.
+        alpha_star: The best push direction.
+    """
 
     theta_c: str
     alpha_star: str
@@ -54,7 +59,13 @@ class Fit:
     """The least-squares fit and all its optima.
 
     Args:
-        sigma: Smallest and largest sd of the heights.
+        status: "ok", or why the estimate is not to be trusted.
+        chi_square: Sum of squared weighted residuals at the best fit.
+        n_data: Number of residuals of data.
+        n_free: Number of data coordinates that only the data hold.
+        singular_values: Of the Jacobian of the residuals, descending.
+        sigma: Smallest and largest sd of the heights [height_unit].
+        modes: Every local optimum found, best first.
     """
 
     status: Status
@@ -71,7 +82,14 @@ class Chain:
     """Convergence of a chain in numbers.
 
     Args:
-        acceptance_fraction: Mean over the walkers.
+        n_ensembles: Independent ensembles.
+        n_walkers: Walkers per ensemble.
+        n_steps: Steps kept per walker.
+        autocorr_time: Integrated autocorrelation time by name [steps].
+        ess: Effective sample size by name, over all ensembles.
+        rhat: Nested R-hat by name, across ensembles.
+        acceptance_fraction: Share of moves accepted, mean over the walkers.
+        problems: Sentences, one per failed check; none where it has converged.
     """
 
     n_ensembles: int
@@ -86,7 +104,19 @@ class Chain:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Posterior:
-    """How the posterior was computed and whether it may be believed."""
+    """How the posterior was computed and whether it may be believed.
+
+    Args:
+        engine: "sweep" or "emcee".
+        status: "ok", or why no interval is to be quoted.
+        n_draws: Number of draws.
+        log_evidence: Log marginal likelihood; null where unknown.
+        log_evidence_error: Its standard error.
+        ess: Effective number of the weighted draws of the sweep; null where emcee alone
+            was asked.
+        pareto_k: Shape of the tail of their weights; likewise.
+        diagnostics: Convergence of a chain; null for the sweep.
+    """
 
     engine: str
     status: Status
@@ -100,7 +130,14 @@ class Posterior:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identifiability:
-    """What the data can and cannot tell."""
+    """What the data can and cannot tell.
+
+    Args:
+        rank: Number of directions that the data fix.
+        n_parameters: Number of free parameters.
+        directions: Directions in the logs of the parameters, best determined first.
+        advice: Sentences: one measurement each and what it would determine.
+    """
 
     rank: int
     n_parameters: int
@@ -113,14 +150,35 @@ class Summary:
     """What an identification found. Unknown is null, as is the open end of a set.
 
     Args:
+        schema: Identifier of this form.
         status: "ok", or why no number is to be trusted.
         status_text: The same in words.
+        n_pushes: Pushes in the table.
         n_used: Pushes that entered the fit.
+        height_unit: Unit of the heights.
+        sentences: The two answers in words.
         by_mechanics: Answers of all mechanics computed; the first one leads, and
             everything else is by it.
-        theta_c_deg: At `reference_alpha_deg`.
+        theta_c_deg: Critical angle at `reference_alpha_deg` [deg].
+        reference_alpha_deg: Azimuth at which it is quoted [deg].
+        alpha_star_deg: Best push direction [deg].
+        alpha_star_model_free_deg: The same from a cosine fit to the heights [deg]; null
+            without an azimuth sweep.
+        parameters: The parameters and sigma by name, each in its own unit.
+        combinations: A, B and other combinations that the data meet, by name.
+        correlations: Strong ones among parameters, and among combinations.
+        goodness_of_fit: Whether the model describes the heights.
+        fit: Least squares.
+        posterior: How the draws were made.
+        identifiability: What the data can and cannot tell.
+        warnings: What to know before a number is quoted.
+        notes: What was recognised, left out or filled in.
+        inputs: Files behind the table.
         recipe: Which inputs are what, for `pushfit verify`; null for a table made in
             Python.
+        config: The configuration in force, by section and key.
+        seed: Seed of all randomness.
+        versions: Versions of what computed, of Python, and the platform.
     """
 
     schema: Literal["pushfit.summary/2"] = SCHEMA

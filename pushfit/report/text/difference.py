@@ -35,9 +35,13 @@ class Difference:
     """How much larger a quantity is in the second result.
 
     Args:
-        unit: Of every number below.
+        name: Stable name, as in `summary.json`.
+        unit: Unit of every number below.
+        first: What the first result says of it.
+        second: What the second says.
         estimate: Median of second - first; of an axis the shorter way round.
         interval: Equal-tailed interval of it.
+        prob: Probability of the interval.
         prob_larger: Probability that the second is larger.
     """
 

@@ -35,7 +35,10 @@ class LogDensity:
     """Density of the log of a positive number.
 
     Args:
-        scale: About the smallest distance over which it changes.
+        lower: Where it begins [ln unit].
+        upper: Where it ends [ln unit].
+        scale: About the smallest distance over which it changes [ln unit].
+        log_prob: Log density at the log of the number; -inf outside.
     """
 
     lower: float
@@ -45,7 +48,15 @@ class LogDensity:
 
 
 class TabulatedDensity(eqx.Module):
-    """Log density on a regular grid, for use inside compiled code."""
+    """Log density on a regular grid, for use inside compiled code.
+
+    Args:
+        start: First grid point [ln unit].
+        step: Distance of grid points [ln unit].
+        values: Log density at them, up to a constant.
+        mean: Mean of the log [ln unit].
+        sd: Standard deviation of the log.
+    """
 
     start: Float[Array, ""]
     step: Float[Array, ""]
