@@ -39,6 +39,14 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
 
     With F_0 = 0, gain 1 and offset 0 this is S_p P_r of Eq. (12).
 
+    Args:
+        params: Parameters, or the combinations that forces depend on.
+        pushes: Directions.
+        grasp: Push length, preload and sensor.
+
+    Returns:
+        Heights of every push [sensor units], and whether the finger stays in contact.
+
     References:
         Eqs. (12)-(14).
     """

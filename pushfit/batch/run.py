@@ -78,9 +78,12 @@ def identify_batch(
     the same content, schedule, settings, seed, engine and versions.
 
     Args:
+        inputs: Files, folders with all below them, and patterns.
         out: Folder of the results, old or new; its parent exists.
         config: Settings of the items that have none of their own: a `NAME.toml` beside
             the file, or the `grasp.toml` of its folder.
+        profile: Settings that a laboratory always states; those of an item have the
+            last word.
         schedule: Schedule of the recordings that have none of their own: a
             `NAME.schedule.csv` beside the file, or the `schedule.csv` of its folder.
         seed: Seed from which those of the items derive.
@@ -91,6 +94,9 @@ def identify_batch(
         worded: Puts what the library says into the words of who reads it; workers
             import it by name.
         identify: What identifies tables that share settings, as `identify_many` does.
+
+    Returns:
+        Rows of what was written, of failed items too: those do not raise.
 
     Raises:
         ConfigError: The batch as a whole cannot be done: a missing file, a wrong

@@ -85,6 +85,7 @@ class Workers:
 
         Args:
             work: What to do with a chunk; importable by name in a fresh process.
+            chunks: Portions, as `chunks` makes them.
 
         Yields:
             Each chunk, or a part of it, with its outcomes, as they come.

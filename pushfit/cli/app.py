@@ -86,7 +86,7 @@ command(app, "calibrate", help="The former name of coverage.")(coverage.coverage
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command, by default the words after `pushfit`."""
+    """Run one command; None takes the words after `pushfit`."""
     try:
         with stoppable():
             app(args=arguments, prog_name="pushfit")

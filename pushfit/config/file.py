@@ -46,6 +46,9 @@ def read_config(
             has the last word.
         changes: Keys by section, over both files.
 
+    Returns:
+        All settings, each section checked against the others.
+
     Raises:
         ConfigError: A file cannot be read, is no TOML, or breaks a rule.
     """

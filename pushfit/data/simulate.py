@@ -50,10 +50,13 @@ def simulate_table(
         height = forward(θ, α) + noise · N(0, 1)
 
     Args:
+        params: True parameters.
+        grasp: Grasp and sensor, as they truly are.
         theta: Elevations, broadcast against `alpha` [rad].
         alpha: Azimuths [rad].
         repeats: Pushes per direction, in a row.
         noise: Standard deviation of a height, one or per push [unit].
+        rng: Source of the noise.
         channels: Which of `height`, `height_normal`, `height_tangential` to give.
         unit: Unit that the sensor's `gain` gives.
         state_sd: Whether the table states `noise` as the sd of its heights.
@@ -182,7 +185,11 @@ def simulate_recording(
     """Execute a schedule and record it.
 
     Args:
+        params: True parameters.
         grasp: Grasp and sensor; its gain gives the unit of the session.
+        schedule: Pushes to make.
+        session: Their course in time, and the sensor.
+        rng: Source of all randomness.
 
     Returns:
         The recording, with the angles of the joints as channels, and the truth.

@@ -50,14 +50,21 @@ class Explorer:
     """Suggests pushes, takes in what came of them, and says when to stop.
 
     Args:
+        config: Settings of grasp, sensor and priors.
         ask: "theta_c", "alpha_star" or "both".
         width_deg: Width of the interval that decides an angle; ± 3° is 6 [deg].
+        prob: Probability that the interval must have.
         budget: Pushes that may be made, besides those attached.
         limits: What pushes must never do; None takes `[explore]` of the settings.
         journal: File that everything is kept in; one that exists is gone on with.
+        seed: Seed of all randomness.
         sigma: Standard deviation of the heights of repeated pushes; None where it is
             to be learned, which takes `MIN_UNKNOWN_NOISE` pushes of
             `pushfit.explore.decide.stopping` before anything is decided [unit].
+        channels: Height channels that are told: `height`, or `height_normal` and
+            `height_tangential`.
+        unit: Unit of the heights: `n`, `kpa`, `counts` or `au`.
+        source: What makes draws from the pushes so far, the question and a seed.
 
     Raises:
         ConfigError: The question makes no sense, or the journal asks another one.
@@ -136,6 +143,9 @@ class Explorer:
         """Pushes that would tell most, the best first; none once there is an answer.
 
         The first one counts as asked for, and is in the journal when this returns.
+
+        Args:
+            n: Most pushes to name.
         """
         history = self.history
         if self.is_dangling and history.pending is not None:
@@ -174,6 +184,9 @@ class Explorer:
             sd: Standard deviations in the same form; None where none is known [unit].
             flags: Words of the peak extraction, joined by ";".
 
+        Returns:
+            Where the exploration stands now.
+
         Raises:
             DataError: A number is missing or not finite.
         """
@@ -193,11 +206,21 @@ class Explorer:
         return self.state
 
     def fail(self, suggestion: Suggestion, reason: str) -> None:
-        """Say that a push gave no height, such as "stalled"; it may be asked again."""
+        """Say that a push gave no height, such as "stalled"; it may be asked again.
+
+        Args:
+            suggestion: The push as it was asked for.
+            reason: Stable word; some in a row end the exploration.
+        """
         self._failed(suggestion, reason, is_final=False)
 
     def abandon(self, suggestion: Suggestion, reason: str = ABANDONED) -> None:
-        """Say that a push is not to be made; it is never asked again."""
+        """Say that a push is not to be made; it is never asked again.
+
+        Args:
+            suggestion: The push as it was asked for.
+            reason: Stable word.
+        """
         self._failed(suggestion, reason, is_final=True)
 
     def _failed(self, suggestion: Suggestion, reason: str, *, is_final: bool) -> None:
@@ -210,6 +233,7 @@ class Explorer:
         """End the exploration.
 
         Args:
+            reason: Why, as a clause for the user.
             is_over: Whether nothing that is put right lets it go on.
         """
         self._record({"event": "stopped", "reason": reason, "is_over": is_over})

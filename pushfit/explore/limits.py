@@ -30,6 +30,19 @@ class Limits(ExploreSection):
         alpha_deg: Lowest and highest azimuth; None takes `[reach]` of the settings.
         force: Largest contact force, the preload included; None for no limit [N, or
             the unit of uncalibrated heights].
+        theta_step_deg: Step between elevations.
+        alpha_step_deg: Step between azimuths.
+        workspace_mm: Box that the fingertip stays in, (low, high) along x, y and z
+            from the contact; None for no box [mm].
+        rest_s: Least rest before a push and after it [s].
+        baseline_sigmas: Change of the reading at rest [standard deviations].
+        reference_first: Pushes before the first that repeats one.
+        reference_every: Pushes before another one; 0 for never.
+        reference_sigmas: Change of a repeated height [standard deviations].
+        stall_share: Share of a push that may be missing where it ends.
+        stale_s: Longest silence of the sensor [s].
+        max_failures: Failed pushes in a row that end the exploration.
+        max_pushes: Cap on all motions, failed ones included.
 
     Raises:
         ConfigError: One of them means nothing.
@@ -61,6 +74,7 @@ class Limits(ExploreSection):
         """Limits as `[explore]` of the settings has them.
 
         Args:
+            config: Settings whose `[explore]` is taken.
             stated: Those that are no keys of the file, by name.
         """
         return cls(**config.explore.model_dump(), **stated)

@@ -188,8 +188,10 @@ def compare_models(
     noise alone.
 
     Args:
+        table: Peak heights with their directions.
         config: Configuration in force. A sharpness in it is that of the soft model; a
             statement on C_rr is overruled where nothing rolls.
+        seed: Seed of all randomness.
         progress: Called with a stage and the share of it that is done.
 
     Returns:

@@ -35,6 +35,8 @@ def critical_angle(
     By tilting mechanics it belongs to the push length of the grasp.
 
     Args:
+        params: Parameters, or the combinations that forces depend on.
+        grasp: Names the mechanics; its preload moves the angle.
         alpha: Azimuth of the push [rad].
 
     Returns:
@@ -72,6 +74,8 @@ def best_direction(
     the resistance does not depend on α.
 
     Args:
+        params: Parameters; the ellipse has the soft axis.
+        grasp: Matters only where it has two supports.
         theta: Elevation of the push [rad].
         reach: Lowest and highest azimuth of the finger [rad].
 

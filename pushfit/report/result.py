@@ -188,7 +188,12 @@ class Result(Identification):
         A warning says what a library that is missing leaves out.
 
         Args:
+            folder: Folder to write; it appears complete or not at all.
+            force: Replace a result that stands there.
             pictures: "png" or "svg" for every figure also in this format.
+
+        Returns:
+            The folder.
 
         Raises:
             ConfigError: Something stands there, or the parent does not exist.
@@ -218,6 +223,12 @@ class Result(Identification):
 
 def load(folder: str | Path) -> Result:
     """A result that `save` or `--out` wrote.
+
+    Args:
+        folder: Folder of a result.
+
+    Returns:
+        The result with what may be quoted of it, and files of its exploration.
 
     Raises:
         DataError: The folder is no result, lacks a part, or is of another schema.

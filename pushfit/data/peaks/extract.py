@@ -64,6 +64,7 @@ def extract_peaks(
     Args:
         recording: Samples, with the angles of the push where there is no schedule.
         schedule: Planned pushes; a recording of k cycles may have a schedule of one.
+        settings: Where and how to look, as `[peaks]` of the settings.
 
     Returns:
         One row per push, flagged where the height is not to be trusted. A planned push

@@ -126,6 +126,8 @@ class PushSchedule:
 
         Args:
             frame: `theta_deg`, `alpha_deg`, and where known `push`, `repeat`, `time_s`.
+            origin: Places that messages name.
+            source: File behind the plan.
 
         Returns:
             The schedule, its rows in the order given.
@@ -153,6 +155,9 @@ def read_schedule(path: str | Path) -> PushSchedule:
     Args:
         path: File with columns `theta_deg`, `alpha_deg` and, where they are not simply
             counted, `push` and `repeat`; `time_s` if the pushes were timed.
+
+    Returns:
+        The pushes in the order of the rows.
 
     Raises:
         DataError: The file cannot be read, is a table of peak heights (`wrong_kind`) or

@@ -82,6 +82,7 @@ def read_recording(
         missing: Further texts that stand for a missing sample, such as a sentinel.
         encoding: Text encoding; None to judge by the byte-order mark, else UTF-8.
         trust_units: Accept units that the samples make implausible.
+        max_bytes: Most memory that the samples may take [bytes].
 
     Returns:
         The recording, in canonical units.

@@ -21,6 +21,9 @@ def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
     Args:
         tables: At least one; all in one unit and with the same height channels.
 
+    Returns:
+        One table with the columns that all have; a single one as it is.
+
     Raises:
         DataError: Units or channels differ (`mixed_units`), or two tables come from
             one recording (`duplicate_recording`).

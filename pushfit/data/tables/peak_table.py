@@ -67,6 +67,9 @@ class PeakTable:
         Args:
             frame: Rows; see `PeakTable.frame` for the columns. `push` and `repeat` are
                 numbered where they are absent, other columns are left out with a note.
+            origin: Places that messages name.
+            sources: Files behind the rows.
+            notes: Notes to begin with, for the user.
 
         Raises:
             DataError: A column or a cell breaks a rule.
@@ -92,6 +95,7 @@ class PeakTable:
             theta: Elevation of every push [rad].
             alpha: Azimuth of every push [rad].
             heights: Heights by channel name [unit].
+            unit: Unit of all heights: `n`, `kpa`, `counts` or `au`.
             sd: Standard deviations by channel name [unit].
             repeat: Repeat number of every push; None numbers equal directions.
             flags: Flag words of every push, joined by ";".
@@ -134,6 +138,9 @@ class PeakTable:
     def heights(self, channel: str) -> Float[np.ndarray, " n"]:
         """Heights of a channel [unit].
 
+        Args:
+            channel: `height`, `height_normal` or `height_tangential`.
+
         Raises:
             DataError: The table lacks the channel.
         """
@@ -174,7 +181,12 @@ class PeakTable:
         return pd.factorize(theta + 1j * (alpha % 360e9))[0]
 
     def with_flag(self, rows: Sequence[int], flag: str) -> "PeakTable":
-        """The table with one more flag on some rows."""
+        """The table with one more flag on some rows.
+
+        Args:
+            rows: Numbers of the rows, from 0.
+            flag: A word; some exclude a push from fits.
+        """
         words = [
             ";".join(sorted(w | {flag})) if i in rows else ";".join(sorted(w))
             for i, w in enumerate(self.flags)
@@ -212,6 +224,9 @@ def read_table(path: str | Path) -> PeakTable:
         path: File with columns `theta_deg`, `alpha_deg` and `height_<unit>`; see
             `PeakTable.frame` for the others.
 
+    Returns:
+        The rows in their order; notes say what was numbered or left out.
+
     Raises:
         DataError: The file cannot be read or breaks a rule.
         ConfigError: Parquet is asked for and its library is not installed.
@@ -226,6 +241,10 @@ def write_table(table: PeakTable, path: str | Path) -> None:
     """Write a table of peak heights, CSV or Parquet by its suffix.
 
     The file is complete or absent. Parquet keeps sources and notes, CSV the rows only.
+
+    Args:
+        table: Pushes, all of them.
+        path: File, replaced if it is there; `.parquet` or `.pq` for Parquet.
 
     Raises:
         ConfigError: Parquet is asked for and its library is not installed.

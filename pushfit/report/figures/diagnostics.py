@@ -84,9 +84,12 @@ def residual_figure(
 
     Args:
         residuals: (observation - prediction)/sigma.
+        predicted: Best-fit height of each residual [unit].
         theta_deg: Elevation of each residual [deg].
         alpha_deg: Azimuth of each residual [deg].
         row: Row of the table of each residual, the order in time.
+        channels: Channel of each residual.
+        unit: Unit of the heights.
     """
     from scipy.special import ndtri
 
@@ -141,6 +144,7 @@ def trace_figure(
     """Walkers against step, and how fast they forget, for each coordinate.
 
     Args:
+        chain: Kept states by ensemble, step, walker and coordinate.
         names: Coordinates, the last axis of the chain.
         thin: Steps between kept states.
         autocorr_time: Integrated autocorrelation time by name [steps].
@@ -215,6 +219,8 @@ def coverage_figure(
     Args:
         points: For each quantity the claimed probability, the measured share, and the
             lower and upper binomial limit.
+        n_tables: Simulated tables that gave a result.
+        ax: Axes to draw into; None makes some.
     """
     rows = -(-len(points) // 4)
     figure, axes = canvas(ax, width=COLUMN, height=COLUMN + 0.25 * rows)

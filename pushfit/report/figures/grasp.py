@@ -173,6 +173,8 @@ def grasp_figure(
     Args:
         theta_deg: Elevations that were pushed [deg].
         alpha_deg: Azimuths that were pushed [deg].
+        theta_c: Critical angle to mark.
+        alpha_star: Best push direction to mark.
         reach_deg: Azimuths that the finger can push in [deg].
     """
     figure, room = sheet(fig, width=1.4 * COLUMN, height=0.82 * COLUMN)
@@ -269,7 +271,13 @@ def ellipse_figure(
     alpha_star: Marker | None = None,
     fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
-    """Stiffness ellipses side by side, with the best push direction."""
+    """Stiffness ellipses side by side, with the best push direction.
+
+    Args:
+        ellipses: One per panel.
+        unit: Unit of their means.
+        alpha_star: Direction to mark; None for no mark.
+    """
     from matplotlib.lines import Line2D
 
     figure, room = sheet(fig, width=COLUMN * len(ellipses), height=COLUMN + 0.5)

@@ -92,6 +92,7 @@ def plot(
     """One figure of a result.
 
     Args:
+        identification: What a table told.
         name: As the file is called.
         ax: Axes to draw a figure of a single panel into.
         fig: Figure or subfigure to draw any figure into; without both it gets its own.

@@ -157,6 +157,7 @@ def main_figure(
     """Heights against both angles with the answers.
 
     Args:
+        identification: What a table told.
         is_stacked: Whether panels stand below each other, for a narrow page.
     """
     answers = {swept: answer(identification) for swept, answer in ANSWERS.items()}

@@ -52,6 +52,8 @@ def corner_figure(
 
     Args:
         samples: Posterior draws by name, none of them constant.
+        prior: Prior draws, same names.
+        units: Unit of each name.
     """
     import corner
     from matplotlib.lines import Line2D

@@ -138,7 +138,13 @@ def quantity_figure(
 
     Args:
         profile: Grid and Δχ² on it; None leaves the upper panel out.
+        samples: Posterior draws [unit].
+        prior: Prior draws [unit].
+        marker: Estimates and posterior set to mark.
+        likelihood_pieces: Likelihood set, piece by piece; None for an open end [unit].
         level: Δχ² of the likelihood set.
+        prob: Probability of the likelihood set.
+        unit: Unit of every value.
         modes: Values at the local optima of the likelihood.
         ax: Where to draw the posterior alone.
         fig: Figure or subfigure to draw both into; None makes one.
@@ -217,8 +223,10 @@ def learned_figure(
     """How much of each parameter came from the data and how much was assumed.
 
     Args:
+        names: Stable names of the parameters.
         contraction: 1 - var_posterior / var_prior; NaN where there is no such number.
         verdicts: Word of each, for example "learned".
+        ax: Axes to draw into; None makes some.
     """
     height = 0.9 + 0.28 * len(names)
     figure, axes = canvas(ax, width=1.5 * COLUMN, height=height)

@@ -149,8 +149,11 @@ def recording_figure(
     """Signal with every push, its baseline, its height and the doubtful places.
 
     Args:
+        time: Sample times [s].
         signal: Samples; gaps are NaN.
         marks: The pushes, as `marks_of` gives them.
+        unit: Unit of the signal.
+        channel: What the signal is, for the axis.
         components: Force components to draw below, with heights of the same pushes.
     """
     # Seconds since 1970 would leave no room for themselves.
@@ -256,7 +259,12 @@ def _row_edges(
 def signal_figure(
     trace: Trace, table: PeakTable, *, fig: "Figure | SubFigure | None" = None
 ) -> "Figure":
-    """A recording as the table keeps it, with the pushes that were taken from it."""
+    """A recording as the table keeps it, with the pushes that were taken from it.
+
+    Args:
+        trace: One of the traces of the table.
+        table: Peak heights that were measured in it.
+    """
     rows = range(trace.first_row, trace.first_row + trace.n_rows)
     return recording_figure(
         trace.time,
@@ -275,7 +283,12 @@ def found_figure(
     *,
     fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
-    """A recording with its pushes numbered: what a schedule has to name."""
+    """A recording with its pushes numbered: what a schedule has to name.
+
+    Args:
+        recording: Samples to look in.
+        settings: Where and how, as `[peaks]` of the settings.
+    """
     extents = find_pushes(recording, settings=settings)
     components: tuple[ComponentTrace, ...] = ()
     if settings.normal is not None and extents:

@@ -357,6 +357,10 @@ def alpha_figure(
 
     Args:
         sweeps: One per elevation.
+        unit: Unit of the heights.
+        channel: Which heights, for the axis.
+        prob: Probability of the bands.
+        marker: α* to mark; None for no mark.
         ax: Where to draw the curves alone.
         fig: Figure or subfigure to draw both into; None makes one.
     """

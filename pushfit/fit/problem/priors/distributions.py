@@ -132,7 +132,7 @@ def _shape_of(name: str) -> Shape:
 def priors_from_config(
     config: GraspConfig, defaults: Mapping[str, Prior]
 ) -> tuple[dict[str, Prior], dict[str, float]]:
-    """Priors and fixed values in force, by default those of `defaults`."""
+    """Priors and fixed values in force; where none is stated, those of `defaults`."""
     priors = dict(defaults)
     fixed = {}
     for name, choice in config.parameters.items():
