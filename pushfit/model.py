@@ -47,6 +47,14 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
     Returns:
         Heights of every push [sensor units], and whether the finger stays in contact.
 
+    Examples:
+        >>> import numpy as np
+        >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}  # A = 200 N/m
+        >>> params = Parameters(**springs, C_rr=0.5, C_d=0.25, L=0.025)
+        >>> straight = Pushes(np.array([np.pi / 2]), np.zeros(1))
+        >>> forward(params, straight, Grasp(push_length=5e-3)).height.round(6).tolist()
+        [1.0]
+
     References:
         Eqs. (12)-(14).
     """

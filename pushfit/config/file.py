@@ -49,6 +49,11 @@ def read_config(
     Returns:
         All settings, each section checked against the others.
 
+    Examples:
+        >>> config = read_config(None, changes={"push": {"length_mm": 4.0}})
+        >>> config.push.length_mm
+        4.0
+
     Raises:
         ConfigError: A file cannot be read, is no TOML, or breaks a rule.
     """

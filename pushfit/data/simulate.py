@@ -63,6 +63,20 @@ def simulate_table(
 
     Returns:
         The table; pushes that lift the finger off are flagged `lost_contact`.
+
+    Examples:
+        >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}  # A = B = 200 N/m
+        >>> table = simulate_table(
+        ...     Parameters(**springs, C_rr=0.5, C_d=0.25, L=0.025),
+        ...     Grasp(push_length=5e-3),
+        ...     theta=np.radians([30.0, 90.0]),
+        ...     alpha=0.0,
+        ...     repeats=1,
+        ...     noise=0.0,
+        ...     rng=np.random.default_rng(0),
+        ... )
+        >>> table.heights("height").round(4).tolist()
+        [0.559, 1.0]
     """
     plan = PushSchedule.planned(theta, alpha, repeats=repeats)
     truth = forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)

@@ -42,6 +42,13 @@ def critical_angle(
     Returns:
         θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
         rolls [rad].
+
+    Examples:
+        >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}  # A = B = 200 N/m
+        >>> params = Parameters(**springs, C_rr=0.5, C_d=0.25, L=0.025)
+        >>> theta_c = critical_angle(params, Grasp(push_length=5e-3), 0.0)
+        >>> round(math.tan(theta_c), 6)
+        2.0
     """
     return grasp.law.critical_angle(params, grasp, as_float(alpha))
 
@@ -81,6 +88,17 @@ def best_direction(
 
     Returns:
         α* in [0, π): a push and its opposite are alike [rad].
+
+    Examples:
+        >>> springs = {"K_sn": 600, "K_dn": 300, "K_st": 400}
+        >>> params = Parameters(**springs, C_rr=0.5, C_d=0.25, L=0.025, e1=0.8)
+        >>> grasp, right = Grasp(push_length=5e-3), math.radians(90.0)
+        >>> alpha = best_direction(params, grasp, 0.2, reach=(0.0, math.pi))
+        >>> round(math.degrees(alpha), 6)
+        90.0
+        >>> alpha = best_direction(params, grasp, 0.2, reach=(0.0, right / 3))
+        >>> round(math.degrees(alpha), 6)  # as far as the finger reaches
+        30.0
     """
     if grasp.support_span is not None:
         return _least_resistance(params, grasp, theta, reach=reach)

@@ -39,6 +39,14 @@ class Value(Quantity):
     `float(value)` and `f"{value:.3g}"` give the estimate where it may be quoted,
     `str(value)` estimate, interval and unit with the digits that the interval
     justifies.
+
+    Examples:
+        >>> sets = {"prob": 0.9, "sets": (), "likelihood_sets": ()}
+        >>> about = {"verdict": Verdict.DETERMINED, "contraction": 0.9, "note": ""}
+        >>> numbers = {"estimate": 0.4812, "interval": (0.42, 0.55)}
+        >>> C_rr = Value(name="C_rr", unit="1", **numbers, **sets, **about)
+        >>> f"{C_rr:.3f}", str(C_rr)
+        ('0.481', '0.48 (0.42 to 0.55)')
     """
 
     __slots__ = ()

@@ -66,6 +66,11 @@ class PushSchedule:
             theta: Elevations [rad]; broadcast against `alpha`.
             alpha: Azimuths [rad].
             repeats: Pushes per direction.
+
+        Examples:
+            >>> plan = PushSchedule.planned(np.array([0.2, 0.4]), 1.5, repeats=2)
+            >>> plan.theta.tolist(), plan.repeat.tolist()
+            ([0.2, 0.2, 0.4, 0.4], [1, 2, 1, 2])
         """
         theta, alpha = (np.ravel(a) for a in np.broadcast_arrays(theta, alpha))
         return cls(
@@ -103,6 +108,12 @@ class PushSchedule:
 
         Returns:
             The longer schedule; without planned times if it is longer.
+
+        Examples:
+            >>> plan = PushSchedule.planned(np.array([0.2, 0.4]), 1.5, repeats=1)
+            >>> twice = plan.repeated(2)
+            >>> twice.push.tolist(), twice.repeat.tolist()
+            ([1, 2, 3, 4], [1, 1, 2, 2])
         """
         if n_cycles == 1:
             return self

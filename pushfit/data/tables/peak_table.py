@@ -202,6 +202,14 @@ class PeakTable:
             s, NaN without repeats [unit], and its degrees of freedom. Only pushes that
             are used count.
 
+        Examples:
+            >>> heights = {"height": np.array([1.0, 1.2, 3.0])}
+            >>> angles = {"theta": np.array([0.2, 0.2, 0.4]), "alpha": np.zeros(3)}
+            >>> table = PeakTable.from_arrays(**angles, heights=heights, unit="n")
+            >>> sd, n_free = table.pooled_sd("height")
+            >>> round(sd, 4), n_free
+            (0.1414, 1)
+
         Raises:
             DataError: The table lacks the channel.
         """
@@ -226,6 +234,16 @@ def read_table(path: str | Path) -> PeakTable:
 
     Returns:
         The rows in their order; notes say what was numbered or left out.
+
+    Examples:
+        >>> import tempfile
+        >>> push = {"theta_deg": [30.0], "alpha_deg": [0.0], "height_n": [2.0]}
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     table = PeakTable.from_frame(pd.DataFrame(push))
+        ...     write_table(table, f"{folder}/peaks.csv")
+        ...     table = read_table(f"{folder}/peaks.csv")
+        >>> table.unit, table.heights("height").tolist()
+        ('n', [2.0])
 
     Raises:
         DataError: The file cannot be read or breaks a rule.
