@@ -2,8 +2,9 @@
 
 Every error names the place, the value found, the rule and the next step. `code` is a
 stable word that scripts may test; the sentence may change between versions. A posterior
-that has not converged is a status (see `pushfit.fit.results`), and an error where that is
-asked for; a fit without an optimum is a `FitError`. Excluded: warnings, which stop nothing (`pushfit.fit.assess.warnings`).
+that has not converged is a status (see `pushfit.fit.results`), and an error where that
+is asked for; a fit without an optimum is a `FitError`. Excluded: warnings, which stop
+nothing (`pushfit.fit.assess.warnings`).
 """
 
 import copyreg

@@ -21,10 +21,10 @@ class Named:
 
     Args:
         name: Stable name, in files and in code.
-        prose: The letter in running text; that of its name unless stated.
         math: The letter as mathtext.
         unit: SI unit, "1" for a pure number, "deg" for an angle.
         meaning: What a reader who hovers over the letter is told.
+        prose: The letter in running text; that of its name unless stated.
         is_stiffness: Whether it is proportional to the unit of force, and to the
             unknown where the push length is unknown.
     """

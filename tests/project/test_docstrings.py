@@ -87,7 +87,9 @@ def methods(kind: type) -> dict[str, tuple[object, list[str | None]]]:
         for name, method in bound.items()
         if inspect.isroutine(method)
     }
-    if "__init__" in vars(kind) and not hasattr(kind, "__dataclass_fields__"):
+    # What other records take are their fields.
+    of_fields = hasattr(kind, "__dataclass_fields__") or hasattr(kind, "model_fields")
+    if "__init__" in vars(kind) and not of_fields:
         own = [base for base in kind.__mro__ if base.__module__.startswith("pushfit")]
         found[kind.__name__] = kind.__init__, [base.__doc__ for base in own]
     return found
