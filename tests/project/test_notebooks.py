@@ -15,6 +15,7 @@ from pushfit.data.truth import stated_parameters
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.py"))
+AXIS_DEG = 1.0  # α* of the tutorial has a standard deviation of 0.2°; five of them
 
 
 @pytest.fixture
@@ -47,7 +48,7 @@ def test_a_notebook_runs_from_top_to_bottom(path, workplace, capsys):
         assert low < np.degrees(angle) < high
     else:
         assert "critical angle" in printed
-        assert result.alpha_star.estimate == pytest.approx(65.0, abs=3.0)
+        assert result.alpha_star.estimate == pytest.approx(65.0, abs=AXIS_DEG)
         assert (workplace / "main.png").stat().st_size > 10_000
 
 
