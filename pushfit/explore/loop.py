@@ -11,11 +11,12 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.predict import least_height
 from pushfit.explore.belief.tables import told_rows
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.hands.protocol import Hand, PushOutcome, PushStatus
-from pushfit.explore.hands.touch import FINAL, NOTHING_FELT, Felt, feel
+from pushfit.explore.hands.touch import FINAL, NOTHING_FELT, feel
 from pushfit.explore.limits import TOLERATED, Limits, displacement
 from pushfit.explore.records import State, Suggestion
 
@@ -69,7 +70,8 @@ def explore(
             suggestion = suggestions[0]
             felt = _push(explorer, hand, suggestion, settings=settings)
             _note(explorer, suggestion, felt)
-            watch(Step(suggestion=suggestion, fault=felt.fault, state=explorer.state))
+            fault = felt if isinstance(felt, str) else None
+            watch(Step(suggestion=suggestion, fault=fault, state=explorer.state))
     except BaseException:
         hand.stop()
         raise
@@ -80,13 +82,13 @@ def explore(
 
 def _push(
     explorer: Explorer, hand: Hand, suggestion: Suggestion, *, settings: PeakSettings
-) -> Felt:
+) -> PeakTable | str:
     """Make one push and measure it; the finger is back when this returns."""
     limits, belief = explorer.limits, explorer.belief
     length = suggestion.length_share * float(belief.grasp.push_length)
     asked = displacement(suggestion.theta, suggestion.alpha, length)
     if not _is_allowed(hand, suggestion, length=length, limits=limits):
-        return Felt(table=None, fault="out_of_reach")
+        return "out_of_reach"
     hand.rest(limits.rest_s)
     outcome = _moved(hand, asked, limits.force)
     hand.rest(limits.rest_s)
@@ -112,12 +114,12 @@ def _moved(
         hand.retract()
 
 
-def _note(explorer: Explorer, suggestion: Suggestion, felt: Felt) -> None:
-    if felt.table is not None:
-        (row,) = told_rows(felt.table)
+def _note(explorer: Explorer, suggestion: Suggestion, felt: PeakTable | str) -> None:
+    if isinstance(felt, PeakTable):
+        (row,) = told_rows(felt)
         explorer.tell(row.theta, row.alpha, row.heights, row.sd, flags=row.flags)
         return
-    fault = felt.fault or ""
+    fault = felt
     if fault == NOTHING_FELT and explorer.history.in_a_row[-1:] == [NOTHING_FELT]:
         fault = LOST
     if fault == LOST:

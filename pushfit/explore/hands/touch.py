@@ -4,7 +4,7 @@ A height that is doubtful is none: every fault has a name, and nothing is filled
 Excluded: whether contact was lost during the push (`pushfit.explore.hands.contact`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -29,19 +29,6 @@ AHEAD = 60.0
 REST_SHARE = 0.5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Felt:
-    """A push as it was felt: a row of a table, or a fault.
-
-    Args:
-        table: One row; None where there is no height.
-        fault: Stable word; None where there is a height.
-    """
-
-    table: PeakTable | None
-    fault: str | None
-
-
 def feel(
     recording: Recording,
     outcome: PushOutcome,
@@ -51,7 +38,7 @@ def feel(
     settings: PeakSettings,
     sigma: float | None,
     least: float = 0.0,
-) -> Felt:
+) -> PeakTable | str:
     """Measure one push.
 
     Args:
@@ -60,6 +47,9 @@ def feel(
         limits: What counts as a stall, a silence, a return to rest.
         sigma: Standard deviation of a height; None while it is not known [unit].
         least: Height that the push exceeds by what is believed [unit].
+
+    Returns:
+        A table of one row; where there is no height, the word for the fault.
     """
     fault = _motion_fault(outcome, asked, limits)
     if fault is None:
@@ -67,25 +57,25 @@ def feel(
     if fault is None:
         fault = _stream_fault(recording, outcome, limits)
     if fault is not None:
-        return Felt(table=None, fault=fault)
+        return fault
     # Before heights are looked for: without a hump they are found in the noise.
     if is_lost(recording, outcome):
-        return Felt(table=None, fault=PushStatus.OBJECT_LOST.value)
+        return PushStatus.OBJECT_LOST.value
     if is_unfelt(recording, outcome, least=least):
-        return Felt(table=None, fault=NOTHING_FELT)
+        return NOTHING_FELT
     try:
         table = extract_peaks(_with_angles(recording, outcome), settings=settings)
     except DataError as error:
-        return Felt(table=None, fault=error.code)
+        return error.code
     if table.n_pushes != 1:
-        return Felt(table=None, fault="several_pushes")
+        return "several_pushes"
     # Before the flags: it would else be called a drift.
     if not _is_back(recording, outcome, table=table, limits=limits, sigma=sigma):
-        return Felt(table=None, fault="not_at_rest")
+        return "not_at_rest"
     bad = table.flags[0] & EXCLUDING_FLAGS
     if bad:
-        return Felt(table=None, fault=min(bad))
-    return Felt(table=table, fault=None)
+        return min(bad)
+    return table
 
 
 def _motion_fault(
