@@ -36,7 +36,7 @@ def case(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, tuple]:
 
 def verdict(found: Alignment, push: np.ndarray) -> str:
     """`right`, `refused`, or `wrong`."""
-    if found.is_ambiguous:
+    if found.other is not None:
         return "refused"
     right = np.full(N_PLANNED, -1)
     right[push[push >= 0]] = np.flatnonzero(push >= 0)

@@ -181,7 +181,7 @@ class _Look:
         if (
             settings.signed is None
             and schedule is not None
-            and (paired.alignment is None or not paired.alignment.is_complete)
+            and (paired.alignment is None or paired.alignment.n_odd > 0)
             and np.any(schedule.theta < 0)
         ):
             both = find(time, signal, settings, signed=True)

@@ -47,11 +47,6 @@ class Alignment:
     expected: Float[np.ndarray, " n"]
 
     @property
-    def is_ambiguous(self) -> bool:
-        """Whether another alignment fits nearly as well."""
-        return self.other is not None
-
-    @property
     def is_of_another(self) -> bool:
         """Whether a quarter of several runs, and more than one has, does not fit."""
         share = len(self.hump) / min(self.n_cycles, 4)
@@ -66,11 +61,6 @@ class Alignment:
     def n_odd(self) -> int:
         """Number of pushes missing or too many."""
         return len(self.missing) + len(self.extra)
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether every planned push has its hump and no hump is left."""
-        return self.n_odd == 0
 
 
 def align(

@@ -65,7 +65,7 @@ class Paired:
         """
         if self.schedule is None or self.alignment is None or settings.allow_missing:
             return
-        if self.alignment.is_ambiguous or self.alignment.is_of_another:
+        if self.alignment.other is not None or self.alignment.is_of_another:
             raise mismatch_error(self.schedule, self.alignment, self.found.extents)
 
     def notes(self) -> list[str]:

@@ -30,7 +30,7 @@ def test_one_push_of_seven_is_placed_where_there_is_no_room_for_another(lost):
         planned_times=None,
         span=(-0.6 * PERIOD, 6.6 * PERIOD),
     )
-    assert not found.is_ambiguous
+    assert found.other is None
     assert found.missing == (lost,)
 
 
@@ -70,7 +70,7 @@ def test_a_plan_whose_first_pushes_feel_nothing_is_paired_with_its_last():
         span=(-1.5, 26 * PERIOD + 3.0),
     )
     assert found.hump.tolist() == [-1] * 15 + list(range(12))
-    assert not found.is_ambiguous
+    assert found.other is None
 
 
 @pytest.mark.parametrize("is_timed", [False, True])
@@ -86,7 +86,7 @@ def test_bumps_between_the_beats_are_named_as_extra(is_timed):
         planned_times=PERIOD * np.arange(51.0) if is_timed else None,
         span=(-2.0, 50 * PERIOD + 3.0),
     )
-    assert not found.is_ambiguous
+    assert found.other is None
     assert found.missing == ()
     np.testing.assert_array_equal(times[list(found.extra)], bumps)
 
