@@ -87,25 +87,6 @@ class Item:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
-    """What is asked of every item, as of `identify_batch`.
-
-    Args:
-        config: Settings of items that have none of their own.
-        profile: What a laboratory always states, under the settings of every item.
-        schedule: Schedule of recordings that have none of their own.
-        seed: Seed from which those of the items derive.
-        engine: "auto", "sweep" or "emcee".
-    """
-
-    config: Path | None
-    profile: Path | None
-    schedule: Path | None
-    seed: int
-    engine: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """Everything that a batch is to identify.
 
@@ -118,46 +99,51 @@ class Plan:
     failures: tuple[Failure, ...]
 
 
-def make_plan(paths: tuple[str, ...], request: Request) -> Plan:
-    """Look at every file as far as needed to know its items.
+class Planner:
+    """Makes items; settings and digests that files share are read once.
+
+    What it is given is asked of every item, as of `identify_batch`.
 
     Raises:
         ConfigError: The common settings or schedule cannot be read.
     """
-    planner = _Planner(request)
-    items: list[Item] = []
-    failures: list[Failure] = []
-    for path in paths:
-        try:
-            items += planner.items_of(path)
-        except Exception as error:
-            failures.append(Failure.of(path, "input", error))
-    return Plan(
-        items=tuple(sorted(items, key=lambda item: item.name)),
-        failures=tuple(failures),
-    )
 
-
-class _Planner:
-    """Makes items; settings and digests that files share are read once."""
-
-    def __init__(self, request: Request) -> None:
+    def __init__(
+        self,
+        *,
+        config: Path | None,
+        profile: Path | None,
+        schedule: Path | None,
+        seed: int,
+        engine: str,
+    ) -> None:
         """Read what is common; a mistake there concerns the whole batch."""
-        self._request = request
+        self._config, self._profile, self._schedule = config, profile, schedule
+        self._seed = seed
         self._configs: dict[Path | None, GraspConfig] = {}
         self._digests: dict[str, str] = {}
-        self._settings(request.config)
-        if request.schedule is not None:
-            self._digest(existing_file(request.schedule))
-        self._common = {
-            "form": FORM,
-            "engine": request.engine,
-            "versions": environment(),
-        }
+        self._settings(config)
+        if schedule is not None:
+            self._digest(existing_file(schedule))
+        self._common = {"form": FORM, "engine": engine, "versions": environment()}
+
+    def plan(self, paths: tuple[str, ...]) -> Plan:
+        """Look at every file as far as needed to know its items."""
+        items: list[Item] = []
+        failures: list[Failure] = []
+        for path in paths:
+            try:
+                items += self.items_of(path)
+            except Exception as error:
+                failures.append(Failure.of(path, "input", error))
+        return Plan(
+            items=tuple(sorted(items, key=lambda item: item.name)),
+            failures=tuple(failures),
+        )
 
     def items_of(self, path: str) -> Iterator[Item]:
         """Items of one file."""
-        source = settings_for(path, self._request.config)
+        source = settings_for(path, self._config)
         shared = {
             "path": path,
             "config": self._settings(source),
@@ -175,7 +161,7 @@ class _Planner:
             return
         yield self._item(
             content_digest(path),
-            schedule=schedule_for(path, self._request.schedule),
+            schedule=schedule_for(path, self._schedule),
             name=path,
             size=content_size(path),
             rows=None,
@@ -192,7 +178,7 @@ class _Planner:
     ) -> Item:
         plan = None if schedule is None else str(schedule)
         plan_sha256 = None if plan is None else self._digest(plan)
-        seed = derived_seed(self._request.seed, sha256)
+        seed = derived_seed(self._seed, sha256)
         key = digest_of(
             self._common
             | {
@@ -214,8 +200,7 @@ class _Planner:
 
     def _settings(self, source: Path | None) -> GraspConfig:
         if source not in self._configs:
-            profile = self._request.profile
-            self._configs[source] = read_config(source, profile=profile)
+            self._configs[source] = read_config(source, profile=self._profile)
         return self._configs[source]
 
     def _digest(self, path: str) -> str:

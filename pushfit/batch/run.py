@@ -19,7 +19,7 @@ from pushfit.batch.folders import (
     remove_leftovers,
 )
 from pushfit.batch.inputs import find_inputs
-from pushfit.batch.items import Failure, Item, Request, make_plan
+from pushfit.batch.items import Failure, Item, Planner
 from pushfit.batch.outputs import write_outputs
 from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
@@ -105,14 +105,14 @@ def identify_batch(
     """
     folder = Path(out)
     found = find_inputs(inputs, out=folder)
-    request = Request(
+    planner = Planner(
         config=_path(config),
         profile=_path(profile),
         schedule=_path(schedule),
         seed=seed,
         engine=engine,
     )
-    plan = make_plan(found.paths, request)
+    plan = planner.plan(found.paths)
     if not (plan.items or plan.failures):
         raise DataError(
             f"{' '.join(map(str, inputs))}: no recording or table there; name files, "
