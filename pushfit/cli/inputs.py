@@ -95,9 +95,7 @@ def load_peaks(
         reader_options,
     )
     from pushfit.data.tables.merge import merge_tables
-    from pushfit.data.text.files import existing_files
 
-    existing_files([*recordings, *schedules])
     if schedules and len(schedules) != len(recordings):
         raise ConfigError(
             f"{counted(len(recordings), 'recording')} and "

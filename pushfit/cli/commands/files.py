@@ -56,10 +56,8 @@ def validate(
     """Say what files hold, or what is wrong with them."""
     from pushfit.data.check import check_files
     from pushfit.data.load import reader_options
-    from pushfit.data.text.files import existing_files
 
     settings = read_settings(layout)
-    existing_files(files)
     checked = {path: check_files([path], **reader_options(settings)) for path in files}
     problems = [problem for of_file in checked.values() for problem in of_file]
     found = [describe(path, settings) for path, faults in checked.items() if not faults]
