@@ -34,7 +34,7 @@ def installed_by(extra: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
+class InputProblem:
     """One thing wrong with one place of an input.
 
     Args:
@@ -66,7 +66,7 @@ class PushfitError(Exception):
     exit_code: ClassVar[int] = 1
 
     def __init__(
-        self, message: str, *, code: str, problems: tuple[Problem, ...] = ()
+        self, message: str, *, code: str, problems: tuple[InputProblem, ...] = ()
     ) -> None:
         """Keep the sentence, its code and the problems behind it."""
         super().__init__(message)
@@ -106,7 +106,7 @@ class FitError(PushfitError):
         message: str,
         *,
         code: str,
-        problems: tuple[Problem, ...] = (),
+        problems: tuple[InputProblem, ...] = (),
         names: tuple[str, ...] = (),
         points: Sequence[Sequence[float]] = (),
         costs: Sequence[float] = (),

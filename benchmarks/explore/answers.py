@@ -25,7 +25,7 @@ from benchmarks.explore.strategies import LikelihoodSets
 from benchmarks.tables import CONFIG
 from pushfit.explore.belief.belief import N_DRAWS, Belief
 from pushfit.explore.decide.gain import information_gain
-from pushfit.explore.decide.intervals import Target, shortest_interval
+from pushfit.explore.decide.intervals import AskedAngle, shortest_interval
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer
@@ -156,7 +156,7 @@ class Grid:
         by_theta = self.weights.sum(axis=1)
         step = 90 / N_THETA_C
         angles = np.degrees(self.theta_c)
-        target = Target(values=angles, is_axis=False, width=90.0, prob=PROB)
+        target = AskedAngle(values=angles, is_axis=False, width=90.0, prob=PROB)
         low, high = shortest_interval(target, by_theta)
         return low - step / 2, high + step / 2
 

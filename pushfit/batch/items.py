@@ -25,7 +25,7 @@ FORM = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Failure:
+class ItemFailure:
     """Why an item has no result.
 
     Args:
@@ -41,7 +41,7 @@ class Failure:
     message: str
 
     @classmethod
-    def of(cls, item: str, stage: str, error: Exception) -> "Failure":
+    def of(cls, item: str, stage: str, error: Exception) -> "ItemFailure":
         """What an error means for an item."""
         if isinstance(error, PushfitError):
             # The item is named beside it, and a duplicate has another name.
@@ -96,7 +96,7 @@ class Plan:
     """
 
     items: tuple[Item, ...]
-    failures: tuple[Failure, ...]
+    failures: tuple[ItemFailure, ...]
 
 
 class Planner:
@@ -130,12 +130,12 @@ class Planner:
     def plan(self, paths: tuple[str, ...]) -> Plan:
         """Look at every file as far as needed to know its items."""
         items: list[Item] = []
-        failures: list[Failure] = []
+        failures: list[ItemFailure] = []
         for path in paths:
             try:
                 items += self.items_of(path)
             except Exception as error:
-                failures.append(Failure.of(path, "input", error))
+                failures.append(ItemFailure.of(path, "input", error))
         return Plan(
             items=tuple(sorted(items, key=lambda item: item.name)),
             failures=tuple(failures),

@@ -34,7 +34,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pooled:
+class PooledQuantity:
     """A quantity that is pooled.
 
     Args:
@@ -52,10 +52,10 @@ class Pooled:
 
 # Hand-held things differ by factors; a third of all directions is a wide spread.
 POOLED = (
-    Pooled(quantity="theta_c", column="theta_c_deg", scale=30.0, unit="deg"),
-    Pooled(quantity="ln_A", column="ln_A", scale=1.0, unit="A_unit"),
-    Pooled(quantity="ln_B", column="ln_B", scale=1.0, unit="B_unit"),
-    Pooled(quantity="ln_C_rr", column="ln_C_rr", scale=1.0, unit="1"),
+    PooledQuantity(quantity="theta_c", column="theta_c_deg", scale=30.0, unit="deg"),
+    PooledQuantity(quantity="ln_A", column="ln_A", scale=1.0, unit="A_unit"),
+    PooledQuantity(quantity="ln_B", column="ln_B", scale=1.0, unit="B_unit"),
+    PooledQuantity(quantity="ln_C_rr", column="ln_C_rr", scale=1.0, unit="1"),
 )
 
 
@@ -76,7 +76,9 @@ def pool_items(
 
 
 def _rows(
-    pooled: Pooled, items: Sequence[Item], find: Callable[[str], Finished | None]
+    pooled: PooledQuantity,
+    items: Sequence[Item],
+    find: Callable[[str], Finished | None],
 ) -> list[Row]:
     """Rows of one quantity, one for each unit."""
     groups: dict[str, list[ItemDraws]] = {}

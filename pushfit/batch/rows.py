@@ -6,7 +6,7 @@ Excluded: the numbers of one result (`pushfit.fit.identify.result_row`).
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from pushfit.batch.items import Failure, Item, Plan
+from pushfit.batch.items import Item, ItemFailure, Plan
 from pushfit.batch.store import Finished
 from pushfit.fit.identify.result_row import Cell
 
@@ -37,12 +37,12 @@ class Answers:
     """
 
     rows: tuple[Row, ...]
-    failures: tuple[Failure, ...]
+    failures: tuple[ItemFailure, ...]
 
 
 def collect(
     plan: Plan,
-    failed: Mapping[str, Failure],
+    failed: Mapping[str, ItemFailure],
     find: Callable[[str], Finished | None],
     *,
     worded: Callable[[str], str],

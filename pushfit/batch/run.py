@@ -19,7 +19,7 @@ from pushfit.batch.folders import (
     remove_leftovers,
 )
 from pushfit.batch.inputs import find_inputs
-from pushfit.batch.items import Failure, Item, Planner
+from pushfit.batch.items import Item, ItemFailure, Planner
 from pushfit.batch.outputs import write_outputs
 from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
@@ -49,7 +49,7 @@ class Batch:
 
     rows: tuple[Row, ...]
     population: tuple[Row, ...]
-    failures: tuple[Failure, ...]
+    failures: tuple[ItemFailure, ...]
     files: tuple[Path, ...]
     n_computed: int
     n_kept: int
@@ -161,16 +161,16 @@ def _compute(
     *,
     store: Store,
     report: Progress,
-) -> dict[str, Failure]:
+) -> dict[str, ItemFailure]:
     """Results of items into the store, chunk by chunk; failures by key."""
-    failed: dict[str, Failure] = {}
+    failed: dict[str, ItemFailure] = {}
     n_done = 0
     # Closed at once when interrupted, so that no worker outlives this process.
     with contextlib.closing(workers.work_on(work, workers.chunks(items))) as ended:
         for chunk, outcomes in ended:
             good = []
             for item, outcome in zip(chunk, outcomes, strict=True):
-                if isinstance(outcome, Failure):
+                if isinstance(outcome, ItemFailure):
                     failed[item.key] = outcome
                 else:
                     good.append((item.key, outcome))
@@ -188,7 +188,7 @@ def _write_folders(
     folder: Path,
     store: Store,
     report: Progress,
-) -> dict[str, Failure]:
+) -> dict[str, ItemFailure]:
     """Result folders that are missing or stale; failures by key."""
     place = folder / FOLDER
     place.mkdir(exist_ok=True)
@@ -199,12 +199,12 @@ def _write_folders(
         for item in items
         if not is_current(place / names[item.key], item.key, written)
     ]
-    failed: dict[str, Failure] = {}
+    failed: dict[str, ItemFailure] = {}
     n_done = 0
     chunks = replace(workers, chunk=1).chunks(stale)
     with contextlib.closing(workers.work_on(work, chunks)) as ended:
         for (item,), (outcome,) in ended:
-            if isinstance(outcome, Failure):
+            if isinstance(outcome, ItemFailure):
                 failed[item.key] = outcome
             else:
                 store.save_folder(names[item.key], item.key, outcome)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from pushfit.batch.folders import SUMMARY, folder_name
-from pushfit.batch.items import Failure, Item
+from pushfit.batch.items import Item, ItemFailure
 from pushfit.batch.store import Finished
 from pushfit.data.check import file_kind
 from pushfit.data.load import (
@@ -34,19 +34,21 @@ IdentifyMany = Callable[..., list[ItemResult | PushfitError]]
 
 def identify_chunk(
     chunk: Chunk, *, engine: str, identify: IdentifyMany = identify_many
-) -> list[Finished | Failure]:
+) -> list[Finished | ItemFailure]:
     """Read the items of a chunk, which share a configuration, and identify them."""
     loaded = [load(item) for item in chunk]
     good = [
         (item, *found)
         for item, found in zip(chunk, loaded, strict=True)
-        if not isinstance(found, Failure)
+        if not isinstance(found, ItemFailure)
     ]
     results = iter(_identify(good, engine, identify)) if good else iter(())
-    return [found if isinstance(found, Failure) else next(results) for found in loaded]
+    return [
+        found if isinstance(found, ItemFailure) else next(results) for found in loaded
+    ]
 
 
-def load(item: Item) -> tuple[str, PeakTable] | Failure:
+def load(item: Item) -> tuple[str, PeakTable] | ItemFailure:
     """Peaks of a "recording" or "table", and which it is, or why there are none."""
     stage = "read"
     try:
@@ -67,22 +69,22 @@ def load(item: Item) -> tuple[str, PeakTable] | Failure:
             table = configured_peaks(recording, item.schedule, item.config)
         _check_unchanged(item, table)
     except Exception as error:
-        return Failure.of(item.name, stage, error)
+        return ItemFailure.of(item.name, stage, error)
     return kind, table
 
 
 def write_folder(
     chunk: Chunk, *, engine: str, folder: Path, worded: Callable[[str], str]
-) -> list[str | Failure]:
+) -> list[str | ItemFailure]:
     """Identify and write each item alone; digests of `summary.json`, or failures."""
     return [_write_folder(item, engine, folder, worded) for item in chunk]
 
 
 def _write_folder(
     item: Item, engine: str, folder: Path, worded: Callable[[str], str]
-) -> str | Failure:
+) -> str | ItemFailure:
     found = load(item)
-    if isinstance(found, Failure):
+    if isinstance(found, ItemFailure):
         return found
     kind, table = found
     table = replace(table, notes=tuple(map(worded, table.notes)))
@@ -100,12 +102,12 @@ def _write_folder(
         out = write_result_folder(result, folder / folder_name(item.name), force=True)
         return sha256_of(out / SUMMARY)
     except Exception as error:
-        return Failure.of(item.name, "folder", error)
+        return ItemFailure.of(item.name, "folder", error)
 
 
 def _identify(
     good: Sequence[tuple[Item, str, PeakTable]], engine: str, identify: IdentifyMany
-) -> list[Finished | Failure]:
+) -> list[Finished | ItemFailure]:
     try:
         found = identify(
             [table for _, _, table in good],
@@ -117,11 +119,11 @@ def _identify(
         if len(good) > 1:
             # One by one, so that only the table behind the bug pays for it.
             return [_identify([one], engine, identify)[0] for one in good]
-        return [Failure.of(good[0][0].name, "fit", error)]
+        return [ItemFailure.of(good[0][0].name, "fit", error)]
     return [
         Finished(kind=kind, values=result.values, draws=result.draws)
         if isinstance(result, ItemResult)
-        else Failure.of(item.name, "fit", result)
+        else ItemFailure.of(item.name, "fit", result)
         for (item, kind, _), result in zip(good, found, strict=True)
     ]
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from pushfit.atomic import unfinished
-from pushfit.batch.items import Failure, Item
+from pushfit.batch.items import Item, ItemFailure
 from pushfit.batch.work import Chunk
 from pushfit.errors import ConfigError, installed_by
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 Outcome = TypeVar("Outcome")
-Work = Callable[[Chunk], Sequence[Outcome | Failure]]
+Work = Callable[[Chunk], Sequence[Outcome | ItemFailure]]
 
 # One thread each: the workers share the cores among them, and linear algebra or XLA in
 # many threads would only stand in line. NPROC is how XLA is told.
@@ -80,7 +80,7 @@ class Workers:
 
     def work_on(
         self, work: Work[Outcome], chunks: Sequence[Chunk]
-    ) -> Generator[tuple[Chunk, Sequence[Outcome | Failure]]]:
+    ) -> Generator[tuple[Chunk, Sequence[Outcome | ItemFailure]]]:
         """Do the work, here or elsewhere.
 
         Args:
@@ -103,7 +103,7 @@ class Workers:
 
 def _on_cluster(
     work: Work[Outcome], chunks: Sequence[Chunk], workers: Workers
-) -> Generator[tuple[Chunk, Sequence[Outcome | Failure]]]:
+) -> Generator[tuple[Chunk, Sequence[Outcome | ItemFailure]]]:
     guarded = partial(_guarded, work, workers.time_limit)
     waiting = list(chunks)
     with _client(workers) as client:
@@ -137,7 +137,7 @@ def _alone(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
 
 def _finished(
     client: "Client", work: Work[Outcome], chunks: Iterable[Chunk]
-) -> Iterator[tuple[Chunk, Sequence[Outcome | Failure] | None]]:
+) -> Iterator[tuple[Chunk, Sequence[Outcome | ItemFailure] | None]]:
     """Chunks as they end; None for those whose worker died."""
     from distributed import KilledWorker, as_completed
 
@@ -165,7 +165,7 @@ def _finished(
 
 def _guarded(
     work: Work[Outcome], time_limit: float | None, chunk: Chunk
-) -> Sequence[Outcome | Failure]:
+) -> Sequence[Outcome | ItemFailure]:
     """Work under a time limit, at which the process ends."""
     if time_limit is None:
         return work(chunk)
@@ -180,10 +180,10 @@ def _guarded(
             faulthandler.cancel_dump_traceback_later()
 
 
-def _died(item: str, time_limit: float | None) -> Failure:
+def _died(item: str, time_limit: float | None) -> ItemFailure:
     """What is known of an item whose worker died every time."""
     limit = "" if time_limit is None else f", or it took longer than {time_limit:g} s"
-    return Failure(
+    return ItemFailure(
         item=item,
         stage="worker",
         code="worker_died",

@@ -127,7 +127,7 @@ class SettingsOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class PeakOptions:
     """What is said over the settings of where a push is, and how high."""
 
     channel: Annotated[

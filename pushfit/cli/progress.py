@@ -21,7 +21,7 @@ NUMBER = re.compile(r"\d+")
 MEMORY = 600.0
 
 
-class Course:
+class ProgressLines:
     """Takes in how far the work is, and says it line by line."""
 
     def __init__(
@@ -51,7 +51,7 @@ class Course:
         return time_left(share, self._clock() - self._start)
 
 
-class Bar(Course):
+class Bar(ProgressLines):
     """The same as a bar at the foot of a terminal."""
 
     def __init__(self, bar: "Progress", say: Callable[[str], None]) -> None:

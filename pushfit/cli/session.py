@@ -22,7 +22,7 @@ from typing import Annotated
 import typer
 
 from pushfit.cli.examples import epilog
-from pushfit.cli.progress import Course, shown_bar
+from pushfit.cli.progress import ProgressLines, shown_bar
 from pushfit.cli.stop import keep, kept
 from pushfit.cli.wording import flags_of, in_options
 from pushfit.data.text.files import existing_files
@@ -101,14 +101,14 @@ class Session:
         print(json.dumps(document, ensure_ascii=False, allow_nan=False, indent=2))
 
     @contextmanager
-    def progress(self) -> Iterator[Course]:
+    def progress(self) -> Iterator[ProgressLines]:
         """Show how far the work is, as a bar on a terminal, else line by line.
 
         Yields:
             What to call with the stage of the work and the share of it done.
         """
         if self.is_quiet or not sys.stderr.isatty():
-            yield Course(self.say)
+            yield ProgressLines(self.say)
             return
         with shown_bar() as bar:
             yield bar

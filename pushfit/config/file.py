@@ -19,7 +19,7 @@ from pydantic_core import ErrorDetails
 
 from pushfit.config.schema import GraspConfig
 from pushfit.config.section import Section
-from pushfit.errors import ConfigError, Problem
+from pushfit.errors import ConfigError, InputProblem
 
 HEADER = """\
 # What is known about the grasp and the sensor. Keys that take effect show their
@@ -173,7 +173,7 @@ def problems(
     path: str,
     *,
     model: type[BaseModel] = GraspConfig,
-) -> Iterator[Problem]:
+) -> Iterator[InputProblem]:
     """One problem per key, however many alternatives of a union it failed.
 
     Args:
@@ -188,7 +188,7 @@ def problems(
         name = ".".join(key)
         shown = name if value is None else f"{name} = {value}"
         rule = " or ".join(dict.fromkeys(_rule(d, key, found, model) for d in details))
-        yield Problem(
+        yield InputProblem(
             code="config_" + CODES.get(details[0]["type"], "value"),
             message=": ".join(part for part in (path, shown, rule) if part),
             path=path,

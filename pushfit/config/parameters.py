@@ -43,7 +43,7 @@ class Uniform(Section):
         return self
 
 
-class Prior(Section):
+class PriorSetting(Section):
     """What is known of a number: exactly one of a value or a distribution."""
 
     fixed: Number | None = None
@@ -52,7 +52,7 @@ class Prior(Section):
     uniform: Uniform | None = None
 
     @model_validator(mode="after")
-    def check_one_kind(self) -> "Prior":
+    def check_one_kind(self) -> "PriorSetting":
         """Refuse no statement, and two that could contradict each other."""
         kinds = [k for k in type(self).model_fields if getattr(self, k) is not None]
         if len(kinds) != 1:
@@ -62,7 +62,7 @@ class Prior(Section):
         return self
 
 
-class PositivePrior(Prior):
+class PositivePrior(PriorSetting):
     """What is known of a positive number."""
 
     @model_validator(mode="after")
@@ -98,7 +98,7 @@ class LengthPrior(PositivePrior):
         return self
 
 
-class SignedPrior(Prior):
+class SignedPrior(PriorSetting):
     """What is known of a number of any sign."""
 
     @model_validator(mode="after")
@@ -131,7 +131,7 @@ class ParametersSection(_Keys):
     stay in sensor units, newtons become sensor units.
     """
 
-    def items(self) -> Iterator[tuple[str, Prior]]:
+    def items(self) -> Iterator[tuple[str, PriorSetting]]:
         """Name and prior of every parameter that the file mentions."""
         for name in type(self).model_fields:
             prior = getattr(self, name)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pushfit.data.plans.schedule import read_schedule
-from pushfit.data.recordings.recognise import Columns
+from pushfit.data.recordings.recognise import RecordingColumns
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.tables.columns import is_parquet
 from pushfit.data.tables.peak_table import read_table
@@ -20,7 +20,7 @@ from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import existing_file, is_bag
 from pushfit.data.text.foreign import foreign_table
 from pushfit.data.text.textfile import open_text
-from pushfit.errors import Problem, PushfitError
+from pushfit.errors import InputProblem, PushfitError
 
 FileKind = Literal["recording", "schedule", "table"]
 INSTEAD: dict[tuple[FileKind, FileKind], str] = {
@@ -67,7 +67,7 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
         return "recording"
     text = open_text(given, encoding=recording_options.get("encoding"))
     names = find_layout(text, columns=recording_options.get("columns", ())).names
-    columns = Columns(names)
+    columns = RecordingColumns(names)
     stems = {*columns.stems}
     if not stems.isdisjoint(_HEIGHTS):
         return "table"
@@ -101,7 +101,7 @@ def expect_kind(
 
 def check_files(
     paths: Iterable[str | Path], **recording_options: Any
-) -> tuple[Problem, ...]:
+) -> tuple[InputProblem, ...]:
     """Find all problems of all files.
 
     Args:
@@ -119,7 +119,7 @@ def check_files(
 
 def _check_file(
     path: str | Path, recording_options: dict[str, Any]
-) -> tuple[Problem, ...]:
+) -> tuple[InputProblem, ...]:
     readers = {
         "recording": partial(read_recording, **recording_options),
         "schedule": read_schedule,
@@ -128,6 +128,6 @@ def _check_file(
     try:
         readers[file_kind(path, **recording_options)](path)
     except PushfitError as error:
-        whole = Problem(code=error.code, message=str(error), path=str(path))
+        whole = InputProblem(code=error.code, message=str(error), path=str(path))
         return error.problems or (whole,)
     return ()

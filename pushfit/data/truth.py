@@ -5,7 +5,7 @@ Excluded: the simulation itself (`pushfit.data.simulate`).
 
 import numpy as np
 
-from pushfit.config import GraspConfig, Prior
+from pushfit.config import GraspConfig, PriorSetting
 from pushfit.data.grasp import make_grasp
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
@@ -83,7 +83,7 @@ def stated_parameters(config: GraspConfig) -> Parameters:
     return Parameters(**values)
 
 
-def _centre(prior: Prior) -> float:
+def _centre(prior: PriorSetting) -> float:
     """The number that stands for a prior."""
     if prior.fixed is not None:
         return prior.fixed

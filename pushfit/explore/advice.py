@@ -12,7 +12,7 @@ import numpy as np
 from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.from_fit import belief_from
 from pushfit.explore.decide.gain import outlook
-from pushfit.explore.decide.intervals import Target
+from pushfit.explore.decide.intervals import AskedAngle
 from pushfit.explore.decide.next_push import Surveyor
 from pushfit.explore.limits import Limits
 from pushfit.fit.problem.setup import build_problem
@@ -64,7 +64,7 @@ def _sentence(found: Identification, angle: str) -> str | None:
     if survey.length_share < 1 or not np.any(survey.gains > WORTHWHILE):
         return None
     best = int(survey.ranks[0])
-    target = Target(
+    target = AskedAngle(
         values=belief.samples[angle],
         is_axis=angle == "alpha_star",
         width=np.inf,

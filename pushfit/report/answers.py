@@ -39,7 +39,7 @@ REACH_TOLERANCE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class AnswerText:
     """One angle, ready to be printed and drawn.
 
     Args:
@@ -57,7 +57,7 @@ class Answer:
     pieces: Pieces = ()
 
 
-def theta_c_answer(identification: Identification) -> Answer:
+def theta_c_answer(identification: Identification) -> AnswerText:
     """What may be said of the critical angle."""
     quantity = identification.theta_c
     subject = _theta_c_subject(identification)
@@ -66,7 +66,7 @@ def theta_c_answer(identification: Identification) -> Answer:
     draws = _draws(identification, "theta_c")
     none_share = float(np.mean(np.isnan(draws))) if draws.size else 0.0
     if none_share >= quantity.prob:
-        answer = Answer(
+        answer = AnswerText(
             name="theta_c",
             short="does not exist",
             sentence=f"{subject} does not exist: this contact never rolls.",
@@ -82,7 +82,7 @@ def theta_c_answer(identification: Identification) -> Answer:
     return _with_caution(answer, identification)
 
 
-def alpha_star_answer(identification: Identification) -> Answer:
+def alpha_star_answer(identification: Identification) -> AnswerText:
     """What may be said of the best push direction."""
     quantity = identification.alpha_star
     subject = "The best push direction α*"
@@ -113,7 +113,7 @@ def _theta_c_subject(identification: Identification) -> str:
 
 def _angle_answer(
     identification: Identification, quantity: Quantity, subject: str
-) -> Answer:
+) -> AnswerText:
     """Answer by the verdict of a quantity whose numerics are trusted."""
     prob = f"{100 * quantity.prob:g} %"
     verdict, estimate = quantity.verdict, quantity.estimate
@@ -151,7 +151,7 @@ def _angle_answer(
         number, interval = format_estimate(estimate, quantity.interval, "deg")
         short = f"{number} ({interval})"
         sentence = f"{subject} is {number} ({prob} interval: {interval})."
-    return Answer(
+    return AnswerText(
         name=quantity.name,
         values=values,
         pieces=pieces,
@@ -207,7 +207,7 @@ def _width(piece: Piece) -> float:
     return 90.0 if low is None or high is None else high - low
 
 
-def _reach_remark(answer: Answer, reach: tuple[float, float]) -> str:
+def _reach_remark(answer: AnswerText, reach: tuple[float, float]) -> str:
     """What to add where the best direction is the last one that can be reached."""
     if len(answer.values) != 1 or reach[1] - reach[0] >= HALF_TURN:
         return ""
@@ -237,11 +237,11 @@ def _model_free_remark(quantity: Quantity, free: Quantity | None) -> str:
     return f"A cosine through the heights alone {word}: {number}."
 
 
-def _with_remarks(answer: Answer, remarks: list[str]) -> Answer:
+def _with_remarks(answer: AnswerText, remarks: list[str]) -> AnswerText:
     return replace(answer, sentence=" ".join([answer.sentence, *filter(None, remarks)]))
 
 
-def _with_caution(answer: Answer, identification: Identification) -> Answer:
+def _with_caution(answer: AnswerText, identification: Identification) -> AnswerText:
     """Answer that says first if the model does not describe the data."""
     if identification.goodness_of_fit.is_adequate:
         return answer
@@ -252,11 +252,11 @@ def _with_caution(answer: Answer, identification: Identification) -> Answer:
     )
 
 
-def _unquoted(name: str, subject: str, identification: Identification) -> Answer:
+def _unquoted(name: str, subject: str, identification: Identification) -> AnswerText:
     status = identification.status
     if status is FitStatus.OK:
         status = identification.posterior.status
-    return Answer(
+    return AnswerText(
         name=name,
         short=f"not quoted ({status.name.lower().replace('_', ' ')})",
         sentence=f"{subject} is not quoted: {status.value}.",

@@ -30,7 +30,7 @@ from pushfit.data.recordings.samples import Gaps, ThetaFrom
 from pushfit.data.text.dialects import Format
 from pushfit.data.text.scan import Tail
 from pushfit.data.truth import stated_parameters
-from pushfit.errors import ConfigError, DataError, FitError, Problem
+from pushfit.errors import ConfigError, DataError, FitError, InputProblem
 from pushfit.mechanics.directions import critical_angle
 
 
@@ -72,7 +72,7 @@ def test_the_list_of_commands_breaks_no_sentence_off(capsys):
 
 
 def test_a_failure_under_json_is_a_document(capsys):
-    problem = Problem(code="bad", message="line 3: bad")
+    problem = InputProblem(code="bad", message="line 3: bad")
     error = DataError("a.csv: bad", code="bad_cell", problems=(problem,))
     session(is_json=True).run(raising(error))
     document = json.loads(capsys.readouterr().out)

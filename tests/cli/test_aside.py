@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from pushfit.cli.background import aside
-from pushfit.errors import ConvergenceError, DataError, Problem
+from pushfit.errors import ConvergenceError, DataError, InputProblem
 
 # Without JAX, as commands begin.
 SCRIPT = """
@@ -110,7 +110,7 @@ def test_beside_jax_work_is_done_when_it_is_waited_for():
     "error",
     [
         DataError(
-            "row 3: no", code="no", problems=(Problem(code="no", message="row 3"),)
+            "row 3: no", code="no", problems=(InputProblem(code="no", message="row 3"),)
         ),
         ConvergenceError("stopped", code="stopped", names=("K_sn",), costs=(1.0,)),
     ],

@@ -8,7 +8,7 @@ import re
 import sys
 
 from pushfit.cli import main
-from pushfit.cli.progress import Course
+from pushfit.cli.progress import ProgressLines
 from tests.cli.test_app import session
 
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
@@ -19,7 +19,7 @@ COLUMNS = "120"
 def test_a_log_gets_a_line_for_each_stage_with_what_is_left():
     """At constant speed what is left is elapsed (1 - share) / share."""
     said, seconds = [], itertools.count(step=3)
-    course = Course(said.append, clock=lambda: float(next(seconds)))
+    course = ProgressLines(said.append, clock=lambda: float(next(seconds)))
     course("least squares", 0.0)
     course("likelihood sets", 0.25)
     course.tell("best fit: 40°")
@@ -35,7 +35,7 @@ def test_a_log_gets_a_line_for_each_stage_with_what_is_left():
 def test_a_log_names_every_stage_however_short():
     """Two stages within one percent: each is said, and a number makes none."""
     said = []
-    course = Course(said.append)
+    course = ProgressLines(said.append)
     stages = ["set of θ_c", "posterior", "posterior", "table 1 of 9", "table 2 of 9"]
     for place, stage in enumerate(stages):
         course(stage, 0.2 + place / 1000)
@@ -44,7 +44,7 @@ def test_a_log_names_every_stage_however_short():
 
 def test_a_log_of_ten_thousand_tables_is_short():
     said = []
-    course = Course(said.append)
+    course = ProgressLines(said.append)
     for number in range(10_000):
         course(f"table {number}", number / 10_000)
     assert 10 < len(said) <= 35

@@ -8,7 +8,7 @@ import pytest
 from pushfit.fit.identify.fitted import Fitted
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import LikelihoodProfile, Mode, Verdict
-from pushfit.fit.results.search import Curve, Search
+from pushfit.fit.results.search import Curve, FitsAlong
 from pushfit.report.text.first import First
 
 
@@ -20,7 +20,7 @@ def partly(kind, **known):
     return record
 
 
-def by(mechanics: str, search: Search | None = None) -> Setup:
+def by(mechanics: str, search: FitsAlong | None = None) -> Setup:
     """A problem by some mechanics."""
     problem = SimpleNamespace(grasp=SimpleNamespace(mechanics=mechanics))
     return partly(Setup, problem=problem, search=search)
@@ -62,7 +62,7 @@ def test_the_best_fit_is_said_with_what_fits_as_well(modes, words):
 def test_the_first_look_says_where_the_fit_is_best(quantity, costs, words):
     values = np.radians([20.0, 40.2, 60.0])
     curve = Curve(values=values, points=np.zeros((3, 0)), chi_square=np.array(costs))
-    search = Search(
+    search = FitsAlong(
         observed=np.zeros((1, 0)),
         quantity=quantity,
         reference_alpha=np.pi / 2,

@@ -86,7 +86,7 @@ def peaks(
     schedule: options.ScheduleFile = None,
     *,
     layout: options.SettingsOptions,
-    search: options.Search,
+    search: options.PeakOptions,
     exclude: options.Exclude = None,
     include: options.Include = None,
     begin: options.From = None,

@@ -30,7 +30,7 @@ def look(
     schedule: options.ScheduleFile = None,
     *,
     layout: options.SettingsOptions,
-    search: options.Search,
+    search: options.PeakOptions,
     begin: options.From = None,
     end: options.To = None,
     out: Annotated[

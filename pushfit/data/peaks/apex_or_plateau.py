@@ -16,7 +16,7 @@ from pushfit.data.peaks.apex import bases, hyperbolas, moments
 from pushfit.data.peaks.baselines import RestNoise
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.humps import longest_run
-from pushfit.data.pushes.running_means import Course
+from pushfit.data.pushes.running_means import RunningMeans
 
 # Parts of a push above half its height, for five numbers; two samples in each at least.
 PROFILE_BINS = 32
@@ -43,7 +43,7 @@ _EVIDENCE, _UNLIKE = 0.5, 0.004
 
 
 def bin_means(
-    course: Course,
+    course: RunningMeans,
     windows: Float[np.ndarray, "p 2"],
     n_bins: int,
 ) -> tuple[Float[np.ndarray, "p bins"], Int[np.ndarray, "p bins"]]:
@@ -122,7 +122,7 @@ def _is_long(course: Float[np.ndarray, " m"], part: tuple[int, int]) -> bool:
 
 
 def are_held(
-    course: Course,
+    course: RunningMeans,
     extents: Sequence[Extent],
     *,
     calm: Float[np.ndarray, "p m"],

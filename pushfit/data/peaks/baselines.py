@@ -12,7 +12,7 @@ from jaxtyping import Float, Int, Real
 from pushfit.data.peaks.blocks import MAX_SAMPLES, correlation_of, scatter
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import FOOT, LEAST, SHIFT, Feet, likeness
-from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.noise import SignalNoise
 
 # A rest of fewer samples shows no level.
 _FEWEST = 3
@@ -141,7 +141,7 @@ class _Beside:
 
     def noise(self) -> RestNoise:
         """Noise at rest, and how far it averages out; of all rests if few samples."""
-        general = Noise.of(self.time, self.signal)
+        general = SignalNoise.of(self.time, self.signal)
         floor = max(general.quantum**2 / 12, 1e-300)
         n = len(self.feet.start)
         near, far = (

@@ -17,8 +17,8 @@ from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.pushes.detection import Extent, find_extents
 from pushfit.data.pushes.dips import rest_curve, without_dips
 from pushfit.data.pushes.found import Found, is_in
-from pushfit.data.pushes.noise import Noise
-from pushfit.data.pushes.running_means import Course, View
+from pushfit.data.pushes.noise import SignalNoise
+from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 
@@ -56,13 +56,13 @@ def find(
     """
     # Of the samples as they are: in a picture of them equal readings differ by
     # rounding, and the finest step would be that.
-    noise, course = Noise.of(time, signal), Course.of(time, signal)
+    noise, course = SignalNoise.of(time, signal), RunningMeans.of(time, signal)
 
     def extents_of(picture: Float[np.ndarray, " n"]) -> tuple[Extent, ...]:
         view = View(
             time=time,
             signal=picture,
-            course=course if picture is signal else Course.of(time, picture),
+            course=course if picture is signal else RunningMeans.of(time, picture),
             noise=noise,
             min_height=settings.min_height,
             smoothing=settings.smoothing,

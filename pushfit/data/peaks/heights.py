@@ -26,7 +26,7 @@ from pushfit.data.peaks.baselines import RestNoise, rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
-from pushfit.data.pushes.running_means import Course
+from pushfit.data.pushes.running_means import RunningMeans
 
 Definition = Literal["auto", "apex", "plateau"]
 
@@ -79,7 +79,7 @@ class Height:
 class _Pushes:
     """Courses of pushes from foot to foot, over their baselines, beside their noise."""
 
-    course: Course
+    course: RunningMeans
     extents: Sequence[Extent]
     profile: Float[np.ndarray, "p m"]
     base: Float[np.ndarray, " p"]
@@ -114,7 +114,7 @@ def measure_heights(
     definition: Definition,
     limit: float | None = None,
     is_missing: Sequence[bool] = (),
-    course: Course | None = None,
+    course: RunningMeans | None = None,
 ) -> tuple[Height, ...]:
     """Measure humps, each by itself.
 
@@ -134,7 +134,7 @@ def measure_heights(
     signs = np.array([extent.sign for extent in extents])
     noise, base = rests_of(time, signal, extents)
     if course is None or -1 in signs:
-        course = Course.of(time, _upright(signal, extents, base.level))
+        course = RunningMeans.of(time, _upright(signal, extents, base.level))
     windows = np.array([[e.t_start, e.t_end] for e in extents])
     profile = bin_means(course, windows, PROFILE_BINS)[0]
     calm = calmed(profile, base.level, extents, noise)

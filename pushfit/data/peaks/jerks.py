@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pushfit.data.pushes.detection import FIRST_SMOOTHING
-from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.noise import SignalNoise
 
 # How far a reading is from the median around it: in differences of the quartiles, which
 # are large on a flank, and in sigma, where most of them are equal.
@@ -33,7 +33,9 @@ def are_jerks(
     low, middle, high = (
         percentile_filter(some, share, width, mode="nearest") for share in (25, 50, 75)
     )
-    least = np.maximum(_FAR * (high - low), _SIGMAS * Noise.of(time, samples).sigma)
+    least = np.maximum(
+        _FAR * (high - low), _SIGMAS * SignalNoise.of(time, samples).sigma
+    )
     own = np.arange(len(samples)) // stride
     is_far = np.abs(samples - middle[own]) > least[own]
     return maximum_filter1d(is_far, 1 + round(_FEET * n))

@@ -10,7 +10,7 @@ import numpy as np
 from pushfit.data.plans.alignment import Alignment
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
-from pushfit.errors import DataError, Problem, stated
+from pushfit.errors import DataError, InputProblem, stated
 
 # Pushes in which two assignments differ that are shown.
 _MAX_SHOWN = 4
@@ -30,7 +30,7 @@ def mismatch_error(
     plan = schedule.repeated(pairs.n_cycles)
     path = schedule.source.path if schedule.source else None
     problems = [
-        Problem(
+        InputProblem(
             code="push_missing",
             message=f"{named(plan, i)} has no hump{_between(pairs, extents, i)}",
             path=path,
@@ -39,7 +39,7 @@ def mismatch_error(
         for i in pairs.missing
     ]
     problems += [
-        Problem(
+        InputProblem(
             code="push_extra",
             message=(
                 f"the hump at {extents[j].t_peak:.2f} s is no planned push and left "

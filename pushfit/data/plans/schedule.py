@@ -12,7 +12,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from pushfit.atomic import atomic_path
-from pushfit.data.recordings.recognise import Columns
+from pushfit.data.recordings.recognise import RecordingColumns
 from pushfit.data.tables.columns import COMMON, Known, Origin, read_columns, read_rows
 from pushfit.data.tables.rules import CHANNELS, TEXTS, check_columns
 from pushfit.data.text.faults import refuse
@@ -175,7 +175,9 @@ def read_schedule(path: str | Path) -> PushSchedule:
             breaks a rule.
     """
     rows = read_rows(path, texts=TEXTS)
-    if not {*Columns([str(name) for name in rows.frame]).stems}.isdisjoint(CHANNELS):
+    if not {*RecordingColumns([str(name) for name in rows.frame]).stems}.isdisjoint(
+        CHANNELS
+    ):
         raise refuse(
             "wrong_kind",
             "is a table of peak heights, no schedule; `pushfit fit` takes it by "

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.noise import SignalNoise
 
 # Long enough for several pushes, short enough for drift [s].
 _STRETCH = 30.0
@@ -69,7 +69,7 @@ def without_dips(
     time: Float[np.ndarray, " n"],
     signal: Float[np.ndarray, " n"],
     *,
-    noise: Noise,
+    noise: SignalNoise,
     extents_of: Callable[[Float[np.ndarray, " n"]], tuple[Extent, ...]],
 ) -> tuple[Float[np.ndarray, " n"], tuple[Extent, ...]]:
     """Fill what falls far below rest up to it.

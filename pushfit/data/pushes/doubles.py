@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers, are_cut
-from pushfit.data.pushes.running_means import Course, View
+from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.pushes.tracing import knots_for
 
 # Points of a course from foot to foot; averaging of the finer course, as a share of the
@@ -109,7 +109,7 @@ def part_doubles(
 
 
 def _valleys(
-    course: Course,
+    course: RunningMeans,
     feet: Feet[np.ndarray],
     *,
     tau: Numbers,

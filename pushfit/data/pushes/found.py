@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.running_means import Course
+from pushfit.data.pushes.running_means import RunningMeans
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +23,7 @@ class Found:
     """
 
     extents: tuple[Extent, ...]
-    course: Course
+    course: RunningMeans
     dips: tuple[Extent, ...] = ()
     excluded: tuple[Extent, ...] = ()
     idle: tuple[tuple[float, float], ...] = ()

@@ -17,7 +17,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
+class SignalNoise:
     """How samples scatter about the course of the signal.
 
         σ = 1.443 mean|y_i - (1 - w) y_{i-1} - w y_{i+1}| / √(1 + w² + (1 - w)²)
@@ -40,7 +40,7 @@ class Noise:
     @classmethod
     def of(
         cls, time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
-    ) -> "Noise":
+    ) -> "SignalNoise":
         """Judge a signal by its steps from sample to sample."""
         stride = max(1, (len(signal) - 2) // _NOISE_SAMPLES)
         size, is_moving = bends(time, signal, stride=stride)

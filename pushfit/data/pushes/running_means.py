@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.data.pushes.noise import Noise
+from pushfit.data.pushes.noise import SignalNoise
 
 # Shorter windows would divide rounding by next to nothing [s].
 _LEAST = 1e-12
@@ -20,7 +20,7 @@ _SAMPLES = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
+class RunningMeans:
     """A signal by the integral of the straight lines between its samples.
 
     Args:
@@ -40,7 +40,7 @@ class Course:
         cls,
         time: Float[np.ndarray, " n"],
         signal: Float[np.ndarray, " n"],
-    ) -> "Course":
+    ) -> "RunningMeans":
         """Course of samples at times [s]."""
         level, total = float(signal[0]), 0.0
         integral = np.zeros(len(time))
@@ -55,14 +55,16 @@ class Course:
         step = float(np.median(np.diff(time[: 1 + _SAMPLES])))
         return cls(time=time, integral=integral, level=level, step=step)
 
-    def thinned(self, stride: int) -> "Course":
+    def thinned(self, stride: int) -> "RunningMeans":
         """The same, known at every `stride`-th of its times."""
         if stride == 1:
             return self
         time, integral = (
             np.append(all_[:-1:stride], all_[-1]) for all_ in (self.time, self.integral)
         )
-        return Course(time=time, integral=integral, level=self.level, step=self.step)
+        return RunningMeans(
+            time=time, integral=integral, level=self.level, step=self.step
+        )
 
     def smooth(
         self,
@@ -116,8 +118,8 @@ class View:
 
     time: Float[np.ndarray, " n"]
     signal: Float[np.ndarray, " n"]
-    course: Course
-    noise: Noise
+    course: RunningMeans
+    noise: SignalNoise
     min_height: float | None
     smoothing: float | None
     split: float

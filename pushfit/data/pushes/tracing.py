@@ -27,7 +27,7 @@ from pushfit.data.pushes.feet import (
     likeness,
 )
 from pushfit.data.pushes.noise import bends
-from pushfit.data.pushes.running_means import Course, View
+from pushfit.data.pushes.running_means import RunningMeans, View
 
 # A hump that is lower than this share of the step below it is an overshoot.
 ON_STEP = 0.33
@@ -82,7 +82,7 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
     return feet
 
 
-def knots_for(feet: Feet[np.ndarray], view: View) -> Course:
+def knots_for(feet: Feet[np.ndarray], view: View) -> RunningMeans:
     """A course, known no finer than it takes to average over pushes."""
     finest = view.smoothing or feet.width.min() / WIDTH_PER_SMOOTHING
     return view.course.thinned(max(1, int(finest / _KNOTS / feet.step.max())))
@@ -102,8 +102,8 @@ def _noise_by_feet(
     if is_clear.all():
         return lambda feet: np.full(len(feet.start), whole)
     size, is_moving = bends(view.time, view.signal, view.noise.quantum)
-    over = Course.of(view.time[1:-1], np.where(is_moving, size, 0.0))
-    count = Course.of(view.time[1:-1], is_moving.astype(float))
+    over = RunningMeans.of(view.time[1:-1], np.where(is_moving, size, 0.0))
+    count = RunningMeans.of(view.time[1:-1], is_moving.astype(float))
 
     def noise(feet: Feet[np.ndarray]) -> Numbers:
         share = count.mean(feet.start, feet.end)
@@ -131,7 +131,9 @@ def _reach(feet: Feet[np.ndarray]) -> Numbers:
     return _REACH * width + feet.half_up - feet.start + feet.end - feet.half_down
 
 
-def _trace(course: Course, feet: Feet[np.ndarray], *, tau: Numbers) -> Feet[np.ndarray]:
+def _trace(
+    course: RunningMeans, feet: Feet[np.ndarray], *, tau: Numbers
+) -> Feet[np.ndarray]:
     """One round: levels of the rests by the feet, then the feet by the levels."""
     reach, ends = _reach(feet), (feet.lowest, feet.highest)
     lowest = np.maximum(ends[0], feet.start - reach)
@@ -181,7 +183,7 @@ def _trace(course: Course, feet: Feet[np.ndarray], *, tau: Numbers) -> Feet[np.n
 
 
 def _rests(
-    course: Course,
+    course: RunningMeans,
     feet: Feet[np.ndarray],
     *,
     y: Float[np.ndarray, "p m"],
@@ -243,7 +245,7 @@ def _tops(
 
 
 def _level(
-    course: Course,
+    course: RunningMeans,
     window: tuple[Numbers, Numbers],
     *,
     part: tuple[Numbers, Numbers],

@@ -23,7 +23,7 @@ ANGLES = ("theta", "alpha")
 _NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
-class Columns:
+class RecordingColumns:
     """The columns of one file with what is stated about them.
 
     Attributes:

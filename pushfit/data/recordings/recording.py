@@ -16,7 +16,7 @@ from jaxtyping import Num, Shaped
 
 from pushfit.data.recordings.bags.bag import read_bag
 from pushfit.data.recordings.records import Recording
-from pushfit.data.recordings.roles import Role, Roles, assign_roles
+from pushfit.data.recordings.roles import ColumnRoles, Role, assign_roles
 from pushfit.data.recordings.samples import Gaps, Samples, ThetaFrom, build_recording
 from pushfit.data.text.csv_reader import MAX_BYTES, Cells, read_cells, row_problems
 from pushfit.data.text.dialects import Format, Layout, find_layout
@@ -171,7 +171,7 @@ def _roles(
     units: Mapping[str, str],
     tail: Tail,
     has_rate: bool,
-) -> Roles:
+) -> ColumnRoles:
     """Give the columns their roles, or list what is wrong with names and rows."""
     try:
         return assign_roles(
@@ -183,7 +183,7 @@ def _roles(
         raise data_error([*error.problems, *rows]) from error
 
 
-def _kinds(layout: Layout, roles: Roles) -> dict[int, Kind]:
+def _kinds(layout: Layout, roles: ColumnRoles) -> dict[int, Kind]:
     """Give what the cells of each needed column must be."""
     kinds: dict[int, Kind] = {}
     for clock in roles.clocks:
@@ -196,7 +196,12 @@ def _kinds(layout: Layout, roles: Roles) -> dict[int, Kind]:
 
 
 def _samples(
-    text: TextFile, layout: Layout, roles: Roles, cells: Cells, *, rate: float | None
+    text: TextFile,
+    layout: Layout,
+    roles: ColumnRoles,
+    cells: Cells,
+    *,
+    rate: float | None,
 ) -> Samples:
     """Sort parsed columns by their roles."""
 
@@ -231,7 +236,7 @@ def _samples(
 
 
 def _first_filled_clock(
-    roles: Roles, cells: Cells
+    roles: ColumnRoles, cells: Cells
 ) -> tuple[Role, Num[np.ndarray, " n"]]:
     """Choose the first clock whose stamps were filled in."""
     for clock in roles.clocks:

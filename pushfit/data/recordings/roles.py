@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pushfit.data.recordings.recognise import ANGLES, Columns, units_of
+from pushfit.data.recordings.recognise import ANGLES, RecordingColumns, units_of
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import data_error, listed, problem
 from pushfit.data.text.layout_guess import Stamp, stamp_of
@@ -20,7 +20,7 @@ from pushfit.data.units import (
     parse_unit,
     split_unit,
 )
-from pushfit.errors import ConfigError, Problem, did_you_mean, stated
+from pushfit.errors import ConfigError, InputProblem, did_you_mean, stated
 
 # Names that no example should take for a signal.
 NO_SIGNAL = re.compile(r"(^t|seq|time|stamp|n?secs?|frame_id|index)$")
@@ -57,7 +57,7 @@ class Role:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Roles:
+class ColumnRoles:
     """What the columns of a recording are for.
 
     Args:
@@ -74,7 +74,7 @@ class Roles:
     notes: tuple[str, ...]
 
 
-class _Columns(Columns):
+class _Columns(RecordingColumns):
     """The columns of one recording, what they are mapped to, and what is wrong."""
 
     def __init__(
@@ -89,7 +89,7 @@ class _Columns(Columns):
         self.first_row = layout.first_row
         self.writer = layout.writer
         self.mapped = {split_unit(key)[0]: (key, name) for key, name in mapping.items()}
-        self.problems: list[Problem] = []
+        self.problems: list[InputProblem] = []
 
     def add(self, code: str, text: str, column: str | None = None) -> None:
         self.problems.append(
@@ -104,7 +104,7 @@ def assign_roles(
     units: Mapping[str, str],
     path: str,
     has_rate: bool = False,
-) -> Roles:
+) -> ColumnRoles:
     """Decide what each column of a recording is for.
 
     Args:
@@ -140,7 +140,7 @@ def assign_roles(
     if columns.problems:
         raise data_error(columns.problems)
     notes = (f"ignored columns without a role: {listed(ignored)}",) if ignored else ()
-    return Roles(
+    return ColumnRoles(
         clocks=tuple(clocks),
         channels=tuple(channels),
         angles=tuple(angles),

@@ -16,7 +16,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.text.faults import data_error, problem
 from pushfit.data.text.files import Source
 from pushfit.data.units import Unit, implausible_angles, implausible_signal
-from pushfit.errors import Problem
+from pushfit.errors import InputProblem
 
 Gaps = Literal["error", "split", "interpolate"]
 ThetaFrom = Literal["tangential", "normal"]
@@ -69,7 +69,7 @@ class _Findings:
     """Problems and notes about one recording."""
 
     samples: Samples
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[InputProblem] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def add(self, code: str, text: str, *, at: int | None = None, **cell: str) -> None:

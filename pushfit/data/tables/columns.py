@@ -26,7 +26,7 @@ from pushfit.data.text.faults import ALIKE, data_error, problem
 from pushfit.data.text.files import Source, sha256_of
 from pushfit.data.text.textfile import open_text
 from pushfit.data.units import UNITS, Unit, in_degrees
-from pushfit.errors import ConfigError, DataError, Problem
+from pushfit.errors import ConfigError, DataError, InputProblem
 
 COUNTS = ("push", "repeat")
 
@@ -50,7 +50,7 @@ class Origin:
 
     def problem(
         self, code: str, text: str, *, row: int | None = None, column: str, value: str
-    ) -> Problem:
+    ) -> InputProblem:
         """Make a problem whose message starts with the place."""
         line = None if row is None or self.lines is None else int(self.lines[row])
         place = self.path or "table"
@@ -215,7 +215,7 @@ def _recognise(
     found: dict[str, _Column] = {}
     left_out: dict[str, str] = {}
     problems = []
-    columns = recognise.Columns([str(name) for name in raw.columns])
+    columns = recognise.RecordingColumns([str(name) for name in raw.columns])
     for i, (given, stem) in enumerate(zip(columns.names, columns.stems, strict=True)):
         unit = columns.unit(i)
         column = _Column(given=given, stem=stem, unit=unit)
@@ -242,7 +242,7 @@ def _doubtful(
     *,
     origin: Origin,
     any_of: tuple[str, ...],
-) -> Iterator[Problem]:
+) -> Iterator[InputProblem]:
     """Names that look like a slip, and columns that a table cannot do without."""
     have = ", ".join([*(c.given for c in found.values()), *left_out])
     meant = set(found)
@@ -294,7 +294,7 @@ def _convert(
 ) -> pd.DataFrame:
     """Canonical names and units; text that should be a number is a problem."""
     converted: dict[str, object] = {}
-    problems: list[Problem] = []
+    problems: list[InputProblem] = []
     for stem, column in columns.items():
         cells = ["" if c is None else str(c).strip() for c in raw[column.given]]
         if column.unit is None and stem not in COUNTS:
@@ -317,7 +317,7 @@ def _convert(
 
 
 def _numbers(
-    cells: list[str], column: str, *, origin: Origin, problems: list[Problem]
+    cells: list[str], column: str, *, origin: Origin, problems: list[InputProblem]
 ) -> Float[np.ndarray, " n"]:
     """Values of cells, NaN where empty; anything else is added to the problems."""
     values = np.full(len(cells), np.nan)

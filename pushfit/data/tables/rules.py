@@ -14,7 +14,7 @@ import pandas as pd
 from pushfit.data.tables.columns import COMMON, Columns, Known, Origin, read_columns
 from pushfit.data.text.faults import data_error
 from pushfit.data.units import UNITS, implausible_angles
-from pushfit.errors import DataError, Problem
+from pushfit.errors import DataError, InputProblem
 
 if TYPE_CHECKING:
     from pandera.pandas import Check
@@ -189,7 +189,7 @@ _REASONS = {
 }
 
 
-def _in_words(cases: pd.DataFrame, origin: Origin) -> list[Problem]:
+def _in_words(cases: pd.DataFrame, origin: Origin) -> list[InputProblem]:
     """Failures of a schema in the order of the rows."""
     problems = []
     for case in cases.sort_values("index", kind="stable").to_dict("records"):

@@ -24,7 +24,7 @@ from pushfit.data.text.faults import data_error, no_rows, refuse, refuse_too_lar
 from pushfit.data.text.layout_guess import STAMPS, Stamp
 from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile
-from pushfit.errors import DataError, Problem
+from pushfit.errors import DataError, InputProblem
 
 # Samples may take so much memory where the caller says nothing else.
 MAX_BYTES = 1 << 30
@@ -101,7 +101,7 @@ def read_cells(
     return Cells(values=values, scan=scan, notes=body.notes)
 
 
-def row_problems(text: TextFile, layout: Layout, *, tail: Tail) -> list[Problem]:
+def row_problems(text: TextFile, layout: Layout, *, tail: Tail) -> list[InputProblem]:
     """Find the rows that do not fit a layout, whatever their cells hold."""
     try:
         body = find_body(text, layout, tail)

@@ -20,7 +20,7 @@ from pushfit.data.text.layout_guess import (
     uncommented,
 )
 from pushfit.data.text.textfile import TextFile
-from pushfit.errors import ConfigError, Problem
+from pushfit.errors import ConfigError, InputProblem
 
 Format = Literal[
     "auto", "native", "rostopic", "plotjuggler", "mcapcsv", "ros2csv", "bag"
@@ -217,7 +217,7 @@ def _clean_names(cells: Sequence[str]) -> tuple[tuple[str, ...], list[str]]:
 
 def _doubled_names(
     names: tuple[str, ...], path: str, header: int | None
-) -> list[Problem]:
+) -> list[InputProblem]:
     """Find names that differ only in case or blanks, or by pandas' `.1`."""
     seen: dict[str, str] = {}
     problems = []

@@ -18,7 +18,7 @@ from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import problem
 from pushfit.data.text.layout_guess import NUMBER, STAMPS, Stamp, split_line
 from pushfit.data.text.scan import Body, Scan, whole_lines
-from pushfit.errors import Problem
+from pushfit.errors import InputProblem
 
 Kind = Stamp | Literal["float", "int", "text"]
 
@@ -42,7 +42,7 @@ def missing_tokens(extra: tuple[str, ...] = ()) -> tuple[str, ...]:
 
 def slow_scan(
     body: Body, kinds: Mapping[int, Kind], missing: tuple[str, ...] = ()
-) -> tuple[Scan, list[Problem]]:
+) -> tuple[Scan, list[InputProblem]]:
     """Check every row and every needed cell.
 
     Returns:
@@ -104,7 +104,7 @@ class _RowCheck:
     layout: Layout
     kinds: Mapping[int, Kind]
     missing: frozenset[str]
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[InputProblem] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
 
     def add(self, code: str, line: int, text: str, **cell: str) -> None:
@@ -173,7 +173,7 @@ class _RowCheck:
             )
             self.add("not_a_number", line, text, column=column, value=cell)
 
-    def finish(self) -> list[Problem]:
+    def finish(self) -> list[InputProblem]:
         """Give the problems in file order, then how many more there are."""
         found = sorted(self.problems, key=lambda p: p.line or 0)
         for code, count in self.counts.items():

@@ -5,7 +5,7 @@ Excluded: which fault it is (`pushfit.data.text.explain`).
 
 from collections.abc import Sequence
 
-from pushfit.errors import DataError, Problem
+from pushfit.errors import DataError, InputProblem
 
 # What to do about columns without names.
 STATE_COLUMNS = (
@@ -25,7 +25,7 @@ def problem(
     line: int | None = None,
     column: str | None = None,
     value: str | None = None,
-) -> Problem:
+) -> InputProblem:
     """Put the place in front of what is wrong there.
 
     Args:
@@ -38,12 +38,12 @@ def problem(
     if column is not None:
         place.append(f"column {column}")
     message = f"{', '.join(place)}: {text}"
-    return Problem(
+    return InputProblem(
         code=code, message=message, path=path, line=line, column=column, value=value
     )
 
 
-def data_error(problems: Sequence[Problem]) -> DataError:
+def data_error(problems: Sequence[InputProblem]) -> DataError:
     """Make the error that reports all of several problems."""
     first, n_more = problems[0], len(problems) - 1
     more = f" (and {n_more} more)" if n_more else ""

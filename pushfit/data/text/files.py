@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pushfit.data.text.faults import ALIKE, refuse
-from pushfit.errors import ConfigError, Problem
+from pushfit.errors import ConfigError, InputProblem
 
 # First bytes, what they are, what to do about it.
 _MAGIC: tuple[tuple[bytes, str, str], ...] = (
@@ -130,7 +130,7 @@ def existing_files(paths: Iterable[str | Path]) -> None:
         try:
             existing_file(path)
         except ConfigError as error:
-            whole = Problem(code=error.code, message=str(error), path=str(path))
+            whole = InputProblem(code=error.code, message=str(error), path=str(path))
             problems.append(whole)
     if problems:
         message = "; ".join(found.message for found in problems)

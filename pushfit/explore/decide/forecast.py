@@ -15,7 +15,7 @@ from jaxtyping import Float, Float32, Int
 from scipy.sparse import csr_array
 
 from pushfit.explore.decide.gain import N_FINE, one_thread
-from pushfit.explore.decide.intervals import Target, column_widths
+from pushfit.explore.decide.intervals import AskedAngle, column_widths
 from pushfit.parameters import HALF_TURN
 
 # Truths: two decided ones of them are fewer than 5 %.
@@ -104,7 +104,7 @@ def imagine(
 def p_decided(
     imagined: tuple[Imagined, ...],
     weights: Float[np.ndarray, " n"],
-    targets: tuple[Target, ...],
+    targets: tuple[AskedAngle, ...],
     *,
     n_pushes: int,
 ) -> float:
@@ -167,10 +167,10 @@ class _Bins:
 
     members: csr_array
     step: float
-    target: Target
+    target: AskedAngle
 
     @classmethod
-    def of(cls, target: Target) -> "_Bins":
+    def of(cls, target: AskedAngle) -> "_Bins":
         """Bins of the range of an angle."""
         known = np.flatnonzero(np.isfinite(target.values))
         values = target.values[known]

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from threadpoolctl import ThreadpoolController
 
-from pushfit.explore.decide.intervals import Target, column_widths
+from pushfit.explore.decide.intervals import AskedAngle, column_widths
 from pushfit.explore.decide.joint_table import Joint, by_label, by_reading, joint_table
 from pushfit.parameters import HALF_TURN
 
@@ -164,7 +164,7 @@ def _of_block(
 @one_thread()
 def outlook(
     heights: Float[np.ndarray, "c n"],
-    target: Target,
+    target: AskedAngle,
     *,
     weights: Float[np.ndarray, " n"],
     sigma: Float[np.ndarray, " c"],

@@ -14,7 +14,7 @@ from pushfit.parameters import HALF_TURN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
+class AskedAngle:
     """An angle and what would count as deciding it.
 
     Args:
@@ -31,7 +31,7 @@ class Target:
 
 
 def shortest_interval(
-    target: Target, weights: Float[np.ndarray, " n"]
+    target: AskedAngle, weights: Float[np.ndarray, " n"]
 ) -> tuple[float, float] | None:
     """Shortest interval of an angle with the probability asked for.
 

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.predict import Predicted, predict
 from pushfit.explore.decide.gain import information_gain, outlook
-from pushfit.explore.decide.intervals import Target
+from pushfit.explore.decide.intervals import AskedAngle
 from pushfit.explore.limits import SHARES, TOLERATED, Limits
 from pushfit.explore.records import Purpose, Suggestion, Told
 
@@ -166,7 +166,7 @@ class Surveyor:
 
 
 def suggestion(
-    belief: Belief, survey: Survey, row: int, *, target: Target
+    belief: Belief, survey: Survey, row: int, *, target: AskedAngle
 ) -> Suggestion:
     """One candidate with its outlook."""
     is_whole = survey.length_share == 1.0
@@ -186,7 +186,7 @@ def suggestion(
 
 
 def repetition(
-    belief: Belief, survey: Survey, push: Told, *, target: Target
+    belief: Belief, survey: Survey, push: Told, *, target: AskedAngle
 ) -> Suggestion:
     """A push made once more, to see whether it gives the same."""
     theta, alpha = np.array([push.theta]), np.array([push.alpha])

@@ -16,7 +16,7 @@ from pushfit.explore.belief.learning import reference_rows
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known
 from pushfit.explore.decide.forecast import UNLIMITED, imagine, p_decided
-from pushfit.explore.decide.intervals import Target, shortest_interval
+from pushfit.explore.decide.intervals import AskedAngle, shortest_interval
 from pushfit.explore.decide.next_push import Survey
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import (
@@ -79,9 +79,9 @@ class Judge:
                 code="ask",
             )
 
-    def target(self, belief: Belief, angle: str) -> Target:
+    def target(self, belief: Belief, angle: str) -> AskedAngle:
         """An asked angle as it is believed, and what would decide it."""
-        return Target(
+        return AskedAngle(
             values=belief.samples[angle],
             is_axis=angle == "alpha_star",
             width=self.width,

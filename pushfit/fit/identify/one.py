@@ -229,7 +229,7 @@ def _with_words(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Measured:
+class _ByMechanics:
     """One of the mechanics, ready to be compared with the other."""
 
     fitted: Fitted
@@ -275,7 +275,7 @@ def _fitted_by_all(
 
 def _measured(
     fitted: Fitted, seed: int, stages: Stages, hearing: Listener
-) -> _Measured:
+) -> _ByMechanics:
     """Evidence and θ_c of one of the mechanics."""
     stages.begin(f"set of θ_c by {_mechanics(fitted)} mechanics")
     profiles = _profiles(fitted, ("theta_c",))
@@ -285,7 +285,9 @@ def _measured(
     fitted = replace(fitted, swept={seed: swept})
     prob = fitted.config.report.prob
     theta_c = angle_quantity("theta_c", swept, profiles.get("theta_c"), prob=prob)
-    return _Measured(fitted=fitted, swept=swept, answer=_answer(fitted, swept, theta_c))
+    return _ByMechanics(
+        fitted=fitted, swept=swept, answer=_answer(fitted, swept, theta_c)
+    )
 
 
 def _mechanics(fitted: Fitted) -> str:
@@ -293,7 +295,7 @@ def _mechanics(fitted: Fitted) -> str:
     return fitted.setup.problem.grasp.mechanics
 
 
-def _leading_first(measured: list[_Measured]) -> list[_Measured]:
+def _leading_first(measured: list[_ByMechanics]) -> list[_ByMechanics]:
     """The mechanics that the table is identified by, before the other."""
     if len(measured) < 2:
         return measured

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from pushfit.fit.problem.problem import Problem, State, grasp_with
+from pushfit.fit.problem.problem import ModelPoint, Problem, grasp_with
 from pushfit.fit.programs.compile import compiled
 from pushfit.model import (
     Channels,
@@ -42,7 +42,7 @@ def predict_points(
         pushes: Directions, of the problem or not.
     """
 
-    def states(rows: Int[np.ndarray, " m"]) -> State[Contact]:
+    def states(rows: Int[np.ndarray, " m"]) -> ModelPoint[Contact]:
         return _of_points(problem.of_data, points[rows])
 
     return _predict(problem.grasp, states, len(points), pushes)
@@ -60,7 +60,7 @@ def predict_draws(
     names = (*Parameters.__dataclass_fields__, *OF_GRASP)
     known = {name: samples[name] for name in names if name in samples}
 
-    def states(rows: Int[np.ndarray, " m"]) -> State[Contact]:
+    def states(rows: Int[np.ndarray, " m"]) -> ModelPoint[Contact]:
         return _of_draws(problem, {n: v[rows] for n, v in known.items()})
 
     return _predict(problem.grasp, states, next(iter(known.values())).size, pushes)
@@ -73,7 +73,7 @@ def heights_of(problem: Problem, channels: Channels) -> Float[np.ndarray, "k c n
 
 def _predict(
     grasp: Grasp,
-    states: Callable[[Int[np.ndarray, " m"]], State[Contact]],
+    states: Callable[[Int[np.ndarray, " m"]], ModelPoint[Contact]],
     n_points: int,
     pushes: Pushes,
 ) -> Channels:
@@ -101,29 +101,29 @@ def _padded_rows(n: int, size: int) -> list[Int[np.ndarray, " m"]]:
 
 
 @compiled
-def _of_points(problem: Problem, points: Float[Numbers, "k q"]) -> State[Contact]:
+def _of_points(problem: Problem, points: Float[Numbers, "k q"]) -> ModelPoint[Contact]:
     return jax.vmap(problem.data_state)(jnp.asarray(points))
 
 
 @compiled
 def _of_draws(
     problem: Problem, draws: Mapping[str, Float[Numbers, " k"]]
-) -> State[Contact]:
-    def one(draw: Mapping[str, Float[Array, ""]]) -> State[Contact]:
+) -> ModelPoint[Contact]:
+    def one(draw: Mapping[str, Float[Array, ""]]) -> ModelPoint[Contact]:
         own = {name: value for name, value in draw.items() if name not in OF_GRASP}
         for name in Parameters.__dataclass_fields__:
             own.setdefault(name, problem.fixed.get(name, jnp.zeros(())))
         preload = grasp_with(problem.grasp, draw).preload
         no_sigma = jnp.zeros(len(problem.channels))
         group = contact(Parameters(**own))
-        return State(group, preload, no_sigma, jnp.zeros(()), draw.get("p"))
+        return ModelPoint(group, preload, no_sigma, jnp.zeros(()), draw.get("p"))
 
     return jax.vmap(one)({name: jnp.asarray(v) for name, v in draws.items()})
 
 
 @compiled
 def _channels(
-    states: State[Contact],
+    states: ModelPoint[Contact],
     angles: Float[Numbers, "2 n"],
     grasp: Grasp,
     n_points: Int[Array, ""],
@@ -131,7 +131,7 @@ def _channels(
     """Channels of the first points; beyond them anything."""
     pushes = Pushes(*angles)
 
-    def one(state: State[Contact]) -> Channels:
+    def one(state: ModelPoint[Contact]) -> Channels:
         return forward(state.params, pushes, state.grasp(grasp))
 
     def part(i: Int[Array, ""], found: Channels) -> Channels:

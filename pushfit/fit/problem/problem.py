@@ -43,7 +43,7 @@ P = TypeVar("P", Parameters, Contact)
 A = TypeVar("A", Array, np.ndarray)
 
 
-class State(eqx.Module, Generic[P]):
+class ModelPoint(eqx.Module, Generic[P]):
     """A point at which the model can be evaluated.
 
     Args:
@@ -128,7 +128,7 @@ class Problem(eqx.Module):
         """Data coordinates that what is known beforehand holds in place."""
         return 0 if self.constraint is None else self.constraint.shape[0]
 
-    def predict(self, state: State) -> Float[Array, "c n"]:
+    def predict(self, state: ModelPoint) -> Float[Array, "c n"]:
         """Noise-free heights of every channel and row [table unit]."""
         channels = forward(state.params, self.pushes, state.grasp(self.grasp))
         heights = jnp.stack([getattr(channels, name) for name in self.channels])
@@ -158,7 +158,7 @@ class Problem(eqx.Module):
             return jnp.zeros(())
         return -jnp.sum(jnp.log1p(_volumes(self.shared, self.reference_sigma))) / 2
 
-    def residuals(self, state: State) -> Float[Array, " m"]:
+    def residuals(self, state: ModelPoint) -> Float[Array, " m"]:
         """(prediction - observation) / reference sigma, 0 for padding."""
         return self.residuals_of(self.predict(state))
 
@@ -188,7 +188,7 @@ class Problem(eqx.Module):
             [residuals, self.constraint @ y - self.constraint_offset]
         )
 
-    def noise(self, state: State) -> Float[Array, "c n"]:
+    def noise(self, state: ModelPoint) -> Float[Array, "c n"]:
         """Scale of the noise of every entry; 1 for padding [table unit].
 
         sqrt(sd² + sigma²) where sigma is sampled, else the reference sigma.
@@ -200,7 +200,7 @@ class Problem(eqx.Module):
         sigma = jnp.where(is_sampled[:, None], sampled, self.reference_sigma)
         return jnp.where(self.mask, sigma, 1.0)
 
-    def log_likelihoods(self, state: State) -> Float[Array, "c n"]:
+    def log_likelihoods(self, state: ModelPoint) -> Float[Array, "c n"]:
         """Normalised log density of every entry; 0 for padding."""
         sigma = self.noise(state)
         scaled = self.differences(self.predict(state)) / sigma
@@ -210,7 +210,7 @@ class Problem(eqx.Module):
             density = jax.scipy.stats.norm.logpdf(scaled)
         return jnp.where(self.mask, density - jnp.log(sigma), 0.0)
 
-    def log_likelihood(self, state: State) -> Scalar:
+    def log_likelihood(self, state: ModelPoint) -> Scalar:
         """Normalised log density of the data."""
         return jnp.sum(self.log_likelihoods(state)) + self.log_determinant
 
@@ -228,7 +228,7 @@ class Problem(eqx.Module):
         value = self.log_prior(x) + self.log_likelihood(self.state(x))
         return jnp.where(jnp.isnan(value), -jnp.inf, value)
 
-    def state(self, x: Float[Array, " p"]) -> State[Parameters]:
+    def state(self, x: Float[Array, " p"]) -> ModelPoint[Parameters]:
         """The point that a vector of sampling coordinates names.
 
         Args:
@@ -243,7 +243,7 @@ class Problem(eqx.Module):
         C_rr = jnp.exp(z["ln_C_rr"]) if "ln_C_rr" in z else self.fixed["C_rr"]
         preload = jnp.exp(z["ln_F_0"]) if "ln_F_0" in z else self.grasp.preload
         sigma = [z.get(f"ln_sigma_{c}", jnp.asarray(-jnp.inf)) for c in self.channels]
-        return State(
+        return ModelPoint(
             Parameters(K_sn, K_dn, K_st, C_rr, C_d, L, e1, e2),
             preload,
             jnp.exp(jnp.stack(sigma)),
@@ -251,7 +251,7 @@ class Problem(eqx.Module):
             jnp.exp(z["ln_p"]) if "ln_p" in z else None,
         )
 
-    def data_state(self, y: Float[Array, " q"]) -> State[Contact]:
+    def data_state(self, y: Float[Array, " q"]) -> ModelPoint[Contact]:
         """The point that a vector of data coordinates names; its sigma is 0.
 
         Args:
@@ -265,7 +265,7 @@ class Problem(eqx.Module):
         preload = jnp.exp(w["ln_F_0"]) if "ln_F_0" in w else self.grasp.preload
         sharpness = jnp.exp(w["ln_p"]) if "ln_p" in w else None
         no_sigma = jnp.zeros(len(self.channels))
-        return State(group, preload, no_sigma, jnp.zeros(()), sharpness)
+        return ModelPoint(group, preload, no_sigma, jnp.zeros(()), sharpness)
 
 
 def bucket(n: int) -> int:
@@ -332,7 +332,7 @@ def _tangential_group(
 
 
 def _prior_scale(
-    state: State[Parameters], channels: tuple[str, ...]
+    state: ModelPoint[Parameters], channels: tuple[str, ...]
 ) -> dict[str, Scalar]:
     """Every quantity that may have a prior, on the scale of that prior."""
     p = state.params

@@ -27,7 +27,7 @@ from pushfit.fit.problem.priors.distributions import (
 )
 from pushfit.fit.problem.problem import Problem, bucket
 from pushfit.fit.problem.uninformative import check_informative
-from pushfit.fit.results.search import Search
+from pushfit.fit.results.search import FitsAlong
 from pushfit.model import Grasp, Pushes, as_float
 from pushfit.parameters import SIGNED
 
@@ -59,7 +59,7 @@ class Setup:
     rows: tuple[int, ...]
     is_calibrated: bool
     has_direction: bool
-    search: Search | None = None
+    search: FitsAlong | None = None
 
 
 def build_problem(table: PeakTable, config: GraspConfig) -> Setup:

@@ -22,7 +22,7 @@ from pushfit.fit.profiles.curve_search import (
     best_fits,
 )
 from pushfit.fit.profiles.guesses import guesses
-from pushfit.fit.results.search import Curve, Search
+from pushfit.fit.results.search import Curve, FitsAlong
 from pushfit.fit.sweep.target import IMPOSSIBLE
 from pushfit.model import as_float
 
@@ -49,8 +49,8 @@ SAME_COST, SAME_VALLEY = 0.01, 1.0
 def search(
     problem: Problem,
     reference_alpha: float | None = None,
-    before: Search | None = None,
-) -> Search:
+    before: FitsAlong | None = None,
+) -> FitsAlong:
     """Look at the whole likelihood before any solver starts, so that no mode is missed.
 
     Args:
@@ -71,7 +71,7 @@ def search(
         reference_alpha=reference_alpha,
         level=LEVEL,
     )
-    return Search(
+    return FitsAlong(
         observed=np.asarray(problem.observed),
         quantity=name,
         reference_alpha=reference_alpha,

@@ -95,7 +95,7 @@ def best_fits(
     if not target.problem.grasp.law.is_searched:
         best = best[0], jnp.full(values.shape, jnp.inf)
         angles = jax.vmap(target.critical_angle)(along)
-    course = Course(
+    course = CurveRounds(
         target=target,
         held=_held(angles, target.index),
         ways=starts.reshape(-1, N_VALUES, starts.shape[2]),
@@ -110,7 +110,7 @@ def best_fits(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Course:
+class CurveRounds:
     """The rounds of searches: of families in turn, of the curve, and down from it.
 
     Args:
@@ -248,7 +248,7 @@ def _fits(target: Likelihood, nodes: Expansion) -> Fits:
 
 
 def _held(angles: Float[Array, " p"], index: Int[Array, ""]) -> Float[Array, "r n 3"]:
-    """What each search of each round is held by; see `Course`.
+    """What each search of each round is held by; see `CurveRounds`.
 
     Args:
         angles: θ_c of families; NaN where it has none.

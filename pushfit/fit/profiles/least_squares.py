@@ -36,7 +36,7 @@ Optima = tuple[
     Float[np.ndarray, "k q"], Float[np.ndarray, " k"], Bool[np.ndarray, " k"]
 ]
 # The same in any order, of JAX.
-Found = tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]
+TracedOptima = tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]
 
 # Far below any standard error that real heights allow, and above rounding.
 RTOL = ATOL = 1e-10
@@ -167,7 +167,7 @@ def polish(
 
 
 def restarted(
-    minimiser: Callable[[Float[Array, "k q"]], Found],
+    minimiser: Callable[[Float[Array, "k q"]], TracedOptima],
     starts: Float[np.ndarray, "k q"],
     max_rounds: int = MAX_ROUNDS,
 ) -> Optima:
@@ -237,7 +237,7 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
 
 
 @compiled
-def _polish(problem: Problem, starts: Float[Array, "k q"]) -> Found:
+def _polish(problem: Problem, starts: Float[Array, "k q"]) -> TracedOptima:
     return jax.vmap(lambda start: minimise(problem.data_residuals, start))(starts)
 
 

@@ -102,7 +102,7 @@ ORIGIN = _origin(PACKAGE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trace:
+class TracedProgram:
     """What is kept of a function that was traced.
 
     Args:
@@ -208,7 +208,7 @@ def _load(path: Path) -> Callable[..., Any] | None:
     return _loaded(path.with_name(trace.name), trace)
 
 
-def _loaded(path: Path, trace: Trace) -> Callable[..., Any] | None:
+def _loaded(path: Path, trace: TracedProgram) -> Callable[..., Any] | None:
     """A program from its machine code; None where there is none, or a damaged one."""
     content = _read(path)
     if content is None:
@@ -260,7 +260,7 @@ def _write(path: Path, content: bytes) -> None:
 
 def _compile(
     function: Callable[..., R], shapes: Iterable[tuple[Any, Any]], folder: Path
-) -> tuple[Callable[..., R], Trace | None]:
+) -> tuple[Callable[..., R], TracedProgram | None]:
     """Trace a function of arrays, and compile it unless its machine code is kept.
 
     Returns:
@@ -271,7 +271,7 @@ def _compile(
     text, outputs = lowered.as_text(), lowered.out_tree
     if CALLBACK in text:
         return lowered.compile(), None
-    trace = Trace(
+    trace = TracedProgram(
         name=f"{_fingerprint(FORMAT, str(OPTIONS), text)}-program",
         n=len(arrays),
         n_returned=outputs.num_leaves,

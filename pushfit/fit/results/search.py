@@ -37,7 +37,7 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Search:
+class FitsAlong:
     """Best fits along one quantity, from end to end.
 
     Args:

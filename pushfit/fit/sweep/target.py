@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from pushfit.fit.problem.problem import State
+from pushfit.fit.problem.problem import ModelPoint
 from pushfit.fit.problem.repeats.pooling import Pooled
 from pushfit.fit.problem.slopes import with_slopes
 from pushfit.fit.sweep.coordinate_roles import Roles
@@ -101,7 +101,7 @@ class Target(eqx.Module):
         x, y = tangential_stiffness(group, unit_vector(self.reference_alpha))
         return jnp.log(norm2(x, y) / (group.A * group.C_rr))
 
-    def state(self, z: Mapping[str, Scalar]) -> State:
+    def state(self, z: Mapping[str, Scalar]) -> ModelPoint:
         """What heights depend on, the shortest way."""
         problem = self.pooled.problem
         if set(problem.data_names) <= set(z):

@@ -222,7 +222,7 @@ def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
     return found[0], found[1]
 
 
-class _Search(eqx.Module):
+class _AxisSearch(eqx.Module):
     """State of a search: best lean, its residual, and the step to try from there."""
 
     lean: Pair
@@ -255,7 +255,7 @@ def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, "
         step, residual = _newton(frozen, lean, steady)
         return norm2(*residual), step
 
-    def advance(search: _Search) -> _Search:
+    def advance(search: _AxisSearch) -> _AxisSearch:
         lean = _within_reach(
             search.lean[0] + search.part * search.step[0],
             search.lean[1] + search.part * search.step[1],
@@ -266,7 +266,7 @@ def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, "
         # Also from the far side: where rounding keeps the residual from falling the
         # step has become as short.
         is_settled = norm2(*search.step) <= RTOL * norm2(*search.lean)
-        return _Search(
+        return _AxisSearch(
             lean=_chosen(is_taken, lean, search.lean),
             size=jnp.where(is_taken, size, search.size),
             step=_chosen(is_taken, step, search.step),
@@ -278,7 +278,7 @@ def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, "
 
     start = _start(frozen, steady)
     size, step = tried(start)
-    first = _Search(
+    first = _AxisSearch(
         lean=start,
         size=size,
         step=step,

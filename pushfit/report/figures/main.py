@@ -16,7 +16,7 @@ from pushfit.fit.results import FitStatus, Identification
 from pushfit.parameters import HALF_TURN
 from pushfit.report.answers import (
     MIN_DIRECTIONS,
-    Answer,
+    AnswerText,
     alpha_star_answer,
     theta_c_answer,
 )
@@ -116,7 +116,7 @@ def _richest(sweeps: list[Sweep], fixed_deg: float | None) -> list[Sweep]:
     return sorted(chosen, key=lambda sweep: sweep.fixed_deg)
 
 
-def marker_of(answer: Answer, identification: Identification) -> Marker:
+def marker_of(answer: AnswerText, identification: Identification) -> Marker:
     """What figures mark of an answer."""
     pieces, fixed_deg = answer.pieces, None
     if answer.name == "theta_c":

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pushfit.errors import counted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.parameters import named
-from pushfit.report.answers import Answer, alpha_star_answer, theta_c_answer
+from pushfit.report.answers import AnswerText, alpha_star_answer, theta_c_answer
 from pushfit.report.facts import quantity_cells
 from pushfit.report.html.pages import indexed_html, symbol_html
 from pushfit.report.strings import printable, symbol
@@ -95,7 +95,7 @@ def card_html(identification: Identification) -> str:
     return f'<div style="{CARD}">{"".join(parts)}</div>'
 
 
-def _answer(answer: Answer) -> str:
+def _answer(answer: AnswerText) -> str:
     title = f"{symbol(answer.name)} {answer.short}"
     big = f'<div style="font-size:1.25em">{indexed_html(title)}</div>'
     return big + _text("div", answer.sentence, "margin-bottom:.5em")

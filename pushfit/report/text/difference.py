@@ -61,7 +61,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class ResultDifferences:
     """Two results.
 
     Args:
@@ -75,7 +75,7 @@ class Comparison:
     notes: tuple[str, ...]
 
 
-def compare_results(first: Identification, second: Identification) -> Comparison:
+def compare_results(first: Identification, second: Identification) -> ResultDifferences:
     """Subtract angles, combinations and parameters of two results.
 
     Raises:
@@ -114,7 +114,7 @@ def compare_results(first: Identification, second: Identification) -> Comparison
         if titles[0] != titles[1]
         else []
     )
-    return Comparison(
+    return ResultDifferences(
         differences=tuple(found), left_out=tuple(left_out), notes=tuple(notes)
     )
 
@@ -201,7 +201,7 @@ def subtracted(
     return change
 
 
-def difference_text(comparison: Comparison) -> str:
+def difference_text(comparison: ResultDifferences) -> str:
     """What differs, in words and numbers."""
     lines = []
     for one in comparison.differences:
@@ -236,7 +236,7 @@ def _in_short(quantity: Quantity) -> str:
     return f"{with_unit(value, quantity.unit)} ({interval})"
 
 
-def difference_dict(comparison: Comparison) -> dict[str, Json]:
+def difference_dict(comparison: ResultDifferences) -> dict[str, Json]:
     """The same for a program."""
     content = {
         one.name: {

@@ -10,8 +10,8 @@ from pushfit.data.peaks.baselines import rests_of
 from pushfit.data.peaks.extract import find_pushes
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.pushes.feet import Feet, are_cut
-from pushfit.data.pushes.noise import Noise
-from pushfit.data.pushes.running_means import Course, View
+from pushfit.data.pushes.noise import SignalNoise
+from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.recordings.records import Recording
 
 RATE = 100.0
@@ -137,7 +137,7 @@ def test_the_noise_of_uneven_steps_is_that_of_the_samples():
     rng = np.random.default_rng(4)
     time = np.cumsum(rng.choice([0.01, 0.3], size=4000, p=[0.7, 0.3]))
     flanks = 200.0 * np.abs(time % 4.0 - 2.0)
-    noise = Noise.of(time, flanks + 2.0 * rng.standard_normal(len(time)))
+    noise = SignalNoise.of(time, flanks + 2.0 * rng.standard_normal(len(time)))
     np.testing.assert_allclose(noise.sigma, 2.0, rtol=SIGMA)
 
 
@@ -169,8 +169,8 @@ def test_a_push_that_begins_at_half_of_its_height_is_cut(start, is_cut):
     view = View(
         time=time,
         signal=y,
-        course=Course.of(time, y),
-        noise=Noise.of(time, y),
+        course=RunningMeans.of(time, y),
+        noise=SignalNoise.of(time, y),
         min_height=None,
         smoothing=None,
         split=0.5,

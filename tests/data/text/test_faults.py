@@ -29,7 +29,7 @@ RECORDING, REFUSALS, PRESCAN, PEAKS = (
     "data/text/test_csv_reader",
     "data/peaks/test_peaks",
 )
-# Fault: module of the test, then tests or cases of a table in it.
+# InputProblem: module of the test, then tests or cases of a table in it.
 WHERE = {
     "1 missing path, folder": (
         (REFUSALS, "test_a_missing_path_names_the_nearest_one"),

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from pushfit.explore.belief.belief import N_DRAWS
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.decide.gain import information_gain, labels, outlook
-from pushfit.explore.decide.intervals import Target
+from pushfit.explore.decide.intervals import AskedAngle
 from tests.explore.beliefs import belief_of, prior_draws
 from tests.tolerances import ROUTES
 
@@ -146,7 +146,7 @@ def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
     rng = np.random.default_rng(8)
     values = 45 + 3 * rng.standard_normal(N_DRAWS)
     weights = np.full(N_DRAWS, 1 / N_DRAWS)
-    target = Target(values=values, is_axis=False, width=9.0, prob=0.9)
+    target = AskedAngle(values=values, is_axis=False, width=9.0, prob=0.9)
     found = outlook(values[None], target, weights=weights, sigma=np.array([4.0]))
     np.testing.assert_allclose(found.expected_width, 2 * 1.645 * 2.4, rtol=SHORTEST)
     assert found.p_decided > 0.9

@@ -6,7 +6,7 @@ import pytest
 from pushfit.explore.belief.belief import N_DRAWS, Question
 from pushfit.explore.decide.forecast import imagine, p_decided
 from pushfit.explore.decide.gain import information_gain
-from pushfit.explore.decide.intervals import Target, shortest_interval
+from pushfit.explore.decide.intervals import AskedAngle, shortest_interval
 from pushfit.explore.decide.next_push import Surveyor
 from pushfit.explore.limits import Limits
 from tests.explore.beliefs import belief_of
@@ -96,7 +96,7 @@ def test_a_forecast_is_that_of_imagined_pushes_one_by_one(width):
     rng = np.random.default_rng(4)
     found, n_each, sigma = belief(1), 3, 0.3
     theta_c = found.samples["theta_c"]
-    target = Target(values=theta_c, is_axis=False, width=width, prob=0.9)
+    target = AskedAngle(values=theta_c, is_axis=False, width=width, prob=0.9)
     heights = surveyor(("theta_c",)).survey(found, undecided=ANGLES).predicted.heights
     heights, noise = heights[::12], np.full(2, sigma)
     k = len(heights)
