@@ -71,10 +71,12 @@ def push_signal(
 
     Raises:
         ConfigError: The channel is not named, or not there (`channel`).
-        DataError: The channel has fewer than five samples (`too_short`).
+        DataError: The channel has fewer than five samples (`too_short`), or the force
+            along the normal or across it never changes (`constant`).
     """
     if settings.normal is not None:
         _, name = _normal(recording, settings.normal)
+        _refuse_constant(recording, name)
         forces = np.stack(list(recording.channels.values()))
         known = np.isfinite(forces).all(axis=0)
         time = _enough(recording.time[known], name)
@@ -165,7 +167,7 @@ def measure_components(
         changes[channel], sds[channel], rests[channel] = change, sd, rest
     top = np.array([h.height + h.baseline for h in heights])
     around = [length[part].mean() for part in tops]
-    # Where there is no hump, the length is noise.
+    # Where there is no hump, the length is noise, and no height is scaled by it.
     is_hump = np.array([h.definition != "" for h in heights])
     scale = np.where(is_hump, top / np.maximum(around, 1e-300), 1.0)
     across = [channel for channel in changes if channel != name]
@@ -173,8 +175,9 @@ def measure_components(
         np.array([scale * changes[c] for c in across]),
         np.array([sds[c] for c in across]),
     )
-    # Each height also shares the doubt about the top of the whole.
-    doubt = np.array([h.sd for h in heights]) / np.maximum(top, 1e-300)
+    # Each height that is scaled also shares the doubt about the top of the whole.
+    top_sd = np.array([h.sd for h in heights])
+    doubt = np.where(is_hump, top_sd, 0.0) / np.maximum(top, 1e-300)
     pushed = sign * scale * changes[name]
     columns = {
         f"height_normal_{unit}": list(pushed),
@@ -201,8 +204,9 @@ def _length(
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Lengths of vectors without what noise adds to them, and sd along them."""
     squares, variances = parts**2, sds**2
-    total = np.maximum(squares.sum(axis=0), 1e-300)
-    along = (squares * variances).sum(axis=0) / total
+    # What is exactly zero, as of constant readings, has no direction: all are alike.
+    shares = np.where(squares.sum(axis=0) > 0.0, squares, 1.0)
+    along = (shares * variances).sum(axis=0) / shares.sum(axis=0)
     across = variances.sum(axis=0) - along
     return np.sqrt(np.maximum(squares.sum(axis=0) - across, 0.0)), np.sqrt(along)
 
@@ -294,6 +298,23 @@ def _normal(recording: Recording, normal: str) -> tuple[float, str]:
             code="channel",
         )
     return sign, name
+
+
+def _refuse_constant(recording: Recording, normal: str) -> None:
+    """Refuse forces whose resolution, and so whose doubt, no reading shows."""
+    still = {
+        name
+        for name, samples in recording.channels.items()
+        if np.nanmin(samples) == np.nanmax(samples)
+    }
+    for own in ({normal}, recording.channels.keys() - {normal}):
+        if own <= still:
+            raise DataError(
+                f"readings of {', '.join(sorted(own))} never change, so nothing tells "
+                "how finely the sensor reads; map a channel that the pushes move, or "
+                "take the pushes from one alone by `channel` instead of `normal`",
+                code="constant",
+            )
 
 
 def _enough(time: Float[np.ndarray, " n"], name: str) -> Float[np.ndarray, " n"]:

@@ -10,7 +10,7 @@ from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import THETA_SWEEP, Session, simulate_recording
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, DataError
 from pushfit.model import Grasp, Parameters
 from tests.tolerances import EXACT
 
@@ -229,3 +229,73 @@ def test_a_short_push_is_no_jerk(width):
     table = pushes_with_jerks(lambda since: np.clip(1 - np.abs(since / width), 0, 1))
     assert table.n_pushes == 4
     assert not any("jerk" in caution for caution in table.cautions)
+
+
+def counted_forces(levels, *, quantum=0.01, changes=None):
+    """Held pushes in whole counts without noise; the third left no trace.
+
+    Args:
+        levels: Readings at rest of each component [N].
+    """
+    time = np.arange(3200) / 100
+    starts = 2 + 6 * np.arange(5)
+    humps = sum(held(time - start) for k, start in enumerate(starts) if k != 2)
+    forces = {"fx": 2.0, "fy": -1.0, "fz": 5.0} | (changes or {})
+    return Recording(
+        time=time,
+        channels={
+            name: quantum * np.rint((level + forces[name] * humps) / quantum)
+            for name, level in levels.items()
+        },
+        units=dict.fromkeys(levels, "n"),
+    )
+
+
+FIVE = PushSchedule.planned(np.pi / 4, 0.0, repeats=5)
+LENIENT = PeakSettings(normal="fz", allow_missing=True)
+# Besides what a mean of equal counts may be off by, their scatter over some 20 samples.
+COUNTS = 0.05
+
+
+@pytest.mark.parametrize("level", [0.0, 2.13], ids=["zero", "rounded"])
+@pytest.mark.parametrize("names", ["fx fz", "fx fy fz"])
+def test_a_missing_push_in_constant_readings_is_known_to_their_resolution(level, names):
+    """Neither the change nor the scatter of constant readings tells of their noise."""
+    # Ramps of 1 N in 50 samples pass through every count.
+    steps = dict.fromkeys(names.split(), 1.0)
+    levels = dict.fromkeys(steps, level)
+    made = counted_forces(levels, quantum=0.02, changes=steps)
+    table = extract_peaks(made, FIVE, settings=LENIENT)
+    assert [k for k, words in enumerate(table.flags) if "missing" in words] == [2]
+    # A mean of readings at the top, over the mean of the middle half of those at rest.
+    expected = 0.02 / np.sqrt(12) * np.hypot(1, 1.09)
+    for channel in table.channels:
+        assert table.heights(channel)[2] == pytest.approx(0, abs=1e-12)
+        assert table.sd(channel)[2] == pytest.approx(expected, rel=COUNTS)
+
+
+def test_a_missing_push_is_as_doubtful_in_a_component_as_in_that_channel_alone():
+    made = counted_forces({"fx": 2.13, "fz": -0.71}, quantum=0.1)
+    table = extract_peaks(made, FIVE, settings=LENIENT)
+    for name, channel in (("fz", "height_normal"), ("fx", "height_tangential")):
+        alone = LENIENT.model_copy(update={"normal": None, "channel": name})
+        sd = extract_peaks(made, FIVE, settings=alone).sd("height")[2]
+        assert table.sd(channel)[2] == pytest.approx(sd, rel=COUNTS)
+
+
+@pytest.mark.parametrize("still", ["fx", "fz"])
+def test_a_force_that_never_changes_is_refused(still):
+    made = counted_forces({"fx": 2.0, "fz": 7.0}, changes={still: 0.0})
+    with pytest.raises(DataError, match=f"readings of {still} never change") as caught:
+        extract_peaks(made, FIVE, settings=LENIENT)
+    assert caught.value.code == "constant"
+
+
+def test_one_of_two_forces_across_may_stay_as_it_is():
+    levels = {"fx": 2.0, "fy": -1.0, "fz": 7.0}
+    made = counted_forces(levels, changes={"fy": 0.0})
+    table = extract_peaks(made, FIVE, settings=LENIENT)
+    pushed = [0, 1, 3, 4]
+    np.testing.assert_allclose(
+        table.heights("height_tangential")[pushed], 2.0, rtol=0, atol=0.02
+    )
