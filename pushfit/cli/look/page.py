@@ -29,14 +29,14 @@ from bokeh.models import (
     TableColumn,
     TextInput,
 )
-from bokeh.plotting import figure
 from bokeh.resources import INLINE
 from jaxtyping import Float
 from jinja2 import Template
 
+from pushfit.cli.look.panels import panels
 from pushfit.cli.look.state import Look
-from pushfit.data.tables.traces import MAX_KEPT, envelope
 from pushfit.errors import PushfitError
+from pushfit.report.figures.components import heights_in
 from pushfit.report.figures.recording import MAX_TIME
 from pushfit.report.figures.style import DATA, GREY, axis_label
 from pushfit.report.strings import printable
@@ -59,19 +59,22 @@ body { font-family: system-ui, sans-serif; background: #fff; }
   html { background: #fff; filter: invert(.89) hue-rotate(180deg); }
 }
 """
+COMPONENTS = (
+    "Each component has its rest level and, as a thick line, its height over the "
+    "narrow shaded stretch that it was measured over"
+)
+JERKS = "; jerks, left out, are purple"
 HELP = (
     "Click a hump to leave it out or to take it in. Type θ and α into the table, or "
     "fill in a plan: every α in turn, at it all θ, or the other way round, each so "
     "often in a row."
 )
-# Heights of the picture and of a line of the table, width of a field [px].
-PICTURE, LINE, NARROW = 320, 25, 150
+# Height of a line of the table, width of a field [px].
+LINE, NARROW = 25, 150
 # Lines of the table that are seen at once.
 SCREEN = 17
 # What the number of a push takes, as a share of the range of the signal.
-HEADROOM, SHADE = 0.1, 0.25
-# More numbers than this stand on end.
-DENSE = 40
+HEADROOM = 0.1
 YES, NO, NONE = "yes", "no", "–"
 Save = Callable[[Look], str]
 Columns = Mapping[str, Sequence[object]]
@@ -91,67 +94,29 @@ class Page:
         is_clock = abs(look.time[0]) > MAX_TIME
         self._origin = float(np.floor(look.time[0])) if is_clock else 0.0
         self._marks, self._rows = ColumnDataSource(), ColumnDataSource()
+        self._parts = [ColumnDataSource() for _ in look.components]
         self._status = _text("")
         self.refresh()
-        picture = self._picture()
-        parts = [picture, self._status, self._table(is_live=save is not None)]
+        drawn = panels(look, self._marks, self._parts, origin=self._origin)
+        below = [self._status, self._table(is_live=save is not None)]
+        above = []
+        if look.components:
+            has_jerks = any(own.is_jerk.any() for own in look.components)
+            above.append(_text(f"{COMPONENTS}{JERKS if has_jerks else ''}."))
         if save is not None:
-            picture.on_event(Tap, self._tapped)
+            for panel in drawn:
+                panel.on_event(Tap, self._tapped)
             self._rows.on_change("data", self._edited)
-            parts[1:1] = self._asked(save)
-            parts.insert(0, _text(HELP))
+            below[:0] = self._asked(save)
+            above.insert(0, _text(HELP))
         self.root: LayoutDOM = column(
             _text(printable(title), size="1.3em"),
-            *parts,
+            *above,
+            *drawn,
+            *below,
             sizing_mode="stretch_width",
             stylesheets=[GlobalInlineStyleSheet(css=STYLE)],
         )
-
-    def _picture(self) -> LayoutDOM:
-        look, marks = self._look, self._marks
-        after = f" after {self._origin:.0f} s" if self._origin else ""
-        picture = figure(
-            height=PICTURE,
-            sizing_mode="stretch_width",
-            tools="xpan,xwheel_zoom,box_zoom,reset",
-            x_axis_label=f"time [s]{after}",
-            y_axis_label=axis_label(look.name, look.unit),
-        )
-        picture.toolbar.logo = None
-        picture.quad(
-            left="left",
-            right="right",
-            bottom="bottom",
-            top="top",
-            source=marks,
-            fill_color="colour",
-            fill_alpha=SHADE,
-            line_color=None,
-        )
-        time, signal = envelope(look.time, look.signal, max_points=MAX_KEPT)
-        picture.line(time - self._origin, signal, color=DATA)
-        picture.segment(
-            x0="peak",
-            y0="rest",
-            x1="peak",
-            y1="height",
-            source=marks,
-            color="colour",
-            line_width=2,
-        )
-        is_dense = len(look.humps) > DENSE
-        picture.text(
-            x="peak",
-            y="top",
-            text="push",
-            source=marks,
-            text_align="right" if is_dense else "center",
-            text_baseline="middle" if is_dense else "top",
-            angle=np.pi / 2 if is_dense else 0.0,
-            text_color=GREY,
-            text_font_size="11px",
-        )
-        return picture
 
     def _asked(self, save: Save) -> list[LayoutDOM]:
         """What looks for humps, fills in directions, and saves."""
@@ -215,10 +180,12 @@ class Page:
     def refresh(self, said: str = "") -> None:
         """Show everything as it is now."""
         look = self._look
-        measured, notes = pd.DataFrame(), look.notes
+        frame, components = pd.DataFrame({"t_start_s": []}), look.components
+        notes = look.notes
         try:
-            frame, more = look.measure()
-            measured, notes = frame.set_index("t_start_s"), (*notes, *more)
+            found = look.measure()
+            frame, components = found.frame, found.components
+            notes = (*notes, *found.cautions)
         except PushfitError as error:
             notes = (*notes, str(error))
         known = sum(look.is_directed(k) for k in look.pushes)
@@ -226,11 +193,17 @@ class Page:
         lines = dict.fromkeys((said, counted, *notes))
         self._status.text = "\n".join(printable(line) for line in lines if line)
         # One row for each hump; what does not count has no height.
-        measured = measured.reindex([hump.t_start for hump in look.humps])
+        frame = frame.assign(row=np.arange(len(frame))).set_index("t_start_s")
+        starts = [hump.t_start for hump in look.humps]
+        measured = frame.reindex(starts)
         heights = {n: _numbers(measured, f"{n}_{look.unit}") for n in look.heights}
         number = dict(zip(look.pushes, itertools.count(1)))
         push = [str(number.get(k, NONE)) for k in range(len(look.humps))]
-        _put(self._marks, {"push": push, **self._drawn(measured, heights)})
+        drawn = {"push": push, **self._drawn(measured, heights)}
+        _put(self._marks, drawn)
+        for source, component in zip(self._parts, components, strict=True):
+            own = heights_in(component, frame, origin=self._origin).reindex(starts)
+            _put(source, {**drawn, **_drawn_in_component(own)})
         _put(self._rows, {"push": push, **self._written(measured, heights)})
 
     def _drawn(
@@ -249,7 +222,6 @@ class Page:
             "left": [hump.t_start - origin for hump in look.humps],
             "right": [hump.t_end - origin for hump in look.humps],
             "peak": [hump.t_peak - origin for hump in look.humps],
-            "bottom": [low] * len(look.humps),
             "top": [high + HEADROOM * (high - low)] * len(look.humps),
             "rest": rest.tolist(),
             "height": (rest + height).tolist(),
@@ -294,6 +266,16 @@ class Page:
         except (PushfitError, OSError) as error:
             said = f"error: {error}"
         self.refresh(said)
+
+
+def _drawn_in_component(own: pd.DataFrame) -> Columns:
+    """Where a component shows each hump otherwise, by what `heights_in` says."""
+    return {
+        "first": own["first_s"].tolist(),
+        "last": own["last_s"].tolist(),
+        "rest": own["baseline"].tolist(),
+        "height": (own["baseline"] + own["height"]).tolist(),
+    }
 
 
 def static_page(look: Look, *, title: str) -> str:

@@ -14,16 +14,18 @@ from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.chosen import find, no_pushes
 from pushfit.data.peaks.components import (
+    component_traces,
     looked_at,
     push_signal,
     signal_name,
     signal_unit,
 )
-from pushfit.data.peaks.extract import extract_peaks, measure_pushes
+from pushfit.data.peaks.extract import Heights, extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.columns import Origin
+from pushfit.data.tables.traces import ComponentTrace, SignedHeights
 from pushfit.data.units import DECIMALS
 from pushfit.errors import ConfigError, DataError
 
@@ -47,6 +49,8 @@ class Look:
         counts: Whether each is a push.
         theta_deg: Elevation of each; NaN where not said [deg].
         alpha_deg: Azimuth of each; NaN where not said [deg].
+        components: Force components as they were recorded, without heights; none of a
+            single channel.
         notes: What became of the schedule to begin with.
 
     Raises:
@@ -68,6 +72,11 @@ class Look:
         self.time, self.signal = push_signal(part, peaks)
         self.name = signal_name(part, peaks)
         self.unit = signal_unit(part, peaks)
+        self.components: tuple[ComponentTrace, ...] = ()
+        if peaks.normal is not None:
+            whole = recording.between(peaks.begin, peaks.end)
+            unmeasured = dict.fromkeys(part.channels, SignedHeights.of_none())
+            self.components = component_traces(whole, part, unmeasured)
         self.notes: tuple[str, ...] = ()
         self.search(signed=bool(peaks.signed))
         is_recorded = recording.theta is not None and recording.alpha is not None
@@ -258,11 +267,11 @@ class Look:
             last = min(last, (self.humps[k + 1].t_peak + hump.t_peak) / 2)
         return round(first, WINDOW_DECIMALS), round(last, WINDOW_DECIMALS)
 
-    def measure(self) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    def measure(self) -> Heights:
         """Heights of the pushes as the commands give them, and what they would say.
 
         Returns:
-            One row per push, with directions as soon as all are known; notes.
+            One row per push, with directions as soon as all are known.
 
         Raises:
             DataError: No hump counts, or a command would refuse.
@@ -270,9 +279,13 @@ class Look:
         peaks: PeakSettings = self.settled().peaks
         if self.pushes and all(self.is_directed(k) for k in self.pushes):
             table = extract_peaks(self.recording, self.schedule(), settings=peaks)
-            return table.frame, table.cautions
-        measured = measure_pushes(self.recording, settings=peaks)
-        return measured.frame, measured.cautions
+            return Heights(
+                frame=table.frame,
+                notes=table.notes,
+                cautions=table.cautions,
+                components=table.traces[0].components,
+            )
+        return measure_pushes(self.recording, settings=peaks)
 
 
 def angles_of(text: str, name: str) -> Sequence[float]:

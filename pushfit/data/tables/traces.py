@@ -30,6 +30,11 @@ class SignedHeights:
     baseline: Float[np.ndarray, " p"]
     height: Float[np.ndarray, " p"]
 
+    @classmethod
+    def of_none(cls) -> "SignedHeights":
+        """Those of no push."""
+        return cls(**{f.name: np.empty(0) for f in fields(cls)})
+
     def first(self, n: int) -> "SignedHeights":
         """Those of the first pushes."""
         return SignedHeights(

@@ -43,6 +43,21 @@ def heights_in(
     )
 
 
+def kept_samples(
+    signal: Float[np.ndarray, " n"], is_jerk: Bool[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Samples that heights were measured in; NaN where a jerk was left out."""
+    return np.where(is_jerk, np.nan, signal)
+
+
+def left_out_samples(
+    signal: Float[np.ndarray, " n"], is_jerk: Bool[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Samples of jerks, joined to those beside them; NaN elsewhere."""
+    shown = np.convolve(is_jerk, np.ones(3), mode="same") > 0
+    return np.where(shown, signal, np.nan)
+
+
 def draw_stretches(axes: "Axes", marks: pd.DataFrame) -> None:
     """Draw the height of each push over the stretch that it was measured over."""
     for mark in marks.to_dict("records"):
@@ -61,16 +76,15 @@ def draw_jerks(
     signal: Float[np.ndarray, " n"],
     is_jerk: Bool[np.ndarray, " n"],
 ) -> None:
-    """Draw what was left out, joined to the samples beside it.
+    """Draw what was left out.
 
     Jerks ten times the pushes would flatten them, so they set no limits and may leave
     the panel.
     """
     from matplotlib.lines import Line2D
 
-    shown = np.convolve(is_jerk, np.ones(3), mode="same") > 0
-    left_out = np.where(shown, signal, np.nan)
-    axes.add_artist(Line2D(time, left_out, color=PURPLE, lw=JERK, zorder=2))
+    jerks = left_out_samples(signal, is_jerk)
+    axes.add_artist(Line2D(time, jerks, color=PURPLE, lw=JERK, zorder=2))
 
 
 def explain(room: "Figure | SubFigure", *, has_jerks: bool) -> None:

@@ -15,6 +15,7 @@ from pushfit.data.simulate import write_recording
 from tests.cli.look.chromium import BROWSER, chromium
 from tests.cli.look.makers import FAINT, HUMPS, LOW, NEAR, TOUCH, recording
 from tests.cli.look.test_server import looking
+from tests.report.figures.test_components import BEGINS, THREE, forces
 
 pytestmark = [
     pytest.mark.slow,
@@ -47,6 +48,15 @@ FIELD = """
   return [box.left + box.width / 2, box.top + box.height / 2];"""
 WORDS = """
   return views.filter(v => v.model.type == 'Div').map(v => v.model.text).join('\\n');"""
+FRAMES = """
+  return views.filter(v => v.model.type == 'Figure').map(v => {
+    const {left, right} = v.frame.bbox, box = v.el.getBoundingClientRect();
+    return [box.left + left, box.left + right, box.top];
+  });"""
+BELOW = """
+  const plot = views.filter(v => v.model.type == 'Figure')[2];
+  const box = plot.el.getBoundingClientRect();
+  return [box.left + plot.frame.x_scale.compute(%r), box.top + 50];"""
 PUSH, COUNTS, HEIGHT, THETA = 0, 1, 3, 4
 
 
@@ -155,6 +165,24 @@ def test_the_page_is_drawn_and_fits_the_screen(tab, place, size, dark):
             assert (np.median(pixels) < 0.3) == dark
             colours = {tuple(row) for row in pixels[::5, ::5].reshape(-1, 3).tolist()}
             assert len(colours) > 20
+    assert tab.complaints == []
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_components_are_in_time_below_the_length_of_their_change(tab, place, size):
+    write_recording(forces(THREE), place / "a.csv")
+    (place / "grasp.toml").write_text('[peaks]\nnormal = "-fz"\n')
+    with looking(place, "--config", "grasp.toml") as (_, address):
+        open_page(tab, address, size=size)
+        left, right, top = np.array(view(tab, FRAMES)).T
+        assert len(top) == 4
+        assert (np.diff(top) > 0).all()
+        # The first has its tools at the right.
+        assert np.ptp(left) < 1
+        assert np.ptp(right) < 1
+        assert tab.run("document.documentElement.scrollWidth") <= SIZES[size][0]
+        tab.click(*view(tab, BELOW, float(BEGINS[1]) + 1.0))
+        wait_for(tab, "3 pushes count")
     assert tab.complaints == []
 
 

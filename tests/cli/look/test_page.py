@@ -176,7 +176,8 @@ def test_components_are_drawn_by_the_length_of_their_change():
     peaks = look.config.peaks.model_copy(update={"normal": "fz"})
     look = type(look)(both, look.config.model_copy(update={"peaks": peaks}))
     page = Page(look, title="a.csv", save=None)
-    (marks,) = {r.data_source for r in one(page, Plot).renderers if _is_marks(r)}
+    whole = next(part for part in page.root.children if isinstance(part, Plot))
+    (marks,) = {r.data_source for r in whole.renderers if _is_marks(r)}
     assert marks.data["rest"][0] == 0
     assert marks.data["height"][0] == pytest.approx(HUMPS[0][1], rel=LOW)
     assert float(cells(page)["height_normal"][0]) == pytest.approx(0.8, rel=LOW)

@@ -92,7 +92,7 @@ def test_a_window_in_which_no_hump_is_stays():
 def test_heights_are_those_of_the_commands():
     look = a_look()
     look.toggle(TOUCH)
-    frame, _ = look.measure()
+    frame = look.measure().frame
     peaks = parse_config(template(look.settled()), path="saved").peaks
     again = measure_pushes(look.recording, settings=peaks).frame
     assert frame.equals(again)
@@ -241,7 +241,7 @@ def test_force_components_have_both_heights():
     forces = {"fz": rounded(*HUMPS), "fx": 0.1 * rounded(*HUMPS)}
     both = recording(channels=forces, units={"fz": "n", "fx": "n"})
     look = Look(both, read_config(None, changes={"peaks": {"normal": "fz"}}))
-    frame, _ = look.measure()
+    frame = look.measure().frame
     names = [f"{height}_n" for height in look.heights]
     ratio = frame[names[1]] / frame[names[0]]
     np.testing.assert_allclose(ratio, 0.1, rtol=RATIO)
@@ -254,7 +254,7 @@ def test_dips_are_shown_when_asked_for_and_then_saved_as_pushes():
     assert len(look.humps) == len(HUMPS) + 1
     peaks = parse_config(template(look.settled()), path="saved").peaks
     assert peaks.signed
-    frame, _ = look.measure()
+    frame = look.measure().frame
     assert (frame["height_n"] < 0).sum() == 1
 
 
@@ -276,4 +276,4 @@ def test_leaving_out_every_hump_is_said_and_not_final():
     with pytest.raises(DataError, match="`exclude` leaves out 6"):
         look.measure()
     look.toggle(0)
-    assert len(look.measure()[0]) == 1
+    assert len(look.measure().frame) == 1
