@@ -35,17 +35,17 @@ from pushfit.report.strings import time_left
 from pushfit.report.text.first import First
 
 Read = TypeVar("Read")
-Named = str | Path
-Source = Named | pd.DataFrame | Recording | PeakTable
-Plan = Named | pd.DataFrame | PushSchedule
-Settings = GraspConfig | Named | Mapping[str, object]
+AnyPath = str | Path
+AnyTable = AnyPath | pd.DataFrame | Recording | PeakTable
+AnyPlan = AnyPath | pd.DataFrame | PushSchedule
+Settings = GraspConfig | AnyPath | Mapping[str, object]
 # What a frame is called in messages of its reader.
 FRAME = "DataFrame"
 
 
 def identify(
-    recordings_or_table: Source | Sequence[Source],
-    schedule: Plan | Sequence[Plan] | None = None,
+    recordings_or_table: AnyTable | Sequence[AnyTable],
+    schedule: AnyPlan | Sequence[AnyPlan] | None = None,
     config: Settings | None = None,
     seed: int = 0,
     *,
@@ -181,8 +181,8 @@ def gather(
     """Peak heights of one grasp.
 
     Args:
-        sources: Recordings, or one table: each a `Source`.
-        plans: A schedule for each recording, or none: each a `Plan`.
+        sources: Recordings, or one table: each an `AnyTable`.
+        plans: A schedule for each recording, or none: each an `AnyPlan`.
 
     Raises:
         ConfigError: Schedules and recordings do not go together, or are none.
@@ -241,7 +241,7 @@ def _load(source: object, config: GraspConfig) -> Recording | PeakTable:
     """A recording or a table, whatever it is given as."""
     if isinstance(source, Recording | PeakTable):
         return source
-    if not isinstance(source, Named | pd.DataFrame):
+    if not isinstance(source, AnyPath | pd.DataFrame):
         raise ConfigError(
             f"{type(source).__name__}: holds no pushes that can be read; give a path, "
             "a DataFrame whose columns state their units, or what read_recording or "
@@ -264,7 +264,7 @@ def _load_plan(plan: object) -> PushSchedule:
         return plan
     if isinstance(plan, pd.DataFrame):
         return _from_frame(plan, read_schedule)
-    if not isinstance(plan, Named):
+    if not isinstance(plan, AnyPath):
         raise ConfigError(
             f"{type(plan).__name__}: is no schedule; give a path, a DataFrame or what "
             "read_schedule gives",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pushfit.cli.options import SettingsOptions
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError, counted
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _pair(text: str, option: str) -> tuple[str, str]:
 
 
 def load_peaks(
-    session: Session,
+    session: CommandSession,
     recordings: Sequence[Path],
     schedules: Sequence[Path],
     *,

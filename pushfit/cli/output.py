@@ -6,7 +6,7 @@ Excluded: the files of a result (`pushfit.report.store.folder`).
 from pathlib import Path
 
 from pushfit.atomic import atomic_path, is_stream
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError
 from pushfit.report.picture_file import picture_format
 from pushfit.report.store.target import left_out
@@ -45,7 +45,7 @@ def refuse_picture(path: Path | None, *, force: bool) -> None:
         refuse_existing(path, force=force)
 
 
-def warn_of_missing(session: Session, *libraries: str) -> None:
+def warn_of_missing(session: CommandSession, *libraries: str) -> None:
     """Say, before the work, what results will lack because a library is missing."""
     lacking = left_out(*libraries)
     if lacking:
@@ -53,7 +53,7 @@ def warn_of_missing(session: Session, *libraries: str) -> None:
 
 
 def write_text(
-    session: Session, text: str, path: Path | None, *, remark: str = ""
+    session: CommandSession, text: str, path: Path | None, *, remark: str = ""
 ) -> None:
     """Put a text into a file, complete or not at all; None is standard output."""
     if path is None:

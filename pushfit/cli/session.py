@@ -52,7 +52,7 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Session:
+class CommandSession:
     """One run of one command.
 
     Args:
@@ -169,7 +169,7 @@ def command(
         help: What it does, if not in the words of the function.
 
     Returns:
-        Decorator. The function gets a `Session` first and may return an exit code.
+        Decorator. The function gets the session first and may return an exit code.
     """
 
     def register(function: Callable[..., int | None]) -> Callable[..., int | None]:
@@ -179,7 +179,7 @@ def command(
         def start(
             *, quiet: bool, verbose: bool, debug: bool, **arguments: object
         ) -> None:
-            session = Session(
+            session = CommandSession(
                 is_quiet=quiet,
                 is_verbose=verbose,
                 is_debug=debug,

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from pushfit.config.inputs import CalibrationSection
 from pushfit.errors import ConfigError, did_you_mean
 
-Quantity = Literal["signal", "time", "angle", "length"]
+Dimension = Literal["signal", "time", "angle", "length"]
 # Angles are stated as round numbers of degrees; so many digits survive the way to
 # radians and back.
 DECIMALS = 9
@@ -38,7 +38,7 @@ class Unit:
     """
 
     name: str
-    quantity: Quantity
+    quantity: Dimension
     canonical: str
     times: float = 1.0
     per: float = 1.0

@@ -20,7 +20,7 @@ from pushfit.cli import main
 from pushfit.cli.app import app
 from pushfit.cli.commands import doctor, explore
 from pushfit.cli.examples import EXAMPLES
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.config import GraspConfig, read_config
 from pushfit.config.inputs import RecordingSection
 from pushfit.data.grasp import make_grasp
@@ -34,9 +34,9 @@ from pushfit.errors import ConfigError, DataError, FitError, InputProblem
 from pushfit.mechanics.directions import critical_angle
 
 
-def session(**options: bool) -> Session:
+def session(**options: bool) -> CommandSession:
     flags = {"is_quiet": False, "is_verbose": False, "is_debug": False}
-    return Session(**(flags | {"is_json": False} | options))
+    return CommandSession(**(flags | {"is_json": False} | options))
 
 
 def raising(error: BaseException):

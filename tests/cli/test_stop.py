@@ -20,9 +20,9 @@ AT_ONCE = 1.0
 # share of the time that it took, and so on so many times.
 FIRST, LAST, SOONER, N_SOONER = 0.15, 0.95, 0.8, 6
 PREPARED = (
-    "import sys, time\nfrom pushfit.cli.session import Session\n"
+    "import sys, time\nfrom pushfit.cli.session import CommandSession\n"
     "from pushfit.cli.stop import stoppable\n"
-    "s = Session(is_quiet=False, is_verbose=False, is_debug=False, is_json=False)\n"
+    "s = CommandSession(is_quiet=False, is_verbose=False, is_debug=False, is_json=False)\n"
 )
 # A callback of JAX swallows what a signal handler raises, as this does.
 SWALLOWING = """

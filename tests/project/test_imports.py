@@ -193,3 +193,13 @@ def test_every_public_name_can_be_imported():
 
 def test_the_public_names_are_listed_once():
     assert len(pushfit.__all__) == len(set(pushfit.__all__)) > 0
+
+
+def test_no_class_has_the_name_of_another():
+    """A name means one thing, whichever module a reader meets it in."""
+    places = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(str(path.relative_to(PACKAGE)))
+    assert {k: where for k, where in places.items() if len(where) > 1} == {}

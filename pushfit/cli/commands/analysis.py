@@ -13,7 +13,7 @@ from pushfit.cli import options
 from pushfit.cli.background import aside
 from pushfit.cli.inputs import load_peaks, load_table, read_settings
 from pushfit.cli.output import warn_of_missing
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import keep
 from pushfit.errors import FitError
 from pushfit.report.store.target import PARTS, check_target
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def identify(
-    session: Session,
+    session: CommandSession,
     recordings: options.Recordings,
     schedules: options.Schedules = None,
     *,
@@ -46,7 +46,7 @@ def identify(
 
 
 def fit(
-    session: Session,
+    session: CommandSession,
     table: options.TableFile,
     config: options.ConfigFile = None,
     *,
@@ -61,7 +61,7 @@ def fit(
 
 
 def demo(
-    session: Session,
+    session: CommandSession,
     *,
     out: options.OutFolder = None,
     pictures: options.Pictures = None,
@@ -84,7 +84,7 @@ def demo(
 
 
 def analyse(
-    session: Session,
+    session: CommandSession,
     load: Callable[[], "PeakTable"],
     settings: "GraspConfig",
     wanted: options.Analysis,

@@ -11,7 +11,7 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.output import warn_of_missing
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import keep
 from pushfit.report.store.target import PARTS
 
@@ -26,7 +26,7 @@ N_SHOWN = 5
 
 
 def batch(
-    session: Session,
+    session: CommandSession,
     inputs: Annotated[
         list[Path],
         typer.Argument(metavar="INPUT...", help="Files, folders and patterns."),
@@ -74,7 +74,7 @@ def batch(
     return SOME_FAILED if found.failures else 0
 
 
-def report(session: Session, found: "Batch", *, is_json: bool) -> None:
+def report(session: CommandSession, found: "Batch", *, is_json: bool) -> None:
     """Say what came out."""
     if found.notice:
         session.warn(found.notice)

@@ -5,12 +5,12 @@ Excluded: the models compared (`pushfit.fit.comparison`).
 
 from pushfit.cli import options
 from pushfit.cli.inputs import load_table
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import FitError
 
 
 def compare(
-    session: Session,
+    session: CommandSession,
     table: options.TableFile,
     config: options.ConfigFile = None,
     *,

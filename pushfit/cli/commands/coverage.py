@@ -10,11 +10,11 @@ import typer
 from pushfit.cli import options
 from pushfit.cli.inputs import load_table
 from pushfit.cli.output import refuse_picture
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 
 
 def coverage(
-    session: Session,
+    session: CommandSession,
     table: options.TableFile,
     config: options.ConfigFile = None,
     *,

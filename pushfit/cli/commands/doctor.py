@@ -9,7 +9,7 @@ import re
 from importlib import metadata
 
 from pushfit.cli import options
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import FitError
 from pushfit.fit.programs.folder import enable_compile_cache
 
@@ -20,7 +20,7 @@ FOR_DEVELOPERS = re.compile(r"extra == .(docs|bench|test)\b")
 DOUBLE_PRECISION = 1e-14
 
 
-def doctor(session: Session, json: options.Json = False) -> None:
+def doctor(session: CommandSession, json: options.Json = False) -> None:
     """Check the installation and list its versions."""
     cache = enable_compile_cache()
     check_arithmetic()

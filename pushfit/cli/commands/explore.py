@@ -14,7 +14,7 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.output import refuse_picture, warn_of_missing
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError, FitError
 from pushfit.report.store.target import PARTS
 
@@ -117,7 +117,7 @@ class Asked:
 
 
 def next(
-    session: Session,
+    session: CommandSession,
     table: Annotated[
         Path | None,
         typer.Argument(metavar="[TABLE]", help="Pushes made so far; none to begin."),
@@ -175,7 +175,7 @@ def next(
 
 
 def explore(
-    session: Session,
+    session: CommandSession,
     hand: Annotated[
         Literal["simulated", "ros"], typer.Option(help="What makes the pushes.")
     ],
@@ -257,7 +257,7 @@ def explore(
 
 
 def _run(
-    session: Session,
+    session: CommandSession,
     explorer: "Explorer",
     finger: "Hand",
     *,
@@ -321,7 +321,7 @@ def _run(
 
 
 @contextmanager
-def watched(session: Session) -> Iterator[Callable[["Step"], None]]:
+def watched(session: CommandSession) -> Iterator[Callable[["Step"], None]]:
     """Follow the pushes: a live table on a terminal, else a line for each."""
     import sys
 

@@ -14,7 +14,7 @@ import typer
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks, read_settings
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import DataError
 from pushfit.report.strings import printable
 
@@ -27,7 +27,7 @@ SCHEMA = "pushfit.validate/1"
 
 
 def init(
-    session: Session,
+    session: CommandSession,
     path: Annotated[
         Path, typer.Argument(metavar="FILE", help="File to write, - for stdout.")
     ] = Path("grasp.toml"),
@@ -44,7 +44,7 @@ def init(
 
 
 def validate(
-    session: Session,
+    session: CommandSession,
     files: Annotated[
         list[Path],
         typer.Argument(metavar="FILE...", help="Recordings, schedules, peak tables."),
@@ -81,7 +81,7 @@ def validate(
 
 
 def peaks(
-    session: Session,
+    session: CommandSession,
     recording: options.RecordingFile,
     schedule: options.ScheduleFile = None,
     *,
@@ -144,7 +144,7 @@ def peaks(
 
 
 def print_heights(
-    session: Session,
+    session: CommandSession,
     path: Path,
     recording: "Recording",
     *,
@@ -166,7 +166,7 @@ def print_heights(
     write_text(session, text, output, remark=f": {len(measured.frame)} pushes")
 
 
-def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:
+def draw_peaks(session: CommandSession, table: "PeakTable", plot: Path) -> None:
     """Draw the signal of a recording with what was taken from it."""
     from pushfit.report.figures import save_figure, signal_figure
 
@@ -175,7 +175,7 @@ def draw_peaks(session: Session, table: "PeakTable", plot: Path) -> None:
 
 
 def simulate(
-    session: Session,
+    session: CommandSession,
     schedule: Annotated[
         Path, typer.Argument(metavar="SCHEDULE", help="Directions of the pushes.")
     ],

@@ -16,7 +16,7 @@ import typer
 from pushfit.cli import options
 from pushfit.cli.inputs import read_settings
 from pushfit.cli.output import refuse_existing, write_text
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError, installed_by
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def look(
-    session: Session,
+    session: CommandSession,
     recording: options.RecordingFile,
     schedule: options.ScheduleFile = None,
     *,
@@ -80,7 +80,11 @@ def look(
 
 
 def read_look(
-    session: Session, recording: Path, *, schedule: Path | None, settings: "GraspConfig"
+    session: CommandSession,
+    recording: Path,
+    *,
+    schedule: Path | None,
+    settings: "GraspConfig",
 ) -> "Look":
     """What the page is going to show."""
     from pushfit.cli.look.state import Look
@@ -105,7 +109,7 @@ class Saver:
     """
 
     def __init__(
-        self, session: Session, recording: Path, out: Path, *, force: bool
+        self, session: CommandSession, recording: Path, out: Path, *, force: bool
     ) -> None:
         """Name the files."""
         self._session, self._recording, self._force = session, recording, force

@@ -11,12 +11,12 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError
 
 
 def report(
-    session: Session,
+    session: CommandSession,
     result: Annotated[
         Path, typer.Argument(metavar="RESULT", help="Folder that --out wrote.")
     ],
@@ -44,7 +44,7 @@ def report(
 
 
 def diff(
-    session: Session,
+    session: CommandSession,
     first: Annotated[Path, typer.Argument(metavar="A", help="Result folder.")],
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one.")],
     *,

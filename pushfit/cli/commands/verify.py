@@ -10,7 +10,7 @@ import typer
 
 from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError, DataError, FitError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ N_SHOWN = 5
 
 
 def verify(
-    session: Session,
+    session: CommandSession,
     result: Annotated[
         Path, typer.Argument(metavar="RESULT", help="Folder that --out wrote.")
     ],
@@ -118,7 +118,7 @@ def locate(path: str, result: Path, folder: Path | None) -> Path:
 
 
 def run_again(
-    session: Session, summary: dict[str, Any], found: dict[str, Path]
+    session: CommandSession, summary: dict[str, Any], found: dict[str, Path]
 ) -> "Identification":
     """The same analysis of the same files."""
     from pushfit.data.tables.peak_table import read_table

@@ -13,7 +13,7 @@ import typer
 from pushfit.cli import options
 from pushfit.cli.commands.batch import report
 from pushfit.cli.output import warn_of_missing
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import keep
 from pushfit.errors import DataError
 
@@ -21,7 +21,7 @@ Stamp = tuple[int, int]
 
 
 def watch(
-    session: Session,
+    session: CommandSession,
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder in which recordings arrive.")
     ],

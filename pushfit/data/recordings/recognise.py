@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from pushfit.data.units import (
     UNITS,
-    Quantity,
+    Dimension,
     Unit,
     find_unit,
     parse_unit,
@@ -90,7 +90,7 @@ class RecordingColumns:
         """
         return [i for i, stem in enumerate(self.stems) if stem in stems]
 
-    def measuring(self, quantity: Quantity) -> list[int]:
+    def measuring(self, quantity: Dimension) -> list[int]:
         """Positions of the columns in a unit of a quantity."""
         return [
             i
@@ -99,6 +99,6 @@ class RecordingColumns:
         ]
 
 
-def units_of(quantity: Quantity) -> list[str]:
+def units_of(quantity: Dimension) -> list[str]:
     """Names of the units of a quantity."""
     return [unit.name for unit in UNITS.values() if unit.quantity == quantity]

@@ -15,7 +15,7 @@ from pushfit.data.text.faults import data_error, listed, problem
 from pushfit.data.text.layout_guess import Stamp, stamp_of
 from pushfit.data.units import (
     UNITS,
-    Quantity,
+    Dimension,
     Unit,
     parse_unit,
     split_unit,
@@ -309,7 +309,7 @@ def _checked(
     role: str,
     i: int,
     unit: Unit | None,
-    quantity: Quantity,
+    quantity: Dimension,
     example: str,
 ) -> Role | None:
     """Make a role if its unit is known and measures the right thing."""

@@ -109,7 +109,7 @@ def compare_result(
     except BROKEN as error:
         raise not_whole(folder, error) from error
     found = _entries(summary_again, again.table, posterior_tree(again))
-    nothing = Entry(value=None, allowed=0.0)
+    nothing = Expected(value=None, allowed=0.0)
     differences = []
     for where in dict.fromkeys([*recorded, *found]):
         old, new = recorded.get(where, nothing), found.get(where, nothing)
@@ -135,7 +135,7 @@ def _environment(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class Expected:
     """One value of a result, and how far another platform or version may move it."""
 
     value: Leaf
@@ -144,9 +144,9 @@ class Entry:
 
 def _entries(
     summary: Mapping[str, Json], table: PeakTable, tree: "DataTree"
-) -> dict[str, Entry]:
+) -> dict[str, Expected]:
     """Everything that a rerun is to reproduce, by where it stands."""
-    entries: dict[str, Entry] = {}
+    entries: dict[str, Expected] = {}
     for key, value in summary.items():
         if key not in NOT_COMPARED:
             allowed = math.inf if key in OF_ONE_CHAIN else None
@@ -155,17 +155,17 @@ def _entries(
     for name in numbers:
         heights = numbers[name].to_numpy(dtype=float)
         allowed = RELATIVE * float(np.max(np.abs(heights), initial=0.0))
-        entries[f"peaks.csv: {name}"] = Entry(value=heights, allowed=allowed)
+        entries[f"peaks.csv: {name}"] = Expected(value=heights, allowed=allowed)
     for group in tree.children:
         for name, draws in tree[group].data_vars.items():
             where = f"result.nc: {group}/{name}"
-            entries[where] = Entry(value=draws.to_numpy(), allowed=math.inf)
+            entries[where] = Expected(value=draws.to_numpy(), allowed=math.inf)
     return entries
 
 
 def _walk(
     value: Json, where: str, allowed: float | None
-) -> Iterator[tuple[str, Entry]]:
+) -> Iterator[tuple[str, Expected]]:
     """Leaves of a document; without a limit from above they have a relative one."""
     if isinstance(value, dict | list):
         pairs = enumerate(value) if isinstance(value, list) else value.items()
@@ -185,7 +185,7 @@ def _walk(
         return
     if allowed is None:
         allowed = RELATIVE * abs(value) if _is_number(value) else 0.0
-    yield where, Entry(value=value, allowed=allowed)
+    yield where, Expected(value=value, allowed=allowed)
 
 
 def _is_same(recorded: Leaf, found: Leaf) -> bool:

@@ -9,10 +9,10 @@ import pytest
 from pushfit.cli import main
 from pushfit.cli.commands import look as look_module
 from pushfit.cli.commands.look import Saver, read_look
-from pushfit.cli.session import Session
+from pushfit.cli.session import CommandSession
 from pushfit.config import read_config
 from pushfit.data.plans.schedule import PushSchedule, write_schedule
-from pushfit.data.simulate import Session as Robot
+from pushfit.data.simulate import CommandSession as Robot
 from pushfit.data.simulate import simulate_recording, write_recording
 from pushfit.errors import ConfigError
 from tests.cli.look.makers import recording
@@ -20,7 +20,7 @@ from tests.problems import CASES
 from tests.tolerances import EXACT
 
 THETA_DEG = np.arange(10.0, 90.0, 10.0)
-QUIET = Session(is_quiet=True, is_verbose=False, is_debug=False, is_json=False)
+QUIET = CommandSession(is_quiet=True, is_verbose=False, is_debug=False, is_json=False)
 TARGETS = ["a_schedule.csv", "a_grasp.toml"]
 
 
