@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard, cast
+from typing import TYPE_CHECKING, TypeGuard, cast
 
 import numpy as np
 
@@ -89,7 +89,7 @@ class Reproduction:
 
 
 def compare_result(
-    folder: Path, summary: Mapping[str, Any], again: Identification
+    folder: Path, summary: Mapping[str, Json], again: Identification
 ) -> Reproduction:
     """Compare every number of a result folder, all files, with the same anew.
 
@@ -102,7 +102,7 @@ def compare_result(
     from xarray import open_datatree
 
     summary_again = summary_dict(again)
-    environment = _environment(summary["versions"], again.versions)
+    environment = _environment(summary["versions"], summary_again["versions"])
     try:
         with open_datatree(folder / "result.nc", engine="h5netcdf") as tree:
             recorded = _entries(summary, read_table(folder / "peaks.csv"), tree)
@@ -127,11 +127,16 @@ def compare_result(
 
 
 def _environment(
-    recorded: Mapping[str, str], found: Mapping[str, str]
+    recorded: Json, found: Json
 ) -> dict[str, tuple[str | None, str | None]]:
-    names = dict.fromkeys([*recorded, *found])
-    pairs = {name: (recorded.get(name), found.get(name)) for name in names}
-    return {name: (old, new) for name, (old, new) in pairs.items() if old != new}
+    before = recorded if isinstance(recorded, dict) else {}
+    now = found if isinstance(found, dict) else {}
+    pairs = {n: (before.get(n), now.get(n)) for n in dict.fromkeys([*before, *now])}
+    return {
+        name: (None if old is None else str(old), None if new is None else str(new))
+        for name, (old, new) in pairs.items()
+        if old != new
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
