@@ -22,7 +22,8 @@ FIRST, LAST, SOONER, N_SOONER = 0.15, 0.95, 0.8, 6
 PREPARED = (
     "import sys, time\nfrom pushfit.cli.session import CommandSession\n"
     "from pushfit.cli.stop import stoppable\n"
-    "s = CommandSession(is_quiet=False, is_verbose=False, is_debug=False, is_json=False)\n"
+    "words = 'is_quiet', 'is_verbose', 'is_debug', 'is_json'\n"
+    "s = CommandSession(**dict.fromkeys(words, False))\n"
 )
 # A callback of JAX swallows what a signal handler raises, as this does.
 SWALLOWING = """
