@@ -11,6 +11,10 @@ from typing import TypeVar
 
 # Period of an axis: pushing along α and along α + 180° is the same line [deg].
 HALF_TURN = 180.0
+# Stands for 0 below a fraction or in a log, so that neither is infinite: less than is
+# measured in any unit, and above the least number that is not flushed to 0, 2e-308, by
+# so much that 1e7 over it is finite.
+TINY = 1e-300
 # Kind, first and second number of a distribution.
 Shape = tuple[str, float, float]
 

@@ -30,6 +30,7 @@ from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer
 from pushfit.model import Grasp
+from pushfit.parameters import TINY
 
 LENGTH = 5e-3
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
@@ -121,7 +122,7 @@ class Grid:
 
     def _weigh(self):
         """Weight of every cell, ln A integrated about its own optimum."""
-        best = np.maximum(self.gh / np.maximum(self.gg, 1e-300), 1e-3)
+        best = np.maximum(self.gh / np.maximum(self.gg, TINY), 1e-3)
         a = np.where(self.gg > 0, np.log(best), self.mu)
         for _ in range(6):
             A = np.exp(a)

@@ -11,6 +11,7 @@ from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.limits import Limits
 from pushfit.model import Grasp, Parameters, Pushes, forward
+from pushfit.parameters import TINY
 
 if TYPE_CHECKING:
     from benchmarks.explore.by_engine import Course
@@ -170,7 +171,7 @@ class LikelihoodSets:
 
     def hull(self) -> tuple[float, float]:
         """Ends of the set of 90 % [deg]."""
-        least = self.hh - np.maximum(self.gh, 0.0) ** 2 / np.maximum(self.gg, 1e-300)
+        least = self.hh - np.maximum(self.gh, 0.0) ** 2 / np.maximum(self.gg, TINY)
         profile = least.min(axis=1)
         inside = np.degrees(self.theta_c[profile <= profile.min() + DROP])
         return float(inside[0]) - 0.125, float(inside[-1]) + 0.125

@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-# Stands for a ratio of 0, whose log is infinite.
-SMALLEST_RATIO = 1e-300
+from pushfit.parameters import TINY
+
 Sharpness = float | Float[Array, ""]
 # Below this argument four terms of a series in it are exact to 1e-18, while the closed
 # form divides 0 by 0 at the origin.
@@ -70,7 +70,7 @@ def softmin(
     is_zero = larger == 0
     ratio = smaller / jnp.where(is_zero, 1.0, larger)
     # Powers by way of logs: many times faster where they are not known beforehand.
-    power = jnp.exp(sharpness * jnp.log(jnp.maximum(ratio, SMALLEST_RATIO)))
+    power = jnp.exp(sharpness * jnp.log(jnp.maximum(ratio, TINY)))
     return smaller * jnp.exp(-jnp.log(1 + power) / sharpness)
 
 

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.parameters import TINY
+
 # Parts of a window, for five numbers; moments of each, over which a shape is averaged
 # as samples are.
 N_BINS = 16
@@ -130,7 +132,7 @@ def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) 
     best = np.where(has_top, sse, np.inf).min(axis=1)
     found = np.isfinite(best)
     floor = np.where(found, best, 0.0)
-    variance = np.maximum(noise, 1e-300) ** 2
+    variance = np.maximum(noise, TINY) ** 2
     misfit = floor / (N_BINS - 5) / variance
     # What no shape of the family describes counts as noise.
     variance = variance * np.maximum(1.0, misfit / _BEYOND_CHANCE)
@@ -151,4 +153,4 @@ def _weigh(likelihood: Float[np.ndarray, "n g"]) -> Float[np.ndarray, "n g"]:
     """Weights of the cells, with the shares that the roundings have beforehand."""
     by_r = likelihood.reshape(len(likelihood), len(_R), len(_T0))
     weights = (by_r * _SHARES[:, None]).reshape(len(likelihood), -1)
-    return weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
+    return weights / np.maximum(weights.sum(axis=1, keepdims=True), TINY)

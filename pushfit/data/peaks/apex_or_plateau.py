@@ -17,6 +17,7 @@ from pushfit.data.peaks.baselines import RestNoise
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.humps import longest_run
 from pushfit.data.pushes.running_means import RunningMeans
+from pushfit.parameters import TINY
 
 # Parts of a push above half its height, for five numbers; two samples in each at least.
 PROFILE_BINS = 32
@@ -62,7 +63,7 @@ def calmed(
 ) -> Float[np.ndarray, "p m"]:
     """Profiles averaged over so many parts that their noise is small in the band."""
     n = np.array([extent.end - extent.start for extent in extents])
-    rise = np.maximum(profile.max(axis=1) - base, 1e-300)
+    rise = np.maximum(profile.max(axis=1) - base, TINY)
     share = np.minimum(noise.of_part(n / PROFILE_BINS) / rise, 1.0)
     widths = np.clip(np.ceil((share / _CALM) ** 2), 1, _MAX_CALMING).astype(int)
     calm = profile.copy()
@@ -112,7 +113,7 @@ def held_window(course: Float[np.ndarray, " m"]) -> tuple[float, float]:
 
 def _inner(inside: float, outside: float) -> float:
     """Share of the way from a part to the next one that lies inside of a band."""
-    return float(np.clip(inside / max(inside - outside, 1e-300), 0.0, 1.0))
+    return float(np.clip(inside / max(inside - outside, TINY), 0.0, 1.0))
 
 
 def _is_long(course: Float[np.ndarray, " m"], part: tuple[int, int]) -> bool:
@@ -140,7 +141,7 @@ def are_held(
     variance = noise.of_part(counts.mean(axis=1)) ** 2
     gain = _misfit(bins, *_hyperbolas()) - _misfit(bins, *_levels())
     rise = calm - base[:, None]
-    height = np.maximum(rise.max(axis=1), 1e-300)
+    height = np.maximum(rise.max(axis=1), TINY)
     is_level = gain > _EVIDENCE * variance + _UNLIKE * height**2
     scaled = rise / height[:, None]
     may_be_low = _may_settle(scaled)

@@ -13,6 +13,7 @@ from pushfit.data.peaks.blocks import MAX_SAMPLES, correlation_of, scatter
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import FOOT, LEAST, SHIFT, Feet, likeness
 from pushfit.data.pushes.noise import SignalNoise
+from pushfit.parameters import TINY
 
 # A rest of fewer samples shows no level.
 _FEWEST = 3
@@ -142,7 +143,7 @@ class _Beside:
     def noise(self) -> RestNoise:
         """Noise at rest, and how far it averages out; of all rests if few samples."""
         general = SignalNoise.of(self.time, self.signal)
-        floor = max(general.quantum**2 / 12, 1e-300)
+        floor = max(general.quantum**2 / 12, TINY)
         n = len(self.feet.start)
         near, far = (
             np.concatenate(self.windows(is_long=is_long)) for is_long in (False, True)
@@ -165,7 +166,7 @@ class _Beside:
         sensor has changed under the push, and what lies between is doubt.
         """
         feet, (windows, windows_after) = self.feet, self.windows()
-        height = np.maximum(feet.height, 1e-300)
+        height = np.maximum(feet.height, TINY)
         # Levels, middles and numbers of samples of the rests.
         level, when, n = self._levels(windows, -1, noise)
         level_after, when_after, n_after = self._levels(windows_after, 1, noise)
@@ -206,7 +207,7 @@ class _Beside:
         parts = np.stack([begin, begin + n], axis=1)
         whole = np.array([self._rest(own, _middle_mean) for own in windows]).T
         near = np.array([self._rest(own, np.mean) for own in parts]).T
-        height = np.maximum(self.feet.height, 1e-300)
+        height = np.maximum(self.feet.height, TINY)
         far = np.maximum(FOOT * height, _UNLIKE * noise.of_part(n))
         level, when, n = near + likeness(whole[0] - near[0], far) * (whole - near)
         return np.stack([level, when, np.nan_to_num(n)])
@@ -240,7 +241,7 @@ class _Beside:
             drift = np.nan_to_num(rate[k]) * (time[late].mean() - time[early].mean())
             moved[k] = signal[late].mean() - signal[early].mean() - drift
             n[k] = half
-        return np.where(n > 0, moved / (2**0.5 * noise.of_part(n) + 1e-300), 0)
+        return np.where(n > 0, moved / (2**0.5 * noise.of_part(n) + TINY), 0)
 
 
 def rests_of(

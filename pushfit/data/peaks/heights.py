@@ -27,6 +27,7 @@ from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
 from pushfit.data.pushes.running_means import RunningMeans
+from pushfit.parameters import TINY
 
 Definition = Literal["auto", "apex", "plateau"]
 
@@ -238,7 +239,7 @@ def _plateaus(pushes: _Pushes) -> _Tops:
     windows = np.empty((len(pushes.extents), 2))
     for k, extent in enumerate(pushes.extents):
         rise = pushes.profile[k] - pushes.base[k]
-        first, last = held_window(rise / max(rise.max(), 1e-300))
+        first, last = held_window(rise / max(rise.max(), TINY))
         margin = 0.15 * (last - first)
         share = np.array([first + margin, max(last - margin, first + margin + 1)])
         step = (extent.t_end - extent.t_start) / PROFILE_BINS
@@ -260,7 +261,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
     from scipy.ndimage import uniform_filter1d  # noqa: PLC0415 - slow to load
 
     smooth = uniform_filter1d(pushes.profile, 3, axis=1, mode="nearest")
-    rise = np.maximum(smooth.max(axis=1) - pushes.base, 1e-300)
+    rise = np.maximum(smooth.max(axis=1) - pushes.base, TINY)
     depth = np.clip(0.25 + 3 * pushes.noise.sigma / rise, *_DEPTH)
     windows = _top_windows(smooth, depth * rise, pushes.extents)
     time = pushes.course.time
@@ -296,9 +297,9 @@ def _apexes(pushes: _Pushes) -> _Tops:
         doubt[todo] = left
         # Around the highest parts, without a jump where two of them are alike.
         share = bins - bins.min(axis=1, keepdims=True)
-        share = (share / np.maximum(share.max(axis=1, keepdims=True), 1e-300)) ** _SHARP
+        share = (share / np.maximum(share.max(axis=1, keepdims=True), TINY)) ** _SHARP
         where = (2 * np.arange(N_BINS) + 1) / N_BINS - 1
-        centre = middle + half * (share @ where) / np.maximum(share.sum(axis=1), 1e-300)
+        centre = middle + half * (share @ where) / np.maximum(share.sum(axis=1), TINY)
         windows[todo] = np.stack([centre - 0.6 * half, centre + 0.6 * half], axis=1)
         todo = todo[left > 0]
     sd = np.sqrt(np.maximum(square - level**2, 0.0))
@@ -333,7 +334,7 @@ def _share(
     low: Float[np.ndarray, " p"], high: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, " p"]:
     """Where lines from one part to the next pass 0; at their begin if they do not."""
-    return np.where(low < 0, -low / np.maximum(high - low, 1e-300), 0.0)
+    return np.where(low < 0, -low / np.maximum(high - low, TINY), 0.0)
 
 
 def _largest_gap(

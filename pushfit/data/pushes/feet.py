@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.running_means import View
+from pushfit.parameters import TINY
 
 # Level of the foot, where a push begins and ends, as a share of its height.
 FOOT = 0.05
@@ -121,7 +122,7 @@ class Feet(Generic[Number]):
         """
         if view.smoothing is not None:
             return np.full(len(self.start), view.smoothing)
-        blurred = np.minimum(CLEAR * self.sigma / np.maximum(self.height, 1e-300), 1e6)
+        blurred = np.minimum(CLEAR * self.sigma / np.maximum(self.height, TINY), 1e6)
         least = np.minimum(self.step * blurred**2, self.width / _MOST_SMOOTHING)
         return np.maximum.reduce([self.width / WIDTH_PER_SMOOTHING, least, self.step])
 
@@ -234,7 +235,7 @@ _NAMES = tuple(field.name for field in fields(Feet))
 
 def likeness(moved: Numbers, far: Numbers | float) -> Numbers:
     """Whether moves of rests may be drift: 1 for small ones, 0 for those too `far`."""
-    return 1 / (1 + np.clip(moved / np.maximum(far, 1e-300), -1e3, 1e3) ** 4)
+    return 1 / (1 + np.clip(moved / np.maximum(far, TINY), -1e3, 1e3) ** 4)
 
 
 def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
@@ -245,7 +246,7 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     time = view.time
     # Noise hides more of a flank than what lies below the foot.
     noise = SIGMAS * feet.noise(feet.averaging(view))
-    hidden = np.clip(noise / np.maximum(feet.height, 1e-300), FOOT, _MOST_HIDDEN)
+    hidden = np.clip(noise / np.maximum(feet.height, TINY), FOOT, _MOST_HIDDEN)
     more = (hidden - FOOT) / (1 - hidden)
     early = feet.start - _BEGINS * (feet.half_up - feet.start)
     early -= more * (feet.peak - feet.start)

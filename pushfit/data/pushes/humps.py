@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.tracing import ON_STEP
+from pushfit.parameters import TINY
 
 # A dip is briefer than the smoothing, which is so many bins; a rest is not.
 _DIP_BINS = 3
@@ -149,7 +150,7 @@ class Humps:
             tops, lows = self.y[self.peaks], self.y[self.valleys]
             rest = np.minimum(self.rests[:-2], self.rests[2:])
             smaller = np.minimum(tops[:-1], tops[1:])
-            ratio = (lows[1:-1] - rest) / np.maximum(smaller - rest, 1e-300)
+            ratio = (lows[1:-1] - rest) / np.maximum(smaller - rest, TINY)
             ratio[[int(v) in kept for v in self.valleys[1:-1]]] = -np.inf
             worst = int(np.argmax(ratio))
             if ratio[worst] <= split:

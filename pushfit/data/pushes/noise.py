@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pushfit.parameters import TINY
+
 # Samples that the noise is judged by; more would only cost time.
 _NOISE_SAMPLES = 20_000
 # Even steps that differ by this much are equal but for rounding.
@@ -83,7 +85,7 @@ def bends(
     parts = [slice(k, len(signal) - 2 + k, stride) for k in range(3)]
     before, own, after = (signal[part] for part in parts)
     t_before, t_own, t_after = (time[part] for part in parts)
-    whole = np.maximum(t_after - t_before, 1e-300)
+    whole = np.maximum(t_after - t_before, TINY)
     share = (t_own - t_before) / whole
     chord = before + share * (after - before)
     spread = np.sqrt(1 + share**2 + (1 - share) ** 2)

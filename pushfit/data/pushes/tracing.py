@@ -28,6 +28,7 @@ from pushfit.data.pushes.feet import (
 )
 from pushfit.data.pushes.noise import bends
 from pushfit.data.pushes.running_means import RunningMeans, View
+from pushfit.parameters import TINY
 
 # A hump that is lower than this share of the step below it is an overshoot.
 ON_STEP = 0.33
@@ -107,7 +108,7 @@ def _noise_by_feet(
 
     def noise(feet: Feet[np.ndarray]) -> Numbers:
         share = count.mean(feet.start, feet.end)
-        own = _OF_MEAN * over.mean(feet.start, feet.end) / np.maximum(share, 1e-300)
+        own = _OF_MEAN * over.mean(feet.start, feet.end) / np.maximum(share, TINY)
         return np.where(~is_clear & (share > _LEAST_MOVING), own, whole)
 
     return noise
@@ -152,7 +153,7 @@ def _trace(
     peak = np.argmax(np.where(inside, y, -np.inf), axis=1)
     t_peak, top = _tops(smooth, when, peak)
     before, after = _rests(course, feet, y=y, peak=peak, top=top)
-    rises = [np.maximum(top - rest, 1e-300) for rest in (before, after)]
+    rises = [np.maximum(top - rest, TINY) for rest in (before, after)]
     noise = SIGMAS * feet.noise(tau)
     feet_up, feet_down = (np.maximum(FOOT * rise, noise) for rise in rises)
     is_up, is_down = index <= peak[:, None], index >= peak[:, None]
@@ -289,6 +290,6 @@ def _falls(
     off = sign * smooth(fine) - level[:, None]
     j = np.maximum(np.argmax(off < 0, axis=1), 1)
     high, low = off[rows, j - 1], off[rows, j]
-    share = np.clip(high / np.maximum(high - low, 1e-300), 0.0, 1.0)
+    share = np.clip(high / np.maximum(high - low, TINY), 0.0, 1.0)
     passed = fine[rows, j - 1] + share * (fine[rows, j] - fine[rows, j - 1])
     return np.where(below.any(axis=1) & (k > first), passed, b)

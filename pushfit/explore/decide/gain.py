@@ -17,7 +17,7 @@ from threadpoolctl import ThreadpoolController
 
 from pushfit.explore.decide.intervals import AskedAngle, column_widths
 from pushfit.explore.decide.joint_table import Joint, by_label, by_reading, joint_table
-from pushfit.parameters import HALF_TURN
+from pushfit.parameters import HALF_TURN, TINY
 
 # Bins of equal weight of the angle, and of the reading along its widest and its second
 # direction: noise blurs them. Twice as many move no ranking. The coarse ones are for
@@ -30,8 +30,9 @@ N_AT_ONCE = 2**17
 N_FINE = 128
 # Readings so much less likely than the likeliest are left out of what is expected.
 NEGLIGIBLE = 1e-3
-# Nothing was counted where there is less.
-TINY = np.float32(1e-37)
+# Nothing was counted where there is less: near the least number that single precision
+# holds in full, 1.2e-38.
+NO_COUNT = np.float32(1e-37)
 
 
 @functools.cache
@@ -82,7 +83,7 @@ def labels(
     known = np.isfinite(values)
     order = np.argsort(values, kind="stable")  # NaN last
     middle = np.cumsum(weights[order]) - weights[order] / 2
-    share = max(float(weights[known].sum()), 1e-300)
+    share = max(float(weights[known].sum()), TINY)
     found = np.empty(values.size, dtype=np.int64)
     found[order] = np.clip(n_labels * middle / share, 0, n_labels - 1)
     # Equal values share a bin, or the order of draws would be taken for knowledge.
@@ -222,7 +223,7 @@ def _whole(table: Float[np.ndarray, "k ..."]) -> Float[np.ndarray, " k"]:
 
 def _entropy(p: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
     """Terms p ln p of an entropy, 0 at 0."""
-    return p * np.log(np.maximum(p, TINY))
+    return p * np.log(np.maximum(p, NO_COUNT))
 
 
 def _bias(joint: Joint) -> Float[np.ndarray, " k"]:
@@ -247,4 +248,4 @@ def _ratio(
     over: Float[np.ndarray, "*s"], under: Float[np.ndarray, "*s"]
 ) -> Float[np.ndarray, "*s"]:
     """Quotient, 0 where nothing was counted."""
-    return np.where(under > TINY, over / np.maximum(under, TINY), 0.0)
+    return np.where(under > NO_COUNT, over / np.maximum(under, NO_COUNT), 0.0)

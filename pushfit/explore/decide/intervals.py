@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.parameters import HALF_TURN
+from pushfit.parameters import HALF_TURN, TINY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +93,6 @@ def column_widths(
     end = np.clip(end, 1, above.shape[1] - 1)
     high = np.take_along_axis(above, end, axis=1)
     low = np.take_along_axis(above, end - 1, axis=1)
-    part = np.clip((target - low) / np.maximum(high - low, 1e-300), 0.0, 1.0)
+    part = np.clip((target - low) / np.maximum(high - low, TINY), 0.0, 1.0)
     widths = np.where(is_there, end - 1 + part - np.arange(g), np.inf)
     return step * np.min(widths, axis=1)

@@ -18,7 +18,7 @@ from pushfit.fit.profiles.least_squares import RANK_TOLERANCE
 from pushfit.fit.programs.compile import compiled
 from pushfit.fit.results import Combination, IdentifiabilityResult
 from pushfit.model import Parameters, as_float, contact
-from pushfit.parameters import OF_GRASP, POSITIVE, SIGNED
+from pushfit.parameters import OF_GRASP, POSITIVE, SIGNED, TINY
 
 # A direction counts as fixed by the data when they remove this share of its prior
 # variance: the error bar is then less than half of the prior's.
@@ -61,7 +61,7 @@ def identifiability(
                 is_determined=bool(removed > MIN_CONTRACTION),
             )
         )
-    floor = RANK_TOLERANCE * max(singular_values.max(initial=0.0), 1e-300)
+    floor = RANK_TOLERANCE * max(singular_values.max(initial=0.0), TINY)
     return IdentifiabilityResult(
         combinations=tuple(combinations),
         rank=int(np.sum(singular_values > floor)),

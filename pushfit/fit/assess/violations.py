@@ -24,6 +24,7 @@ from pushfit.fit.problem.repeats.effects import ARTICLES, repeat_effect
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
 from pushfit.fit.results import FitResult, ResultWarning
+from pushfit.parameters import TINY
 
 ANGLE_ERRORS = "looks_like_angle_errors"
 HEAVY_TAILED, PROPORTIONAL = "looks_heavy_tailed", "looks_proportional"
@@ -39,7 +40,7 @@ SOFT = 4.0
 # second no tails.
 MIN_FREEDOM, MIN_FOR_KURTOSIS = 3, 20
 # What is smaller, against the whole, is rounding.
-ROUNDING, TINY = 1e-9, 1e-300
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,6 +19,7 @@ from pushfit.fit.problem.slopes import with_slopes
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, finite
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
+from pushfit.parameters import TINY
 
 # Least factor on forces by which a guess is brought to the heights, and the largest.
 SCALES = (1e-3, 1e3)
@@ -153,7 +154,7 @@ class Likelihood(eqx.Module):
             y = self.impose(value, z)
             predicted = problem.predict(problem.data_state(y))
             scale = jnp.sum(weight * predicted * problem.observed)
-            scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
+            scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), TINY)
             shift = jnp.where(is_scaled, jnp.log(jnp.clip(scale, *SCALES)), 0.0)
             residuals = problem.with_constraint(problem.residuals_of(predicted), y)
             cost = finite(jnp.sum(residuals**2) / 2)

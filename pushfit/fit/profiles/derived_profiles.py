@@ -14,7 +14,7 @@ from jaxtyping import Float
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.profiles.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.results import LikelihoodProfile
-from pushfit.parameters import unit_of
+from pushfit.parameters import TINY, unit_of
 
 Map = Callable[[Float[np.ndarray, " g"]], Float[np.ndarray, " g"]]
 
@@ -61,7 +61,7 @@ def _partner_of_series(other: float | None) -> Map:
     if other is None:
         return lambda whole: whole
     return lambda whole: np.where(
-        whole < other, whole / np.maximum(1 - whole / other, 1e-300), np.nan
+        whole < other, whole / np.maximum(1 - whole / other, TINY), np.nan
     )
 
 

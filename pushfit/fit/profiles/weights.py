@@ -18,6 +18,7 @@ from pushfit.fit.problem.problem import STUDENT_DOF, Problem
 from pushfit.fit.profiles.angle_errors import COMMON_SD, angle_slopes, steepness
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.model import as_float
+from pushfit.parameters import TINY
 
 # Largest variance of a component, in mean squares of the errors, and where it is sought
 # from.
@@ -222,8 +223,8 @@ def _likeliest(
         columns += [
             (errors.channel == c).astype(float) for c in range(max(errors.channel) + 1)
         ]
-    scale = max(float(np.mean(squares)), 1e-300)
-    means = np.array([max(float(np.mean(column)), 1e-300) for column in columns])
+    scale = max(float(np.mean(squares)), TINY)
+    means = np.array([max(float(np.mean(column)), TINY) for column in columns])
     design = np.stack(columns, axis=1) / means
     # What no component may fall below: variances stay finite for perfect heights.
     floor = 1e-9 * scale

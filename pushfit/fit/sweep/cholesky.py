@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.model import Scalar
+from pushfit.parameters import TINY
 
 # Share of a diagonal entry that is left of it at least: rounding makes singular
 # information slightly indefinite.
@@ -26,7 +27,7 @@ def cholesky(matrix: Matrix) -> Matrix:
     """
     q, rest, columns = matrix.shape[0], matrix, []
     for j in range(q):
-        tiny = FLOOR * jnp.abs(matrix[j, j]) + 1e-300
+        tiny = FLOOR * jnp.abs(matrix[j, j]) + TINY
         pivot = jnp.sqrt(jnp.maximum(rest[j, j], tiny))
         column = jnp.where(np.arange(q) > j, rest[:, j] / pivot, 0.0)
         column = column.at[j].set(pivot)

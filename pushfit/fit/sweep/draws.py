@@ -35,6 +35,7 @@ from pushfit.fit.sweep.target import Expansion, Target
 from pushfit.mechanics.containers import anisotropy_stretch
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
+from pushfit.parameters import TINY
 
 # The Gaussian rest in several widths, and as the prior has it: shares of each.
 WIDTHS, SHARES = (1.0, 1.7, 3.5), (0.55, 0.2, 0.1, 0.15)
@@ -153,7 +154,7 @@ def _score_of_s(shares: Float[Array, " s"], numbers: Uniforms) -> tuple[Scalar, 
     ends = jnp.cumsum(shares)
     wanted = numbers.one() * ends[-1]
     i = jnp.minimum(jnp.sum(ends < wanted), N_STRATA - 1)
-    own = jnp.maximum(shares[i], 1e-300)
+    own = jnp.maximum(shares[i], TINY)
     part = jnp.clip((wanted - (ends[i] - shares[i])) / own, 0.0, 1.0)
     return _score((i + part) / N_STRATA), jnp.log(own * N_STRATA)
 

@@ -24,6 +24,7 @@ from pushfit.fit.sweep.search import Count, Objective, Round
 from pushfit.fit.sweep.segments import make_segments
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, Target
 from pushfit.model import Scalar
+from pushfit.parameters import TINY
 
 # Nodes along u, local minima that are followed, rounds, and steps of each round.
 N_NODES, N_MODES, N_ROUNDS, N_STEPS = 64, 4, 6, 5
@@ -211,7 +212,7 @@ def _ln_scale(target: Target, predicted: Float[Array, "c n"]) -> Scalar:
     predicted = jnp.where(problem.mask, predicted, 0.0)
     weight = target.pooled.count / problem.reference_sigma**2
     scale = jnp.sum(weight * predicted * problem.observed)
-    scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), 1e-300)
+    scale = scale / jnp.maximum(jnp.sum(weight * predicted**2), TINY)
     # A push that cannot be predicted at the guess must not make the node unknown.
     return jnp.log(jnp.clip(jnp.nan_to_num(scale, nan=1.0), 1e-3, 1e3))
 

@@ -26,6 +26,7 @@ from pushfit.fit.sweep.prior import make_target, prior_points
 from pushfit.fit.sweep.sheet import Sheet, make_sheet
 from pushfit.fit.sweep.target import Target
 from pushfit.model import Scalar, as_float
+from pushfit.parameters import TINY
 
 LogProb = Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]]
 
@@ -264,7 +265,7 @@ def _weighed(
         log_prob=log_prob,
         log_weights=smoothed,
         log_evidence=_log_sum(log_weight) - float(np.log(n)),
-        log_evidence_error=float(np.sqrt(max(1 / max(ess, 1e-300) - 1 / n, 0.0))),
+        log_evidence_error=float(np.sqrt(max(1 / max(ess, TINY) - 1 / n, 0.0))),
         ess=ess,
         pareto_k=float(pareto_k),
     )

@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from pushfit.fit.sweep.cholesky import cholesky, solve
 from pushfit.fit.sweep.target import Expansion
 from pushfit.model import Scalar
+from pushfit.parameters import TINY
 
 # Longest step of a coordinate, in logs: beyond it the expansion says nothing.
 MAX_STEP = 1.5
@@ -151,7 +152,7 @@ def _step(
     factor = cholesky(hessian + jnp.diag(extra))
     move = solve(factor, jnp.where(is_free, -slope, 0.0))
     longest = jnp.max(jnp.abs(move))
-    move = move * jnp.minimum(1.0, MAX_STEP / jnp.maximum(longest, 1e-300))
+    move = move * jnp.minimum(1.0, MAX_STEP / jnp.maximum(longest, TINY))
     return best, damping, best.y + move
 
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from pushfit.model import Scalar
+from pushfit.parameters import TINY
 
 # A log density that rises by less over a segment is flat there: expm1(x)/x is 0/0.
 FLAT = 1e-9
@@ -78,7 +79,7 @@ def draw_segment(segments: Segments, uniform: Scalar) -> Drawn:
     # Comparing with all is faster than a search for so few.
     i = jnp.minimum(jnp.sum(total < wanted), total.size - 1)
     before = jnp.where(i > 0, total[i - 1], 0.0)
-    own = jnp.maximum(total[i] - before, 1e-300)
+    own = jnp.maximum(total[i] - before, TINY)
     part = jnp.clip((wanted - before) / own, 0.0, 1.0)
     low, high = segments.log_density[i], segments.log_density[i + 1]
     rise = high - low

@@ -23,6 +23,7 @@ from pushfit.fit.problem.priors.tabulated_density import (
     tabulate,
     tabulated,
 )
+from pushfit.parameters import TINY
 
 # Gauss nodes across a conditional density of up to 2 N_SD standard deviations.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
@@ -111,7 +112,7 @@ class Pair(abc.ABC):
     ) -> tuple[Float[np.ndarray, "*n t"], Float[np.ndarray, "*n t"], Values]:
         """Nodes across the pair's own coordinate, log joint density, half width."""
         low, high = self.interval(whole)
-        half = np.maximum((high - low) / 2, 1e-300)
+        half = np.maximum((high - low) / 2, TINY)
         t = ((low + high) / 2)[..., None] + half[..., None] * NODES
         first, second = self.parts(whole[..., None], t)
         a, b = self._densities()

@@ -8,6 +8,8 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from pushfit.parameters import TINY
+
 
 def gauss_legendre(
     log_f: Float[np.ndarray, "... m"],
@@ -49,7 +51,7 @@ def draw_from_nodes(
     segment = np.sum(total[:, None, :] < wanted[:, :, None], axis=2)
     segment = np.minimum(segment, step.shape[1] - 1)
     before = np.where(segment > 0, total[rows, segment - 1], 0.0)
-    share = (wanted - before) / np.maximum(mass[rows, segment], 1e-300)
+    share = (wanted - before) / np.maximum(mass[rows, segment], TINY)
     share = np.clip(share, 0.0, 1.0)
     slope, flat = safe[rows, segment], is_flat[rows, segment]
     part = np.where(flat, share, np.log1p(share * np.expm1(slope)) / slope)

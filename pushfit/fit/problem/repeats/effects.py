@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.results import ResultWarning
+from pushfit.parameters import TINY
 
 ARTICLES = {"offset": "an", "gain": "a"}
 # A gain is one whose chance is at most this share of that of an offset.
@@ -23,7 +24,7 @@ PLAINLY_LIKELIER = 0.1
 # Rounds of least squares for gains, each of which squares the share that is left.
 N_ROUNDS = 8
 # What is smaller, against the heights or their effects, is rounding.
-ROUNDING, TINY = 1e-9, 1e-300
+ROUNDING = 1e-9
 
 
 def without_repeat_effects(table: PeakTable, kind: str) -> PeakTable:
