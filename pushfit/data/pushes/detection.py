@@ -3,6 +3,8 @@
 A search of the whole signal finds humps (`pushfit.data.pushes.hump_search`), each of
 which is then looked at by itself. Excluded: baselines and heights
 (`pushfit.data.peaks.heights`) and which push is which (`pushfit.data.plans.alignment`).
+What constants do at half and at twice was seen in the recordings of
+`benchmarks.recordings.real_recordings`.
 """
 
 from dataclasses import dataclass, replace
@@ -17,18 +19,27 @@ from pushfit.data.pushes.running_means import View
 from pushfit.data.pushes.tracing import trace_feet
 
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
+# From twice as much, feet of `short_dropouts` and `p0_Pa` are found elsewhere: two
+# heights move by 3 and 2 sd.
 FIRST_SMOOTHING = 0.1
-# A hump below the first share of the largest is a brush; below the second it is one if
-# the next larger hump is so many times higher.
-_BRUSH, _SMALL, _GAP_RATIO = 0.03, 0.15, 5.0
+# A hump below this share of the largest is a brush. Half of it adds two humps to the 11
+# presses of `p3_Pa`; twice loses 2 of 12 of `p2_Pa`, and one each of `p1_Pa` and
+# `p3_Pa`.
+_BRUSH = 0.03
+# Below this share it is one if the next larger hump is so many times higher. Half of
+# the share, or twice the times, takes 9 humps of the soft skin at 0.5 N for pushes;
+# half of the times loses 2 of 5 pushes of `short_dropouts`.
+_SMALL, _GAP_RATIO = 0.15, 5.0
 # A hump that an end of the signal cuts off, and that is longer than this share of the
 # signal, or than so many whole pushes, is a trend.
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
 # A jerk is so many times briefer than the push, and nearer to it.
 _BRIEFER = 10.0
-# Share of the width by which feet of one push may lie elsewhere.
+# Share of the width by which feet of one push may lie elsewhere: the usual smoothing.
+# Half or twice moves no height.
 _SAME_PUSH = 0.1
-# Times that pushes are joined, and parted, by their own course.
+# Times that pushes are joined, and parted, by their own course: an end for what would
+# go on for ever. Half or twice as many change no real recording.
 _MOST_ONE, _MOST_TWO = 8, 2
 
 

@@ -14,19 +14,29 @@ from jaxtyping import Float
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.noise import SignalNoise
 
-# Long enough for several pushes, short enough for drift [s].
+# Long enough for several pushes, short enough for drift [s]. At twice a return from a
+# dip counts as a push in `test_returns_from_dips_are_no_pushes`; half changes nothing.
 _STRETCH = 30.0
 # Sensors undershoot after a release by a few percent of a push; what falls below rest
-# by more than this share of the highest push is no undershoot.
+# by more than this share of the highest push is no undershoot. Half or twice changes no
+# test and no real recording.
 _DIP = 0.25
-# Beside such a dip lower ones are dips as well, beyond this share of it.
+# Beside such a dip lower ones are dips as well, beyond this share of it. It came with
+# cuts anywhere of the barometer, whose p0 has dips; half or twice changes no whole one.
 _LESSER = 0.4
-# Time at either end of a recording that stands for rest, too short for a push [s].
+# Time at either end of a recording that stands for rest, too short for a push [s]; half
+# or twice changes no test and no real recording.
 _END = 0.2
-# Noise of the ends of a recording that is no difference of level [sigma].
+# Noise of the ends of a recording that is no difference of level, once in 16 000
+# [sigma].
 _SLACK = 4.0
+# Densest stretches of readings that differ by less, as a share of all, are alike: far
+# above rounding, 1e-16, far below a count of any sensor.
 _ROUNDING = 1e-9
+# Blocks whose extremes tell whether there are dips at all: more would only cost time.
 _MAX_BLOCKS = 1 << 14
+# Samples of a stretch that show its level well enough.
+_ENOUGH = 4096
 
 
 def rest_curve(
@@ -50,8 +60,7 @@ def _rest_knots(
     index[-1] = len(time)
     middles, levels = [], []
     for first, last in pairwise(index):
-        # A sample of the samples is enough for a level.
-        ordered = np.sort(signal[first : last : max(1, (last - first) // 4096)])
+        ordered = np.sort(signal[first : last : max(1, (last - first) // _ENOUGH)])
         if len(ordered) == 0:
             continue
         n = max(1, len(ordered) // 4)

@@ -14,11 +14,13 @@ from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers, are_cut
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.pushes.tracing import knots_for
 
-# Points of a course from foot to foot; averaging of the finer course, as a share of the
-# usual one.
+# Points of a course from foot to foot: some twelve in each averaging time of a
+# triangle. Half or twice as many part no other push of a real recording.
 _GRID = 240
+# Averaging of the finer course, as a share of the usual one: brief enough for a rest
+# that the usual one fills. Half or twice decides none of the real ones.
 _FINE = 0.125
-# A valley is deeper than noise makes one [sigma].
+# A valley is deeper than noise makes one, as maxima of the search are higher [sigma].
 _SIGNIFICANT = 6.0
 
 

@@ -2,7 +2,8 @@
 
 The signal is averaged in short bins, so that cost and noise fall together and uneven
 steps become even. Humps between valleys are then joined into pushes. Excluded: the
-course of each by itself (`pushfit.data.pushes.tracing`).
+course of each by itself (`pushfit.data.pushes.tracing`). What constants do at half and
+at twice was seen in the recordings of `benchmarks.recordings.real_recordings`.
 """
 
 from dataclasses import dataclass, replace
@@ -14,21 +15,25 @@ from pushfit.data.pushes.feet import FOOT, Feet
 from pushfit.data.pushes.humps import Humps
 from pushfit.data.pushes.running_means import View
 
-# Smoothing lowers a push by less than this share.
+# Smoothing leaves this share of a push, where the least height is asked for: it takes
+# 2.5 % from a triangle, and more where noise asks for more of it.
 _SMOOTHED = 0.8
 # Of 10^5 independent samples the largest is 4.3 sigma; a maximum needs more.
 _SIGNIFICANT = 6.0
-# The smallest is as far below; a push, from foot to top, needs more than both.
+# The smallest is as far below; a push, from foot to top, needs more than both. Half is
+# reached by noise of `p0_Pa`; twice loses 6 of its 15 presses.
 _BEYOND_NOISE = 9.0
 # A rest of fewer bins of the trace shows no wander; at the ends it may be but the edge
-# of one.
+# of one. With twelve inside one of 5 pushes of `short_dropouts` is lost.
 _FEWEST_BINS, _FEWEST_AT_ENDS = 6, 15
-# Humps of this share of the largest are pushes beyond doubt.
+# Humps of this share of the largest are pushes beyond doubt. Half or twice changes no
+# real recording.
 _LARGE = 0.25
 # Width of the densest third of a normal distribution [σ].
 _NORMAL_THIRD = 0.861
 # Means of counts are often equal on paper. Rounding them to this share of the noise
-# keeps an offset or a unit, which round otherwise, from breaking the ties.
+# keeps an offset or a unit, which round otherwise, from breaking the ties. Half or
+# twice moves no real height.
 _GRAIN = 1e-3
 
 

@@ -10,11 +10,15 @@ from jaxtyping import Bool, Float
 
 from pushfit.parameters import TINY
 
-# Samples that the noise is judged by; more would only cost time.
+# Samples that the noise is judged by, evenly taken; it is then good to 1 %, and more
+# would only cost time.
 _NOISE_SAMPLES = 20_000
-# Even steps that differ by this much are equal but for rounding.
+# Even steps that differ by this much are equal but for rounding, of 100 ms to whole ms.
 _EQUAL = 1.01
-# Noise of what is simulated without any, as a share of the whole signal.
+# Standard deviation over the mean of the middle half of the sizes, of normal values.
+_OF_MIDDLE = 1.443
+# Noise of what is simulated without any, as a share of the whole signal: far above
+# rounding, 1e-16. Without it no push of such a signal was found.
 _ROUNDING = 1e-9
 
 
@@ -56,7 +60,8 @@ class SignalNoise:
         # A median of steps in counts would be 1 or 2, by what else is in the file.
         ordered = np.sort(moving)
         middle = ordered[moving.size // 4 : moving.size - moving.size // 4]
-        sigma = max(1.443 * float(middle.mean()), _ROUNDING * float(np.ptp(signal)))
+        sigma = _OF_MIDDLE * float(middle.mean())
+        sigma = max(sigma, _ROUNDING * float(np.ptp(signal)))
         return cls(sigma=sigma, quantum=quantum)
 
     def of_mean(self, n_samples: float) -> float:

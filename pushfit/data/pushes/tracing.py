@@ -4,7 +4,8 @@ The search sees a recording as a whole. What is measured afterwards must not: a 
 the same feet whatever else the file holds. So each is traced again on its own samples,
 smoothed by a share of its own width, over its own rests. Excluded: finding the pushes
 (`pushfit.data.pushes.hump_search`) and the levels of their rests
-(`pushfit.data.peaks.baselines`).
+(`pushfit.data.peaks.baselines`). What constants do at half and at twice was seen in the
+recordings of `benchmarks.recordings.real_recordings`.
 """
 
 import functools
@@ -32,14 +33,22 @@ from pushfit.parameters import TINY
 
 # A hump that is lower than this share of the step below it is an overshoot.
 ON_STEP = 0.33
+# Points of a course, and of a step of it, in which levels are passed: between two fine
+# ones the course is straight. Half or twice as many move no height by 0.1 sd.
 _GRID, _FINE = 240, 17
-_ROUNDS, _SAME, _REACH = 12, 1e-5, 2.0
+# Most rounds of feet and levels, and what is no move any more, in sampling steps. With
+# six, two presses too many are found in `p0_Pa`; with 24, one height of the soft skin
+# at 0.5 N moves by 0.25 sd.
+_ROUNDS, _SAME = 12, 1e-5
+# Widths around a push that are looked at: its rests take about one to either side.
+_REACH = 2.0
 # Times that the integral is kept at, for each smoothing time; and steps that the usual
 # one is judged by. More would only cost time.
 _KNOTS, _STEPS = 16, 250
 _UNIT = np.linspace(0.0, 1.0, _FINE)
-# Noise is of no effect on the feet of a push that is so many times as high. What
-# moves for less than a share of its time tells nothing of it.
+# Noise is of no effect on the feet of a push that is so many times as high: half of
+# that moves three heights of `short_dropouts` by up to 2.6 sd, twice none. What moves
+# for less than a share of its time tells nothing of it; half or twice moves nothing.
 _ANY_NOISE, _LEAST_MOVING = 400.0, 0.1
 # Standard deviation of a normal distribution over the mean size of its values.
 _OF_MEAN = 1.2533
