@@ -6,8 +6,9 @@ A hyperbola is a parabola for large r and two straight flanks for r = 0, so one 
 covers a sine and a triangle, and q makes it lopsided. a, s and q are linear; t_0 and r
 run over a grid, and every cell counts by its likelihood. That gives the height without
 the bias of taking a largest value, and a standard deviation that includes not knowing
-the shape. All windows have the same grid, so one matrix serves every push. Excluded:
-which pushes have one (`pushfit.data.peaks.apex_or_plateau`).
+the shape. All windows have the same grid, so one matrix serves every push. What
+constants do was seen in the recordings of `benchmarks.recordings.real_recordings`.
+Excluded: which pushes have one (`pushfit.data.peaks.apex_or_plateau`).
 """
 
 import functools
@@ -18,12 +19,14 @@ from jaxtyping import Float
 
 from pushfit.parameters import TINY
 
-# Parts of a window, for five numbers; moments of each, over which a shape is averaged
-# as samples are.
+# Parts of a window, for five numbers: 11 degrees of freedom are left to judge a fit by.
 N_BINS = 16
+# Moments of each, over which a shape is averaged as samples are: half or twice as many
+# move no real height by 0.1 sd.
 _FINE = 8
 
-# Apex positions and roundings on the window [-1, 1].
+# Apex positions and roundings on the window [-1, 1]: from a tip, below the width of a
+# part, to what is a parabola all over the window.
 _T0 = np.linspace(-0.6, 0.6, 49)
 _R = np.array([0.003, 0.06, 0.2, 0.6, 3.0])
 # What is thought of the roundings before one hump is seen. Noise rounds a tip but does
@@ -31,7 +34,8 @@ _R = np.array([0.003, 0.06, 0.2, 0.6, 3.0])
 _SHARES = np.array([0.6, 0.03, 0.07, 0.12, 0.18])
 # Mean squared residual that noise alone exceeds once in 20 (chi-square, 11 degrees).
 _BEYOND_CHANCE = 1.8
-# A flank must fall: beyond this share of s, q leaves no top inside.
+# A flank must fall: beyond this share of s, q leaves no top inside. At half, lopsided
+# tops of `short_dropouts` move by up to 2 sd.
 _STEEPEST = 0.98
 
 

@@ -27,19 +27,29 @@ PROFILE_BINS = 32
 _BAND = 0.1
 _HELD_SHARE = 0.45
 _MAX_SCATTER = 0.06
-# Noise of a course that is left in a band of 0.1, and the most parts averaged for it.
+# The upper level is sought among parts above this share of the height: above 0.9, two
+# holds of `force_N`, which overshoots, are taken for tops.
+_HIGH = 0.8
+# Share of a held part that is left out at either end: its way in and out. Half or twice
+# moves most heights of `force_N`, by up to 1.6 and 2.3 sd.
+MARGIN = 0.15
+# Noise of a course that is left in a band of 0.1, and the most parts averaged for it:
+# at twice the first, plateaus of five times their noise are too high by 0.18 instead of
+# 0.08 σ. Half or twice as many parts change nothing.
 _CALM, _MAX_CALMING = 0.035, 7
 # Families on the window [-1, 1] above half height: tops and roundings of hyperbolas,
 # first and last moments of a level.
 _TOPS = np.linspace(-0.8, 0.8, 17)
 _ROUNDINGS = np.array([0.01, 0.1, 0.3, 1.0, 4.0])
 _MOMENTS = np.linspace(-0.95, 0.95, 20)
-# A shorter level is a round top. What a family leaves where none has its form: beyond
-# all squares, and finite, since the two are subtracted.
+# A shorter level is a round top; at twice two holds of `force_N` are, too. What a
+# family leaves where none has its form: beyond all squares, and finite, since the two
+# are subtracted.
 _SHORTEST = 0.4
 _NEVER = 1e300
 # Gain that a level needs, in chi-square and as a share of the squared height: a round
 # top may look flat in noise and is then read too low, and no hyperbola is quite a sine.
+# At twice the second, two of the 12 holds of `force_N` are taken for tops.
 _EVIDENCE, _UNLIKE = 0.5, 0.004
 
 
@@ -82,7 +92,7 @@ def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
     That is the upper level; or, where the push does not stay there for long, the one
     that it settles to before its release.
     """
-    high = course[course >= 0.8]
+    high = course[course >= _HIGH]
     if high.size == 0:
         return 0, 0
     n, begin = longest_run(np.abs(course - np.median(high)) <= _BAND)
@@ -168,7 +178,7 @@ def _is_low(course: Float[np.ndarray, " m"]) -> bool:
 def _is_steady(course: Float[np.ndarray, " m"]) -> bool:
     """Whether a course, scaled to 0..1, keeps to a level for long enough."""
     first, last = held_part(course)
-    margin = round(0.15 * (last - first))
+    margin = round(MARGIN * (last - first))
     inner = course[first + margin : last - margin]
     is_calm = bool(inner.size and inner.std() <= _MAX_SCATTER)
     return len(inner) >= 4 and _is_long(course, (first, last)) and is_calm

@@ -4,7 +4,9 @@ Baselines are robust means of the rest just before a push, carried to the top by
 drift to the rest after it (`pushfit.data.peaks.baselines`). Tops are either the apex of
 a hump (`pushfit.data.peaks.apex`) or the level of a held plateau, by the shape of the
 push alone: a height does not depend on what else the recording holds. Excluded: finding
-the pushes (`pushfit.data.pushes.detection`).
+the pushes (`pushfit.data.pushes.detection`). What constants do was seen in the
+recordings of `benchmarks.recordings.real_recordings`, and in pushes of
+`benchmarks.recordings.peak_accuracy`.
 """
 
 from collections.abc import Sequence
@@ -16,6 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.apex import N_BINS, fit_apex
 from pushfit.data.peaks.apex_or_plateau import (
+    MARGIN,
     PROFILE_BINS,
     are_held,
     bin_means,
@@ -32,25 +35,38 @@ from pushfit.parameters import TINY
 Definition = Literal["auto", "apex", "plateau"]
 
 # Window of the apex: the part of the hump above 1 - depth, deeper the more it takes to
-# see a shape in the noise.
+# see a shape in the noise. With at most 0.5 and two sigma instead of three, half sines
+# of five times their noise were read too high by 0.12 σ instead of 0.06.
 _DEPTH = (0.3, 0.7)
+_DEPTH_WITHOUT_NOISE, _DEPTH_SIGMAS = 0.25, 3.0
 # Misfit that noise reaches once in 10^4 windows: chi-square of 11 degrees of freedom.
 _MAX_MISFIT = 3.3
-# Windows are given up smoothly about it; what is left of the doubt ends here. And the
-# power that makes a mean of parts one of the highest.
-_STEEP, _NEGLIGIBLE, _SHARP = 8, 0.01, 16
+# Windows are given up smoothly about it; what is left of the doubt ends here. Half or
+# twice of all three moves no real height by 0.1 sd.
+_STEEP, _NEGLIGIBLE = 8, 0.01
+# A narrower window is this share of the last, around the mean of the parts weighed by
+# this power, which makes it one of the highest. Half or twice the power moves most
+# heights of `trial2`, whose tops are bumpy, by up to 0.5 sd; shares of 0.5 and 0.8 by
+# up to 3.
+_NARROWER, _SHARP = 0.6, 16
 # A longer stretch without samples may hide the top: share of the window, of the width
-# where it is at the top itself, and usual steps.
+# where it is at the top itself, and usual steps. Twice the first or the last takes the
+# flag from two of four pushes with gaps of `short_dropouts`; half changes none.
 _MAX_GAP, _TOP_GAP = 0.25, 0.05
 _STEPS_OF_GAP = 3.0
 # Eight parts scatter more than this by chance once in 10^3 (chi-square, 7 degrees).
 _BEYOND_CHANCE = 1.86
-# What the family of shapes misses where there is no noise, as a share of the height.
+# What the family of shapes misses where there is no noise, as a share of the height:
+# half makes sds of `trial2` up to a quarter smaller; at twice those of half sines of
+# fifty times their noise are a tenth too large.
 _SHAPE = 0.001
+# More than half of the pushes, or of what is believed of the windows of one.
 _MOST = 0.5
-# Share of the width on either side of the moment of a missing push.
+# Share of the width on either side of the moment of a missing push: wide enough for a
+# mean, and where a hump that is there is still near its top.
 _MOMENT = 0.1
-# Share of the height that the baseline may move by under a push.
+# Share of the height that the baseline may move by under a push. Twice flags no push of
+# the real recordings, half two more each of `short_dropouts` and `p0_Pa`.
 _MAX_DRIFT = 0.15
 
 
@@ -240,7 +256,7 @@ def _plateaus(pushes: _Pushes) -> _Tops:
     for k, extent in enumerate(pushes.extents):
         rise = pushes.profile[k] - pushes.base[k]
         first, last = held_window(rise / max(rise.max(), TINY))
-        margin = 0.15 * (last - first)
+        margin = MARGIN * (last - first)
         share = np.array([first + margin, max(last - margin, first + margin + 1)])
         step = (extent.t_end - extent.t_start) / PROFILE_BINS
         windows[k] = extent.t_start + share * step
@@ -262,7 +278,8 @@ def _apexes(pushes: _Pushes) -> _Tops:
 
     smooth = uniform_filter1d(pushes.profile, 3, axis=1, mode="nearest")
     rise = np.maximum(smooth.max(axis=1) - pushes.base, TINY)
-    depth = np.clip(0.25 + 3 * pushes.noise.sigma / rise, *_DEPTH)
+    noise = _DEPTH_SIGMAS * pushes.noise.sigma / rise
+    depth = np.clip(_DEPTH_WITHOUT_NOISE + noise, *_DEPTH)
     windows = _top_windows(smooth, depth * rise, pushes.extents)
     time = pushes.course.time
     # Sums over windows, from the widest to the narrowest, by how far each is believed.
@@ -300,7 +317,8 @@ def _apexes(pushes: _Pushes) -> _Tops:
         share = (share / np.maximum(share.max(axis=1, keepdims=True), TINY)) ** _SHARP
         where = (2 * np.arange(N_BINS) + 1) / N_BINS - 1
         centre = middle + half * (share @ where) / np.maximum(share.sum(axis=1), TINY)
-        windows[todo] = np.stack([centre - 0.6 * half, centre + 0.6 * half], axis=1)
+        reach = _NARROWER * half
+        windows[todo] = np.stack([centre - reach, centre + reach], axis=1)
         todo = todo[left > 0]
     sd = np.sqrt(np.maximum(square - level**2, 0.0))
     # Straight lines across a top are below it.
