@@ -6,6 +6,8 @@ before it ends. Every way of pairing in order has a likelihood by the times betw
 humps, the pushes it leaves missing, the humps it leaves over and the time before and
 after; the best one counts if no other comes near. Excluded: the
 rhythms that humps may have (`pushfit.data.plans.rhythm`), finding and measuring them.
+Constants were tried at half and at twice in 497 cases of
+`benchmarks.recordings.plan_alignment`, of which 185 are paired right and 312 refused.
 """
 
 import math
@@ -18,13 +20,19 @@ from jaxtyping import Float, Int
 from pushfit.data.plans.rhythm import rhythms
 from pushfit.data.plans.ways import IN_TIME, Case, cheapest_ways, cost_of_gaps
 
-# Scatter of a time between two pushes that keep to a plan, in periods.
+# Scatter of a time between two pushes that keep to a plan, in periods: somewhat more
+# than `_LEAST_SCATTER` of those that show it. Half or twice changes no test.
 _TIMED_SCATTER = 0.05
 # Humps on time that show that plan and recording have one clock; share of all humps.
+# Two may be so by chance; six, or half of the share, change no test.
 _FEWEST, _ON_CLOCK = 3, 0.75
-# How much likelier the best way must be: this many nats.
+# How much likelier the best way must be: this many nats, 55 times. With twice as many
+# 141 cases more are refused, and pushes missing inside a run are no longer placed; half
+# pairs one more.
 _CLEAR = 4.0
-# Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs.
+# Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs,
+# of five humps. Half pairs 34 cases more by the rhythm of fewer, twice refuses 106
+# more.
 _EVIDENCE = 8.0
 
 

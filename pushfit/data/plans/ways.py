@@ -3,7 +3,8 @@
 At one scale of time a cost is minus a log likelihood: of the times between paired
 humps, of pushes left missing and humps left over, and of the time before and after.
 The cheapest ways come by dynamic programming from both ends. Excluded: choosing among
-scales, and whether the best way counts (`pushfit.data.plans.alignment`).
+scales, and whether the best way counts (`pushfit.data.plans.alignment`). Constants were
+tried at half and at twice in 497 cases of `benchmarks.recordings.plan_alignment`.
 """
 
 from dataclasses import dataclass
@@ -13,14 +14,20 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.plans.rhythm import LEAD, MISSING, SLACK
 
-# Minus log probability of a hump without a push.
+# Minus log probability of a hump without a push: rarer than a missing push. At half 3
+# cases more are refused; twice changes none.
 _EXTRA = 2.5
-# A brush is most often none, and is then no news.
+# A brush is most often none, and is then no news. One that keeps the rhythm is paired
+# all the same, since a missing push costs more than both differ by.
 _EXTRA_BRUSH, _PAIR_BRUSH = 0.2, 1.0
-# A push cannot be planned before the recording begins, or after it ends.
+# A push cannot be planned before the recording begins, or after it ends: it costs as
+# much as 15 missing ones. Half or twice changes no case.
 _OUTSIDE = 30.0
+# Humps in a row that may be left over: more take longer, in proportion. Half changes
+# none of the cases, which have up to five.
 _MAX_EXTRA_RUN = 6
-# Gaps off by less than this are in time without a search.
+# Gaps off by less than this are in time without a search, in periods: five times the
+# least scatter. At half 2 cases more are refused; twice changes none.
 IN_TIME = 0.15
 
 
@@ -184,4 +191,5 @@ def cost_of_gaps(
     if not np.isfinite(scatter):
         return np.zeros(np.broadcast_shapes(gap.shape, steps.shape))
     wide = scatter * np.sqrt(steps)
+    # 2.507 is √(2π).
     return ((gap - steps) / wide) ** 2 / 2 + np.log(2.507 * wide)
