@@ -55,6 +55,7 @@ class Row:
         return self.what, ours, self.peer, other, f"{self.ratio:.3g}", bound
 
 
+# What benchmarks have printed so far, for the table at the end.
 ROWS = pytest.StashKey[list[Row]]()
 HEADER = ("what", "pushfit", "peer", "time", "ratio", "target")
 

@@ -22,6 +22,7 @@ from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.model import Grasp, Parameters, Pushes, forward
 from tests.fit.kinds import KINDS
 
+# The paper's [m].
 PUSH_LENGTH = 5e-3
 GRASP = Grasp(push_length=PUSH_LENGTH)
 # The switch of the paper, which what they are compared with has, too.
@@ -32,6 +33,7 @@ CONFIG = parse_config(
 # A = 520 and B = 150 N/m: tan θ_c = 150 / (0.5 · 520), θ_c = 30.0°.
 FIRM = Parameters(K_sn=1300, K_dn=2600 / 3, K_st=450, C_rr=0.5, C_d=0.36, L=0.04)
 NAMES = ("K_sn", "K_dn", "K_st", "C_rr", "C_d", "L")
+# As a share of the tallest height.
 NOISE = 0.03
 
 

@@ -33,7 +33,9 @@ from pushfit.fit.coverage import simulate_tables
 from pushfit.fit.identify.fitted import fit_table
 from tests.fit.kinds import KINDS
 
+# Of the intervals and sets that pushfit quotes by default.
 PROB = 0.9
+# The push length of `one_sweep`, as a configuration states it.
 PUSH = f"[push]\nlength_mm = {1000 * PUSH_LENGTH}\n"
 
 

@@ -26,7 +26,9 @@ from pushfit.fit.sampler.emcee_posterior import Budget, sample_posterior
 from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.model import Parameters, Pushes, forward
 
+# Probabilities that people quote.
 LEVELS = (0.5, 0.9, 0.95)
+# Azimuths [rad]: all axes, and that of the sweep of θ, across the supports.
 REACH = (0.0, np.pi)
 REFERENCE_ALPHA = np.pi / 2
 # A quarter of the walkers of a normal run: enough for an interval, and 200 times one.

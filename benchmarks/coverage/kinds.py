@@ -20,7 +20,9 @@ from pushfit.fit.sweep.posterior import N_RETURNED, weighted_draws
 from pushfit.fit.sweep.prior import make_target
 from tests.fit.kinds import KINDS
 
+# Azimuth of θ_c, across the supports, and those of α*: all axes [rad].
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)
+# Probabilities that people quote.
 PROBS = (0.5, 0.9, 0.95)
 # Chance that right intervals leave the limits.
 ALARM = 1e-3

@@ -28,10 +28,13 @@ from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.profiles.profile_sets import profile_set
 from pushfit.fit.results import FitStatus, Identification, Piece
 
+# Between 0° and 90°, where either the sine or the cosine says nothing [rad].
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
+# Repeats as in the paper; noise as a share of the tallest height.
 REPEATS, NOISE = 3, 0.03
-# Of the firm grasp; 3 % of it is the noise of every table.
+# Of the firm grasp [N]; 3 % of it is the noise of every table.
 TALLEST = 520 * PUSH_LENGTH
+# What is counted, and what it is called in print.
 QUANTITIES = ("theta_c", "A", "B", "C_rr")
 WORDS = {"interval": "interval", "set": "profile set"}
 # Probability of the binomial limits that a right count keeps.

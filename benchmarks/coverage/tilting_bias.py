@@ -29,9 +29,13 @@ from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters
 
+# Elevations that are pushed at [rad].
 THETA = np.radians(np.arange(10.0, 90.0, 5.0))
+# Repeats and push length [m] are the paper's; noise of a height [N].
 REPEATS, NOISE, PUSH_LENGTH = 3, 0.02, 5e-3
+# L of a low and of a tall object [m].
 LENGTHS = (0.04, 0.07)
+# Of the sets.
 PROB = 0.9
 # Range in which widths of sets count.
 RANGE_DEG = (0.0, 90.0)

@@ -23,8 +23,11 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.identify.one import identify_table
 from tests.mechanics.statics import Slab
 
+# Elevations that are pushed at [deg].
 THETA_DEG = np.arange(10.0, 90.0, 5.0)
+# Repeats and push length [m] are the paper's; noise of a height, and preload [N].
 REPEATS, NOISE, PUSH_LENGTH, PRELOAD = 3, 0.02, 5e-3, 0.0
+# Of a tip that is nearly a point, and of the example in CHANGELOG.md [m].
 RADII = (0.001, 0.008)
 # A = 520 and B = 150 N/m, C_rr = 0.5.
 SPRINGS = {"A": 520.0, "K": 450.0, "C_d": 0.36, "C_rr": 0.5, "L": 0.04}

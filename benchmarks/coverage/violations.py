@@ -35,6 +35,7 @@ from pushfit.fit.results import FitStatus
 from pushfit.model import Grasp, Parameters
 from pushfit.parameters import SIX
 
+# The paper's [m]; that of the intervals; that of the limits of right counts.
 PUSH_LENGTH, PROB, LIMITS_PROB = 0.005, 0.9, 0.99
 
 # Elevations and azimuths [deg], and repeats, by the number of pushes.
@@ -66,7 +67,11 @@ SWITCHES = {
     "resolution": _ROUNDED,
     "resolution_alike": f'{_ROUNDED}angle_errors = "shared"\n',
 }
+# What a table may be fitted with.
 SETTINGS = ("default", "remedy", *SWITCHES)
+# Of the worlds: sharpness of the soft one, sd of joints, which the paper's resolve
+# [deg], tails whose variance just exists, noise as a share of each height, gains of
+# repeats.
 SHARPNESS, JOINT_SD_DEG, TAILS_DOF, SHARE, GAIN_SD = 4.0, 1.0, 2.5, 0.05, 0.03
 HEADER = (
     "| violated | setting | hold the truth | of those quoted | misses told of | "

@@ -32,11 +32,15 @@ from pushfit.explore.records import Answer
 from pushfit.model import Grasp
 from pushfit.parameters import TINY
 
+# The paper's [m].
 LENGTH = 5e-3
+# Elevations that may be pushed at [rad].
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
+# Noise as a share of the median height, and what an interval holds.
 NOISE, PROB = 0.03, 0.9
 # Draws behind a gain here: a quarter of what pushfit takes, for a thousand truths.
 N_GAIN = 2048
+# Cells of a quarter of a degree of θ_c, and nodes of ln C_rr.
 N_THETA_C, N_C = 360, 48
 # Label of a control: stopping on likelihood sets.
 BY_SETS = "likelihood sets"
@@ -220,6 +224,7 @@ def by_d_optimality(grid, n, rng):
     return float(THETA[np.argmax([np.linalg.slogdet(m)[1] for m in after])])
 
 
+# The paper's elevations, thrice each: below the plane as above it [rad].
 PAPER = np.radians(np.repeat(np.abs(np.arange(-60.0, 61.0, 15.0)), 3))
 STRATEGIES: dict[str, Callable] = {
     "gain": by_gain,

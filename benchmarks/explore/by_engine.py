@@ -45,6 +45,7 @@ from pushfit.explore.explorer import KEPT_SHARE
 from pushfit.explore.records import Answer, Told
 from pushfit.fit.programs.folder import enable_compile_cache
 
+# Noise as a share of the median height, and what an interval holds.
 NOISE, PROB = 0.03, 0.9
 CHANNELS = {
     "height": ("height",),
@@ -52,6 +53,7 @@ CHANNELS = {
 }
 # Noise believed too small by this, as a control.
 TOO_SMALL = 0.67
+# Truths between two prints of what there is.
 BLOCK = 20
 Stop = tuple[int, list[bool]] | None
 

@@ -16,14 +16,20 @@ from pushfit.parameters import TINY
 if TYPE_CHECKING:
     from benchmarks.explore.by_engine import Course
 
+# Without reference pushes, which say nothing of the angles.
 LIMITS = Limits(reference_every=0)
+# The paper's push length [m].
 GRASP = Grasp(push_length=5e-3)
+# Elevations that may be pushed at [rad].
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
+# Azimuth across the supports, where θ_c is asked for [rad].
 ACROSS = np.pi / 2
+# Azimuths that may be pushed along [rad].
 ALPHA = np.radians(np.arange(0.0, 180.0, 15.0))
 # The paper's grids: elevations across the supports, azimuths at 15°, thrice each.
 PAPER_THETA = np.radians(np.repeat(np.abs(np.arange(-60.0, 61.0, 15.0)), 3))
 PAPER_ALPHA = np.repeat(ALPHA, 3)
+# Elevation of the paper's sweep of azimuths [rad].
 AT = np.radians(15.0)
 Direction = tuple[float, float]
 Choice = Callable[["Course", tuple[str, ...], np.random.Generator], Direction]

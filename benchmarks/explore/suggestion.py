@@ -29,10 +29,13 @@ from pushfit.model import Grasp, Parameters, Pushes, forward
 CONFIG = parse_config("[push]\nlength_mm = 5.0\n", path="grasp.toml")
 CHANNELS = ("height_normal", "height_tangential")
 GRASP = Grasp(push_length=5e-3)
+# θ_c near the middle of its range, and an ellipse.
 TRUTH = Parameters(
     K_sn=800, K_dn=2000, K_st=400, C_rr=0.3, C_d=0.5, L=0.04, e1=0.3, e2=0.2
 )
+# Directions that may be pushed in [deg].
 THETA, ALPHA = np.arange(5.0, 90.0, 5.0), np.arange(0.0, 180.0, 15.0)
+# Noise of a height where one push is attached [N]; steps that compile what others use.
 NOISE, N_WARM = 0.02, 3
 
 

@@ -40,9 +40,11 @@ from pushfit.fit.sweep.target import Target
 from pushfit.model import as_float
 from tests.fit.kinds import KINDS
 
+# Azimuth of θ_c, across the supports, and those of α*: all axes [rad].
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)
 # Runs of the sweep whose answers are averaged: its own error is then below the limit.
 N_SWEEPS = 4
+# Of the chain that a mixture is fitted to, draws from it, and of these in one call.
 N_FITTED, N_PROPOSED, N_ROWS = 8192, 32768, 4096
 # Calls of the sweep alone where it differs from a chain.
 N_CALLS = 128

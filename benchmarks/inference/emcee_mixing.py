@@ -29,6 +29,7 @@ from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
 from pushfit.fit.sampler.starts import starting_points
 from pushfit.model import Parameters
 
+# Ensembles as `pushfit` has them, and the share of steps dropped at their begin.
 N_ENSEMBLES = 4
 BURN_IN = 0.2
 

@@ -28,10 +28,12 @@ from pushfit.fit.identify.one import identify_table
 from pushfit.fit.problem.priors.distributions import default_priors
 from pushfit.fit.results import FitStatus, Verdict
 
-# Of the firm grasp.
+# Of the firm grasp: tan θ_c = 150 / (0.5 · 520).
 THETA_C_DEG = float(np.degrees(np.arctan(150 / 260)))
+# As in `benchmarks.coverage.one_sweep`, repeats and noise, too.
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
 REPEATS, NOISE = 3, 0.03
+# Of intervals and sets.
 PROB = 0.9
 # All lognormal, whose first number is the median.
 START = tuple(float(default_priors(None)[name].first) for name in NAMES)

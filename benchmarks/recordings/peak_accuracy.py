@@ -20,9 +20,12 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, SimulatedRecording, simulate_recording
 from pushfit.model import Grasp, Parameters
 
+# Biases are then known to 0.02 of the noise.
 N_PUSHES = 300
 SHAPES = ("triangle", "sine", "plateau")
+# Heights over the noise of a sample.
 RATIOS = (5, 10, 20, 50)
+# Any grasp: all pushes are alike, and what counts is their shape.
 PARAMS = Parameters(K_sn=800.0, K_dn=1500.0, K_st=400.0, C_rr=0.3, C_d=0.3, L=0.04)
 GRASP = Grasp(push_length=5e-3)
 PLAN = PushSchedule.planned(np.radians(45.0), np.radians(90.0), repeats=N_PUSHES)

@@ -13,8 +13,11 @@ import numpy as np
 
 from pushfit.data.plans.alignment import Alignment, align
 
+# Pushes of the plan.
 N_PLANNED = 12
+# Time between two pushes [s], and scatter of one in periods: of gaps it is 0.028.
 PERIOD, SCATTER = 3.5, 0.02
+# Bumps at most, and periods before the first push and after the last.
 MAX_EXTRA, MAX_LEAD = 5, 2.0
 
 

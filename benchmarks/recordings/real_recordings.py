@@ -23,6 +23,7 @@ from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 
+# Files by folder, without `.csv`.
 HAND = "biotac_hand_pushes"
 GRID_LOW = "soft_skin/grid_r0.20_0.5N_11-02-2025_14-22-29"
 GRID_HIGH = "soft_skin/grid_r1.00_3.0N_11-02-2025_15-23-30"
@@ -30,6 +31,7 @@ SKIN = "soft_skin/test_18-02-2025_13-00-43"
 PRESSES = "barometer/zv05_zd6_t0_20230622_191542"
 STAIRS = "barometer/testing_step_20230629_181126"
 FORCE = "fingertip_force/pressure_index_1_100Hz"
+# Tables of known heights, and the columns that have them.
 BY_EYE = ("biotac_hand_pushes/trial2_presses_by_eye", "height_counts")
 COMMANDED = (
     "fingertip_force/pressure_index_1_commanded_presses",

@@ -27,6 +27,7 @@ from pushfit.fit.sweep.posterior import sweep_posterior
 
 # Elevations and repeats: 17, 51 and 204 rows of the same directions, then 204 of more.
 DESIGNS = ((17, 1), (17, 3), (17, 12), (68, 3))
+# Of all designs in turns, so that whatever else runs hits all of them.
 ROUNDS = 3
 # Tables that compile everything, and those of each design.
 N_WARM, N_ROWS = 2, 32

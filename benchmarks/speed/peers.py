@@ -24,9 +24,11 @@ from pushfit.fit.problem.priors.distributions import default_priors
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.sampler.diagnostics import autocorr_time
 
+# Some ten for each coordinate, as emcee advises at least two.
 N_WALKERS = 64
 # Chains of NUTS, and steps of each.
 N_CHAINS, N_WARMUP, N_KEPT = 4, 1000, 2000
+# Medians and spreads of the default priors, in logs, as peers are told them.
 PRIORS = default_priors(None)
 MEDIANS = np.array([np.log(float(PRIORS[name].first)) for name in NAMES])
 SPREADS = np.array([float(PRIORS[name].second) for name in NAMES])

@@ -22,8 +22,11 @@ from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.recording import read_recording
 
+# Samples per second of a BioTac's fastest channel [Hz].
 RATE = 2200
+# Time from push to push: 800 in an hour [s].
 PERIOD = 4.5
+# Rows of an hour.
 HOUR = 3600 * RATE
 
 PROGRAM = """

@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks.inference.side_by_side import FOLDER
 from benchmarks.speed.waiting import run
 
+# What pushfit is set beside.
 LMFIT = "lmfit and pandas, one local fit"
 BASES = ("import jax", LMFIT)
 # What a user of lmfit would run instead of `pushfit fit`.

@@ -25,9 +25,12 @@ from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.problem.slopes import with_slopes
 from pushfit.model import Grasp, Vector, forward
 
+# As in `benchmarks.coverage.one_sweep` [rad].
 THETA = np.radians(np.arange(5.0, 90.0, 5.0))
+# Draws from the priors, in one call.
 N_DRAWS = 512
 MECHANICS = ("linear", "tilting")
+# Distance of two supports.
 SPAN_MM = 60.0
 
 
