@@ -29,10 +29,12 @@ from pushfit.data.tables.traces import (
 from pushfit.data.text.faults import listed
 from pushfit.errors import ConfigError, DataError
 
-# Share of the width around the top that the components are averaged over.
+# Share of the width to either side of the top that the components are averaged over.
 _TOP_SHARE = 0.2
+# Fewest samples of a channel: what a search for pushes needs at least, too.
 _MIN_SAMPLES = 5
-# Change of a channel that is beyond doubt one by the push [sd].
+# Change of a channel that is beyond doubt one by the push [sd]: a channel that a push
+# leaves alone dwells at its largest reading, too, and is not cut there.
 _CLEAR = 10.0
 
 

@@ -15,8 +15,9 @@ from pushfit.data.pushes.noise import SignalNoise
 # are large on a flank (of normal noise 4 are 5.4 sigma), and in sigma, where most of
 # them are equal.
 _FAR, _SIGMAS = 4.0, 6.0
-# What a jerk may take of its surroundings: more would be a quartile of them. And its
-# feet beside what is clear of it, 24 ms to either side.
+# What a jerk may take of its surroundings: more would be a quartile of them. With half
+# or twice, jerks of 50 ms in holds and on contact are read. And its feet beside what is
+# clear of it, 24 ms to either side.
 _SHARE, _FEET = 0.25, 0.12
 # Samples that show quartiles well enough: of a normal one these are good to 0.17 sigma.
 _ENOUGH = 64

@@ -1,6 +1,7 @@
 """Which pushes reach the end of the sensor's range, so that their tops are cut.
 
-Excluded: pushes held at a level (`pushfit.data.peaks.apex_or_plateau`).
+Excluded: pushes held at a level (`pushfit.data.peaks.apex_or_plateau`). Half or twice
+of a constant changes no test, and no flag of `benchmarks.recordings.real_recordings`.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,8 @@ from pushfit.data.pushes.detection import Extent
 # Two readings are alike at many a natural top.
 _MIN_SAMPLES = 3
 # A sensor at its limit may be noisy there: readings within this many sigma of the
-# largest count as the largest, if that is a small share of the height.
+# largest, which holds all but one in 16 000 of a level's, count as the largest, if that
+# is a small share of the height.
 _BAND_SIGMAS, _MAX_BAND = 4.0, 0.02
 # Its limit may also creep. Several pointed pushes that end within one of these shares
 # of the height, each with so many readings there, end at a limit.

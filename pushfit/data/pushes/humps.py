@@ -2,8 +2,10 @@
 
 Several humps without a rest between them are one push. A valley is a rest if it is
 deep, or if the signal stays at its level for long, on both sides of a hump: so the
-pushes that follow a step of the rest level are as many as those before it. Excluded:
-the smoothing (`pushfit.data.pushes.hump_search`).
+pushes that follow a step of the rest level are as many as those before it. Constants
+were tried at half and at twice, in the recordings of
+`benchmarks.recordings.real_recordings`, whole and cut at six places, and in the tests.
+Excluded: the smoothing (`pushfit.data.pushes.hump_search`).
 """
 
 from dataclasses import dataclass
@@ -15,25 +17,33 @@ from jaxtyping import Bool, Float, Int
 from pushfit.data.pushes.tracing import ON_STEP
 from pushfit.parameters import TINY
 
-# A dip is briefer than the smoothing, which is so many bins; a rest is not.
+# A dip is briefer than the smoothing, which is so many bins (`_reduce` of the search);
+# a rest is not.
 _DIP_BINS = 3
-# A first or last reading that is higher than this share of its hump shows no foot.
+# A first or last reading that is higher than this share of its hump shows no foot: four
+# feet. Half or twice changes nothing.
 _FOOTLESS = 0.2
 # A level is held if the signal stays within the first share of the smaller hump of it
-# for the second share of that hump's width. A sine does so for 0.41 of it only.
+# for the second share of that hump's width. A sine does so for 0.41 of it only. Half or
+# twice of either changes nothing.
 _LEVEL, _HELD = 0.15, 0.6
 # From the first to the last third of that time it moves by less than this share; a
-# flank passes through two thirds of twice `_LEVEL`.
+# flank passes through two thirds of twice `_LEVEL`, which is 0.2.
 _FLAT = 0.1
-# A hump on a step has fallen from its top to this share of it at least; the
-# step is held for so many times as long as the hump, or is a part of a push.
+# A hump on a step has fallen from its top to this share of it at least; the step is
+# held for so many times as long as the hump, or is a part of a push. At half as long a
+# cut push of `trial2` is not told from one on a step; at 2 a push before a drifting
+# rest counted as cut.
 _FALLEN, _SHELF = 0.7, 1.5
-# A step is short beside the time that its level is held; a flank is not.
+# A step is short beside the time that its level is held, by this share; a flank is not.
+# Half or twice changes nothing.
 _WAY = 0.3
 # A rest level that is never left is one that is come back to so many times: without it
-# pushes beyond a step of the rest level are lost.
+# pushes beyond a step of the rest level are lost. With six so are brief ones beyond a
+# step, of which there are four in the tests.
 _RETURNS = 3
-# Humps lower than this share of the whole are wiggles of a plateau.
+# Humps lower than this share of the whole are wiggles of a plateau. At half one of the
+# 12 holds of `force_N` is lost; at twice pushes beyond a step are.
 _ON_TOP = 0.2
 
 

@@ -31,7 +31,8 @@ from pushfit.data.pushes.noise import bends
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.parameters import TINY
 
-# A hump that is lower than this share of the step below it is an overshoot.
+# A hump that is lower than this share of the step below it is an overshoot. At twice so
+# is a push on a grip; half changes no test and no real recording.
 ON_STEP = 0.33
 # Points of a course, and of a step of it, in which levels are passed: between two fine
 # ones the course is straight. Half or twice as many move no height by 0.1 sd.
