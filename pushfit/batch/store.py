@@ -28,6 +28,7 @@ from pushfit.fit.identify.result_row import Cell
 
 # "push" in ASCII, so that a file of another program is not taken for ours.
 APPLICATION_ID = 0x70757368
+# Of what a store holds: a later form gets another number.
 VERSION = 1
 # Files that SQLite keeps beside its own.
 SIDECARS = ("-journal", "-wal", "-shm")

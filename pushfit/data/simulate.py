@@ -151,6 +151,9 @@ class Session:
         return 2 * self.rise + (self.hold if self.shape == "plateau" else 0.0)
 
 
+# Time in which an undershoot falls to a third: of a BioTac's a twelfth is left after a
+# second [s].
+RECOVERY = 0.4
 # A BioTac's fluid pressure as in public recordings: idle near 2440 counts, some 500
 # counts per push, a few counts lost on release, slow drift, hardly any noise.
 BIOTAC = Session(
@@ -276,7 +279,7 @@ def _course(
     touching = (since >= 0) & (since <= duration)
     course = np.where(touching, session.step + (1 - session.step) * pushed, 0.0)
     released = np.maximum(since - duration, 0.0)
-    recovery = session.undershoot * np.exp(-released / 0.4)
+    recovery = session.undershoot * np.exp(-released / RECOVERY)
     return course - np.where(since > duration, recovery, 0.0)
 
 

@@ -225,7 +225,8 @@ def implausible_signal(values: Float[np.ndarray, " n"], unit: Unit) -> str | Non
     return None
 
 
-# A right angle is 1.571 rad; smaller than 0.2 everywhere is nothing to judge by.
+# A right angle is 1.571 rad, a turn 6.283; smaller than 0.2 everywhere is nothing to
+# judge by.
 _MAX_RADIANS = {"theta": 1.6, "alpha": 6.3}
 _MIN_JUDGED = 0.2
 

@@ -18,6 +18,8 @@ from pushfit.errors import ConfigError
 
 # Chance, by the present belief, that a push exceeds the force limit or lifts off.
 TOLERATED = 0.01
+# Rounding of angles [rad], of places [mm] and of counts of steps.
+ROUNDING = 1e-9
 # Lengths tried, as shares of the push length, while longer ones are not known safe.
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.05)
 
@@ -92,15 +94,16 @@ class Limits(ExploreSection):
             Rows of elevation and azimuth [rad].
         """
         low, high = self.theta_deg
-        n = int((high - low) / self.theta_step_deg + 1e-9) + 1
+        n = int((high - low) / self.theta_step_deg + ROUNDING) + 1
         theta = np.radians(low + self.theta_step_deg * np.arange(n))
         alpha = np.array([reference_alpha])
         if azimuths is not None:
             first, last = azimuths
             # 0° and 180° are one axis, and it is pushed along once.
-            is_whole = last - first >= np.pi - 1e-9
+            is_whole = last - first >= np.pi - ROUNDING
             last = first + np.pi if is_whole else last
-            steps = max(int(np.degrees(last - first) / self.alpha_step_deg + 1e-9), 1)
+            steps = np.degrees(last - first) / self.alpha_step_deg
+            steps = max(int(steps + ROUNDING), 1)
             alpha = np.linspace(first, last, steps + 1)
             alpha = alpha[:-1] if is_whole else alpha
         pairs = np.stack(np.meshgrid(theta, alpha, indexing="ij"), axis=-1)
@@ -134,18 +137,17 @@ class Limits(ExploreSection):
             length: Length of the push [m].
             azimuths: Reach in azimuth [rad].
         """
-        tolerance = 1e-9
         low, high = np.radians(self.theta_deg)
         first, last = azimuths
-        past = np.mod(alpha - first + tolerance, 2 * np.pi)
-        is_within = low - tolerance <= theta <= high + tolerance
-        if not is_within or past > last - first + 2 * tolerance:
+        past = np.mod(alpha - first + ROUNDING, 2 * np.pi)
+        is_within = low - ROUNDING <= theta <= high + ROUNDING
+        if not is_within or past > last - first + 2 * ROUNDING:
             return False
         if self.workspace_mm is None:
             return True
         tip = 1e3 * displacement(theta, alpha, length)
         least, most = np.transpose(self.workspace_mm)
-        return bool(np.all((least - tolerance <= tip) & (tip <= most + tolerance)))
+        return bool(np.all((least - ROUNDING <= tip) & (tip <= most + ROUNDING)))
 
 
 def displacement(theta: float, alpha: float, length: float) -> Float[np.ndarray, "3"]:

@@ -51,6 +51,8 @@ NOISES: dict[str, dict[str, str]] = {
 # Differences below these tell nothing: a factor of e between evidences, two standard
 # errors between predictive densities.
 MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS = 1.0, 2.0
+# Draws of one call, so that one program serves every number of them; 51 pushes of so
+# many are half a megabyte.
 CHUNK = 1024
 
 

@@ -23,7 +23,8 @@ from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 
 DEFAULTS = PeakSettings()
-# Share of a dip below which a hump is what noise makes of a filled signal.
+# Share of a dip below which a hump is what noise makes of a filled signal. Half or
+# twice changes no test.
 _MINOR = 0.1
 
 

@@ -28,13 +28,16 @@ from pushfit.data.tables.traces import (
 )
 from pushfit.data.text.faults import listed
 from pushfit.errors import ConfigError, DataError
+from pushfit.parameters import TINY
 
 # Share of the width to either side of the top that the components are averaged over.
+# Half or twice changes no test.
 _TOP_SHARE = 0.2
 # Fewest samples of a channel: what a search for pushes needs at least, too.
 _MIN_SAMPLES = 5
 # Change of a channel that is beyond doubt one by the push [sd]: a channel that a push
-# leaves alone dwells at its largest reading, too, and is not cut there.
+# leaves alone dwells at its largest reading, too, and is not cut there. Half or twice
+# changes no test.
 _CLEAR = 10.0
 
 
@@ -171,7 +174,7 @@ def measure_components(
     around = [length[part].mean() for part in tops]
     # Where there is no hump, the length is noise, and no height is scaled by it.
     is_hump = np.array([h.definition != "" for h in heights])
-    scale = np.where(is_hump, top / np.maximum(around, 1e-300), 1.0)
+    scale = np.where(is_hump, top / np.maximum(around, TINY), 1.0)
     across = [channel for channel in changes if channel != name]
     tangential, tangential_sd = _length(
         np.array([scale * changes[c] for c in across]),
@@ -179,7 +182,7 @@ def measure_components(
     )
     # Each height that is scaled also shares the doubt about the top of the whole.
     top_sd = np.array([h.sd for h in heights])
-    doubt = np.where(is_hump, top_sd, 0.0) / np.maximum(top, 1e-300)
+    doubt = np.where(is_hump, top_sd, 0.0) / np.maximum(top, TINY)
     pushed = sign * scale * changes[name]
     columns = {
         f"height_normal_{unit}": list(pushed),

@@ -13,7 +13,8 @@ from pushfit.data.pushes.detection import Extent
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 
-# The direction of a push is that of its end, so only the time around the top counts.
+# The direction of a push is that of its end, so only this share of its width to either
+# side of the top counts. Half or twice changes no test, with spikes of a tracker in it.
 _TOP_SHARE = 0.25
 
 

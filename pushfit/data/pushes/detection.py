@@ -22,6 +22,9 @@ from pushfit.data.pushes.tracing import trace_feet
 # From twice as much, feet of `short_dropouts` and `p0_Pa` are found elsewhere: two
 # heights move by 3 and 2 sd.
 FIRST_SMOOTHING = 0.1
+# Averaging is longer in a second search where pushes allow for so many times as much:
+# the search takes as long as the first. 1 or 3 changes no real recording.
+_LONGER = 1.5
 # A hump below this share of the largest is a brush. Half of it adds two humps to the 11
 # presses of `p3_Pa`; twice loses 2 of 12 of `p2_Pa`, and one each of `p1_Pa` and
 # `p3_Pa`.
@@ -110,7 +113,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     found, is_low, is_rest, wander = search(view, tau=tau)
     if view.smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
-        if wider > 1.5 * tau:
+        if wider > _LONGER * tau:
             wide = search(view, tau=wider, wander=wander)
             # What is lost to averaging stands out without it.
             if _n_large(wide[0], wide[1]) >= _n_large(found, is_low):

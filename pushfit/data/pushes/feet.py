@@ -37,7 +37,8 @@ _FEWEST = 8
 # move 8 of 18 heights of the soft skin at 0.5 N; at twice, low pushes become rests.
 _WIGGLE = 0.1
 # So it rises beside a neighbour: by more than a foot, which is counted from the mean of
-# a rest instead of its lowest.
+# a rest instead of its lowest. With half of it 7 more heights move where recordings are
+# cut at six places, with twice 2 more.
 _RISES = 0.07
 # Sensors recover after a release, a BioTac for about a second: this share of the width,
 # up to that of `LONGEST`, is left out of the rest. Half moves heights of `p1_Pa` by up

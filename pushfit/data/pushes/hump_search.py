@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Real
 
-from pushfit.data.pushes.feet import FOOT, Feet
+from pushfit.data.pushes.feet import FOOT, SIGMAS, Feet
 from pushfit.data.pushes.humps import Humps
 from pushfit.data.pushes.running_means import View
 
@@ -178,7 +178,8 @@ def _feet(
     y, peak = trace.y, int(humps.peaks[k])
     left, right = int(humps.valleys[k]), int(humps.valleys[k + 1])
     rests = (y[left], y[right]) if rest is None else (rest, rest)
-    feet = [low + max(FOOT * (y[peak] - low), 3 * trace.noise) for low in rests]
+    noise = SIGMAS * trace.noise
+    feet = [low + max(FOOT * (y[peak] - low), noise) for low in rests]
     below = np.flatnonzero(y[left:peak] < feet[0])
     start = left + below[-1] + 1 if below.size else left
     below = np.flatnonzero(y[peak + 1 : right + 1] < feet[1])

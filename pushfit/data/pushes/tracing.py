@@ -46,6 +46,7 @@ _REACH = 2.0
 # Times that the integral is kept at, for each smoothing time; and steps that the usual
 # one is judged by. More would only cost time.
 _KNOTS, _STEPS = 16, 250
+# The points of a step.
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 # Noise is of no effect on the feet of a push that is so many times as high: half of
 # that moves three heights of `short_dropouts` by up to 2.6 sd, twice none. What moves

@@ -23,12 +23,19 @@ ThetaFrom = Literal["tangential", "normal"]
 
 # Faults of one kind that are listed; the others are counted.
 _MAX_LISTED = 10
-# Tactile sensors sample at 10 Hz to 10 kHz.
+# Tactile sensors sample at 10 Hz to 10 kHz: a step a hundred times shorter than that,
+# or ten thousand times longer, is one in another unit of time.
 _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
-# A step is irregular when it is off the median by more than half of it.
-_IRREGULAR_SHARE = 0.05
+# A step is irregular when it is off the median by more than this share of it: between
+# two samples another one would have room. More of them than the second share are told
+# of.
+_IRREGULAR, _IRREGULAR_SHARE = 0.5, 0.05
+# A step of so many usual ones is a gap, and told of by itself.
 _LONG_STEP = 10.0
+# Steps that are looked at at once, half a megabyte; and as many that show the usual
+# one.
 _SOME_STEPS = 1 << 16
+# What is larger is no reading of any unit, but what stands for one.
 _SENTINEL = 1e20
 # Between neighbours further apart than this many usual steps a push may hide.
 _MAX_FILLED_STEPS = 5.0
@@ -173,7 +180,8 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
     parts = [time[k : k + _SOME_STEPS + 1] for k in range(0, len(after), _SOME_STEPS)]
     ends = [(s.min(), s.max()) for s in map(np.diff, parts)]
     least, most = min(ends)[0], max(high for _, high in ends)
-    if least > 0 and 0.5 * usual <= least and most <= 1.5 * usual:
+    low, high = (1 - _IRREGULAR) * usual, (1 + _IRREGULAR) * usual
+    if least > 0 and low <= least and most <= high:
         return
     step = np.diff(time)
     wrong = np.flatnonzero(step <= 0)
@@ -348,7 +356,8 @@ def _note_irregular_steps(
     findings: _Findings,
 ) -> None:
     """Describe the steps if many are off the median, or some are very long."""
-    n_irregular = np.count_nonzero((step < 0.5 * usual) | (step > 1.5 * usual))
+    low, high = (1 - _IRREGULAR) * usual, (1 + _IRREGULAR) * usual
+    n_irregular = np.count_nonzero((step < low) | (step > high))
     n_long = int(np.count_nonzero(step > _LONG_STEP * usual))
     if n_irregular <= _IRREGULAR_SHARE * step.size and not n_long:
         return

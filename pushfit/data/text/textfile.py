@@ -29,6 +29,7 @@ from pushfit.errors import ConfigError
 BLOCK = 1 << 22
 # A constant signal deflates some 100 times; a bomb of zeros 1030 times.
 _MAX_EXPANSION = 300
+# What any machine has room for is expanded whatever the ratio: 64 MB.
 _ALWAYS_EXPANDED = 1 << 26
 
 _BOMS = (

@@ -22,6 +22,8 @@ from pushfit.parameters import HALF_TURN
 N_TRUTHS = 48
 # More pushes than anybody makes, and fewer than make every noise vanish.
 UNLIMITED = 2000
+# Range of an angle that has but one value: bins have a width all the same [deg].
+NARROWEST = 1e-9
 # Effective draws that a width needs, and pushes by which it is taken with fewer.
 ENOUGH, FEWER, MAX_ROUNDS = 40.0, 4.0, 8
 # Directions that pushes are spread over, at most; more of them move no forecast. And
@@ -174,11 +176,11 @@ class _Bins:
         """Bins of the range of an angle."""
         known = np.flatnonzero(np.isfinite(target.values))
         values = target.values[known]
-        low, span = 0.0, 1e-9
+        low, span = 0.0, NARROWEST
         if target.is_axis:
             values, span = np.mod(values, HALF_TURN), HALF_TURN
         elif values.size:
-            low, span = float(values.min()), max(float(np.ptp(values)), 1e-9)
+            low, span = float(values.min()), max(float(np.ptp(values)), NARROWEST)
         # Of a quarter of the width asked for, at most, or rounding would decide.
         n = max(N_FINE, int(np.ceil(4 * span / target.width)))
         found = np.clip((values - low) / span * n, 0, n - 1).astype(int)

@@ -21,6 +21,7 @@ from pushfit.explore.belief.predict import force_of
 from pushfit.explore.hands.protocol import PushOutcome, PushStatus, Reach
 from pushfit.model import Grasp, Parameters
 
+# A push goes in and out in a second in all, and rests before the next one.
 SESSION = Session(shape="triangle", rise=0.5, rest=0.6, rate=100.0)
 
 

@@ -21,6 +21,7 @@ from pushfit.fit.results import Quantity, Verdict
 
 # Below three azimuths per elevation a cosine passes through any heights.
 MIN_AZIMUTHS = 3
+# Draws of the harmonic: ends of a 90 % interval are then good to 0.03 sd.
 N_DRAWS = 4000
 
 

@@ -26,6 +26,9 @@ from pushfit.fit.results import (
 )
 from pushfit.model import as_float, contact
 
+# Share of the range of a uniform prior beside a bound, and of a posterior in it that is
+# pressed against the bound: twice what is there where heights say nothing.
+EDGE, PRESSED = 0.05, 0.1
 # Verdicts that need no words, or have had them.
 SAID = frozenset({Verdict.DETERMINED, Verdict.UNKNOWN, Verdict.PROVISIONAL})
 
@@ -184,14 +187,12 @@ def bound_warnings(setup: Setup, posterior: PosteriorResult) -> Iterator[ResultW
             continue
         low, high = float(prior.first), float(prior.second)
         draws = posterior.samples[name]
-        # A density that does not fall off towards the bound puts this share within a
-        # twentieth of the range of it.
-        edge = 0.05 * (high - low)
+        edge = EDGE * (high - low)
         for bound, share in (
             (low, np.mean(draws < low + edge)),
             (high, np.mean(draws > high - edge)),
         ):
-            if share > 0.1:
+            if share > PRESSED:
                 yield ResultWarning(
                     code="bound_touched",
                     text=f"{name} presses against its bound {bound:g}; its interval is "

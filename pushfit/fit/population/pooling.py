@@ -37,8 +37,11 @@ N_GRID, REACH = 41, 6.0
 N_SPREADS = 400
 # Probability at the edge of the grid, above which it is too narrow.
 MAX_EDGE = 1e-3
+# Share of the error of the mean below which no data tell a spread from zero.
+SMALLEST_SPREAD = 0.002
 # Share of the peak below which a spread is not looked at.
 EMPTY = 1e-7
+# Grids tried, each to twice as many standard deviations as the one before: 24 at last.
 MAX_ROUNDS = 3
 
 
@@ -274,7 +277,7 @@ def _log_prior(
 def _all_spreads(items: Likelihoods, scale: float) -> Float[np.ndarray, " s"]:
     """Logs of all spreads that there may be, from one that no data tell from zero."""
     finest = np.min(items.sd) / np.sqrt(items.sd.size)
-    low = 0.002 * min(finest, scale)
+    low = SMALLEST_SPREAD * min(finest, scale)
     return np.linspace(np.log(low), np.log(8 * scale), N_SPREADS)
 
 

@@ -25,6 +25,8 @@ from pushfit.parameters import TINY
 SCALES = (1e-3, 1e3)
 # Least information on any coordinate: steps stay finite where heights say nothing.
 LEAST_INFORMATION = 1e-6
+# Size of the least ellipse whose axis is turned: that of a circle has no log.
+ROUNDEST = 1e-2
 # θ_c where there is none, or where it plays no part [rad].
 SOME_ANGLE = 0.1
 
@@ -192,7 +194,7 @@ class Likelihood(eqx.Module):
         if "alpha_star" not in self.quantities:
             return y
         f1 = self.problem.data_names.index("f1")
-        size = jnp.maximum(norm2(y[f1], y[f1 + 1]), 1e-2)
+        size = jnp.maximum(norm2(y[f1], y[f1 + 1]), ROUNDEST)
         is_axis = self.index == self.quantities.index("alpha_star")
         return jnp.where(is_axis, y.at[f1].set(jnp.log(size)), y)
 

@@ -40,6 +40,8 @@ TracedOptima = tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]
 
 # Far below any standard error that real heights allow, and above rounding.
 RTOL = ATOL = 1e-10
+# Steps of a start: along what the heights do not see the solver walks until they run
+# out, and where it has walked to is as good as any other place.
 MAX_STEPS = 200
 # On a kink of the hard switch steps shrink to nothing short of the optimum; started
 # again from there with a full step, the solver mostly gets across.
@@ -58,6 +60,7 @@ RANK_TOLERANCE = 1e-8
 # An optimum on a kink lies within 1e-10 of it; so far to either side [log units] a
 # smooth likelihood has the same standard errors, and one with a kink others.
 BESIDE = 1e-8
+# Standard errors that differ by less are the same: people read two digits of them.
 SAME_ERRORS = 0.01
 
 

@@ -26,6 +26,9 @@ from pushfit.parameters import PARAMETERS, POSITIVE
 # are then right within a factor of a few, which the chain settles.
 KEPT_SHARE = 0.3
 STEPS_PER_STAGE, N_MIXTURE_POINTS = 6, 4096
+# Steps of a search for the length of a stage, from all of the way down by decades; and
+# the share of a step that is as good as all of it.
+MAX_HALVINGS, SAME_STEP = 60, 0.95
 # No table needs more than some 60: each stage multiplies the information by a factor.
 MAX_STAGES = 500
 # Prior draws tried for each mode.
@@ -144,10 +147,10 @@ def _largest_step(groups: Float[np.ndarray, "e n"], rest: float) -> float:
         return rest
     low, high = 0.0, rest
     # In the log: the first step may be a billionth of the way.
-    for _ in range(60):
+    for _ in range(MAX_HALVINGS):
         middle = np.sqrt(low * high) if low > 0 else high / 10
         low, high = (middle, high) if is_kept(middle) else (low, middle)
-        if low > 0.95 * high:
+        if low > SAME_STEP * high:
             break
     return high if low == 0 else low
 

@@ -27,6 +27,11 @@ REACH = 6.0
 N_SCALE_STEPS = 8
 # Factors of a product of which one log is taken; buckets are multiples of it.
 FACTORS = 8
+# Smallest mean square: its ratios to squares stay finite in the steps above.
+LEAST_SQUARE = 1e-60
+# Share of the given variance at which nodes are centred where nothing is left beyond
+# it.
+WELL_BELOW = 0.1
 LN_2PI = math.log(2 * math.pi)
 # Of the density of a Student-t variable at 0.
 LN_STUDENT = (
@@ -218,19 +223,19 @@ def _ln_scale(pooled: Pooled, channel: int, difference: Float[Array, " n"]) -> S
     n = jnp.maximum(jnp.sum(count), 1.0)
     squares = count * difference**2 + pooled.scatter[channel]
     mask = pooled.problem.mask[channel]
-    square = jnp.maximum(jnp.sum(squares) / n, 1e-60)
+    square = jnp.maximum(jnp.sum(squares) / n, LEAST_SQUARE)
     if pooled.problem.likelihood != "normal":
 
         def step(_: Int[Array, ""], square: Scalar) -> Scalar:
             weight = (STUDENT_DOF + 1) / (STUDENT_DOF + difference**2 / square)
             return jnp.maximum(
-                jnp.sum(jnp.where(mask, weight * difference**2, 0.0)) / n, 1e-60
+                jnp.sum(jnp.where(mask, weight * difference**2, 0.0)) / n, LEAST_SQUARE
             )
 
         square = jax.lax.fori_loop(0, N_SCALE_STEPS, step, square)
     given = jnp.sum(count * sd**2) / n
     # Where nothing is left beyond it, any σ well below the given sd is as likely.
-    return jnp.log(jnp.maximum(square - given, 0.1 * given + 1e-60)) / 2
+    return jnp.log(jnp.maximum(square - given, WELL_BELOW * given + LEAST_SQUARE)) / 2
 
 
 def _gaps(nodes: Float[Array, " k"]) -> Float[Array, " k"]:

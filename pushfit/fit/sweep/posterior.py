@@ -42,9 +42,10 @@ TOO_FEW, MAX_PARETO_K = 400.0, 0.7
 # enough may lack a region: a mixture is tried. Without it log evidences were off by 0.1
 # and 0.3 where their errors said 0.015.
 HEAVY_PARETO_K = 0.5
-# Times that a mixture is fitted to the draws where they are not to be trusted yet; its
-# components, the draws it is fitted to, and how many of these must count.
+# Times that a mixture is fitted to the draws where they are not to be trusted yet.
 MAX_REFINEMENTS = 3
+# Its components, the draws that it is fitted to, of which twice as many were as good a
+# proposal in twice the time, and how many effective ones are enough for that.
 N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 4096, 500.0
 # Power of the weights that these are drawn by: a fit to a few of them leaves out tails.
 FITTED_POWER = 0.5

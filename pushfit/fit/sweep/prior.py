@@ -24,6 +24,8 @@ from pushfit.parameters import STIFF
 
 # Draws from the prior: moments good to 2 % of a standard deviation.
 N_DRAWS = 4000
+# Shapes kept at a time, each of a megabyte: tables of one setting share theirs, and a
+# batch has few settings.
 MAX_SHAPES = 64
 
 

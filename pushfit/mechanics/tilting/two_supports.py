@@ -49,10 +49,14 @@ from pushfit.mechanics.tilting.one_support import MAX_TILT, one_support_forces
 
 # Relative step at which the search ends; the step after it leaves the square of that.
 RTOL = 1e-7
+# Steps of a push: as many as halving a bracket of length 1 would take
+# (`pushfit.mechanics.roots`); a push that takes more is called not found.
 MAX_STEPS = 60
 # Shortest share of a Newton step that must lower the residual; a shorter one is taken
 # in any case, because at a kink no share may lower it.
 SHORTEST = 1 / 64
+# Smallest determinant of the slopes, as a share of its two products: below it these
+# cancel to rounding and what is left of it, which is that of a fold.
 SMALLEST_DETERMINANT = 1e-9
 
 Pair = tuple[Vector, Vector]

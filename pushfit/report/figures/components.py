@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 # Of the shade over a stretch, twice as dark as that over its push.
 SHADE = 0.3
+# Widths of the lines of a rest, a top and a jerk [points].
 REST, TOP, JERK = 0.9, 1.8, 0.8
 
 

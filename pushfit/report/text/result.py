@@ -27,6 +27,7 @@ from pushfit.report.strings import printable, symbol
 # The narrowest terminal, and the narrowest last column of a table; a table that leaves
 # less to its notes becomes paragraphs.
 MIN_WIDTH = 20
+# Spaces between two columns.
 COLUMN_GAP = 2
 
 

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float, Int, Num
 
 from pushfit.fit.problem.problem import Problem, bucket
 from pushfit.model import Pushes, as_float
+from pushfit.parameters import TINY
 
 # Pushes closer than this in both angles, and in the log of their sd, are repeats.
 SAME = 1e-9
@@ -56,7 +57,7 @@ def pool_repeats(problem: Problem) -> Pooled:
     is_even = problem.shared is None and not (has_sd and is_sampled)
     is_single = problem.likelihood != "normal" or not is_even
     if not is_single:
-        key = np.concatenate([angles, np.log(np.maximum(sd, 1e-300)), np.log(sigma)])
+        key = np.concatenate([angles, np.log(np.maximum(sd, TINY)), np.log(sigma)])
         first, group = _alike(key)
     else:
         first = group = np.arange(angles.shape[1])
