@@ -25,14 +25,14 @@ from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, ConvergenceError, PushfitError, counted
 from pushfit.explore.advice import with_next_push
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.progress import Progress, Stages, stages_of
 from pushfit.fit.programs.compile import loaded_ahead
 from pushfit.fit.programs.folder import keep_programs
 from pushfit.fit.results import FitStatus, Identification, Recipe
 from pushfit.report.result import Result
 from pushfit.report.strings import time_left
-from pushfit.report.text.first import First
+from pushfit.report.text.first_look import First
 
 Read = TypeVar("Read")
 AnyPath = str | Path

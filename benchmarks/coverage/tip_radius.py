@@ -20,7 +20,7 @@ import pandas as pd
 from benchmarks.tables import HARD
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from tests.mechanics.statics import Slab
 
 # Elevations that are pushed at [deg].

@@ -24,7 +24,7 @@ from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.reporting_rules import pieces_for
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.priors.distributions import default_priors
 from pushfit.fit.results import FitStatus, Verdict
 

@@ -20,7 +20,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
-from pushfit.fit.identify.many import ItemResult, identify_many
+from pushfit.fit.identify.identify_many import ItemResult, identify_many
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.sweep.posterior import WeightedDraws, weighted_draws
 from pushfit.fit.sweep.prior import make_target

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import ConfigError
-from pushfit.report.store.target import check_place, followed
+from pushfit.report.store.output_folder import check_place, followed
 
 STORE = "batch.sqlite"
 RESULTS, FAILURES, PARQUET = "results.csv", "failures.csv", "results.parquet"

@@ -2,7 +2,7 @@
 
 Equal inputs give equal files, byte by byte, whatever the number of workers, the order
 of the inputs, and however often the run was killed on the way. Excluded: the work on an
-item (`pushfit.batch.work`).
+item (`pushfit.batch.identify_chunk`).
 """
 
 import contextlib
@@ -18,16 +18,16 @@ from pushfit.batch.folders import (
     is_current,
     remove_leftovers,
 )
+from pushfit.batch.identify_chunk import IdentifyMany, identify_chunk, write_folder
 from pushfit.batch.inputs import find_inputs
 from pushfit.batch.items import Item, ItemFailure, Planner
 from pushfit.batch.outputs import write_outputs
 from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
-from pushfit.batch.work import IdentifyMany, identify_chunk, write_folder
 from pushfit.batch.workers import Work, Workers
 from pushfit.errors import DataError
-from pushfit.fit.identify.many import identify_many
+from pushfit.fit.identify.identify_many import identify_many
 
 Progress = Callable[[str, float], None]
 

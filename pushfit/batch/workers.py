@@ -3,7 +3,7 @@
 A worker that dies, or passes the time limit, costs no item but its own: dask tries the
 chunk again elsewhere, then it is split, and what still fails is tried once more alone,
 so that nobody pays for a neighbour's crash. Excluded: the work itself
-(`pushfit.batch.work`).
+(`pushfit.batch.identify_chunk`).
 """
 
 import contextlib
@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from pushfit.atomic import unfinished
+from pushfit.batch.identify_chunk import Chunk
 from pushfit.batch.items import Item, ItemFailure
-from pushfit.batch.work import Chunk
 from pushfit.errors import ConfigError, installed_by
 
 if TYPE_CHECKING:

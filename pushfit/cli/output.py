@@ -9,7 +9,7 @@ from pushfit.atomic import atomic_path, is_stream
 from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError
 from pushfit.report.picture_file import picture_format
-from pushfit.report.store.target import left_out
+from pushfit.report.store.output_folder import left_out
 
 
 def refuse_existing(path: Path, *, force: bool) -> None:

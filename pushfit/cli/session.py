@@ -28,7 +28,7 @@ from pushfit.cli.wording import flags_of, in_options
 from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
 from pushfit.fit.programs.folder import enable_compile_cache
-from pushfit.report.store.target import refuse_inputs
+from pushfit.report.store.output_folder import refuse_inputs
 
 # Exit codes, beside those of the errors; as a shell has them, 128 + SIGINT and SIGPIPE.
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141

@@ -22,7 +22,7 @@ from pushfit.config.parameters import PositivePrior
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
 from pushfit.fit.identify.fitted import Fitted, Listener, draw_posterior
-from pushfit.fit.identify.one import fitted_by_leading
+from pushfit.fit.identify.identify_table import fitted_by_leading
 from pushfit.fit.identify.progress import Stages
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.noise import with_noise, with_plain_noise

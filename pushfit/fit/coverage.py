@@ -18,7 +18,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError, FitError
 from pushfit.fit.identify.fitted import Fitted, fit_table, reach_of
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.derived import (
     equal_tailed_interval,
     samples_mapping,

@@ -56,11 +56,13 @@ class Mechanics:
     forces: Callable[..., Any]
     needs: Mapping[str, str] = field(default_factory=dict)
     critical_angle: Callable[..., Any] = Deferred(
-        "pushfit.mechanics.searched:critical_angle"
+        "pushfit.mechanics.critical_by_search:critical_angle"
     )
     ties: Mapping[str, Callable[..., Any]] = field(
         default_factory=lambda: {
-            "ln_C_rr": Deferred("pushfit.mechanics.searched:critical_friction")
+            "ln_C_rr": Deferred(
+                "pushfit.mechanics.critical_by_search:critical_friction"
+            )
         }
     )
     is_tie: Callable[..., Any] | None = None

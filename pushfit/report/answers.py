@@ -2,7 +2,7 @@
 
 Text, page and figures take the two answers from here, so they cannot disagree. The
 rule beside those of `pushfit.fit.assess.reporting_rules`: all pieces of a set, never
-their hull. Excluded: all else that reports state (`pushfit.report.facts`).
+their hull. Excluded: all else that reports state (`pushfit.report.fact_rows`).
 """
 
 from dataclasses import dataclass, replace

@@ -14,16 +14,16 @@ import pandas as pd
 
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
-from pushfit.report.facts import quantity_cells, verdict_word
+from pushfit.report.fact_rows import quantity_cells, verdict_word
 from pushfit.report.figures import plot
 from pushfit.report.frames import result_frame
 from pushfit.report.html.card import card_html, latex_table, markdown_table
 from pushfit.report.json_values import Json
 from pushfit.report.store.archive import chains_tree
 from pushfit.report.store.folder import write_result_folder
+from pushfit.report.store.output_folder import PARTS, left_out
 from pushfit.report.store.read import read_extra, read_result
 from pushfit.report.store.summary import summary_dict
-from pushfit.report.store.target import PARTS, left_out
 from pushfit.report.strings import symbol
 from pushfit.report.text.result import render_text
 

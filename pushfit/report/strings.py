@@ -2,7 +2,7 @@
 
 Text that came from a user (paths, notes, column names) passes through `printable`
 before it reaches a terminal, a page or a figure. Excluded: words on a result
-(`pushfit.report.answers`, `pushfit.report.facts`).
+(`pushfit.report.answers`, `pushfit.report.fact_rows`).
 """
 
 import math

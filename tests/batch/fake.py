@@ -13,7 +13,7 @@ import numpy as np
 
 from pushfit.batch.run import identify_batch
 from pushfit.errors import DataError
-from pushfit.fit.identify.many import ItemResult
+from pushfit.fit.identify.identify_many import ItemResult
 
 # Names of environment variables.
 LOG, SECONDS = "FAKE_LOG", "FAKE_SECONDS"

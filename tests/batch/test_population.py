@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from pushfit.batch.run import identify_batch
-from pushfit.fit.identify.many import ItemResult
+from pushfit.fit.identify.identify_many import ItemResult
 from tests.batch.makers import outputs, read_csv, write_tables
 
 NAMES = ("a", "b", "c", "d", "far")

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pushfit.batch import work
+from pushfit.batch import identify_chunk as work
 from pushfit.batch.folders import folder_name
 from pushfit.batch.outputs import guarded
 from pushfit.batch.run import identify_batch

@@ -19,7 +19,9 @@ from pushfit.cli import main
 def test_what_a_missing_library_leaves_out_is_said_before_the_work(
     words, parts, tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr("pushfit.report.store.target.find_spec", lambda name: None)
+    monkeypatch.setattr(
+        "pushfit.report.store.output_folder.find_spec", lambda name: None
+    )
     monkeypatch.chdir(tmp_path)
     Path("bare.csv").write_text("1,2\n")
     assert main(words) in (3, 5)

@@ -7,7 +7,7 @@ import pytest
 
 from pushfit.explore.advice import with_next_push
 from pushfit.explore.explorer import Explorer
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.results import Verdict
 from tests.fit.tables import case_table, config
 from tests.problems import CASES

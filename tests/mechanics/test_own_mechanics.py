@@ -17,7 +17,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.errors import ConfigError
 from pushfit.fit.comparison import NOISES, rival_configs
 from pushfit.fit.identify.fitted import fit_table
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.programs import folder as cache
 from pushfit.fit.programs.compile import compiled
 from pushfit.mechanics.directions import critical_angle

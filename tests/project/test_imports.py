@@ -180,7 +180,7 @@ def test_starting_up_loads_nothing_heavy(start):
 
 
 def test_the_inference_loads_what_only_some_tables_need_when_they_do():
-    modules = "pushfit.fit.identify.one, pushfit.fit.identify.many"
+    modules = "pushfit.fit.identify.identify_table, pushfit.fit.identify.identify_many"
     modules += ", pushfit.explore.explorer"
     code = f"import sys, {modules}; print(set({SELDOM}) & set(sys.modules))"
     assert run_python(code) == "set()\n"

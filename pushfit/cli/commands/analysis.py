@@ -1,6 +1,6 @@
 """`identify`, `fit` and `demo`: from recordings or peaks to a report.
 
-Excluded: the analysis itself (`pushfit.fit.identify.one`).
+Excluded: the analysis itself (`pushfit.fit.identify.identify_table`).
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import keep
 from pushfit.errors import FitError
-from pushfit.report.store.target import PARTS, check_target
+from pushfit.report.store.output_folder import PARTS, check_target
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -107,9 +107,9 @@ def analyse(
 
     own = stages_of(settings, wanted.engine)
     with loaded_ahead("; ".join(own)) as is_compiled:
-        from pushfit.fit.identify.one import identify_table
+        from pushfit.fit.identify.identify_table import identify_table
         from pushfit.fit.results import FitStatus, Recipe
-        from pushfit.report.text.first import First
+        from pushfit.report.text.first_look import First
 
         table = load()
         if wanted.checkpoint is not None:

@@ -13,7 +13,7 @@ from pushfit.cli import options
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import keep
-from pushfit.report.store.target import PARTS
+from pushfit.report.store.output_folder import PARTS
 
 if TYPE_CHECKING:
     from pushfit.batch.run import Batch

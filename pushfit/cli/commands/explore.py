@@ -16,7 +16,7 @@ from pushfit.cli import options
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError, FitError
-from pushfit.report.store.target import PARTS
+from pushfit.report.store.output_folder import PARTS
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
@@ -270,14 +270,14 @@ def _run(
     """Explore, identify the table of the journal, and write the folder."""
     from pushfit.explore.advice import with_next_push
     from pushfit.explore.loop import explore as run
-    from pushfit.fit.identify.one import identify_table
+    from pushfit.fit.identify.identify_table import identify_table
     from pushfit.fit.results import FitStatus
     from pushfit.report.answers import ANSWERS
     from pushfit.report.figures import figure_bytes
     from pushfit.report.figures.exploration import exploration_picture
     from pushfit.report.store.folder import write_result_folder
+    from pushfit.report.store.output_folder import EXPLORATION, JOURNAL
     from pushfit.report.store.summary import summary_dict
-    from pushfit.report.store.target import EXPLORATION, JOURNAL
     from pushfit.report.text.exploration import ADAPTIVE, state_dict
 
     peaks = settings.peaks

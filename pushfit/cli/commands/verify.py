@@ -123,7 +123,7 @@ def run_again(
     """The same analysis of the same files."""
     from pushfit.data.tables.peak_table import read_table
     from pushfit.explore.advice import with_next_push
-    from pushfit.fit.identify.one import identify_table
+    from pushfit.fit.identify.identify_table import identify_table
     from pushfit.fit.identify.progress import Stages, stages_of
 
     config, recipe = recorded_config(summary), summary["recipe"]

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.chosen import find, no_pushes
+from pushfit.data.peaks.chosen_humps import find, no_pushes
 from pushfit.data.peaks.components import (
     component_traces,
     looked_at,

@@ -13,7 +13,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.chosen import DEFAULTS, find, find_pushes, no_pushes
+from pushfit.data.peaks.chosen_humps import DEFAULTS, find, find_pushes, no_pushes
 from pushfit.data.peaks.components import (
     component_traces,
     looked_at,

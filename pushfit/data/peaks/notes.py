@@ -1,6 +1,6 @@
 """What there is to tell about pushes that were taken from a recording.
 
-Excluded: refusals for want of pushes (`pushfit.data.peaks.chosen`).
+Excluded: refusals for want of pushes (`pushfit.data.peaks.chosen_humps`).
 """
 
 from collections.abc import Sequence

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from pushfit.data.plans.assignment import IN_TIME, Case, cheapest_ways, cost_of_gaps
 from pushfit.data.plans.rhythm import rhythms
-from pushfit.data.plans.ways import IN_TIME, Case, cheapest_ways, cost_of_gaps
 
 # Scatter of a time between two pushes that keep to a plan, in periods: somewhat more
 # than `_LEAST_SCATTER` of those that show it. Half or twice changes no test.

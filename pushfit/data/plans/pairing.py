@@ -17,7 +17,7 @@ from pushfit.data.plans.mismatch import mismatch_error, named
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
-from pushfit.data.pushes.found import Found, is_in
+from pushfit.data.pushes.found_humps import Found, is_in
 from pushfit.errors import stated
 
 

@@ -1,6 +1,6 @@
 """A table fitted, and drawn from: what precedes all judgement of it.
 
-Excluded: the judgement (`pushfit.fit.identify.one`).
+Excluded: the judgement (`pushfit.fit.identify.identify_table`).
 """
 
 from collections.abc import Callable, Mapping

@@ -27,7 +27,7 @@ from pushfit.fit.problem.priors.distributions import (
 )
 from pushfit.fit.problem.problem import Problem, bucket
 from pushfit.fit.problem.uninformative import check_informative
-from pushfit.fit.results.search import FitsAlong
+from pushfit.fit.results.fits_along import FitsAlong
 from pushfit.model import Grasp, Pushes, as_float
 from pushfit.parameters import SIGNED
 

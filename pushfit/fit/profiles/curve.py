@@ -22,7 +22,7 @@ from pushfit.fit.profiles.curve_search import (
     best_fits,
 )
 from pushfit.fit.profiles.guesses import guesses
-from pushfit.fit.results.search import Curve, FitsAlong
+from pushfit.fit.results.fits_along import Curve, FitsAlong
 from pushfit.fit.sweep.target import IMPOSSIBLE
 from pushfit.model import as_float
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from pushfit.fit.profiles.conditional_likelihood import SOME_ANGLE, Likelihood
 from pushfit.fit.programs.compile import compiled
-from pushfit.fit.sweep.outer import (
+from pushfit.fit.sweep.outer_nodes import (
     again,
     ascending,
     begun,

@@ -23,7 +23,7 @@ from pushfit.fit.profiles.derived_profiles import implied_profiles
 from pushfit.fit.profiles.least_squares import costs_at, searched
 from pushfit.fit.profiles.profile_sets import pieces_below, threshold, verdict_of
 from pushfit.fit.results import FitResult, LikelihoodProfile
-from pushfit.fit.results.search import Curve
+from pushfit.fit.results.fits_along import Curve
 from pushfit.parameters import unit_of
 
 # The ellipse is reported by its axis; the others are held by what is known beforehand.

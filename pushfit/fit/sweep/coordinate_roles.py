@@ -3,7 +3,7 @@
 The outer coordinate u = ln(B |u(α)| / (A C_rr)) is ln tan θ_c without a preload; one
 of ln B, ln C_rr and ln A makes room for it. The inner one is ln C_rr as a rule. Both
 are swept; the others are Gaussian given them, or follow from the prior. Excluded: their
-nodes (`pushfit.fit.sweep.outer`, `pushfit.fit.sweep.sheet`).
+nodes (`pushfit.fit.sweep.outer_nodes`, `pushfit.fit.sweep.sheet`).
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ At every outer node the inner coordinate is followed from its conditional mode t
 ends of its prior, in steps that grow like sinh: a peak of width 1e-3 and a tail as wide
 as the prior share a few nodes. The other coordinates are Gaussian around their mode
 there; where ln s is drawn from its prior, once for each stratum of it. Excluded:
-placing the outer nodes (`pushfit.fit.sweep.outer`).
+placing the outer nodes (`pushfit.fit.sweep.outer_nodes`).
 """
 
 import equinox as eqx
@@ -20,7 +20,7 @@ from pushfit.fit.sweep.cholesky import (
     half_solve,
     log_diagonal,
 )
-from pushfit.fit.sweep.outer import (
+from pushfit.fit.sweep.outer_nodes import (
     N_ROUNDS,
     REACH,
     ascending,

@@ -19,7 +19,7 @@ from pushfit.fit.profiles.profile_sets import threshold
 from pushfit.fit.results import FitStatus, Identification, Quantity, Verdict
 from pushfit.parameters import HALF_TURN, STIFFNESSES
 from pushfit.report.answers import ANSWERS, alpha_star_answer
-from pushfit.report.facts import verdict_word
+from pushfit.report.fact_rows import verdict_word
 from pushfit.report.figures.diagnostics import residual_figure, trace_figure
 from pushfit.report.figures.grasp import Ellipses, ellipse_figure, grasp_figure
 from pushfit.report.figures.main import (

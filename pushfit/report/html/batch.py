@@ -14,7 +14,7 @@ import pandas as pd
 
 from pushfit.fit.results import Piece, Verdict
 from pushfit.parameters import ANGLES
-from pushfit.report.facts import verdict_word
+from pushfit.report.fact_rows import verdict_word
 from pushfit.report.html.pages import render_page
 from pushfit.report.strings import (
     format_estimate,

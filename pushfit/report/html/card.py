@@ -11,7 +11,7 @@ from pushfit.errors import counted
 from pushfit.fit.results import FitStatus, Identification
 from pushfit.parameters import named
 from pushfit.report.answers import AnswerText, alpha_star_answer, theta_c_answer
-from pushfit.report.facts import quantity_cells
+from pushfit.report.fact_rows import quantity_cells
 from pushfit.report.html.pages import indexed_html, symbol_html
 from pushfit.report.strings import printable, symbol
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
-from pushfit.report.facts import (
+from pushfit.report.fact_rows import (
     angle_rows,
     cannot_say,
     correlation_rows,

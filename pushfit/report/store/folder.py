@@ -21,8 +21,8 @@ from pushfit.fit.results import Identification
 from pushfit.report.figures import figure_files
 from pushfit.report.html.result import NOTHING, is_shown, render_html
 from pushfit.report.store.archive import posterior_tree
+from pushfit.report.store.output_folder import check_target, followed
 from pushfit.report.store.summary import summary_dict
-from pushfit.report.store.target import check_target, followed
 from pushfit.report.text.result import render_text
 
 

@@ -30,9 +30,9 @@ from pushfit.fit.results import (
 )
 from pushfit.report.json_values import from_json
 from pushfit.report.store.archive import CURVES, SIGNED, one_row
+from pushfit.report.store.output_folder import EXPLORED
 from pushfit.report.store.summary import quantities_in
 from pushfit.report.store.summary_schema import SCHEMA, Fit, Summary, made_of
-from pushfit.report.store.target import EXPLORED
 
 if TYPE_CHECKING:
     from xarray import Dataset

@@ -2,7 +2,7 @@
 
 It reads like the report of lmfit, from the statistics of the fit to the correlations,
 and ends with one plain sentence on θ_c and one on α*. If the model does not describe
-the data, that comes first. Excluded: what its rows say (`pushfit.report.facts`).
+the data, that comes first. Excluded: what its rows say (`pushfit.report.fact_rows`).
 """
 
 import io
@@ -13,7 +13,7 @@ import numpy as np
 
 from pushfit.fit.results import FitStatus, Identification, Quantity
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
-from pushfit.report.facts import (
+from pushfit.report.fact_rows import (
     SEE_SET,
     UNQUOTED,
     angle_rows,

@@ -12,7 +12,7 @@ from pushfit.data.peaks.extract import extract_peaks, find_pushes
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.found import Found
+from pushfit.data.pushes.found_humps import Found
 from pushfit.data.pushes.running_means import RunningMeans
 from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import (

@@ -11,7 +11,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.fit.assess.tilt_check import do_draws_tilt
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.programs import compile as programs
 from pushfit.fit.results import FitStatus, PosteriorResult

@@ -5,7 +5,7 @@ import pytest
 from pushfit.config import GraspConfig, parse_config
 from pushfit.errors import FitError
 from pushfit.fit.assess.tilt_check import does_tilt_matter, is_worse, tilt_warning
-from pushfit.fit.identify import one as identify
+from pushfit.fit.identify import identify_table as identify
 from pushfit.fit.problem.setup import build_problem
 from tests.report.makers import make_answer, make_fit, make_table
 

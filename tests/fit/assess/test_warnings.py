@@ -10,7 +10,7 @@ from pushfit.fit.assess.warnings import (
     result_warnings,
     table_warnings,
 )
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
 from pushfit.fit.sweep import posterior as sweep

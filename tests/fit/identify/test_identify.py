@@ -14,7 +14,7 @@ from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.violations import Violation
 from pushfit.fit.identify import fitted as fitted_module
 from pushfit.fit.identify.fitted import fit_table, sweep
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.results import FitStatus, Verdict
 from tests.fit.tables import FRICTION_ONLY, HARD, case_table, config
 from tests.problems import CASES

@@ -13,7 +13,7 @@ from pushfit.errors import ConfigError
 from pushfit.fit.assess.advice import measurements
 from pushfit.fit.comparison import compare_models, rival_configs
 from pushfit.fit.identify.fitted import fit_table, reach_of
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.constraint_terms import held_names, held_values
 from pushfit.fit.problem.data_coordinates import tilting_point
 from pushfit.fit.problem.encoding import prior_x_samples

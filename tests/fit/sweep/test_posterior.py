@@ -12,7 +12,7 @@ from scipy import stats
 
 from benchmarks.inference.agreement import compared
 from benchmarks.tables import prior_problems
-from pushfit.fit.identify import one as identify
+from pushfit.fit.identify import identify_table as identify
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import bucket
 from pushfit.fit.problem.repeats.pooling import pool_repeats

@@ -8,7 +8,7 @@ import pytest
 from scipy import integrate
 
 from pushfit.fit.sweep.likelihood import log_likelihood, noise_terms
-from pushfit.fit.sweep.outer import _first_starts
+from pushfit.fit.sweep.outer_nodes import _first_starts
 from pushfit.fit.sweep.prior import make_target
 from pushfit.fit.sweep.target import IMPOSSIBLE, Target
 from tests.fit.kinds import KINDS

@@ -16,8 +16,8 @@ from pushfit.errors import ConfigError
 from pushfit.report.store import folder as folder_module
 from pushfit.report.store.archive import posterior_tree
 from pushfit.report.store.folder import write_result_folder
+from pushfit.report.store.output_folder import CONTENT
 from pushfit.report.store.summary import summary_dict
-from pushfit.report.store.target import CONTENT
 from pushfit.report.text.result import render_text
 from tests.report.store.test_read import leave_out_figures
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from pushfit.fit.sweep.outer import ascending, begun, next_round
+from pushfit.fit.sweep.outer_nodes import ascending, begun, next_round
 from pushfit.fit.sweep.search import in_rounds
 from pushfit.fit.sweep.target import Expansion
 from tests.tolerances import EXACT

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pushfit.fit.identify.many import identify_many
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_many import identify_many
+from pushfit.fit.identify.identify_table import identify_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.result_row import Cell, flat_values, pooled_draws
 from pushfit.fit.population.prior_tables import prior_tables
 from pushfit.fit.problem.setup import build_problem

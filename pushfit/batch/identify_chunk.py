@@ -22,8 +22,8 @@ from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import DataError, PushfitError
 from pushfit.explore.advice import with_next_push
-from pushfit.fit.identify.many import ItemResult, identify_many
-from pushfit.fit.identify.one import identify_table
+from pushfit.fit.identify.identify_many import ItemResult, identify_many
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.results import Recipe
 from pushfit.report.store.folder import write_result_folder
 

@@ -16,7 +16,7 @@ from pushfit.data.peaks.components import looked_at, push_signal
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.pushes.detection import Extent, find_extents
 from pushfit.data.pushes.dips import rest_curve, without_dips
-from pushfit.data.pushes.found import Found, is_in
+from pushfit.data.pushes.found_humps import Found, is_in
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.recordings.records import Recording

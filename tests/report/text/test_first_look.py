@@ -8,8 +8,8 @@ import pytest
 from pushfit.fit.identify.fitted import Fitted
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import LikelihoodProfile, Mode, Verdict
-from pushfit.fit.results.search import Curve, FitsAlong
-from pushfit.report.text.first import First
+from pushfit.fit.results.fits_along import Curve, FitsAlong
+from pushfit.report.text.first_look import First
 
 
 def partly(kind, **known):
