@@ -34,12 +34,14 @@ _BRUSH = 0.03
 # half of the times loses 2 of 5 pushes of `short_dropouts`.
 _SMALL, _GAP_RATIO = 0.15, 5.0
 # A hump that an end of the signal cuts off, and that is longer than this share of the
-# signal, or than so many whole pushes, is a trend.
+# signal, or than so many whole pushes, is a trend. At twice the first a drift alone is
+# a push; half, and both of the second, change no test and no real recording.
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
-# A jerk is so many times briefer than the push, and nearer to it.
+# A jerk is so many times briefer than the push, and nearer to it: snags last 50 ms, and
+# pushes a second and more. Half or twice changes no test and no real recording.
 _BRIEFER = 10.0
 # Share of the width by which feet of one push may lie elsewhere: the usual smoothing.
-# Half or twice moves no height.
+# At half three heights of `p0_Pa` move where it is cut; at twice none.
 _SAME_PUSH = 0.1
 # Times that pushes are joined, and parted, by their own course: an end for what would
 # go on for ever. Half or twice as many change no real recording.
