@@ -16,8 +16,8 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.result_row import Cell, flat_values, pooled_draws
-from pushfit.fit.population.prior_tables import prior_tables
 from pushfit.fit.problem.setup import build_problem
+from pushfit.fit.sweep.prior import marginal_priors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,5 +60,5 @@ def _identify_one(
         found = identify_table(table, config, seed=seed, engine=engine, is_brief=True)
     except PushfitError as error:
         return error
-    priors = prior_tables(build_problem(found.table, found.config).problem)
+    priors = marginal_priors(build_problem(found.table, found.config).problem)
     return ItemResult(values=flat_values(found), draws=pooled_draws(found, priors))

@@ -71,7 +71,7 @@ def pooled_draws(
 
     Args:
         priors: Prior densities of ln A, ln B and ln C_rr; see
-            `pushfit.fit.population.prior_tables.prior_tables`.
+            `pushfit.fit.sweep.prior.marginal_priors`.
 
     Returns:
         `theta_c_deg` [deg], NaN where the contact never rolls, and `ln_A`, `ln_B` and

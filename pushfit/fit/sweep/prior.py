@@ -1,10 +1,11 @@
-"""What the sweep knows of the prior: moments, and tables of what follows from it.
+"""What is known of a prior: moments, quantiles and densities of what follows from it.
 
 Priors that differ only by the unit of stiffness and force share everything that takes
 time. It is made once for each shape and kept. Excluded: densities, which `Problem` has.
 """
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import jax
@@ -14,6 +15,11 @@ from jaxtyping import Array, Float
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.priors.conditional_prior import SCORES, make_conditional_prior
 from pushfit.fit.problem.priors.distributions import Prior
+from pushfit.fit.problem.priors.tabulated_density import (
+    LogDensity,
+    TabulatedDensity,
+    tabulate,
+)
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.repeats.pooling import pool_repeats
 from pushfit.fit.programs.compile import compiled, kept
@@ -131,6 +137,14 @@ def prior_points(
     return np.stack([draws[name] for name in problem.names], axis=1)
 
 
+def marginal_priors(problem: Problem) -> dict[str, TabulatedDensity]:
+    """Densities of ln A, ln B and ln C_rr by name of the number, if it is free."""
+    unit, scale, _ = _in_own_units(problem)
+    by = {"A": scale, "B": scale, "C_rr": 0.0}
+    marginals = _marginals(_Question(unit, 0.0))
+    return {name: table.shifted(by[name]) for name, table in marginals.items()}
+
+
 def _in_own_units(problem: Problem) -> tuple[Problem, float, float]:
     """The same with K_sn about 1, and F_0 about 1; logs of both units."""
     priors = dict(problem.priors)
@@ -158,6 +172,18 @@ def _rounded(value: float | Float[Array, ""]) -> float:
 def _shape(question: _Question) -> PriorShape:
     """Draws, moments and tables of a prior."""
     return kept(f"prior {question.key}", lambda: _made(question))
+
+
+@functools.lru_cache(maxsize=MAX_SHAPES)
+def _marginals(question: _Question) -> Mapping[str, TabulatedDensity]:
+    problem = question.problem
+    given = make_conditional_prior(problem.priors, problem.fixed)
+    densities = {
+        "A": given.normal.density(),
+        "B": given.tangential.density(),
+        "C_rr": given.C_rr,
+    }
+    return {n: tabulate(d) for n, d in densities.items() if isinstance(d, LogDensity)}
 
 
 def _made(question: _Question) -> PriorShape:

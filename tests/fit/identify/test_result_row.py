@@ -5,9 +5,9 @@ import pytest
 from scipy import stats
 
 from pushfit.fit.identify.result_row import prior_of_angle, tabulated_prior
-from pushfit.fit.population.prior_tables import prior_tables
 from pushfit.fit.problem.priors.distributions import default_priors
 from pushfit.fit.problem.setup import build_problem
+from pushfit.fit.sweep.prior import marginal_priors
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -18,7 +18,7 @@ KERNEL_TOL = 0.2
 @pytest.fixture(scope="module")
 def tables():
     table = case_table(CASES["firm"], noise=0.02)
-    return prior_tables(build_problem(table, config()).problem)
+    return marginal_priors(build_problem(table, config()).problem)
 
 
 @pytest.mark.parametrize("name", ["A", "C_rr"])

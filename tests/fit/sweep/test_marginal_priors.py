@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pushfit.fit.population.prior_tables import prior_tables
 from pushfit.fit.problem.setup import build_problem
+from pushfit.fit.sweep.prior import marginal_priors
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -35,7 +35,7 @@ def problems():
 
 
 def test_another_unit_shifts_the_densities_of_stiffnesses_alone(problems):
-    one, other = (prior_tables(problem) for problem in problems)
+    one, other = (marginal_priors(problem) for problem in problems)
     assert set(one) == {"A", "B", "C_rr"}
     for name, table in one.items():
         shift = 0.0 if name == "C_rr" else np.log(FACTOR)
@@ -56,7 +56,7 @@ def test_tables_are_densities_of_draws_of_the_parameters(problems):
         "B": 1 / (1 / draws["K_st"] + draws["L"] ** 2 / draws["C_d"]),
         "C_rr": draws["C_rr"],
     }
-    for name, table in prior_tables(problems[1]).items():
+    for name, table in marginal_priors(problems[1]).items():
         logs = np.log(wanted[name])
         # Four standard errors of the mean.
         assert np.mean(logs) == pytest.approx(
