@@ -167,7 +167,12 @@ def critical_B(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
 
 
 def critical_C_rr(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
-    """Rolling friction with which a push just does not roll; see `critical_B` [-]."""
+    """Rolling friction with which a push just does not roll [-].
+
+        C_rr = B |u_e| cos θ_c / (F_0/S_p + A sin θ_c)
+
+    Without a preload it has no bound towards θ = 0, and no slope there.
+    """
     x, y = _unit_stiffness(group, direction)
     pressed = _pressed(group, grasp, direction)
     if grasp.support_span is None:
@@ -180,7 +185,12 @@ def critical_C_rr(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
 
 
 def critical_A(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
-    """A with which a push on one support just does not roll; see `critical_B` [N/m]."""
+    """A with which a push on one support just does not roll [N/m].
+
+        A = (B |u_e| cos θ_c / C_rr - F_0/S_p) / sin θ_c
+
+    It has no bound towards θ = 0, and no slope there.
+    """
     x, y = _unit_stiffness(group, direction)
     sine, cosine = jnp.sin(direction[0]), jnp.cos(direction[0])
     ratio = group.B * norm2(x, y) * cosine / group.C_rr

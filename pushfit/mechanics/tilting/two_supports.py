@@ -43,7 +43,13 @@ from pushfit.mechanics.containers import (
     contact,
     rolling_limits,
 )
-from pushfit.mechanics.numerics import Sharpness, lean_factors, norm2, softclip
+from pushfit.mechanics.numerics import (
+    Sharpness,
+    lean_factors,
+    norm2,
+    positive_part,
+    softclip,
+)
 from pushfit.mechanics.tilting.hold import Hold, make_hold
 from pushfit.mechanics.tilting.one_support import MAX_TILT, one_support_forces
 
@@ -128,7 +134,7 @@ def two_support_forces(
     state = leaned(frame, lean)
     x, y = state.tangential
     return Forces(
-        normal=jnp.where(is_found, jnp.maximum(state.pressed, 0.0), 0.0),
+        normal=jnp.where(is_found, positive_part(state.pressed), 0.0),
         tangential_x=jnp.where(is_found, x, 0.0),
         tangential_y=jnp.where(is_found, y, 0.0),
         in_contact=is_found & (state.pressed >= 0),
@@ -190,7 +196,7 @@ def leaned(frame: Frame, lean: Pair) -> Lean:
     force_x = xx * stretch_x + xy * stretch_y
     force_y = xy * stretch_x + yy * stretch_y
     pressed = hold.preload + hold.A * (hold.into - hold.L * below * square)
-    normal = jnp.maximum(pressed, 0.0)
+    normal = positive_part(pressed)
     drawn = force_x * x + force_y * y
     outward = bend * drawn + tip * normal
     return Lean(
@@ -215,7 +221,7 @@ def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
     """
     state = leaned(frame, lean)
     hold = frame.hold
-    across = jnp.maximum(state.across, 0.0)
+    across = positive_part(state.across)
     found = []
     for i in (0, 1):
         moment = state.moment[i] / hold.L
@@ -330,7 +336,7 @@ def _start(frame: Frame, sharpness: Sharpness) -> Pair:
     rotation = hold.L**2 / hold.C_d
     u_x, u_y = (hold.along * u for u in hold.azimuth)
     determinant = (xx + rotation) * (yy + rotation) - xy * xy
-    normal = jnp.maximum(hold.preload + hold.A * hold.into, 0.0)
+    normal = positive_part(hold.preload + hold.A * hold.into)
     elastic = (
         ((yy + rotation) * u_x - xy * u_y) / determinant,
         ((xx + rotation) * u_y - xy * u_x) / determinant,
