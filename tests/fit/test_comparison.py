@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
+from pushfit.fit import comparison
 from pushfit.fit.comparison import (
     NEVER_ROLLS,
     NOISES,
@@ -201,9 +202,20 @@ def log_series_density(values, first, second):
     return np.log(np.trapezoid(density, t, axis=1))
 
 
+@pytest.mark.parametrize(
+    "among", [{"hard", "offset"}, pytest.param(None, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(("moved", "is_favoured"), [(0.5, True), (0.0, False)])
-def test_repeats_that_are_moved_are_told_from_repeats_alike(moved, is_favoured):
+def test_repeats_that_are_moved_are_told_from_repeats_alike(
+    moved, is_favoured, among, monkeypatch
+):
     """Of repeats alike, effects are as small as these differ, and gain nothing."""
+
+    def some(config, *, has_repeats):
+        rivals = rival_configs(config, has_repeats=has_repeats)
+        return {k: rivals[k] for k in rivals if among is None or k in among}
+
+    monkeypatch.setattr(comparison, "rival_configs", some)
     table = case_table(CASES["firm"], noise=0.15)
     repeat = table.frame["repeat"].to_numpy()
     heights = table.heights("height") + moved * (repeat - np.mean(repeat))
