@@ -62,8 +62,8 @@ _BEYOND_CHANCE = 1.86
 _SHAPE = 0.001
 # More than half of the pushes, or of what is believed of the windows of one.
 _MOST = 0.5
-# Share of the width on either side of the moment of a missing push: wide enough for a
-# mean, and where a hump that is there is still near its top.
+# Share of the width on either side of the moment of a missing push. Not tuned: wider is
+# less noise, and more of the slope of whatever is there.
 _MOMENT = 0.1
 # Share of the height that the baseline may move by under a push. Twice flags no push of
 # the real recordings, half two more each of `short_dropouts` and `p0_Pa`.

@@ -37,8 +37,8 @@ _SMALL, _GAP_RATIO = 0.15, 5.0
 # signal, or than so many whole pushes, is a trend. At twice the first a drift alone is
 # a push; half, and both of the second, change no test and no real recording.
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
-# A jerk is so many times briefer than the push, and nearer to it: snags last 50 ms, and
-# pushes a second and more. Half or twice changes no test and no real recording.
+# A jerk is so many times briefer than the push, and nearer to it: those of the
+# tests last 50 ms. Half or twice changes none of them, and no real recording.
 _BRIEFER = 10.0
 # Share of the width by which feet of one push may lie elsewhere: the usual smoothing.
 # At half three heights of `p0_Pa` move where it is cut; at twice none.

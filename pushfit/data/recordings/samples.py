@@ -26,9 +26,8 @@ _MAX_LISTED = 10
 # Tactile sensors sample at 10 Hz to 10 kHz: a step a hundred times shorter than that,
 # or ten thousand times longer, is one in another unit of time.
 _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
-# A step is irregular when it is off the median by more than this share of it: between
-# two samples another one would have room. More of them than the second share are told
-# of.
+# A step is irregular when it is off the median by more than this share of it: rounded
+# to whole usual steps it is not one. More of them than the second share are told of.
 _IRREGULAR, _IRREGULAR_SHARE = 0.5, 0.05
 # A step of so many usual ones is a gap, and told of by itself.
 _LONG_STEP = 10.0

@@ -60,7 +60,8 @@ RANK_TOLERANCE = 1e-8
 # An optimum on a kink lies within 1e-10 of it; so far to either side [log units] a
 # smooth likelihood has the same standard errors, and one with a kink others.
 BESIDE = 1e-8
-# Standard errors that differ by less are the same: people read two digits of them.
+# Standard errors that differ by less than this share are the same: it is less than the
+# two digits show that are printed.
 SAME_ERRORS = 0.01
 
 

@@ -55,8 +55,8 @@ from pushfit.mechanics.tilting.one_support import MAX_TILT, one_support_forces
 
 # Relative step at which the search ends; the step after it leaves the square of that.
 RTOL = 1e-7
-# Steps of a push: as many as halving a bracket of length 1 would take
-# (`pushfit.mechanics.roots`); a push that takes more is called not found.
+# Steps of a push, as many as of a search with one support (`pushfit.mechanics.roots`);
+# one that takes more is called not found. Not tuned further.
 MAX_STEPS = 60
 # Shortest share of a Newton step that must lower the residual; a shorter one is taken
 # in any case, because at a kink no share may lower it.
