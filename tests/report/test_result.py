@@ -199,7 +199,7 @@ def test_saving_warns_of_what_a_missing_library_leaves_out(
     result, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(folder_module, "figure_files", lambda _, **__: {})
-    for module in ("target", "folder"):
+    for module in ("output_folder", "folder"):
         place = f"pushfit.report.store.{module}.find_spec"
         monkeypatch.setattr(place, lambda name: None)
     said = r"report.html and corner plots will be left out.*pip install '.\[report\]'"

@@ -12,7 +12,7 @@ from pushfit.cli.commands.look import Saver, read_look
 from pushfit.cli.session import CommandSession
 from pushfit.config import read_config
 from pushfit.data.plans.schedule import PushSchedule, write_schedule
-from pushfit.data.simulate import CommandSession as Robot
+from pushfit.data.simulate import Session as Robot
 from pushfit.data.simulate import simulate_recording, write_recording
 from pushfit.errors import ConfigError
 from tests.cli.look.makers import recording
@@ -72,7 +72,7 @@ def test_what_is_saved_is_what_the_command_it_tells_then_reads(robot, place, cap
     assert main(["peaks", *words[1:], "-o", "peaks.csv"]) == 0
     table = pd.read_csv("peaks.csv")
     assert table["theta_deg"].tolist() == THETA_DEG.tolist()
-    shown, _ = look.measure()
+    shown = look.measure().frame
     np.testing.assert_allclose(table["height_n"], shown["height_n"], rtol=EXACT)
 
 

@@ -24,6 +24,9 @@ from tests.report.figures.test_components import (
     forces,
 )
 
+FOOT = 0.1  # of a push, where it is found for its shade [s]
+SAMPLE = 1e-3  # a tenth of a sampling step [s]
+
 
 def page_of(made, **peaks):
     changes = {"peaks": {"normal": "-fz", **peaks}}
@@ -73,8 +76,8 @@ def test_heights_stand_on_their_rest_levels_at_their_own_sign(shown):
     for name, plot in zip(THREE, below, strict=True):
         begin, end, rests = levels(plot, REST)
         np.testing.assert_allclose(rests, LEVELS[name], rtol=0, atol=CLOSE)
-        np.testing.assert_allclose(begin, BEGINS, rtol=0, atol=0.1)
-        np.testing.assert_allclose(end, BEGINS + END, rtol=0, atol=0.1)
+        np.testing.assert_allclose(begin, BEGINS, rtol=0, atol=FOOT)
+        np.testing.assert_allclose(end, BEGINS + END, rtol=0, atol=FOOT)
         reached = LEVELS[name] + np.array(HEIGHTS[name])
         np.testing.assert_allclose(levels(plot, TOP)[2], reached, rtol=0, atol=CLOSE)
         (stem,) = drawn(plot, Segment, line_width=2)
@@ -167,7 +170,7 @@ def test_stretches_of_a_clock_are_counted_from_the_first_second():
             assert (first - BEGINS > HOLD[0]).all()
             assert (last - BEGINS < HOLD[1]).all()
             (kept,) = drawn(plot, Line, line_color=DATA)
-            assert kept["x"].max() == pytest.approx(21.99, abs=1e-3)
+            assert kept["x"].max() == pytest.approx(21.99, abs=SAMPLE)
 
 
 def test_one_channel_has_one_panel_and_no_words_about_components():

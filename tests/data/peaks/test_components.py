@@ -252,6 +252,7 @@ def counted_forces(levels, *, quantum=0.01, changes=None):
 
 
 FIVE = PushSchedule.planned(np.pi / 4, 0.0, repeats=5)
+COUNTS = 0.02  # two of the recording [N]
 LENIENT = PeakSettings(normal="fz", allow_missing=True)
 # Besides what a mean of equal counts may be off by, their scatter over some 20 samples.
 COUNTS = 0.05
@@ -270,7 +271,7 @@ def test_a_missing_push_in_constant_readings_is_known_to_their_resolution(level,
     # A mean of readings at the top, over the mean of the middle half of those at rest.
     expected = 0.02 / np.sqrt(12) * np.hypot(1, 1.09)
     for channel in table.channels:
-        assert table.heights(channel)[2] == pytest.approx(0, abs=1e-12)
+        assert table.heights(channel)[2] == pytest.approx(0, abs=EXACT)
         assert table.sd(channel)[2] == pytest.approx(expected, rel=COUNTS)
 
 
@@ -297,5 +298,5 @@ def test_one_of_two_forces_across_may_stay_as_it_is():
     table = extract_peaks(made, FIVE, settings=LENIENT)
     pushed = [0, 1, 3, 4]
     np.testing.assert_allclose(
-        table.heights("height_tangential")[pushed], 2.0, rtol=0, atol=0.02
+        table.heights("height_tangential")[pushed], 2.0, rtol=0, atol=COUNTS
     )
