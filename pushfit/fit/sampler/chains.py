@@ -70,16 +70,6 @@ class Run:
         self.log_prob = np.concatenate([self.log_prob, values])
 
 
-class _Sampler(emcee.EnsembleSampler):
-    """emcee's, but for its search for blobs, walker by walker: half of a step."""
-
-    def compute_log_prob(
-        self, coords: Float[np.ndarray, "k p"]
-    ) -> tuple[Float[np.ndarray, " k"], None]:
-        """Log densities of walkers; there are no blobs."""
-        return self.log_prob_fn(coords), None
-
-
 def advance(
     log_prob: Callable[[np.ndarray], np.ndarray],
     start: Float[np.ndarray, "k p"],
@@ -97,7 +87,7 @@ def advance(
         random: Source of randomness; its state moves on.
         log_prob_start: Log density of `start`, where it is known.
     """
-    sampler = _Sampler(
+    sampler = emcee.EnsembleSampler(
         len(start), start.shape[1], log_prob, moves=list(moves), vectorize=True
     )
     state = State(
