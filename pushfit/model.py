@@ -28,7 +28,21 @@ from pushfit.mechanics.numerics import norm2
 
 
 def forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
-    """Contact forces by the mechanics that the grasp names."""
+    """Contact forces at the end of every push, by the mechanics that the grasp names.
+
+    Their equations are with those: `linear_forces`, `tilting_forces`.
+
+    Args:
+        params: Parameters, or the combinations that forces depend on.
+        pushes: Directions.
+        grasp: Mechanics, push length, preload, span and sharpness.
+
+    Returns:
+        F_n with the preload, never negative, and both components of F_pt [N].
+
+    References:
+        Eqs. (6)-(10).
+    """
     return grasp.law.forces(params, pushes, grasp)
 
 
@@ -70,12 +84,17 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
 
 
 def push_resistance(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
-    """Force change per push length [N/m].
+    """Force change per push length.
 
         P_r = (|F_p| - F_0) / S_p
 
     Args:
+        params: Parameters of the contact.
+        pushes: Directions.
         grasp: Grasp and sensor; gain and offset play no part.
+
+    Returns:
+        P_r of every push; negative only where there is a preload [N/m].
 
     References:
         Eqs. (12)-(14).

@@ -27,7 +27,7 @@ def hertz_forces(params, pushes, grasp):
     x, y = limited_tangential(
         group,
         grasp,
-        reach=grasp.push_length * cosine,
+        displacement=grasp.push_length * cosine,
         azimuth=pushes.azimuth,
         normal=normal,
     )

@@ -42,7 +42,14 @@ def _if_given(value: ArrayLike | None) -> Float[Array, "..."] | None:
 
 
 def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
-    """(cos, sin) of an angle [rad]."""
+    """(cos, sin) of an angle, along a first axis.
+
+    Args:
+        angle: Azimuth or elevation [rad].
+
+    Returns:
+        Components in [-1, 1] [-].
+    """
     if isinstance(angle, Tracer):
         return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
     # Every operation of JAX outside of a program is a program of its own.
@@ -191,6 +198,9 @@ def support_stiffness(params: Parameters) -> Float[Array, "2 2"]:
 
         K = K_st expm(½ [[e1, e2], [e2, -e1]])
 
+    Args:
+        params: Of these K_st, e1 and e2.
+
     Returns:
         Symmetric positive-definite matrix; K_st times the identity at e = 0 [N/m].
 
@@ -203,12 +213,16 @@ def support_stiffness(params: Parameters) -> Float[Array, "2 2"]:
 def contact(params: Parameters | Contact) -> Contact:
     """Combinations of the parameters that forces depend on.
 
-        A = K_sn K_dn / (K_sn + K_dn),   B = (K⁻¹ + (L²/C_d) I)⁻¹
+        A = K_sn K_dn / (K_sn + K_dn),   B = (K⁻¹ + (L²/C_d) I)⁻¹,   s = K_st L² / C_d
+        sinh(|f|/2) = sinh(|e|/2) / sqrt(1 + 2 s cosh(|e|/2) + s²),   f along e
 
     Without an ellipse B = K_st C_d / (L² K_st + C_d).
 
     Args:
         params: Parameters, or the combinations themselves, which pass unchanged.
+
+    Returns:
+        A below K_sn and K_dn, B below K_st, both positive [N/m]; f rounder than e [-].
 
     References:
         Eqs. (6), (10).
@@ -254,6 +268,15 @@ def support(contact: Contact) -> Support:
         K_st = B sqrt(1 + 2 s cosh(|e|/2) + s²),   C_d = K_st L² / s
 
     Without an ellipse K_st = B (1 + s).
+
+    Args:
+        contact: Of these B, f1, f2, L and s.
+
+    Returns:
+        K_st above B [N/m], C_d [N·m/rad], and e along f, at least as long [-].
+
+    References:
+        Eq. (10) solved for the springs.
     """
     s = contact.s
     half = norm2(contact.f1, contact.f2) / 2
@@ -268,20 +291,30 @@ def support(contact: Contact) -> Support:
 
 
 def anisotropy_stretch(half_f: Scalar, s: Scalar) -> Scalar:
-    """|e| / |f|: how much rounder rolling makes the ellipse that pushes meet.
+    """How much rounder turning makes the ellipse that pushes meet.
+
+        |e| / |f| = 1 + asinh(s sinh(|f|/2)) / (|f|/2)
 
     Args:
         half_f: |f| / 2 [-].
         s: K_st L² / C_d [-].
+
+    Returns:
+        |e| / |f|, at least 1; 1 + s without an ellipse [-].
     """
     return 1 + s * asinhc(s * jnp.sinh(half_f)) * sinhc(half_f)
 
 
 def tangential_compliance(springs: Support) -> Float[Array, "2 2"]:
-    """Inverse of `support_stiffness`, symmetric positive-definite [m/N].
+    """Inverse of `support_stiffness`.
+
+        K⁻¹ = expm(-½ [[e1, e2], [e2, -e1]]) / K_st
 
     Args:
         springs: Springs that hold the object sideways.
+
+    Returns:
+        Symmetric positive-definite matrix [m/N].
     """
     return _expm_traceless(-springs.e1, -springs.e2) / springs.K_st
 
@@ -291,9 +324,12 @@ def tangential_stiffness(
 ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
     """Unrolled tangential stiffness felt along an azimuth.
 
-        B u(α),   u = (cos α, sin α)
+        B u(α),   u = (cos α, sin α),   B = |B| expm(½ [[f1, f2], [f2, -f1]])
+
+    |B| is the number `Contact.B`; without an ellipse the tensor is |B| I.
 
     Args:
+        contact: Of these B, f1 and f2.
         azimuth: u, as of `unit_vector` [-].
 
     Returns:
@@ -313,10 +349,14 @@ def rolling_limits(contact: Contact, support_span: float) -> tuple[Scalar, Scala
         C_rr + |AB|/(2L) along the supports,   C_rr across them
 
     Args:
+        contact: Of these C_rr and L.
         support_span: |AB|, distance between the supports [m].
 
     Returns:
-        The limits along x and along y [-].
+        The limits along x and along y, the first never the smaller [-].
+
+    References:
+        After Eq. (8); docs/model.md, "Two supports".
     """
     return contact.C_rr + support_span / (2 * contact.L), contact.C_rr
 

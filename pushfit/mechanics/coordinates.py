@@ -46,7 +46,19 @@ class Coordinates(eqx.Module):
 
 
 def coordinates(params: Parameters) -> Coordinates:
-    """Fitting coordinates of parameters, six positive; inverse of `parameters`."""
+    """Fitting coordinates of parameters; inverse of `parameters`.
+
+        r = K_sn / K_dn,   s = K_st L² / C_d,   A, B and f as of `contact`
+
+    Args:
+        params: Parameters, all but e1 and e2 above 0.
+
+    Returns:
+        Logs of numbers in SI units, and f [-]; f = 0 without an ellipse. All unbounded.
+
+    References:
+        Eqs. (6), (10) for A and B.
+    """
     group = contact(params)
     return Coordinates(
         ln_A=jnp.log(group.A),
@@ -66,6 +78,16 @@ def parameters(coords: Coordinates) -> Parameters:
         K_sn = A (1 + r),   K_dn = A (1 + 1/r)
 
     The others follow as in `pushfit.mechanics.containers.support`.
+
+    Args:
+        coords: Coordinates, any real numbers: logs of numbers in SI units, and f [-].
+
+    Returns:
+        Stiffnesses above A and B [N/m], C_rr [-], C_d [N·m/rad] and L [m], all
+        positive, and e [-].
+
+    References:
+        Eqs. (6), (10) solved for the springs.
     """
     A, r = jnp.exp(coords.ln_A), jnp.exp(coords.ln_r)
     group = Contact(
@@ -98,8 +120,11 @@ def log_volume(coords: Coordinates) -> Scalar:
     The six logs alone are mapped without change of volume, so this is 0 at f = 0
     only in the limit s -> 0 and is needed whenever the ellipse is free.
 
+    Args:
+        coords: Of these f1, f2 and ln_s.
+
     Returns:
-        Log volume ratio, never negative.
+        Log volume ratio, never negative; 2 ln(1 + s) at f = 0 [-].
     """
     s = jnp.exp(coords.ln_s)
     half_f = norm2(coords.f1, coords.f2) / 2

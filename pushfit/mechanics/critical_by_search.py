@@ -36,11 +36,20 @@ def critical_angle(
 ) -> Float[Array, "*n"]:
     """Highest elevation at which the object rolls.
 
+        F_pt = C_rr F_n at θ_c,   F_pt without rolling
+
+    With two supports |F_x| - |AB|/(2L) F_n or |F_y|, the larger, stands for F_pt.
+
     Args:
+        params: Parameters, or the combinations that forces depend on.
+        grasp: Mechanics, push length, preload and span.
         alpha: Azimuth of the push [rad].
 
     Returns:
         θ_c in (-π/2, π/2]; NaN where the contact never rolls [rad].
+
+    References:
+        After Eq. (11).
     """
     state = (contact(params), grasp, jnp.ravel(jnp.asarray(alpha)))
 
@@ -69,12 +78,18 @@ def critical_friction(
 
         C_rr = F_pt / F_n,   F_pt without rolling
 
+    With two supports |F_x| - |AB|/(2L) F_n or |F_y|, the larger, stands for F_pt.
+
     Args:
         params: Parameters; their C_rr plays no part.
+        grasp: Mechanics, push length, preload and span.
         direction: θ and α of the push [rad].
 
     Returns:
-        C_rr; NaN where the push loses contact [-].
+        C_rr, not negative; NaN where the push loses contact [-].
+
+    References:
+        After Eq. (8).
     """
     theta, alpha = (jnp.ravel(jnp.asarray(angle)) for angle in direction)
     needed, normal = _needed(contact(params), grasp, (theta, alpha))

@@ -54,7 +54,9 @@ def critical_angle(
 
 
 def soft_axis(params: Parameters) -> Scalar:
-    """Azimuth of least tangential stiffness, (π + atan2(e2, e1)) / 2.
+    """Azimuth of least tangential stiffness.
+
+        α = (π + atan2(e2, e1)) / 2   modulo π
 
     Args:
         params: Parameters; at e = 0 no direction is soft and the angle is arbitrary.

@@ -33,10 +33,20 @@ def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) ->
     """Contact forces of small pushes.
 
         F_n = |F_0 + A S_p sin θ|
-        F_pt = softmin(C_rr F_n, |B u(α)| S_p cos θ)
+        F_pt = softmin(C_rr F_n, |B u(α)| S_p cos θ)   along B u(α)
 
+    With a hard transition softmin is the plain minimum, without an ellipse |B u| = B.
     With `Grasp.support_span` the limit is a box: C_rr F_n across the supports and
     (C_rr + |AB|/(2L)) F_n along them, taken per component.
+
+    Args:
+        params: Parameters, or the combinations that forces depend on.
+        pushes: Directions.
+        grasp: Push length, preload, span and sharpness.
+
+    Returns:
+        Forces of every push; F_n is never negative [N]. Without a preload all pushes
+        are in contact, with one those whose F_0 + A S_p sin θ is not negative.
 
     References:
         Eqs. (6), (8), (10).
@@ -49,7 +59,7 @@ def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) ->
     x, y = limited_tangential(
         group,
         grasp,
-        reach=grasp.push_length * cosine,
+        displacement=grasp.push_length * cosine,
         azimuth=pushes.azimuth,
         normal=normal,
     )
@@ -65,19 +75,25 @@ def limited_tangential(
     group: Contact,
     grasp: Grasp,
     *,
-    reach: Float[Array, " n"],
+    displacement: Float[Array, " n"],
     azimuth: Float[Array, "xy=2 n"],
     normal: Float[Array, " n"],
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """Tangential force of springs B that rolling limits.
 
+        F_pt = softmin(C_rr F_n, |B u(α)| d)   along B u(α)
+
+    With two supports each component has the limit of its axis, `rolling_limits`.
+
     Args:
-        reach: Tangential displacement of each push [m].
-        azimuth: Its direction, as of `unit_vector` [-].
-        normal: F_n, which sets the limit [N].
+        group: B and C_rr; with two supports also L.
+        grasp: Span and sharpness.
+        displacement: d, tangential displacement of each push [m].
+        azimuth: u, its direction, as of `unit_vector` [-].
+        normal: F_n, not negative, which sets the limit [N].
 
     Returns:
-        Components along and across the supports [N].
+        Components along and across the supports, signed as those of d B u(α) [N].
 
     References:
         Eqs. (8), (10).
@@ -86,12 +102,12 @@ def limited_tangential(
     if grasp.support_span is None:
         stiffness = norm2(stiffness_x, stiffness_y)
         limit = group.C_rr * normal
-        ratio = softclip(stiffness * reach, limit, grasp.sharpness) / stiffness
+        ratio = softclip(stiffness * displacement, limit, grasp.sharpness) / stiffness
         return ratio * stiffness_x, ratio * stiffness_y
     limit_x, limit_y = rolling_limits(group, grasp.support_span)
     return (
-        softclip(stiffness_x * reach, limit_x * normal, grasp.sharpness),
-        softclip(stiffness_y * reach, limit_y * normal, grasp.sharpness),
+        softclip(stiffness_x * displacement, limit_x * normal, grasp.sharpness),
+        softclip(stiffness_y * displacement, limit_y * normal, grasp.sharpness),
     )
 
 
@@ -100,18 +116,20 @@ def linear_critical_angle(
 ) -> Float[Array, "*n"]:
     """Elevation below which the object rolls in small pushes.
 
-        θ_c = atan(B / (A C_rr)) - arcsin(C_rr F_0 / (S_p R))
-        R = sqrt(B² + (A C_rr)²)
+        θ_c = atan(|B u(α)| / (A C_rr)) - arcsin(C_rr F_0 / (S_p R))
+        R = sqrt(|B u(α)|² + (A C_rr)²)
 
     The first term is the paper's, the second moves it by the preload. With two supports
     it is the larger of the angles about the two axes: below it one of them rolls.
 
     Args:
+        params: Parameters, or the combinations that forces depend on.
+        grasp: Span, preload and, where there is a preload, push length.
         alpha: Azimuth of the push [rad].
 
     Returns:
-        θ_c in (-π/2, π/2]; NaN where the contact never rolls because C_rr F_0 > S_p R
-        [rad].
+        θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
+        rolls because C_rr F_0 > S_p R [rad].
 
     References:
         Eq. (11).
@@ -127,20 +145,28 @@ def linear_critical_angle(
 
 
 def implied_tilt(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
-    """Tilt of the object that the linear solution implies [rad].
+    """Tilt of the object that the linear solution implies.
 
-        γ = |S_pt - K⁻¹ F_pt| / L
+        γ = |S_pt - K⁻¹ F_pt| / L,   S_pt = S_p cos θ u(α)
 
     Unrolled it bends the contact, T = C_d γ; rolled it is larger, by what the object
     has rolled. Above about 2° the push is too large for linear mechanics.
+
+    Args:
+        params: Parameters; K is the stiffness tensor of their support.
+        pushes: Directions.
+        grasp: Push length, preload, span and sharpness.
+
+    Returns:
+        γ of every push, not negative [rad].
 
     References:
         Eqs. (3)-(5), (9), with S_dt = 0.
     """
     force = linear_forces(params, pushes, grasp)
     tangential = jnp.stack([force.tangential_x, force.tangential_y])
-    reach = grasp.push_length * pushes.elevation[0]
-    S_pt = reach[None] * pushes.azimuth
+    displacement = grasp.push_length * pushes.elevation[0]
+    S_pt = displacement[None] * pushes.azimuth
     S_rt = S_pt - jnp.linalg.solve(support_stiffness(params), tangential)
     return norm2(*S_rt) / params.L
 
@@ -148,14 +174,22 @@ def implied_tilt(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
 def critical_B(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
     """B with which a push just does not roll.
 
-        B |u_e| cos θ_c = limit (F_0/S_p + A sin θ_c)
+        B = C_rr (F_0/S_p + A sin θ) / (|u_e| cos θ)
+        u_e = expm(½ [[f1, f2], [f2, -f1]]) u(α)
+
+    u_e is u(α) without an ellipse. With two supports it is the smaller of the B of the
+    two axes, with |u_e| one component and C_rr the limit of that axis.
 
     Args:
         group: Contact combinations; their B plays no part.
+        grasp: Push length, preload and span.
         direction: θ and α of the push [rad].
 
     Returns:
         B, not positive where no spring is soft enough [N/m].
+
+    References:
+        Eq. (11) solved for B.
     """
     x, y = _unit_stiffness(group, direction)
     pressed = _pressed(group, grasp, direction)
@@ -167,11 +201,26 @@ def critical_B(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
 
 
 def critical_C_rr(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
-    """Rolling friction with which a push just does not roll [-].
+    """Rolling friction with which a push just does not roll.
 
-        C_rr = B |u_e| cos θ_c / (F_0/S_p + A sin θ_c)
+        C_rr = q |u_e|,   q = B cos θ / (F_0/S_p + A sin θ),   u_e as in `critical_B`
+
+    With two supports neither axis may roll, and along them the span bears its share:
+
+        C_rr = max(q |u_ex| - |AB|/(2L), q |u_ey|)
 
     Without a preload it has no bound towards θ = 0, and no slope there.
+
+    Args:
+        group: Contact combinations; their C_rr plays no part.
+        grasp: Push length, preload and span.
+        direction: θ and α of the push [rad].
+
+    Returns:
+        C_rr, negative where the push has lost contact, q < 0 [-].
+
+    References:
+        Eq. (11) solved for C_rr.
     """
     x, y = _unit_stiffness(group, direction)
     pressed = _pressed(group, grasp, direction)
@@ -185,11 +234,22 @@ def critical_C_rr(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
 
 
 def critical_A(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
-    """A with which a push on one support just does not roll [N/m].
+    """A with which a push on one support just does not roll.
 
-        A = (B |u_e| cos θ_c / C_rr - F_0/S_p) / sin θ_c
+        A = (B |u_e| cos θ / C_rr - F_0/S_p) / sin θ,   u_e as in `critical_B`
 
     It has no bound towards θ = 0, and no slope there.
+
+    Args:
+        group: Contact combinations; their A plays no part.
+        grasp: Push length and preload.
+        direction: θ and α of the push [rad].
+
+    Returns:
+        A, not positive where no spring makes the push tie [N/m].
+
+    References:
+        Eq. (11) solved for A.
     """
     x, y = _unit_stiffness(group, direction)
     sine, cosine = jnp.sin(direction[0]), jnp.cos(direction[0])
@@ -198,7 +258,15 @@ def critical_A(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
 
 
 def is_upper_tie(group: Contact, grasp: Grasp, theta: Scalar) -> Bool[Array, ""]:
-    """Whether a tie at an elevation is θ_c: not beyond lift-off, nor the lower one."""
+    """Whether a tie at an elevation is θ_c: not beyond lift-off, nor the lower one.
+
+        F_0/S_p + A sin θ > 0,   A + F_0/S_p sin θ ≥ 0
+
+    Args:
+        group: A alone matters.
+        grasp: Push length and preload.
+        theta: θ at which unrolled force and rolling limit are equal [rad].
+    """
     A, F = group.A, grasp.preload / grasp.push_length
     sine = jnp.sin(theta)
     # Below the second bound the angle is the lower end of the rolling range.

@@ -79,7 +79,10 @@ def softclip(
 ) -> Float[Array, "*s"]:
     """Number held within ±limit: the soft minimum of both magnitudes, sign kept.
 
+        sign(value) softmin_p(|value|, limit)
+
     Args:
+        value: Number of either sign.
         limit: Largest magnitude, not negative.
         sharpness: p of `softmin` [-].
 

@@ -78,6 +78,7 @@ def falling_root(
         function: f of the context and of x; the entries must not mix.
         context: c, all numbers that f depends on beside x, to be differentiated.
         bracket: Least and largest x.
+        start: Guess of x, moved into the bracket.
 
     Returns:
         Roots to about 1e-15 of their size where f is no more curved than x², and their
