@@ -55,15 +55,22 @@ def tilting_critical_angle(
     At θ_c both arguments of the minimum are equal: the resultant F leans by φ from the
     normal of the tilted face, and its moment is C_d γ. The two displacements are those
     of one push where the sum of their squares is S_p², which fixes F. Fingertips that
-    roll add F cos φ ργ/L along the face, with which γ stays as it is. With two supports
-    it is the larger of the angles at which C_d γ |n_i| = c_i L N about either axis.
+    roll add F cos φ ργ/L along the face, with which γ stays as it is, and have X and Z
+    of `tilted` for L sin γ and L (1 - cos γ); with an ellipse S_p cos θ_c is that of
+    `displacement`. With two supports θ_c is the larger of the angles at which
+    C_d γ |n_i| = c_i L N about either axis.
 
     Args:
+        params: Parameters, or the combinations that forces depend on.
+        grasp: Push length, preload, span and tip radius.
         alpha: Azimuth of the push [rad].
 
     Returns:
         θ_c in (-π/2, π/2], the paper's for S_p / L → 0; NaN where the contact never
         rolls [rad].
+
+    References:
+        After Eq. (11); docs/model.md, "Tilting".
     """
     if grasp.support_span is not None:
         about_y, about_x = _axis_angles(params, grasp, jnp.ravel(jnp.asarray(alpha)))
@@ -83,12 +90,20 @@ def critical_friction(
 
         C_rr = C_d γ / (L N),   γ the tilt without rolling
 
+    With two supports neither axis may roll, and along them the span bears its share:
+
+        C_rr = max(C_d γ |n_x| / (L N) - |AB|/(2L), C_d γ |n_y| / (L N))
+
     Args:
         params: Parameters; their C_rr plays no part.
+        grasp: Push length, preload, span and tip radius.
         direction: θ and α of the push [rad].
 
     Returns:
-        C_rr; NaN where the push loses contact [-].
+        C_rr, not negative; NaN where the push loses contact [-].
+
+    References:
+        After Eqs. (7) and (9).
     """
     theta, alpha = (jnp.ravel(jnp.asarray(angle)) for angle in direction)
     hold = make_hold(

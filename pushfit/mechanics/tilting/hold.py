@@ -70,14 +70,22 @@ class Tilt(eqx.Module):
 
 
 def tilted(hold: Hold, angle: Vector) -> Tilt:
-    """The tilt of an angle of at most 1.5 rad.
+    """The tilt of an angle, with displacements and arms of the push.
 
         X = L sin γ + ρ (sin γ - γ cos γ),   X' = L cos γ + ρ γ sin γ
         Z = L (1 - cos γ) + ρ (1 - cos γ - γ sin γ),   Z' = L sin γ - ρ γ cos γ
 
+    Points, ρ = 0, have L sin γ, L cos γ, L (1 - cos γ) and L sin γ.
+
     Args:
-        hold: L and ρ.
-        angle: γ [rad].
+        hold: Of these L and ρ.
+        angle: γ, at most 1.5 in size [rad].
+
+    Returns:
+        X and Z as `aside` and `below` [m], X'/L and Z'/L as `lift` and `tip` [-].
+
+    References:
+        After Eq. (4); docs/model.md, "Tilting".
     """
     sine, versine = sine_versine(angle)
     cosine = 1 - versine
@@ -109,6 +117,8 @@ def make_hold(
     """What the equilibrium of every push needs.
 
     Args:
+        group: Combinations, from which the springs are found by `support`.
+        grasp: Push length, preload and tip radius; ρ is twice the radius.
         elevation: (cos θ, sin θ) [-].
         azimuth: (cos α, sin α) [-].
     """

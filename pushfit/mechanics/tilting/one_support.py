@@ -52,9 +52,25 @@ def one_support_forces(
 ) -> Forces:
     """Contact forces of pushes that tilt an object with one rolling limit.
 
+        F_n = max(F_0 + A (S_p sin θ - Z), 0),   S_p cos θ u = (F_t K⁻¹ + X) n
+        F_t X' + F_n Z' = min(C_d γ, C_rr L N),   N = F_n cos γ - F_t sin γ
+
+    X, Z, X' and Z' are those of `tilted`. A soft transition softens the minimum of
+    forces, see `equilibrium`. Without an ellipse n = u and K = K_st; without a preload
+    pushes of small θ lose contact.
+
+    Args:
+        params: Parameters, or the combinations that forces depend on.
+        pushes: Directions.
+        grasp: Push length, preload, tip radius and sharpness.
+
     Returns:
-        Forces of every push, in the frame that does not tilt. Negative F_t, where the
-        support pulls an object back that would lean further, keeps its direction.
+        Forces of every push, in the frame that does not tilt; F_n is never negative
+        [N]. Negative F_t, where the support pulls an object back that would lean
+        further, keeps its direction.
+
+    References:
+        After Eqs. (6)-(10), the limit S_p / L → 0; docs/model.md, "Tilting".
     """
     hold = make_hold(
         contact(params), grasp, elevation=pushes.elevation, azimuth=pushes.azimuth
@@ -76,12 +92,19 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
 
         F_t = softmin(F_unrolled, F_rolled)
 
+    The two are `elastic_force` and `rolling_force`, each at the tilt of its own at
+    which the push has its length; γ is the tilt at which F_t has it.
+
     Args:
+        hold: Springs, friction and pushes.
         sharpness: p of `softmin`; infinity is the hard switch [-].
 
     Returns:
-        γ [rad] and F_t along the lean [N]; F_t is negative where the object leans
-        beyond the push.
+        γ in [0, MAX_TILT] [rad] and F_t along the lean [N]; F_t is negative where the
+        object leans beyond the push.
+
+    References:
+        After Eqs. (8) and (10).
     """
     if is_hard(sharpness):
 
@@ -129,7 +152,19 @@ def _both_forces(hold: Hold) -> tuple[Vector, Vector, Vector]:
 
 
 def unrolled_tilt(hold: Hold) -> Vector:
-    """Tilt at which the deformed contact balances the forces [rad]."""
+    """Tilt at which the deformed contact balances the forces: nothing rolls.
+
+        F_t X' + F_n Z' = C_d γ
+
+    Args:
+        hold: Springs and pushes; its C_rr plays no part.
+
+    Returns:
+        γ of every push in [0, MAX_TILT] [rad].
+
+    References:
+        After Eq. (9).
+    """
     return _tilted_by(elastic_force, hold, _unrolled_guess(hold))
 
 
@@ -207,19 +242,62 @@ def _reached(hold: Hold, displacement: tuple[Vector, ...]) -> Vector:
 
 
 def pressed_force(hold: Hold, tilt: Tilt) -> Vector:
-    """F_0 + A (S_p sin θ - Z); negative where contact is lost [N]."""
+    """Normal force of a push at a tilt.
+
+        F_0 + A (S_p sin θ - Z)
+
+    Args:
+        hold: Springs and pushes.
+        tilt: Of this Z, `below`.
+
+    Returns:
+        F_n with the preload; negative where contact is lost [N].
+
+    References:
+        After Eq. (6).
+    """
     return hold.preload + hold.A * (hold.into - tilt.below)
 
 
 def elastic_force(hold: Hold, tilt: Tilt) -> Vector:
-    """F_t at which C_d γ balances the moments, (C_d γ - F_n Z') / X' [N]."""
+    """Tangential force at which the deformed contact balances the moments.
+
+        F_t = (C_d γ - F_n Z') / X'
+
+    Args:
+        hold: Springs and pushes.
+        tilt: γ, X' = L `lift` and Z' = L `tip`.
+
+    Returns:
+        F_t along the lean, of either sign [N].
+
+    References:
+        After Eq. (9).
+    """
     normal = positive_part(pressed_force(hold, tilt))
     torque = hold.C_d / hold.L * tilt.angle
     return (torque - normal * tilt.tip) / tilt.lift
 
 
 def rolling_force(hold: Hold, tilt: Tilt) -> Vector:
-    """F_t at which C_rr L N balances, F_n tan(φ - γ) where tan φ = C_rr + ργ/L [N]."""
+    """Tangential force at which rolling friction balances the moments.
+
+        F_t X' + F_n Z' = C_rr L N,   N = F_n cos γ - F_t sin γ
+        F_t = F_n (C_rr cos γ - Z'/L) / (X'/L + C_rr sin γ)
+
+    This is F_n tan(φ - γ): the resultant leans by φ from the normal of the tilted face,
+    tan φ = C_rr + ργ/L with ρ the radii of both tips, 0 for points.
+
+    Args:
+        hold: C_rr, the springs of F_n, and the pushes; ρ is its `rolling_length`.
+        tilt: γ, X' = L `lift` and Z' = L `tip`.
+
+    Returns:
+        F_t along the lean [N]; negative where γ > φ, 0 where contact is lost.
+
+    References:
+        After Eqs. (7) and (8).
+    """
     normal = positive_part(pressed_force(hold, tilt))
     held = hold.C_rr * tilt.cosine - tilt.tip
     return normal * held / (tilt.lift + hold.C_rr * tilt.sine)
@@ -231,10 +309,15 @@ def displacement(hold: Hold, force: Vector, tilt: Tilt) -> Vector:
         S_p cos θ u = (F_t K⁻¹ + X) n,   |n| = 1
 
     Args:
-        force: F_t [N].
+        hold: Compliance of the support and azimuths u.
+        force: F_t, of either sign [N].
+        tilt: Of this X, `aside`.
 
     Returns:
         S_p cos θ; F_t / K_st + X without an ellipse [m].
+
+    References:
+        After Eqs. (3) and (4).
     """
     (x, y), determinant, trace = _solved_lean(hold, force, tilt)
     size = norm2(x, y)
@@ -246,7 +329,18 @@ def displacement(hold: Hold, force: Vector, tilt: Tilt) -> Vector:
 
 
 def lean_direction(hold: Hold, force: Vector, tilt: Tilt) -> tuple[Vector, Vector]:
-    """Components of n, the direction in which the object leans [-]."""
+    """Direction n in which the object leans.
+
+        (F_t K⁻¹ + X) n = S_p cos θ u,   |n| = 1
+
+    Args:
+        hold: Compliance of the support and azimuths u.
+        force: F_t, of either sign [N].
+        tilt: Of this X, `aside`.
+
+    Returns:
+        Components along and across the supports; those of u without an ellipse [-].
+    """
     (x, y), _, _ = _solved_lean(hold, force, tilt)
     size = norm2(x, y)
     is_known = size > 0

@@ -103,7 +103,22 @@ class Lean(eqx.Module):
 def tilting_forces(
     params: Parameters | Contact, pushes: Pushes, grasp: Grasp
 ) -> Forces:
-    """Contact forces of pushes that tilt an object, on one support or on two."""
+    """Contact forces of pushes that tilt an object, on one support or on two.
+
+    The equations are those of `one_support_forces` and `two_support_forces`.
+
+    Args:
+        params: Parameters, or the combinations that forces depend on.
+        pushes: Directions.
+        grasp: Push length, preload, span, tip radius and sharpness.
+
+    Returns:
+        Forces of every push, in the frame that does not tilt; F_n is never negative
+        [N].
+
+    References:
+        After Eqs. (6)-(10), the limit S_p / L → 0; docs/model.md, "Tilting".
+    """
     is_single = grasp.support_span is None
     solve = one_support_forces if is_single else two_support_forces
     return solve(params, pushes, grasp)
@@ -114,19 +129,22 @@ def two_support_forces(
 ) -> Forces:
     """Contact forces of pushes that tilt an object on two supports.
 
-        F_t = K (S_p cos θ u - L sin γ n),   F_n = F_0 + A (S_p sin θ - L (1 - cos γ))
+        F_t = K (S_p cos θ u - X n),   F_n = max(F_0 + A (S_p sin θ - Z), 0)
 
-    at the lean q = γ n that both axes bear; see `equilibrium`.
+    at the lean q = γ n that both axes bear, see `equilibrium`; X and Z are those of
+    `tilted`, for points L sin γ and L (1 - cos γ).
 
     Args:
-        grasp: Grasp and sensor; states the span.
+        params: Parameters, or the combinations that forces depend on.
+        pushes: Directions.
+        grasp: Push length, preload, tip radius and sharpness; states the span.
 
     Returns:
-        Forces of every push, in the frame that does not tilt [N]. Where no lean was
-        found that bears the push: no force, and not in contact.
+        Forces of every push, in the frame that does not tilt; F_n is never negative
+        [N]. Where no lean was found that bears the push: no force, and not in contact.
 
     References:
-        Eqs. (6)-(10) for S_p / L → 0.
+        After Eqs. (6)-(10), the limit S_p / L → 0; docs/model.md, "Tilting".
     """
     group = contact(params)
     frame = make_frame(group, grasp, elevation=pushes.elevation, azimuth=pushes.azimuth)
@@ -155,9 +173,13 @@ def make_frame(
     K_ii is here the inverse of the compliance of the support along axis i [N/m].
 
     Args:
-        grasp: Grasp; states the span.
+        group: Combinations that forces depend on.
+        grasp: Push length, preload and tip radius; states the span.
         elevation: (cos θ, sin θ) [-].
         azimuth: (cos α, sin α) [-].
+
+    Returns:
+        Springs, limits c_i of at least C_rr and shares w_i in (0, 1).
     """
     hold = make_hold(group, grasp, elevation=elevation, azimuth=azimuth)
     xx, xy, yy = hold.compliance
@@ -174,10 +196,26 @@ def make_frame(
 def leaned(frame: Frame, lean: Pair) -> Lean:
     """Forces and moments of pushes after which the object leans by q.
 
-        Q_i = L (F_t · ∂(sin γ n)/∂q_i + F_n sin γ n_i),   N = F_n cos γ - F_t · n sin γ
+        Q_i = F_t · ∂(X n)/∂q_i + F_n Z' n_i,   N = F_n cos γ - F_t · n sin γ
+
+    with X, Z, X' and Z' of `tilted`, and F_t and F_n as in `two_support_forces`. The
+    names in the code are these without powers of γ, so that q = 0 divides nothing:
+
+        X = L γ `aside`,   X' = L (`aside` + γ² `bend`)
+        Z = L γ² `below`,   Z' = L γ `tip`
+
+    `tip` is thus `Tilt.tip` / γ; X' is L times `Tilt.lift`.
 
     Args:
-        lean: q_x and q_y [rad].
+        frame: Springs and pushes.
+        lean: q_x and q_y, |q| = γ at most 1.5 [rad].
+
+    Returns:
+        F_n, negative where contact is lost, while Q_i and N have it at 0 there; F_t
+        and N of either sign [N]; Q_i [N·m].
+
+    References:
+        After Eqs. (4) to (6); docs/model.md, "Tilting".
     """
     hold = frame.hold
     x, y = lean
@@ -211,13 +249,23 @@ def leaned(frame: Frame, lean: Pair) -> Lean:
 
 
 def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
-    """Moment about each axis that nothing bears, over L [N].
+    """Moment about each axis that nothing bears, over L.
 
-        (Q_i - softmin(E_i, c_i L N)) / L,   E_i = w_i Q_i + (1 - w_i) C_d q_i
+        (Q_i - softmin(|E_i|, c_i L N) sign E_i) / L
+        E_i = w_i Q_i + (1 - w_i) C_d q_i
+
+    N counts as 0 where it is negative.
 
     Args:
+        frame: Springs, limits, shares and pushes.
         lean: q_x and q_y [rad].
-        sharpness: p of the soft transition [-].
+        sharpness: p of the soft transition; infinity is the hard switch [-].
+
+    Returns:
+        About y (index x) and about x (index y); 0 in equilibrium [N].
+
+    References:
+        After Eqs. (7) and (9).
     """
     state = leaned(frame, lean)
     hold = frame.hold
@@ -245,13 +293,16 @@ class _AxisSearch(eqx.Module):
 
 
 def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, " n"]]:
-    """Lean at which the supports bear every moment, Q_i = softmin(E_i, c_i L N).
+    """Lean at which the supports bear every moment.
+
+        Q_i = softmin(|E_i|, c_i L N) sign E_i,   E_i as in `unbalanced`
 
     Newton steps, each shortened until it lowers what is not borne. The last of them
     leaves q as it is and gives it the derivatives of the implicit function theorem.
 
     Args:
-        sharpness: p of the soft transition [-].
+        frame: Springs, limits, shares and pushes.
+        sharpness: p of the soft transition; infinity is the hard switch [-].
 
     Returns:
         q_x and q_y to about 1e-15 of their size [rad], and whether they were found;
