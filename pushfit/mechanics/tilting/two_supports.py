@@ -105,19 +105,7 @@ def tilting_forces(
 ) -> Forces:
     """Contact forces of pushes that tilt an object, on one support or on two.
 
-    The equations are those of `one_support_forces` and `two_support_forces`.
-
-    Args:
-        params: Parameters, or the combinations that forces depend on.
-        pushes: Directions.
-        grasp: Push length, preload, span, tip radius and sharpness.
-
-    Returns:
-        Forces of every push, in the frame that does not tilt; F_n is never negative
-        [N].
-
-    References:
-        After Eqs. (6)-(10), the limit S_p / L → 0; docs/model.md, "Tilting".
+    Those of `one_support_forces` or of `two_support_forces`, by what the grasp states.
     """
     is_single = grasp.support_span is None
     solve = one_support_forces if is_single else two_support_forces
