@@ -16,8 +16,8 @@ from pushfit.data.simulate import (
     write_recording,
 )
 from pushfit.model import Grasp, Parameters
+from tests.tolerances import FEW_OPERATIONS
 
-EXACT = 1e-13  # equal on paper: a few ulp per operation
 # The sd of a sample sd is sd/sqrt(2n) = 1.1 %; four of them.
 SAMPLED = 0.045
 # The clock may miss the tip by half a step: 0.5 ms of a rise of 1 s.
@@ -40,7 +40,7 @@ def test_noise_free_heights_below_the_critical_angle_follow_eq_13():
     )
     A = 800.0 * 1500.0 / 2300.0
     expected = 5e-3 * A * np.sin(theta) * np.sqrt(1 + 0.3**2)
-    np.testing.assert_allclose(table.heights("height"), expected, rtol=EXACT)
+    np.testing.assert_allclose(table.heights("height"), expected, rtol=FEW_OPERATIONS)
 
 
 def test_table_noise_has_the_stated_sd():

@@ -18,8 +18,7 @@ from pushfit.data.units import (
 )
 from pushfit.errors import ConfigError
 
-# Two roundings of float64.
-EXACT = 5e-16
+TWO_ROUNDINGS = 5e-16  # of float64
 
 
 @pytest.mark.parametrize(
@@ -69,7 +68,7 @@ def test_any_name_splits_without_harm(name):
 )
 def test_conversion_is_correctly_rounded(unit, value, canonical):
     found = UNITS[unit].to_canonical(np.array([value]))
-    np.testing.assert_allclose(found, canonical, rtol=EXACT, atol=0)
+    np.testing.assert_allclose(found, canonical, rtol=TWO_ROUNDINGS, atol=0)
 
 
 @given(

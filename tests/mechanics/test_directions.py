@@ -24,10 +24,9 @@ from tests.problems import (
     ellipse,
     paper_parameters,
 )
-from tests.tolerances import EXACT
+from tests.tolerances import DIFFERENCE, EXACT
 
 ROOT = 1e-11  # brentq at its own xtol of 2e-12
-DIFFERENCE = 1e-6  # autodiff against a central difference
 STEP = np.finfo(float).eps ** (1 / 3)
 # Half a degree of grid and the quartic term that the parabola ignores.
 GRID_DEG = 0.02

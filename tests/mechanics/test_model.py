@@ -29,10 +29,8 @@ from tests.problems import (
     paper_parameters,
     sweep,
 )
-from tests.tolerances import EXACT, ROUNDING
+from tests.tolerances import DIFFERENCE, EXACT, ROUNDING, ROUTES
 
-TWO_ROUTES = 1e-10  # dense algebra in another order
-DIFFERENCE = 1e-6  # autodiff against a central difference
 STEP = np.finfo(float).eps ** (1 / 3)
 # A central difference of numbers near 1 carries about eps / STEP = 4e-11 of rounding.
 DIFFERENCE_FLOOR = 1e-9
@@ -68,9 +66,9 @@ def test_forces_are_the_printed_equations(name):
     for row, direction in enumerate(directions(pushes)):
         normal, tangential = paper.force(case.params, case.grasp, direction)
         got = [result.tangential_x[row], result.tangential_y[row]]
-        np.testing.assert_allclose(result.normal[row], normal, rtol=TWO_ROUTES)
+        np.testing.assert_allclose(result.normal[row], normal, rtol=ROUTES)
         # cos 90° is 6e-17 and not 0: a component that vanishes is compared with 1 N.
-        np.testing.assert_allclose(got, tangential, rtol=TWO_ROUTES, atol=EXACT)
+        np.testing.assert_allclose(got, tangential, rtol=ROUTES, atol=EXACT)
 
 
 @every_case
@@ -79,7 +77,7 @@ def test_heights_are_the_printed_equations(name):
     pushes = case.pushes()
     expected = [paper.height(case.params, case.grasp, d) for d in directions(pushes)]
     height = forward(case.params, pushes, case.grasp).height
-    np.testing.assert_allclose(height, expected, rtol=TWO_ROUTES)
+    np.testing.assert_allclose(height, expected, rtol=ROUTES)
 
 
 def test_resistance_is_rolled_below_the_critical_angle_and_unrolled_above():
@@ -117,7 +115,7 @@ def test_the_tensor_is_two_springs_in_series(ratio):
     expected = paper.series_tensor(paper.numbers(params))
     # The columns of the tensor are the forces along both axes.
     x, y = tangential_stiffness(contact(params), jnp.eye(2))
-    np.testing.assert_allclose([x, y], expected, rtol=TWO_ROUTES, atol=EXACT)
+    np.testing.assert_allclose([x, y], expected, rtol=ROUTES, atol=EXACT)
 
 
 def test_the_support_ellipse_has_the_axes_it_is_named_after():
@@ -134,7 +132,7 @@ def test_combinations_stay_finite_for_an_absurd_ellipse():
     """A walker may go there; along the soft axis only the support is left in series."""
     group = contact(paper_parameters(e1=80.0))
     soft = np.linalg.norm(group.B) * math.exp(-float(group.f1) / 2)
-    np.testing.assert_allclose(soft, 300 * math.exp(-40), rtol=TWO_ROUTES)
+    np.testing.assert_allclose(soft, 300 * math.exp(-40), rtol=ROUTES)
 
 
 def test_force_is_continuous_at_the_critical_angle():
@@ -343,7 +341,7 @@ def test_stiffer_springs_scale_heights(factor, name):
     pushes = case.pushes(SMOOTH_THETA_DEG)
     expected = forward(p, pushes, grasp).height - grasp.offset
     height = forward(stiffer, pushes, loaded).height - grasp.offset
-    np.testing.assert_allclose(height, factor * expected, rtol=TWO_ROUTES)
+    np.testing.assert_allclose(height, factor * expected, rtol=ROUTES)
 
 
 @relaxed
@@ -359,7 +357,7 @@ def test_turning_ellipse_and_push_together_changes_nothing(turn):
     height = forward(
         turned, Pushes(pushes.theta, pushes.alpha + turn), case.grasp
     ).height
-    np.testing.assert_allclose(height, expected, rtol=TWO_ROUTES)
+    np.testing.assert_allclose(height, expected, rtol=ROUTES)
 
 
 @relaxed

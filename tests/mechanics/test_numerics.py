@@ -18,12 +18,11 @@ from pushfit.mechanics.numerics import (
     softclip,
     softmin,
 )
+from tests.tolerances import DIFFERENCE, FEW_OPERATIONS
 
 # Squares below the smallest float are lost: lengths under this are 0.
 UNDERFLOW = 1e-150
 
-EXACT = 1e-13  # a few ulp per float64 operation
-DIFFERENCE = 1e-6  # autodiff against a central difference
 STEP = np.finfo(float).eps ** (1 / 3)
 
 # The first example compiles, which no deadline should judge.
@@ -40,7 +39,7 @@ def test_soft_minimum_is_the_printed_formula(a, b, p):
     # The printed powers overflow unless the smaller argument is scaled out.
     scale = min(a, b)
     printed = scale * ((a / scale) ** -p + (b / scale) ** -p) ** (-1 / p)
-    np.testing.assert_allclose(softmin(a, b, p), printed, rtol=EXACT)
+    np.testing.assert_allclose(softmin(a, b, p), printed, rtol=FEW_OPERATIONS)
 
 
 @relaxed
@@ -48,7 +47,7 @@ def test_soft_minimum_is_the_printed_formula(a, b, p):
 def test_soft_minimum_is_symmetric_and_between_its_bounds(a, b, p):
     value = float(softmin(a, b, p))
     assert value == float(softmin(b, a, p))
-    assert 2 ** (-1 / p) * min(a, b) * (1 - EXACT) <= value <= min(a, b)
+    assert 2 ** (-1 / p) * min(a, b) * (1 - FEW_OPERATIONS) <= value <= min(a, b)
 
 
 @relaxed
@@ -64,7 +63,7 @@ def test_soft_minimum_approaches_the_minimum(a, b):
 def test_both_arguments_share_the_gradient_at_the_tie(p):
     """By symmetry and homogeneity of degree 1, each gets half of 2^(-1/p)."""
     gradient = jax.grad(softmin, argnums=(0, 1))(3.0, 3.0, p)
-    np.testing.assert_allclose(gradient, [2 ** (-1 / p - 1)] * 2, rtol=EXACT)
+    np.testing.assert_allclose(gradient, [2 ** (-1 / p - 1)] * 2, rtol=FEW_OPERATIONS)
 
 
 @pytest.mark.parametrize("p", [2.0, 3.5, 20.0, np.inf])
@@ -113,11 +112,11 @@ def test_an_unknown_sharpness_has_finite_slopes_and_the_hard_limit(a, b, p):
     at = (jnp.float64(a), jnp.float64(b), jnp.float64(p))
     value, slopes = jax.jit(jax.value_and_grad(softmin, argnums=(0, 1, 2)))(*at)
     assert np.isfinite(slopes).all()
-    assert min(a, b) * 2 ** (-1 / p) <= float(value) * (1 + EXACT)
+    assert min(a, b) * 2 ** (-1 / p) <= float(value) * (1 + FEW_OPERATIONS)
     assert float(value) <= min(a, b)
     if p == 1e9 or min(a, b) == 0:
-        np.testing.assert_allclose(value, min(a, b), rtol=EXACT)
-        np.testing.assert_allclose(slopes[2], 0.0, atol=EXACT)
+        np.testing.assert_allclose(value, min(a, b), rtol=FEW_OPERATIONS)
+        np.testing.assert_allclose(slopes[2], 0.0, atol=FEW_OPERATIONS)
 
 
 @pytest.mark.parametrize("p", [2.0, 7.5, np.inf])
@@ -125,7 +124,7 @@ def test_a_number_far_below_its_limit_passes_with_slope_one(p):
     for value in (-1e-9, 0.0, 1e-9):
         clipped, slope = jax.value_and_grad(softclip)(value, jnp.float64(1), p)
         assert float(clipped) == value
-        np.testing.assert_allclose(slope, 1.0, rtol=EXACT)
+        np.testing.assert_allclose(slope, 1.0, rtol=FEW_OPERATIONS)
 
 
 @relaxed
@@ -137,7 +136,9 @@ def test_clipping_is_odd(value, limit, p):
 @relaxed
 @given(x=signed, y=signed)
 def test_length_is_the_library_one(x, y):
-    np.testing.assert_allclose(norm2(x, y), np.hypot(x, y), rtol=EXACT, atol=UNDERFLOW)
+    np.testing.assert_allclose(
+        norm2(x, y), np.hypot(x, y), rtol=FEW_OPERATIONS, atol=UNDERFLOW
+    )
 
 
 def test_length_has_zero_gradient_at_the_origin():
@@ -155,8 +156,8 @@ def test_quotients_match_extended_precision_on_both_branches(function, numerator
     x = np.array([1e-8, 1e-3, 0.5 * edge, 0.999 * edge, 1.001 * edge, 0.3, 2.0, 20.0])
     wide = x.astype(np.longdouble)
     expected = (numerator(wide) / wide).astype(float)
-    np.testing.assert_allclose(function(jnp.asarray(x)), expected, rtol=EXACT)
-    np.testing.assert_allclose(function(jnp.asarray(-x)), expected, rtol=EXACT)
+    np.testing.assert_allclose(function(jnp.asarray(x)), expected, rtol=FEW_OPERATIONS)
+    np.testing.assert_allclose(function(jnp.asarray(-x)), expected, rtol=FEW_OPERATIONS)
 
 
 @pytest.mark.parametrize(("function", "numerator"), QUOTIENTS)
@@ -179,34 +180,34 @@ def test_quotients_are_one_and_flat_at_the_origin(function, numerator):
     assert (float(value), float(slope)) == (1.0, 0.0)
     # The curvature is twice the quadratic coefficient of the series of the quotient.
     sixth = 1 / 3 if numerator is np.sinh else -1 / 3
-    np.testing.assert_allclose(jax.hessian(function)(0.0), sixth, rtol=EXACT)
+    np.testing.assert_allclose(jax.hessian(function)(0.0), sixth, rtol=FEW_OPERATIONS)
 
 
 def test_sine_and_versine_are_the_library_ones_up_to_a_radian_and_a_half():
     x = np.r_[0.0, np.geomspace(1e-8, 1.5, 200)]
     sine, versine = sine_versine(jnp.asarray(x))
-    np.testing.assert_allclose(sine, np.sin(x), rtol=EXACT)
+    np.testing.assert_allclose(sine, np.sin(x), rtol=FEW_OPERATIONS)
     # 1 - cos x itself would cancel.
-    np.testing.assert_allclose(versine, 2 * np.sin(x / 2) ** 2, rtol=EXACT)
+    np.testing.assert_allclose(versine, 2 * np.sin(x / 2) ** 2, rtol=FEW_OPERATIONS)
 
 
 def test_slopes_of_sine_and_versine_are_cosine_and_sine():
     x = np.linspace(-1.5, 1.5, 31)
     of_sine, of_versine = jax.vmap(jax.jacfwd(sine_versine))(jnp.asarray(x))
-    np.testing.assert_allclose(of_sine, np.cos(x), rtol=0, atol=EXACT)
-    np.testing.assert_allclose(of_versine, np.sin(x), rtol=0, atol=EXACT)
+    np.testing.assert_allclose(of_sine, np.cos(x), rtol=0, atol=FEW_OPERATIONS)
+    np.testing.assert_allclose(of_versine, np.sin(x), rtol=0, atol=FEW_OPERATIONS)
 
 
 def test_the_factors_of_a_lean_are_the_printed_quotients():
     x = np.linspace(0.3, 1.5, 40)
     sinc, sink, turn = lean_factors(jnp.asarray(x * x))
-    np.testing.assert_allclose(sinc, np.sin(x) / x, rtol=EXACT)
-    np.testing.assert_allclose(sink, (1 - np.cos(x)) / x**2, rtol=10 * EXACT)
+    np.testing.assert_allclose(sinc, np.sin(x) / x, rtol=FEW_OPERATIONS)
+    np.testing.assert_allclose(sink, (1 - np.cos(x)) / x**2, rtol=10 * FEW_OPERATIONS)
     printed = (np.cos(x) - np.sin(x) / x) / x**2
     # The quotient cancels to a thirtieth of its terms at the lower end.
-    np.testing.assert_allclose(turn, printed, rtol=100 * EXACT)
+    np.testing.assert_allclose(turn, printed, rtol=100 * FEW_OPERATIONS)
     at_zero = lean_factors(jnp.zeros(()))
-    np.testing.assert_allclose(at_zero, (1, 1 / 2, -1 / 3), rtol=EXACT)
+    np.testing.assert_allclose(at_zero, (1, 1 / 2, -1 / 3), rtol=FEW_OPERATIONS)
 
 
 def test_positive_part_is_the_larger_of_a_number_and_zero():

@@ -13,7 +13,7 @@ from pushfit.mechanics import coordinates, directions, linear
 from tests.problems import CASES, SMOOTH_THETA_DEG
 from tests.tolerances import ROUNDING
 
-EXACT = 1e-11  # the compiler reorders what is equal on paper
+REORDERED = 1e-11  # the compiler reorders what is equal on paper
 # The vertex of a parabola divides differences of nearly equal resistances.
 VERTEX = 1e-6
 
@@ -55,7 +55,7 @@ CHECKS += [(function, "ellipse") for function in SINGLE_LIMIT]
 def test_jit_is_eager_and_vmap_is_a_loop(function, name):
     case = CASES[name]
     pushes = case.pushes(SMOOTH_THETA_DEG)
-    tolerance = VERTEX if function == "best_direction" else EXACT
+    tolerance = VERTEX if function == "best_direction" else REORDERED
 
     def evaluate(params):
         return REGISTRY[function](params, pushes, case.grasp)

@@ -12,10 +12,9 @@ from pushfit.explore.limits import Limits
 from tests.explore.beliefs import belief_of
 from tests.explore.decide.test_gain import after_pushes
 from tests.explore.worlds import COMPONENTS, CONFIG
+from tests.tolerances import ROUTES
 
 ANGLES = ("theta_c", "alpha_star")
-# Sums of the same terms in another order.
-EXACT = 1e-10
 # Share of the best gain, about α* at a gain of 0.06: five hundred draws lose 4 %.
 LOST = 0.03
 # A truth on the edge of the width may fall on either side by a bin.
@@ -80,7 +79,7 @@ def test_gains_of_two_angles_at_once_are_those_of_each():
         information_gain(heights, [values], found.weights, sigma=found.sigma)
         for values in angles
     ]
-    np.testing.assert_allclose(both, sum(each), rtol=EXACT, atol=EXACT)
+    np.testing.assert_allclose(both, sum(each), rtol=ROUTES, atol=ROUTES)
 
 
 @pytest.mark.parametrize(

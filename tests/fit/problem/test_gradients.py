@@ -15,6 +15,7 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.mechanics.directions import critical_angle
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES
+from tests.tolerances import DIFFERENCE
 
 N_DRAWS = 1000
 # Coordinates are logs: fifth derivatives cost (h p)⁴ / 30 with a transition of
@@ -23,7 +24,6 @@ N_DRAWS = 1000
 STEP = 2e-4
 OFFSETS = np.array([-2.0, -1.0, 1.0, 2.0])
 WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12
-DIFFERENCE = 1e-6
 # Forward and in reverse, sums of slopes up to 1e5, most of which may cancel.
 REVERSED = 1e-9
 SOFT = "[transition]\nsharpness = 12.0\n"

@@ -7,8 +7,8 @@ import pytest
 
 from pushfit.fit.problem.slopes import linearised, with_slopes
 from pushfit.mechanics.roots import falling_root
+from tests.tolerances import FEW_OPERATIONS
 
-EXACT = 1e-13  # equal on paper
 SLOPE = 1e-7  # as `falling_root` promises its derivatives
 POINT = jnp.array([0.3, -1.2, 2.0])
 
@@ -21,8 +21,8 @@ def curved(y):
 def test_the_jacobian_is_that_of_jax(in_turn):
     expected = jax.jacrev(curved)(POINT)
     values, slopes = with_slopes(curved, POINT, in_turn=in_turn)
-    np.testing.assert_allclose(values, curved(POINT), rtol=EXACT)
-    np.testing.assert_allclose(slopes.T, expected, rtol=EXACT)
+    np.testing.assert_allclose(values, curved(POINT), rtol=FEW_OPERATIONS)
+    np.testing.assert_allclose(slopes.T, expected, rtol=FEW_OPERATIONS)
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_what_is_searched_is_searched_once(in_turn, expected):
 
     y = jnp.array([2.0, 27.0, 64.0])
     values, slopes = with_slopes(cube_root, y, in_turn=in_turn)
-    np.testing.assert_allclose(values, np.cbrt(y), rtol=EXACT)
+    np.testing.assert_allclose(values, np.cbrt(y), rtol=FEW_OPERATIONS)
     np.testing.assert_allclose(slopes, np.diag(np.cbrt(y) / (3 * y)), rtol=SLOPE)
     program = jax.make_jaxpr(lambda y: with_slopes(cube_root, y, in_turn=in_turn))(y)
     loops = [e for e in program.eqns if e.primitive.name in ("scan", "while")]
@@ -47,6 +47,6 @@ def test_what_is_searched_is_searched_once(in_turn, expected):
 
 def test_a_linearised_function_keeps_its_values_and_slopes():
     same = linearised(curved)
-    np.testing.assert_allclose(same(POINT), curved(POINT), rtol=EXACT)
+    np.testing.assert_allclose(same(POINT), curved(POINT), rtol=FEW_OPERATIONS)
     found = jax.jacfwd(same)(POINT)
-    np.testing.assert_allclose(found, jax.jacrev(curved)(POINT), rtol=EXACT)
+    np.testing.assert_allclose(found, jax.jacrev(curved)(POINT), rtol=FEW_OPERATIONS)

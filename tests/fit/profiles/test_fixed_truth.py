@@ -16,13 +16,13 @@ from pushfit.fit.profiles.profile_sets import profile_set, threshold
 from pushfit.fit.profiles.profiles import likelihood_profiles
 from tests.fit.tables import case_table, log_contact, setup_of
 from tests.problems import CASES
+from tests.tolerances import MAX_Z
 
 LEVELS = (0.5, 0.9, 0.95)
 # Binomial limits that a right set leaves once in 1000.
 LIMITS = 0.999
 # What a noise understated by this factor makes of the level of a set.
 UNDERSTATED = 0.7
-MAX_Z = 4.0
 # 99.9 % point of Kolmogorov's distribution.
 MAX_KS = 1.95
 

@@ -16,10 +16,9 @@ from tests.fit.sweep.agreement import z_values
 from tests.fit.tables import case_table, setup_of
 from tests.oracle.exact import exact_posterior
 from tests.problems import CASES
+from tests.tolerances import MAX_Z
 
 REACH = (0.0, math.radians(150))
-# A false alarm once in 16 000 per comparison.
-MAX_Z = 4.0
 # The likeliest draw has every coordinate near the mode [standard deviations].
 BEST_DRAW = 2.0
 # 1/sqrt(2 ν) is an approximation, and the draws are some hundred independent ones.

@@ -9,12 +9,10 @@ from pushfit.fit.sampler.chains import advance
 from pushfit.fit.sampler.diagnostics import autocorr_time
 from pushfit.fit.sampler.mixture import DEGREES_OF_FREEDOM, fit_mixture
 from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
-from tests.tolerances import EXACT, ROUTES
+from tests.tolerances import EXACT, MAX_Z, ROUTES
 
 N_ENSEMBLES, N_WALKERS, N_DIM = 4, 64, 6
 N_TOTAL = N_ENSEMBLES * N_WALKERS
-# A false alarm once in 16 000 seeds.
-MAX_Z = 4.0
 # Errors of moments of 4000 points are up to .003, .05 and .011; k-means alone takes a
 # share of .28 for .2.
 SHARE, CENTRE, WIDTH = 0.02, 0.1, 0.05

@@ -26,11 +26,10 @@ from tests.mechanics.statics import planar_forces
 from tests.mechanics.tilting.unrolled import tilt_of
 from tests.oracle import paper
 from tests.problems import CASES, PUSH, TILTED_ELLIPSE, paper_parameters, sweep
-from tests.tolerances import EXACT
+from tests.tolerances import DIFFERENCE, EXACT, ROUTES
 
-TWO_ROUTES = 1e-10  # two solvers of one equilibrium [N]
-DIFFERENCE = 1e-6  # autodiff against a difference of fourth order
-# A difference of numbers near 1 carries about eps / STEP = 1e-12 of rounding.
+# Of fourth order; a difference of numbers near 1 carries about eps / STEP = 1e-12 of
+# rounding.
 STEP, DIFFERENCE_FLOOR = 2e-4, 1e-10
 WEIGHTS = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
 
@@ -82,9 +81,9 @@ def test_forces_are_those_of_a_scalar_solver(name, length):
         planar_forces(paper.numbers(params), grasp, t) for t in pushes.theta.tolist()
     ]
     normal, tangential = np.transpose(expected)
-    np.testing.assert_allclose(found.normal, normal, rtol=0, atol=TWO_ROUTES)
+    np.testing.assert_allclose(found.normal, normal, rtol=0, atol=ROUTES)
     got = along(found, pushes.alpha)
-    np.testing.assert_allclose(got, tangential, rtol=0, atol=TWO_ROUTES)
+    np.testing.assert_allclose(got, tangential, rtol=0, atol=ROUTES)
 
 
 def test_forces_are_those_of_a_scalar_solver_over_the_prior():
@@ -101,7 +100,7 @@ def test_forces_are_those_of_a_scalar_solver_over_the_prior():
             for t in pushes.theta.tolist()
         ]
         got = np.stack([found.normal, along(found, pushes.alpha)], axis=1)
-        np.testing.assert_allclose(got, expected, rtol=0, atol=TWO_ROUTES)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=ROUTES)
 
 
 @pytest.mark.slow
@@ -138,7 +137,7 @@ def test_an_unlimited_equilibrium_has_the_least_potential_energy(ellipse):
         sideways, pressing, _ = strains(tilt, push)
         expected = [0.5 + 400 * pressing, *(stiffness @ sideways)]
         got = [found.normal[row], found.tangential_x[row], found.tangential_y[row]]
-        np.testing.assert_allclose(got, expected, rtol=0, atol=TWO_ROUTES)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=ROUTES)
 
 
 def push_vectors(pushes):
@@ -222,8 +221,8 @@ def test_at_the_critical_angle_torque_and_rolling_friction_are_equal(preload, el
     tangential = math.hypot(float(found.tangential_x[0]), float(found.tangential_y[0]))
     across = normal * math.cos(tilt) - tangential * math.sin(tilt)
     moment = p.L * (tangential * math.cos(tilt) + normal * math.sin(tilt))
-    np.testing.assert_allclose(moment, p.C_d * tilt, rtol=TWO_ROUTES)
-    np.testing.assert_allclose(moment, p.C_rr * p.L * across, rtol=TWO_ROUTES)
+    np.testing.assert_allclose(moment, p.C_d * tilt, rtol=ROUTES)
+    np.testing.assert_allclose(moment, p.C_rr * p.L * across, rtol=ROUTES)
 
 
 def test_the_critical_angle_grows_with_the_push():
@@ -245,7 +244,7 @@ def test_a_push_at_a_kink_is_found_where_newton_steps_go_to_and_fro():
     found = forces(params, pushes, grasp)
     expected = planar_forces(paper.numbers(params), grasp, math.radians(20.0))
     got = (found.normal[0], found.tangential_x[0])
-    np.testing.assert_allclose(got, expected, rtol=0, atol=TWO_ROUTES)
+    np.testing.assert_allclose(got, expected, rtol=0, atol=ROUTES)
 
 
 def test_a_push_that_lifts_the_finger_off_meets_no_force():

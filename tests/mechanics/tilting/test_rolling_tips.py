@@ -15,11 +15,10 @@ from pushfit.model import Grasp, support_stiffness
 from tests.mechanics.statics import Slab
 from tests.mechanics.tilting.unrolled import tilt_of
 from tests.problems import PUSH, TILTED_ELLIPSE, paper_parameters, sweep
-from tests.tolerances import EXACT
+from tests.tolerances import DIFFERENCE, EXACT
 
 STATICS = 1e-9  # root finders to 1e-11 N, of forces of about a newton
 ENERGY = 1e-6  # a minimum is known to the root of the rounding of its depth
-DIFFERENCE = 1e-6  # autodiff against a central difference
 RADII = [0.001, 0.008, 0.03]
 # Below some 4° a push without a preload loses contact, which the statics cannot.
 THETA_DEG = np.array([10.0, 20.0, 35.0, 50.0, 70.0, 85.0])

@@ -21,7 +21,7 @@ from pushfit.model import Grasp, Parameters, Pushes
 from tests.mechanics.tilting.unrolled import tilt_of
 from tests.oracle import paper
 from tests.problems import PUSH, TILTED_ELLIPSE, ellipse, paper_parameters, sweep
-from tests.tolerances import EXACT
+from tests.tolerances import DIFFERENCE, EXACT, ROUTES
 
 # What is left of a ratio between errors of pushes a decade apart: terms of the next
 # order, at a hundredth and at a thousandth of a push.
@@ -29,8 +29,7 @@ SECOND_ORDER = (1e-1, 1e-2)
 # The same of a push of a ten-thousandth, where a gap is compared with its limit.
 SMALL = 1e-3
 
-TWO_ROUTES = 1e-10  # two solvers of one equilibrium
-DIFFERENCE = 1e-6  # autodiff against a difference of fourth order
+# Differences are of fourth order.
 STEP, DIFFERENCE_FLOOR = 2e-4, 1e-10
 WEIGHTS = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
 SPAN = 0.06
@@ -118,7 +117,7 @@ def test_across_the_supports_the_equilibrium_is_that_of_one_support(preload):
     params, pushes = paper_parameters(), sweep(THETA_DEG, [90.0])
     two = forces(params, pushes, held(preload=preload))
     one = forces(params, pushes, held(preload=preload, support_span=None))
-    np.testing.assert_allclose(stacked(two), stacked(one), rtol=0, atol=TWO_ROUTES)
+    np.testing.assert_allclose(stacked(two), stacked(one), rtol=0, atol=ROUTES)
     np.testing.assert_array_equal(two.in_contact, one.in_contact)
 
 
@@ -154,7 +153,7 @@ def test_an_unlimited_equilibrium_has_the_least_potential_energy():
         tilt = least.x - np.linalg.solve(curvature(least.x, push), slope(least.x, push))
         sideways, pressing, _ = strains(tilt, push, p.L)
         expected = [0.5 + 400 * pressing, *(stiffness @ sideways)]
-        np.testing.assert_allclose(found[row], expected, rtol=TWO_ROUTES)
+        np.testing.assert_allclose(found[row], expected, rtol=ROUTES)
 
 
 @pytest.mark.parametrize(
@@ -179,7 +178,7 @@ def test_forces_are_those_of_a_root_finder_that_follows_the_push(sharpness, n_dr
         for row, push in enumerate(push_vectors(pushes)):
             if found.in_contact[row]:
                 expected = forces_by_growth(p, stiffness, grasp, push)
-                np.testing.assert_allclose(got[row], expected, rtol=0, atol=TWO_ROUTES)
+                np.testing.assert_allclose(got[row], expected, rtol=0, atol=ROUTES)
 
 
 @pytest.mark.slow
@@ -257,12 +256,12 @@ def test_at_the_critical_angle_one_axis_just_bears_its_moment(alpha_deg):
     size = math.hypot(*tangential)
     across = normal * math.cos(tilt) - size * math.sin(tilt)
     moment = p.L * (size * math.cos(tilt) + normal * math.sin(tilt))
-    np.testing.assert_allclose(moment, p.C_d * tilt, rtol=TWO_ROUTES)
+    np.testing.assert_allclose(moment, p.C_d * tilt, rtol=ROUTES)
     limits = np.array([p.C_rr + SPAN / (2 * p.L), p.C_rr]) * p.L * across
     spare = limits / (moment * np.abs(tangential) / size)
-    np.testing.assert_allclose(np.min(spare), 1.0, rtol=TWO_ROUTES)
+    np.testing.assert_allclose(np.min(spare), 1.0, rtol=ROUTES)
     friction = critical_friction(params, grasp, (theta_c, alpha))
-    np.testing.assert_allclose(friction, p.C_rr, rtol=TWO_ROUTES)
+    np.testing.assert_allclose(friction, p.C_rr, rtol=ROUTES)
 
 
 @pytest.mark.slow
