@@ -5,7 +5,7 @@ import numpy as np
 from pushfit.data.peaks.blocks import correlation_of, scatter
 
 RNG = 3
-FLOOR = 1e-12
+FLOOR = 1e-12  # of variances, far below those of these signals, 1 and more
 
 
 def test_less_of_the_far_end_of_a_rest_leaves_its_nearest_blocks():

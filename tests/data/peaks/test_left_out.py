@@ -12,9 +12,9 @@ from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule, read_schedule
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
+from tests.tolerances import ROUTES
 
 SWEEP = Path(__file__).parents[3] / "examples/foam_box"
-SAME = 1e-9
 PEAKS = PeakSettings()
 NUMBERS = ["height_kpa", "height_sd_kpa", "baseline_kpa", "t_start_s", "t_end_s"]
 
@@ -35,7 +35,7 @@ def window_of(frame: pd.DataFrame, row: int) -> tuple[float, float]:
 
 
 def assert_kept(frame: pd.DataFrame, whole: pd.DataFrame) -> None:
-    np.testing.assert_allclose(frame[NUMBERS], whole[NUMBERS], rtol=0, atol=SAME)
+    np.testing.assert_allclose(frame[NUMBERS], whole[NUMBERS], rtol=0, atol=ROUTES)
     assert frame["flags"].tolist() == whole["flags"].tolist()
 
 
@@ -160,7 +160,7 @@ def test_a_force_or_a_dip_left_out_changes_no_other(settings, out):
     frame = measure_pushes(recording, settings=told).frame
     columns = [column for column in whole if str(column).startswith("height")]
     others = whole.drop(index=out)
-    np.testing.assert_allclose(frame[columns], others[columns], rtol=0, atol=SAME)
+    np.testing.assert_allclose(frame[columns], others[columns], rtol=0, atol=ROUTES)
 
 
 def test_what_is_left_out_is_no_rest_of_a_push_that_is_missing_beside_it():

@@ -147,7 +147,8 @@ def test_what_pushes_cannot_tell_is_flagged_and_gets_no_error(n):
                 assert found.estimate is None
                 is_open = found.verdict is not Verdict.SEVERAL_MODES
                 assert found.interval is None or not is_open
-    assert np.mean(flags) >= 0.95
+    # Where an end predicts the heights of the truth, a set leaves it out as rarely.
+    assert np.mean(flags) >= PROB
 
 
 @pytest.mark.slow

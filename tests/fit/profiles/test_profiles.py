@@ -22,7 +22,7 @@ from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import Verdict
 from tests.fit.tables import case_table, setup_of
 from tests.problems import CASES, PUSH, paper_parameters
-from tests.tolerances import ROUTES
+from tests.tolerances import EXACT, ROUTES
 
 ALPHA = np.pi / 2
 FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
@@ -249,7 +249,7 @@ def test_sets_have_the_shape_of_the_profile(delta, pieces, verdict):
     for one, other in zip(found, pieces, strict=True):
         for a, b in zip(one, other, strict=True):
             assert (a is None) == (b is None)
-            assert a is None or abs(a - b) < 1e-12
+            assert a is None or abs(a - b) < EXACT
 
 
 def test_sets_of_higher_levels_contain_those_of_lower(firm):

@@ -16,6 +16,7 @@ from tests.fit.tables import config
 from tests.tolerances import EXACT, ROUTES
 
 TAIL = 1e-6  # of the normal prior 4e-7 lies below the range of the integral
+MIN_P = 1e-3  # a false alarm once in 1000 seeds, per prior
 PRIORS = {
     "lognormal": Prior("lognormal", 800.0, 0.5),
     "normal": Prior("normal", 3.0, 2.0),
@@ -49,7 +50,7 @@ def test_samples_follow_the_density(name):
     density = np.exp(np.asarray(prior.log_prob(jnp.asarray(grid))))
     cdf = integrate.cumulative_trapezoid(density, grid, initial=0)
     p_value = stats.kstest(draws, lambda u: np.interp(u, grid, cdf)).pvalue
-    assert p_value > 1e-3
+    assert p_value > MIN_P
 
 
 def test_normal_prior_of_a_positive_parameter_is_truncated_at_zero():
