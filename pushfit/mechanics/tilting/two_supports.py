@@ -237,12 +237,10 @@ def leaned(frame: Frame, lean: Pair) -> Lean:
 
 
 def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
-    """Moment about each axis that nothing bears, over L.
+    """Moment about each axis that nothing bears, over L; N below 0 counts as 0.
 
         (Q_i - softmin(|E_i|, c_i L N) sign E_i) / L
         E_i = w_i Q_i + (1 - w_i) C_d q_i
-
-    N counts as 0 where it is negative.
 
     Args:
         frame: Springs, limits, shares and pushes.
