@@ -298,7 +298,7 @@ def tail_gain(problem: Problem, fit: FitResult, kind: str) -> float:
     heights = np.asarray(problem.observed)[np.asarray(problem.mask)]
     residuals, channels = heights - fit.predicted, np.asarray(fit.channel)
     total = 0.0
-    for c in set(fit.channel):
+    for c in dict.fromkeys(fit.channel):
         own = (residuals / fit.sigma)[channels == c]
         wide = narrow = 1.0
         if kind != "given":

@@ -252,7 +252,7 @@ def counted_forces(levels, *, quantum=0.01, changes=None):
 
 
 FIVE = PushSchedule.planned(np.pi / 4, 0.0, repeats=5)
-COUNTS = 0.02  # two of the recording [N]
+TWO_COUNTS = 0.02  # of the readings [N]
 LENIENT = PeakSettings(normal="fz", allow_missing=True)
 # Besides what a mean of equal counts may be off by, their scatter over some 20 samples.
 COUNTS = 0.05
@@ -298,5 +298,5 @@ def test_one_of_two_forces_across_may_stay_as_it_is():
     table = extract_peaks(made, FIVE, settings=LENIENT)
     pushed = [0, 1, 3, 4]
     np.testing.assert_allclose(
-        table.heights("height_tangential")[pushed], 2.0, rtol=0, atol=COUNTS
+        table.heights("height_tangential")[pushed], 2.0, rtol=0, atol=TWO_COUNTS
     )
