@@ -36,7 +36,7 @@ def identify_chunk(
     chunk: Chunk, *, engine: str, identify: IdentifyMany = identify_many
 ) -> list[Finished | ItemFailure]:
     """Read the items of a chunk, which share a configuration, and identify them."""
-    loaded = [load(item) for item in chunk]
+    loaded = [load_item(item) for item in chunk]
     good = [
         (item, *found)
         for item, found in zip(chunk, loaded, strict=True)
@@ -48,7 +48,7 @@ def identify_chunk(
     ]
 
 
-def load(item: Item) -> tuple[str, PeakTable] | ItemFailure:
+def load_item(item: Item) -> tuple[str, PeakTable] | ItemFailure:
     """Peaks of a "recording" or "table", and which it is, or why there are none."""
     stage = "read"
     try:
@@ -83,7 +83,7 @@ def write_folder(
 def _write_folder(
     item: Item, engine: str, folder: Path, worded: Callable[[str], str]
 ) -> str | ItemFailure:
-    found = load(item)
+    found = load_item(item)
     if isinstance(found, ItemFailure):
         return found
     kind, table = found

@@ -23,7 +23,7 @@ import typer
 
 from pushfit.cli.examples import epilog
 from pushfit.cli.progress import ProgressLines, shown_bar
-from pushfit.cli.stop import keep, kept
+from pushfit.cli.stop import say_kept, what_is_kept
 from pushfit.cli.wording import flags_of, in_options
 from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
@@ -80,7 +80,7 @@ class CommandSession:
 
     def wrote(self, path: Path, remark: str = "") -> None:
         """Show that a file or folder is complete."""
-        keep(f"{path} is complete")
+        say_kept(f"{path} is complete")
         self.say(f"wrote {path}{remark}")
 
     def complain(self, text: str) -> None:
@@ -127,7 +127,7 @@ class CommandSession:
             self._report(str(error), error)
             return error.exit_code
         except KeyboardInterrupt:
-            _print_message(f"interrupted; {kept()}", "yellow")
+            _print_message(f"interrupted; {what_is_kept()}", "yellow")
             return INTERRUPTED
         except BrokenPipeError:  # the reader, for example `head`, has seen enough
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -30,12 +30,12 @@ NOTHING = "nothing was written"
 _kept = [NOTHING]
 
 
-def keep(sentence: str) -> None:
+def say_kept(sentence: str) -> None:
     """Say, from now on, what a user has who stops the command."""
     _kept[0] = sentence
 
 
-def kept() -> str:
+def what_is_kept() -> str:
     """What to tell a user who stops the command now."""
     return _kept[0]
 
@@ -43,7 +43,7 @@ def kept() -> str:
 @contextlib.contextmanager
 def stoppable() -> Iterator[None]:
     """Have the two signals end the process while the block runs."""
-    keep(NOTHING)
+    say_kept(NOTHING)
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread may say what signals do
         return
@@ -87,5 +87,7 @@ def _end(number: signal.Signals) -> None:
     # The bar of a terminal hides the cursor.
     start = SHOW_CURSOR if sys.stderr.isatty() else ""
     with contextlib.suppress(OSError):
-        os.write(2, f"{start}{WORDS[number]}; {kept()}\n".encode(errors="replace"))
+        os.write(
+            2, f"{start}{WORDS[number]}; {what_is_kept()}\n".encode(errors="replace")
+        )
     os._exit(SIGNALLED + number)

@@ -145,12 +145,14 @@ class Limits(ExploreSection):
             return False
         if self.workspace_mm is None:
             return True
-        tip = 1e3 * displacement(theta, alpha, length)
+        tip = 1e3 * tip_displacement(theta, alpha, length)
         least, most = np.transpose(self.workspace_mm)
         return bool(np.all((least - ROUNDING <= tip) & (tip <= most + ROUNDING)))
 
 
-def displacement(theta: float, alpha: float, length: float) -> Float[np.ndarray, "3"]:
+def tip_displacement(
+    theta: float, alpha: float, length: float
+) -> Float[np.ndarray, "3"]:
     """Where a push takes the fingertip, from the contact.
 
         OP = S_p (cos θ cos α, cos θ sin α, sin θ)

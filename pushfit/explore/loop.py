@@ -17,7 +17,7 @@ from pushfit.explore.belief.tables import told_rows
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.hands.protocol import Hand, PushOutcome, PushStatus
 from pushfit.explore.hands.touch import FINAL, NOTHING_FELT, feel
-from pushfit.explore.limits import TOLERATED, Limits, displacement
+from pushfit.explore.limits import TOLERATED, Limits, tip_displacement
 from pushfit.explore.records import State, Suggestion
 
 # Rest recorded before a push, as a multiple of the least rest between two.
@@ -86,7 +86,7 @@ def _push(
     """Make one push and measure it; the finger is back when this returns."""
     limits, belief = explorer.limits, explorer.belief
     length = suggestion.length_share * float(belief.grasp.push_length)
-    asked = displacement(suggestion.theta, suggestion.alpha, length)
+    asked = tip_displacement(suggestion.theta, suggestion.alpha, length)
     if not _is_allowed(hand, suggestion, length=length, limits=limits):
         return "out_of_reach"
     hand.rest(limits.rest_s)

@@ -31,7 +31,7 @@ NEVER_ROLLS = 1e6
 N_ELEVATIONS = 91
 
 
-def critical_angle(
+def searched_critical_angle(
     params: Parameters | Contact, grasp: Grasp, alpha: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
     """Highest elevation at which the object rolls.
@@ -69,7 +69,7 @@ def critical_angle(
     return angle.reshape(jnp.shape(alpha))
 
 
-def critical_friction(
+def searched_critical_friction(
     params: Parameters | Contact,
     grasp: Grasp,
     direction: tuple[Float[Array, "*n"], Float[Array, "*n"]],

@@ -56,12 +56,12 @@ class Mechanics:
     forces: Callable[..., Any]
     needs: Mapping[str, str] = field(default_factory=dict)
     critical_angle: Callable[..., Any] = Deferred(
-        "pushfit.mechanics.critical_by_search:critical_angle"
+        "pushfit.mechanics.critical_by_search:searched_critical_angle"
     )
     ties: Mapping[str, Callable[..., Any]] = field(
         default_factory=lambda: {
             "ln_C_rr": Deferred(
-                "pushfit.mechanics.critical_by_search:critical_friction"
+                "pushfit.mechanics.critical_by_search:searched_critical_friction"
             )
         }
     )

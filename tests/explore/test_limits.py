@@ -11,7 +11,7 @@ from pushfit.config.inputs import PeakSettings
 from pushfit.errors import ConfigError
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.explorer import Explorer
-from pushfit.explore.limits import Limits, displacement
+from pushfit.explore.limits import Limits, tip_displacement
 from pushfit.explore.loop import explore
 from tests.explore.test_loop import hand
 from tests.explore.worlds import COMPONENTS, CONFIG, SIGMA, feel, importance
@@ -51,7 +51,9 @@ def test_no_suggestion_leaves_the_limits(limits):
         for push in pushes:
             assert limits.theta_deg[0] - 1e-6 <= push.theta_deg
             assert push.theta_deg <= limits.theta_deg[1] + 1e-6
-            tip = 1e3 * displacement(push.theta, push.alpha, 0.005 * push.length_share)
+            tip = 1e3 * tip_displacement(
+                push.theta, push.alpha, 0.005 * push.length_share
+            )
             for x, (low, high) in zip(tip, limits.workspace_mm or (), strict=False):
                 assert low - 1e-6 <= x <= high + 1e-6
             if limits.force is not None:

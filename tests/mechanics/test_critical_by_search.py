@@ -18,8 +18,8 @@ from tests.tolerances import EXACT
 SLOPE = 1e-6  # `falling_root` promises derivatives to 1e-7
 AZIMUTHS = jnp.radians(jnp.array([0.0, 20.0, 75.0, 90.0, 160.0]))
 
-search = eqx.filter_jit(critical_by_search.critical_angle)
-friction = eqx.filter_jit(critical_by_search.critical_friction)
+search = eqx.filter_jit(critical_by_search.searched_critical_angle)
+friction = eqx.filter_jit(critical_by_search.searched_critical_friction)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -42,7 +42,7 @@ def test_the_angle_has_the_slopes_of_the_closed_form(preload):
     group = contact(paper_parameters(**TILTED_ELLIPSE))
     found, expected = (
         eqx.filter_jit(jax.grad(lambda g, f=f: f(g, grasp, jnp.asarray(0.7))))(group)
-        for f in (critical_by_search.critical_angle, linear_critical_angle)
+        for f in (critical_by_search.searched_critical_angle, linear_critical_angle)
     )
     for name in ("A", "B", "C_rr", "f1", "f2"):
         np.testing.assert_allclose(

@@ -14,7 +14,7 @@ from pushfit.cli.background import aside
 from pushfit.cli.inputs import load_peaks, load_table, read_settings
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
-from pushfit.cli.stop import keep
+from pushfit.cli.stop import say_kept
 from pushfit.errors import FitError
 from pushfit.report.store.output_folder import PARTS, check_target
 
@@ -113,7 +113,9 @@ def analyse(
 
         table = load()
         if wanted.checkpoint is not None:
-            keep(f"the chain is kept in {wanted.checkpoint}; the same command goes on")
+            say_kept(
+                f"the chain is kept in {wanted.checkpoint}; the same command goes on"
+            )
         later = ["next push"] + ["report and figures"] * (wanted.out is not None)
         with session.progress() as progress:
             stages = Stages([*own, *later], progress, is_compiled=is_compiled)

@@ -12,7 +12,7 @@ import typer
 from pushfit.cli import options
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
-from pushfit.cli.stop import keep
+from pushfit.cli.stop import say_kept
 from pushfit.report.store.output_folder import PARTS
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def batch(
     from pushfit.batch.workers import Workers
 
     those = Workers(n=workers, scheduler=scheduler, chunk=chunk, time_limit=time_limit)
-    keep(f"what is finished is kept in {items.out}; the same command goes on")
+    say_kept(f"what is finished is kept in {items.out}; the same command goes on")
     with session.progress() as progress:
         found = identify_batch(
             inputs,

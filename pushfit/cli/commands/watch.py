@@ -14,7 +14,7 @@ from pushfit.cli import options
 from pushfit.cli.commands.batch import report
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
-from pushfit.cli.stop import keep
+from pushfit.cli.stop import say_kept
 from pushfit.errors import DataError
 
 Stamp = tuple[int, int]
@@ -45,7 +45,7 @@ def watch(
     warn_of_missing(session, "jinja2")
     from pushfit.batch.run import identify_batch
 
-    keep(f"what is finished is kept in {items.out}; the same command goes on")
+    say_kept(f"what is finished is kept in {items.out}; the same command goes on")
     before, done, last = None, None, time.monotonic()
     session.say(f"watching {folder}; Ctrl-C ends it")
     while idle is None or time.monotonic() - last < idle:

@@ -32,7 +32,7 @@ def mismatch_error(
     problems = [
         InputProblem(
             code="push_missing",
-            message=f"{named(plan, i)} has no hump{_between(pairs, extents, i)}",
+            message=f"{push_name(plan, i)} has no hump{_between(pairs, extents, i)}",
             path=path,
             value=str(plan.push[i]),
         )
@@ -96,7 +96,7 @@ def _at(extents: Sequence[Extent], hump: int) -> str:
     return "missing" if hump < 0 else f"at {extents[hump].t_peak:.2f} s"
 
 
-def named(plan: PushSchedule, i: int) -> str:
+def push_name(plan: PushSchedule, i: int) -> str:
     """A planned push in words."""
     return (
         f"push {plan.push[i]} (theta {np.degrees(plan.theta[i]):g}, "

@@ -13,7 +13,7 @@ import numpy as np
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.plans.alignment import Alignment, align
-from pushfit.data.plans.mismatch import mismatch_error, named
+from pushfit.data.plans.mismatch import mismatch_error, push_name
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
@@ -95,7 +95,7 @@ class Paired:
             if j >= 0 and self.found.extents[j].is_brush:
                 extent = self.found.extents[j]
                 lines.append(
-                    f"{named(plan, i)} is taken to be the hump of only "
+                    f"{push_name(plan, i)} is taken to be the hump of only "
                     f"{extent.height:.3g} {unit} at {extent.t_peak:.2f} s, far smaller "
                     "than the others; leave it out by "
                     f"{stated(exclude=[extent.window])}"

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.doubles import join_one, part_doubles
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet, are_cut
-from pushfit.data.pushes.hump_search import search
+from pushfit.data.pushes.hump_search import search_humps
 from pushfit.data.pushes.running_means import View
 from pushfit.data.pushes.tracing import trace_feet
 
@@ -112,11 +112,11 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     if view.noise.sigma == 0.0 or len(view.signal) < 5:
         return ()
     time, tau = view.time, view.smoothing or FIRST_SMOOTHING
-    found, is_low, is_rest, wander = search(view, tau=tau)
+    found, is_low, is_rest, wander = search_humps(view, tau=tau)
     if view.smoothing is None and not is_low.all():
         wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
         if wider > _LONGER * tau:
-            wide = search(view, tau=wider, wander=wander)
+            wide = search_humps(view, tau=wider, wander=wander)
             # What is lost to averaging stands out without it.
             if _n_large(wide[0], wide[1]) >= _n_large(found, is_low):
                 found, is_low, is_rest, _ = wide

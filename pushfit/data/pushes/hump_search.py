@@ -51,7 +51,7 @@ class _Trace:
         return self.t0 + self.step * index
 
 
-def search(
+def search_humps(
     view: View, *, tau: float, wander: float = np.inf
 ) -> tuple[Feet[np.ndarray], Bool[np.ndarray, " p"], Bool[np.ndarray, " p"], float]:
     """One pass at one smoothing time.

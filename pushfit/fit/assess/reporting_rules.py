@@ -75,7 +75,7 @@ def _reported(quantity: Quantity, found: Identification) -> Quantity:
     if found.fit.status is not FitStatus.OK:
         quantity = replace(quantity, likelihood_sets=())
     if not is_trusted(found):
-        return unknown(quantity)
+        return as_unknown(quantity)
     is_rejected = not found.goodness_of_fit.is_adequate
     if is_rejected and verdict not in UNTOUCHED and quantity.name != MODEL_FREE:
         estimate = _finite(quantity.estimate) if verdict in MIDDLED else None
@@ -85,7 +85,7 @@ def _reported(quantity: Quantity, found: Identification) -> Quantity:
     )
 
 
-def unknown(quantity: Quantity) -> Quantity:
+def as_unknown(quantity: Quantity) -> Quantity:
     """A quantity whose numerics are not to be trusted: the likelihood's sets alone."""
     return replace(
         quantity,

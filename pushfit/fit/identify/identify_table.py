@@ -21,8 +21,8 @@ from pushfit.fit.assess.model_checking import contradicted_quantities, goodness_
 from pushfit.fit.assess.model_free import model_free_direction
 from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.reporting_rules import (
+    as_unknown,
     reported,
-    unknown,
     within_verdict,
 )
 from pushfit.fit.assess.sensitivity import angle_error_warnings
@@ -60,7 +60,7 @@ from pushfit.fit.results import (
     ResultWarning,
 )
 from pushfit.fit.results.environment import environment
-from pushfit.fit.sampler.checkpoint import check_place
+from pushfit.fit.sampler.checkpoint import check_checkpoint
 from pushfit.parameters import ANGLES
 
 
@@ -98,7 +98,7 @@ def identify_table(
     """
     check_engine(engine)
     if checkpoint is not None:
-        check_place(checkpoint)
+        check_checkpoint(checkpoint)
     stages = stages or Stages(stages_of(config, engine))
     hearing = listener or Listener()
     fitted, others = fitted_by_leading(
@@ -329,7 +329,7 @@ def _answer(
         mechanics=_mechanics(fitted),
         theta_c=within_verdict(theta_c, wanted_width_deg=wanted)
         if is_trusted
-        else unknown(theta_c),
+        else as_unknown(theta_c),
         best_fit_deg=best.theta_c_deg,
         chi_square=best.chi_square,
         log_evidence=posterior.log_evidence,

@@ -46,7 +46,7 @@ N_DOWN, N_VALLEYS = 12, 8
 SAME_COST, SAME_VALLEY = 0.01, 1.0
 
 
-def search(
+def search_curve(
     problem: Problem,
     reference_alpha: float | None = None,
     before: FitsAlong | None = None,

@@ -20,7 +20,7 @@ from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.problem.slopes import linearised, residuals_at
-from pushfit.fit.profiles.curve import search
+from pushfit.fit.profiles.curve import search_curve
 from pushfit.fit.profiles.weights import (
     uneven_noise,
     uneven_warnings,
@@ -148,13 +148,13 @@ def searched(setup: Setup, reference_alpha: float | None = None) -> Setup:
     """The setup with best fits along its leading quantity, unless it has them.
 
     Args:
-        reference_alpha: Azimuth of θ_c [rad]; see `search`.
+        reference_alpha: Azimuth of θ_c [rad]; see `search_curve`.
     """
     problem, found = setup.problem, setup.search
     is_own = found is not None and np.array_equal(found.observed, problem.observed)
     if is_own or not problem.data_names:
         return setup
-    return replace(setup, search=search(problem, reference_alpha))
+    return replace(setup, search=search_curve(problem, reference_alpha))
 
 
 def _starts(setup: Setup) -> Float[np.ndarray, "k q"]:
@@ -206,7 +206,7 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     """The setup searched, its weights those of the best fit that they lead to.
 
     Args:
-        reference_alpha: Azimuth of θ_c [rad]; see `search`.
+        reference_alpha: Azimuth of θ_c [rad]; see `search_curve`.
 
     Returns:
         Unchanged where sigma was given or pooled and nothing adds to it. A sampled one
@@ -233,7 +233,7 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
         found = replace(setup.search, valleys=points)
         if has_weights:
             # Other weights have other best fits, near the first ones.
-            found = search(problem, reference_alpha, found)
+            found = search_curve(problem, reference_alpha, found)
         setup = replace(setup, search=found)
     warnings = (*noise.warnings, *uneven_warnings(noise, shares))
     noise = replace(noise, warnings=warnings)

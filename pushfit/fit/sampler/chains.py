@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from pushfit.errors import ConvergenceError
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.programs.compile import compiled, in_chunks
-from pushfit.fit.sampler import checkpoint
+from pushfit.fit.sampler.checkpoint import load_checkpoint, save_checkpoint
 from pushfit.fit.sampler.mixture import Mixture
 
 # Rows per call of the compiled density, the usual number of walkers. A difference move
@@ -139,18 +139,18 @@ def _log_densities(problem: Problem, x: Float[Array, "n p"]) -> Float[Array, "n 
     return jax.vmap(one)(x)
 
 
-def keep(run: Run, path: Path, *, question: str) -> None:
+def keep_run(run: Run, path: Path, *, question: str) -> None:
     """Write a run."""
     mixture, state = run.mixture, run.random.get_state(legacy=False)
     random = (*state["state"].values(), state["has_gauss"], state["gauss"])
     parts = (mixture.weights, mixture.means, mixture.factors)
     values = map(np.asarray, (run.chain, run.log_prob, *random, *parts))
-    checkpoint.save(path, dict(zip(KEPT, values, strict=True)), question=question)
+    save_checkpoint(path, dict(zip(KEPT, values, strict=True)), question=question)
 
 
 def resume(path: Path, *, question: str) -> Run | None:
-    """A run as `keep` wrote it; None if there is none of this question."""
-    arrays = checkpoint.load(path, question=question)
+    """A run as `keep_run` wrote it; None if there is none of this question."""
+    arrays = load_checkpoint(path, question=question)
     if arrays is None:
         return None
     chain, log_prob, key, position, has_normal, normal, *parts = (

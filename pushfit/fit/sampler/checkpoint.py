@@ -30,7 +30,7 @@ class CheckpointWarning(UserWarning):
     """A checkpoint was set aside and the run starts anew."""
 
 
-def check_place(path: Path) -> None:
+def check_checkpoint(path: Path) -> None:
     """Refuse a name under which no run can be kept and read back.
 
     Raises:
@@ -66,7 +66,9 @@ def fingerprint(*trees: object) -> str:
     return digest.hexdigest()
 
 
-def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None:
+def save_checkpoint(
+    path: Path, arrays: Mapping[str, np.ndarray], *, question: str
+) -> None:
     """Replace a checkpoint in one step."""
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         contents: dict[str, Any] = dict(arrays)
@@ -76,7 +78,7 @@ def save(path: Path, arrays: Mapping[str, np.ndarray], *, question: str) -> None
         os.fsync(file.fileno())
 
 
-def load(path: Path, *, question: str) -> dict[str, np.ndarray] | None:
+def load_checkpoint(path: Path, *, question: str) -> dict[str, np.ndarray] | None:
     """Arrays of a checkpoint of the same question.
 
     Returns:

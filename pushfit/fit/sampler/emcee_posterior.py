@@ -25,7 +25,7 @@ from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import Diagnostics, FitResult, FitStatus, PosteriorResult
-from pushfit.fit.sampler.chains import Densities, Run, keep, resume
+from pushfit.fit.sampler.chains import Densities, Run, keep_run, resume
 from pushfit.fit.sampler.checkpoint import fingerprint
 from pushfit.fit.sampler.diagnostics import MIN_AUTOCORR_TIMES, diagnose
 from pushfit.fit.sampler.mixture import fit_mixture
@@ -125,7 +125,7 @@ def sample_posterior(
         report("starting points", 0.0)
         run = _start(problem, fit, densities=densities, budget=budget, seed=seed)
         if checkpoint is not None:
-            keep(run, checkpoint, question=question)
+            keep_run(run, checkpoint, question=question)
     moves = _moves(run, budget)
     while True:
         n_burn, diagnostics = _look(
@@ -139,7 +139,7 @@ def sample_posterior(
             break
         run.advance(densities.log_prob, moves, n_more)
         if checkpoint is not None:
-            keep(run, checkpoint, question=question)
+            keep_run(run, checkpoint, question=question)
     return _result(
         problem,
         run,

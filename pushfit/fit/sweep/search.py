@@ -125,7 +125,7 @@ def descend(target: ObjectiveOf, this: Round) -> Expansion:
 
     starts = this.starts[:, 0]
     damping = jnp.full(len(starts), DAMPING)
-    first = (unknown(starts), damping, starts)
+    first = (unknown_expansion(starts), damping, starts)
     best, _, _ = jax.lax.fori_loop(0, this.n_starts + this.n_steps, step, first)
     return best
 
@@ -160,7 +160,7 @@ def _step(
     return best, damping, best.y + move
 
 
-def unknown(y: Float[Array, "*n q"]) -> Expansion:
+def unknown_expansion(y: Float[Array, "*n q"]) -> Expansion:
     """Points of which nothing is known."""
     q = y.shape[-1]
     return Expansion(

@@ -33,7 +33,7 @@ from pushfit.fit.sweep.outer_nodes import (
     schur,
     without_s,
 )
-from pushfit.fit.sweep.search import Round, in_rounds, unknown
+from pushfit.fit.sweep.search import Round, in_rounds, unknown_expansion
 from pushfit.fit.sweep.segments import Segments, make_segments
 from pushfit.fit.sweep.target import Expansion, Target
 from pushfit.model import Scalar
@@ -172,7 +172,7 @@ def _swept(target: Target) -> tuple[Scale, Expansion]:
     first = first_round(target)
     numbers = jnp.arange(N_ROUNDS + MET.size)
     outer, found = in_rounds(
-        lambda _: target, numbers, first, unknown(first.starts[:, 0]), onward
+        lambda _: target, numbers, first, unknown_expansion(first.starts[:, 0]), onward
     )
     # The outer nodes are the middle of the inner ones.
     met = np.argsort(np.append(0.0, MET), kind="stable") + N_ROUNDS - 1

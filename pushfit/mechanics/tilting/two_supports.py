@@ -119,7 +119,7 @@ def two_support_forces(
 
         F_t = K (S_p cos θ u - X n),   F_n = max(F_0 + A (S_p sin θ - Z), 0)
 
-    at the lean q = γ n that both axes bear, see `equilibrium`; X and Z are those of
+    at the lean q = γ n that both axes bear, see `balanced_lean`; X and Z are those of
     `tilted`, for points L sin γ and L (1 - cos γ).
 
     Args:
@@ -136,7 +136,7 @@ def two_support_forces(
     """
     group = contact(params)
     frame = make_frame(group, grasp, elevation=pushes.elevation, azimuth=pushes.azimuth)
-    lean, is_found = equilibrium(frame, grasp.sharpness)
+    lean, is_found = balanced_lean(frame, grasp.sharpness)
     state = leaned(frame, lean)
     x, y = state.tangential
     return Forces(
@@ -278,7 +278,7 @@ class _AxisSearch(eqx.Module):
     n_steps: Int[Array, ""]
 
 
-def equilibrium(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, " n"]]:
+def balanced_lean(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, " n"]]:
     """Lean at which the supports bear every moment.
 
         Q_i = softmin(|E_i|, c_i L N) sign E_i,   E_i as in `unbalanced`

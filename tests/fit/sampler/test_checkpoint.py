@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from pushfit.fit.sampler import checkpoint
-from pushfit.fit.sampler.checkpoint import CheckpointWarning, fingerprint, load, save
+from pushfit.fit.sampler.checkpoint import (
+    CheckpointWarning,
+    fingerprint,
+    load_checkpoint,
+    save_checkpoint,
+)
 
 ARRAYS = {"chain": np.arange(12.0).reshape(3, 4), "key": np.arange(5, dtype=np.uint32)}
 QUESTION = fingerprint({"data": np.ones(3)}, 0)
@@ -15,7 +20,7 @@ QUESTION = fingerprint({"data": np.ones(3)}, 0)
 @pytest.fixture
 def path(tmp_path):
     target = tmp_path / "run.npz"
-    save(target, ARRAYS, question=QUESTION)
+    save_checkpoint(target, ARRAYS, question=QUESTION)
     return target
 
 
@@ -23,13 +28,13 @@ def is_set_aside(path, word):
     """Nothing loaded, nothing lost, and the reason named."""
     content = path.read_bytes()
     with pytest.warns(CheckpointWarning, match=word):
-        loaded = load(path, question=QUESTION)
+        loaded = load_checkpoint(path, question=QUESTION)
     bad = path.with_name(f"{path.name}.bad")
     return loaded is None and not path.exists() and bad.read_bytes() == content
 
 
 def test_what_was_saved_comes_back_bit_by_bit(path):
-    loaded = load(path, question=QUESTION)
+    loaded = load_checkpoint(path, question=QUESTION)
     assert set(loaded) == set(ARRAYS)
     for name, array in ARRAYS.items():
         assert loaded[name].dtype == array.dtype
@@ -39,13 +44,13 @@ def test_what_was_saved_comes_back_bit_by_bit(path):
 def test_a_checkpoint_is_kept_behind_a_link(tmp_path):
     link = tmp_path / "link.npz"
     link.symlink_to("real.npz")
-    save(link, ARRAYS, question=QUESTION)
+    save_checkpoint(link, ARRAYS, question=QUESTION)
     assert link.is_symlink()
-    assert set(load(tmp_path / "real.npz", question=QUESTION)) == set(ARRAYS)
+    assert set(load_checkpoint(tmp_path / "real.npz", question=QUESTION)) == set(ARRAYS)
 
 
 def test_no_file_is_no_checkpoint(tmp_path):
-    assert load(tmp_path / "none.npz", question=QUESTION) is None
+    assert load_checkpoint(tmp_path / "none.npz", question=QUESTION) is None
 
 
 def test_an_empty_file_is_kept_aside(path):
@@ -78,7 +83,7 @@ def test_a_file_without_header_is_kept_aside(path):
 
 
 def test_another_question_is_kept_aside(path):
-    save(path, ARRAYS, question="other")
+    save_checkpoint(path, ARRAYS, question="other")
     assert is_set_aside(path, "other data, settings or another seed")
 
 
@@ -97,7 +102,7 @@ def test_earlier_bad_files_are_not_overwritten(path):
     first.write_text("earlier")
     path.write_bytes(b"")
     with pytest.warns(CheckpointWarning, match=r"run\.npz\.bad2"):
-        assert load(path, question=QUESTION) is None
+        assert load_checkpoint(path, question=QUESTION) is None
     assert first.read_text() == "earlier"
 
 
@@ -107,10 +112,10 @@ def test_a_death_while_writing_leaves_the_old_checkpoint(path, monkeypatch):
 
     monkeypatch.setattr(os, "replace", die)
     with pytest.raises(KeyboardInterrupt):
-        save(path, {"chain": np.zeros(3)}, question=QUESTION)
+        save_checkpoint(path, {"chain": np.zeros(3)}, question=QUESTION)
     monkeypatch.undo()
     np.testing.assert_array_equal(
-        load(path, question=QUESTION)["chain"], ARRAYS["chain"]
+        load_checkpoint(path, question=QUESTION)["chain"], ARRAYS["chain"]
     )
     assert list(path.parent.iterdir()) == [path]
 

@@ -15,7 +15,7 @@ from pushfit import model
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.mechanics.tilting.critical_tilt import critical_friction
-from pushfit.mechanics.tilting.two_supports import equilibrium, make_frame
+from pushfit.mechanics.tilting.two_supports import balanced_lean, make_frame
 from pushfit.mechanics.tilting.two_supports import unbalanced as unborne
 from pushfit.model import Grasp, Parameters, Pushes
 from tests.mechanics.tilting.unrolled import tilt_of
@@ -334,7 +334,7 @@ def test_over_the_prior_nothing_is_left_unbalanced(sharpness):
             elevation=pushes.elevation,
             azimuth=pushes.azimuth,
         )
-        lean, is_found = equilibrium(frame, sharpness)
+        lean, is_found = balanced_lean(frame, sharpness)
         return jnp.hypot(*unborne(frame, lean, sharpness)), is_found
 
     residual, is_found = left(x, theta, alpha, shape, preload)
