@@ -7,7 +7,7 @@ of a parameter. Excluded: where it enters the forces (`pushfit.mechanics`).
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 # Period of an axis: pushing along α and along α + 180° is the same line [deg].
 HALF_TURN = 180.0
@@ -15,6 +15,8 @@ HALF_TURN = 180.0
 # measured in any unit, and above the least number that is not flushed to 0, 2e-308, by
 # so much that 1e7 over it is finite.
 TINY = 1e-300
+# Unit of what a sensor reads: newton, kilopascal, counts, or an arbitrary one.
+SensorUnit = Literal["n", "kpa", "counts", "au"]
 # Kind, first and second number of a distribution.
 Shape = tuple[str, float, float]
 

@@ -28,8 +28,7 @@ from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.workers import Work, Workers
 from pushfit.errors import DataError
 from pushfit.fit.identify.identify_many import identify_many
-
-Progress = Callable[[str, float], None]
+from pushfit.fit.identify.progress import Progress
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 
 import typer
 
-SensorUnit = Literal["n", "kpa", "counts", "au"]
 Recordings = Annotated[
     list[Path],
     typer.Argument(metavar="RECORDING...", help="Recordings, one for each sweep."),
@@ -70,7 +69,9 @@ Engine = Annotated[
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all randomness.")]
-Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="One JSON document on stdout.")
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.")]
 Profile = Annotated[
     Path | None,
@@ -167,7 +168,7 @@ class Analysis:
         ),
     ] = None
     seed: Seed = 0
-    json: Json = False
+    json: JsonOption = False
     force: Force = False
 
 

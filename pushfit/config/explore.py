@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from pushfit.config.section import Number, Positive, Section, setting
 
-Count = Annotated[int, Field(strict=True, ge=0)]
+WholeNumber = Annotated[int, Field(strict=True, ge=0)]
 AtLeastOne = Annotated[int, Field(strict=True, ge=1)]
 Share = Annotated[float, Field(strict=True, gt=0, le=1)]
 Side = tuple[Number, Number]
@@ -44,7 +44,7 @@ class ExploreSection(Section):
         "has moved",
         default=4,
     )
-    reference_every: Count = setting(
+    reference_every: WholeNumber = setting(
         "pushes after which that is done again; 0: never, not even first", default=10
     )
     reference_sigmas: Positive = setting(

@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from pushfit.config.section import Number, Positive, Probability, Section, setting
-
-SensorUnit = Literal["n", "kpa", "counts", "au"]
+from pushfit.parameters import SensorUnit
 
 
 class CalibrationSection(Section):

@@ -18,12 +18,12 @@ from pushfit.config.inputs import PeakSettings, RecordingSection
 from pushfit.config.parameters import ParametersSection
 from pushfit.config.section import (
     Millimetres,
+    NotBelowOne,
     NotNegative,
     Number,
     Positive,
     Probability,
     Section,
-    Sharpness,
     setting,
 )
 from pushfit.config.sensor import SensorSection
@@ -153,7 +153,7 @@ class ReachSection(Section):
 class TransitionSection(Section):
     """How the contact passes from rolling to elastic."""
 
-    sharpness: Literal["hard", "auto"] | Sharpness = setting(
+    sharpness: Literal["hard", "auto"] | NotBelowOne = setting(
         '"auto": sharpness p of the soft minimum is one of the unknowns; '
         '"hard" (the paper) or p >= 1 where it is known',
         default="auto",

@@ -15,7 +15,7 @@ Millimetres = Annotated[
     float, Field(strict=True, allow_inf_nan=False, ge=0.01, le=1000.0)
 ]
 NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
-Sharpness = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1)]
+NotBelowOne = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1)]
 Probability = Annotated[float, Field(strict=True, gt=0, lt=1)]
 
 

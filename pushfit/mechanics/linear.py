@@ -26,7 +26,8 @@ from pushfit.mechanics.containers import (
 )
 from pushfit.mechanics.numerics import norm2, softclip
 
-Direction = tuple[Scalar, Scalar]
+# θ and α of one push [rad].
+PushAngles = tuple[Scalar, Scalar]
 
 
 def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces:
@@ -171,7 +172,7 @@ def implied_tilt(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
     return norm2(*S_rt) / params.L
 
 
-def critical_B(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
+def critical_B(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:
     """B with which a push just does not roll.
 
         B = C_rr (F_0/S_p + A sin θ) / (|u_e| cos θ)
@@ -200,7 +201,7 @@ def critical_B(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
     return pressed * jnp.minimum(limit_x / jnp.abs(x), limit_y / jnp.abs(y))
 
 
-def critical_C_rr(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
+def critical_C_rr(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:
     """Rolling friction with which a push just does not roll.
 
         C_rr = q |u_e|,   q = B cos θ / (F_0/S_p + A sin θ),   u_e as in `critical_B`
@@ -233,7 +234,7 @@ def critical_C_rr(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
     )
 
 
-def critical_A(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
+def critical_A(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:
     """A with which a push on one support just does not roll.
 
         A = (B |u_e| cos θ / C_rr - F_0/S_p) / sin θ,   u_e as in `critical_B`
@@ -273,13 +274,13 @@ def is_upper_tie(group: Contact, grasp: Grasp, theta: Scalar) -> Bool[Array, ""]
     return (F + A * sine > 0) & (A + F * sine >= 0)
 
 
-def _unit_stiffness(group: Contact, direction: Direction) -> tuple[Scalar, Scalar]:
+def _unit_stiffness(group: Contact, direction: PushAngles) -> tuple[Scalar, Scalar]:
     """B u(α) / B [-]."""
     unit = eqx.tree_at(lambda c: c.B, group, jnp.ones_like(group.B))
     return tangential_stiffness(unit, unit_vector(direction[1]))
 
 
-def _pressed(group: Contact, grasp: Grasp, direction: Direction) -> Scalar:
+def _pressed(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:
     """Normal force over the tangential displacement of a push [N/m]."""
     sine, cosine = jnp.sin(direction[0]), jnp.cos(direction[0])
     return (grasp.preload / grasp.push_length + group.A * sine) / cosine

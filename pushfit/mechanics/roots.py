@@ -11,7 +11,9 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
+
+from pushfit.mechanics.containers import Vector
 
 # Relative step at which the search ends: that step leaves about its square, and the one
 # after it, which also carries the derivatives, the square of that.
@@ -26,7 +28,6 @@ MAX_STEPS = 60
 SMALLEST_SLOPE = 1e-6
 
 C = TypeVar("C")
-Numbers = Float[Array, " n"]
 
 
 class _Search(eqx.Module):
@@ -41,11 +42,11 @@ class _Search(eqx.Module):
         n_steps: Steps taken.
     """
 
-    x: Numbers
-    lower: Numbers
-    upper: Numbers
-    newton: Numbers
-    length: Numbers
+    x: Vector
+    lower: Vector
+    upper: Vector
+    newton: Vector
+    length: Vector
     n_steps: Int[Array, ""]
 
     @property
@@ -62,11 +63,11 @@ class _Search(eqx.Module):
 
 
 def falling_root(
-    function: Callable[[C, Numbers], Numbers],
+    function: Callable[[C, Vector], Vector],
     context: C,
-    bracket: tuple[Numbers, Numbers],
-    start: Numbers,
-) -> Numbers:
+    bracket: tuple[Vector, Vector],
+    start: Vector,
+) -> Vector:
     """Where an elementwise function falls through zero, entry by entry.
 
         x = x_0 - f(x_0, c) / (∂f/∂x),   x_0 held fixed
@@ -91,7 +92,7 @@ def falling_root(
     at_lower = function(frozen, lower)
     is_falling = at_lower > 0
 
-    def newton(x: Numbers) -> Numbers:
+    def newton(x: Vector) -> Vector:
         """Where Newton's step leads; where f does not fall, out of any bracket."""
         value, slope = _with_slope(function, frozen, x)
         out = jnp.sign(value) * jnp.inf
@@ -145,7 +146,7 @@ def falling_root(
 
 
 def _with_slope(
-    function: Callable[[C, Numbers], Numbers], context: C, x: Numbers
-) -> tuple[Numbers, Numbers]:
+    function: Callable[[C, Vector], Vector], context: C, x: Vector
+) -> tuple[Vector, Vector]:
     """Value and derivative in x."""
     return jax.jvp(lambda t: function(context, t), (x,), (jnp.ones_like(x),))

@@ -66,7 +66,7 @@ def demo(
     out: options.OutFolder = None,
     pictures: options.Pictures = None,
     seed: options.Seed = 0,
-    json: options.Json = False,
+    json: options.JsonOption = False,
     force: options.Force = False,
 ) -> int:
     """Identify the simulated foam box."""

@@ -52,7 +52,7 @@ def batch(
     folders: Annotated[
         bool, typer.Option("--folders", help="Also a result folder for each item.")
     ] = False,
-    json: options.Json = False,
+    json: options.JsonOption = False,
 ) -> int:
     """Identify many files; run again, it does what is missing."""
     warn_of_missing(session, *(PARTS if folders else ["jinja2"]))

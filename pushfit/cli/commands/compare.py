@@ -15,7 +15,7 @@ def compare(
     config: options.ConfigFile = None,
     *,
     seed: options.Seed = 0,
-    json: options.Json = False,
+    json: options.JsonOption = False,
 ) -> int:
     """Compare ways of rolling and mechanics on one table."""
     from pushfit.config import read_config

@@ -23,7 +23,7 @@ def coverage(
     ] = 20,
     plot: options.PlotFile = None,
     seed: options.Seed = 0,
-    json: options.Json = False,
+    json: options.JsonOption = False,
     force: options.Force = False,
 ) -> None:
     """Measure how often intervals hold the truth for these pushes."""

@@ -20,7 +20,7 @@ FOR_DEVELOPERS = re.compile(r"extra == .(docs|bench|test)\b")
 DOUBLE_PRECISION = 1e-14
 
 
-def doctor(session: CommandSession, json: options.Json = False) -> None:
+def doctor(session: CommandSession, json: options.JsonOption = False) -> None:
     """Check the installation and list its versions."""
     cache = enable_compile_cache()
     check_arithmetic()

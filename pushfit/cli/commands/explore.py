@@ -16,6 +16,7 @@ from pushfit.cli import options
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError, FitError
+from pushfit.parameters import SensorUnit
 from pushfit.report.store.output_folder import PARTS
 
 if TYPE_CHECKING:
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
 REACH = (5.0, 85.0)
 COMPONENTS = ("height_normal", "height_tangential")
 
-Unit = Annotated[
-    options.SensorUnit,
+UnitOption = Annotated[
+    SensorUnit,
     typer.Option(help="Unit of the sensor, where no table says it."),
 ]
 
@@ -124,11 +125,11 @@ def next(
     ] = None,
     *,
     asked: Asked,
-    unit: Unit = "n",
+    unit: UnitOption = "n",
     n: Annotated[int, typer.Option("-n", min=1, help="Pushes to rank.")] = 5,
     plot: options.PlotFile = None,
     seed: options.Seed = 0,
-    json: options.Json = False,
+    json: options.JsonOption = False,
     force: options.Force = False,
 ) -> int:
     """Which push would tell most, after those made so far."""
@@ -195,9 +196,9 @@ def explore(
     scatter: Annotated[
         float, typer.Option(min=0, help="Scatter of simulated pushes, as a share.")
     ] = 0.01,
-    unit: Unit = "n",
+    unit: UnitOption = "n",
     seed: options.Seed = 0,
-    json: options.Json = False,
+    json: options.JsonOption = False,
     force: options.Force = False,
 ) -> int:
     """Let a hand explore a grasp until the angle is known.

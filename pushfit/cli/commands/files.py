@@ -16,6 +16,7 @@ from pushfit.cli.inputs import load_peaks, read_settings
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
 from pushfit.cli.session import CommandSession
 from pushfit.errors import DataError
+from pushfit.parameters import SensorUnit
 from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def validate(
     ],
     *,
     layout: options.SettingsOptions,
-    json: options.Json = False,
+    json: options.JsonOption = False,
 ) -> int:
     """Say what files hold, or what is wrong with them."""
     from pushfit.data.check import check_files
@@ -187,7 +188,7 @@ def simulate(
     ],
     *,
     config: options.ConfigFile = None,
-    unit: Annotated[options.SensorUnit, typer.Option(help="Unit of the sensor.")] = "n",
+    unit: Annotated[SensorUnit, typer.Option(help="Unit of the sensor.")] = "n",
     noise: Annotated[
         float, typer.Option(min=0.0, help="Standard deviation of a sample.")
     ] = 0.0,

@@ -49,7 +49,7 @@ def diff(
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one.")],
     *,
     plot: options.PlotFile = None,
-    json: options.Json = False,
+    json: options.JsonOption = False,
     force: options.Force = False,
 ) -> None:
     """What differs between two results, by how much and how surely."""

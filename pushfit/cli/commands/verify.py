@@ -35,7 +35,7 @@ def verify(
             "--inputs", metavar="DIR", help="Where the inputs are, if they were moved."
         ),
     ] = None,
-    json: options.Json = False,
+    json: options.JsonOption = False,
 ) -> int:
     """Compute a result again and compare every number."""
     from pushfit.report.store.read import read_summary

@@ -17,8 +17,6 @@ from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
 from pushfit.errors import DataError
 
-Stamp = tuple[int, int]
-
 
 def watch(
     session: CommandSession,
@@ -63,7 +61,7 @@ def watch(
     return 0
 
 
-def stamps(folder: Path, out: Path) -> dict[Path, Stamp]:
+def stamps(folder: Path, out: Path) -> dict[Path, tuple[int, int]]:
     """Size and time of change of every file, those of the results left out."""
     found = {}
     for path in folder.rglob("*"):

@@ -77,7 +77,7 @@ SCREEN = 17
 HEADROOM = 0.1
 YES, NO, NONE = "yes", "no", "–"
 Save = Callable[[Look], str]
-Cells = Mapping[str, Sequence[object]]
+SourceColumns = Mapping[str, Sequence[object]]
 
 
 class Page:
@@ -208,7 +208,7 @@ class Page:
 
     def _drawn(
         self, measured: pd.DataFrame, heights: Mapping[str, Float[np.ndarray, " n"]]
-    ) -> Cells:
+    ) -> SourceColumns:
         """Where and how the picture shows each hump."""
         look, origin = self._look, self._origin
         low, high = float(look.signal.min()), float(look.signal.max())
@@ -230,7 +230,7 @@ class Page:
 
     def _written(
         self, measured: pd.DataFrame, heights: Mapping[str, Float[np.ndarray, " n"]]
-    ) -> Cells:
+    ) -> SourceColumns:
         look = self._look
         flags = measured["flags"].fillna("") if "flags" in measured else [""]
         return {
@@ -248,7 +248,7 @@ class Page:
             if hump is not None:
                 self._do(self._look.toggle, hump)
 
-    def _edited(self, name: str, old: Cells, new: Cells) -> None:
+    def _edited(self, name: str, old: SourceColumns, new: SourceColumns) -> None:
         """Take over what was typed; what the page itself wrote is no news."""
         look = self._look
         for k, is_push in enumerate(look.counts):
@@ -268,7 +268,7 @@ class Page:
         self.refresh(said)
 
 
-def _drawn_in_component(own: pd.DataFrame) -> Cells:
+def _drawn_in_component(own: pd.DataFrame) -> SourceColumns:
     """Where a component shows each hump otherwise, by what `heights_in` says."""
     return {
         "first": own["first_s"].tolist(),
@@ -315,7 +315,7 @@ def _numbers(frame: pd.DataFrame, name: str) -> Float[np.ndarray, " n"]:
     return frame[name].to_numpy(dtype=float)
 
 
-def _put(source: ColumnDataSource, columns: Cells) -> None:
+def _put(source: ColumnDataSource, columns: SourceColumns) -> None:
     """Show columns, and touch no cell that stays: somebody may be typing in others."""
     shown = dict(source.data)
     lengths = {name: len(own) for name, own in columns.items()}

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, Numbers, are_cut
+from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, PerPush, are_cut
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.pushes.tracing import knots_for
 
@@ -114,9 +114,9 @@ def _valleys(
     course: RunningMeans,
     feet: Feet[np.ndarray],
     *,
-    tau: Numbers,
+    tau: PerPush,
     sigmas: float,
-    moved: Numbers,
+    moved: PerPush,
 ) -> tuple[
     Float[np.ndarray, "p m"], Float[np.ndarray, "p m"], Float[np.ndarray, "p m"]
 ]:

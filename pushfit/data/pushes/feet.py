@@ -69,12 +69,12 @@ _OUTWARD = np.linspace(0.0, 1.0, 240)
 # either calls a whole press of `testing_step` cut.
 _BEGINS, _SHOWN = 0.11, 3
 
-Number = TypeVar("Number", float, np.ndarray)
-Numbers = Float[np.ndarray, " p"]
+OneOrMany = TypeVar("OneOrMany", float, np.ndarray)
+PerPush = Float[np.ndarray, " p"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Feet(Generic[Number]):
+class Feet(Generic[OneOrMany]):
     """The course of one push in time, or of many at once [s].
 
     Args:
@@ -91,17 +91,17 @@ class Feet(Generic[Number]):
         sigma: Noise of a sample in it [unit].
     """
 
-    start: Number
-    half_up: Number
-    peak: Number
-    half_down: Number
-    end: Number
-    lowest: Number
-    highest: Number
-    height: Number
-    moved: Number
-    step: Number
-    sigma: Number
+    start: OneOrMany
+    half_up: OneOrMany
+    peak: OneOrMany
+    half_down: OneOrMany
+    end: OneOrMany
+    lowest: OneOrMany
+    highest: OneOrMany
+    height: OneOrMany
+    moved: OneOrMany
+    step: OneOrMany
+    sigma: OneOrMany
 
     @staticmethod
     def together(feet: "Sequence[Feet[float]]") -> "Feet[np.ndarray]":
@@ -124,7 +124,7 @@ class Feet(Generic[Number]):
         return Feet(**dict(zip(_NAMES, both, strict=True)))
 
     @property
-    def width(self) -> Number:
+    def width(self) -> OneOrMany:
         """Time above half of the height [s]."""
         return self.half_down - self.half_up
 
@@ -134,7 +134,7 @@ class Feet(Generic[Number]):
         """Courses of some pushes."""
         return Feet(**{n: getattr(self, n)[some] for n in _NAMES})
 
-    def averaging(self: "Feet[np.ndarray]", view: View) -> Numbers:
+    def averaging(self: "Feet[np.ndarray]", view: View) -> PerPush:
         """Times to average over: a share of the width, and more to rise from noise [s].
 
         An averaging time that is asked for takes their place.
@@ -145,7 +145,7 @@ class Feet(Generic[Number]):
         least = np.minimum(self.step * blurred**2, self.width / _MOST_SMOOTHING)
         return np.maximum.reduce([self.width / WIDTH_PER_SMOOTHING, least, self.step])
 
-    def noise(self: "Feet[np.ndarray]", tau: Numbers) -> Numbers:
+    def noise(self: "Feet[np.ndarray]", tau: PerPush) -> PerPush:
         """Noise of means over times [s] [unit]."""
         return self.sigma * np.sqrt(np.minimum(1.0, self.step / tau))
 
@@ -161,7 +161,7 @@ class Feet(Generic[Number]):
             highest=np.maximum(highest, self.end),
         )
 
-    def _room(self: "Feet[np.ndarray]", view: View, sign: int) -> Numbers:
+    def _room(self: "Feet[np.ndarray]", view: View, sign: int) -> PerPush:
         """Ends of the rooms before pushes (-1) or after them (1) [s].
 
         What is left of a neighbour that an end of the samples cuts has another foot:
@@ -186,7 +186,7 @@ class Feet(Generic[Number]):
         room[rows] = np.where(is_its, (own + risen) / 2, room[rows])
         return room
 
-    def _risen(self: "Feet[np.ndarray]", view: View, sign: int) -> Numbers:
+    def _risen(self: "Feet[np.ndarray]", view: View, sign: int) -> PerPush:
         """Where courses rise again before pushes (-1) or after them (1); NaN never."""
         own, tau = self.end if sign > 0 else self.start, self.averaging(view)
         level = np.maximum(_RISES * self.height, SEEN * self.noise(tau))
@@ -219,7 +219,7 @@ class Feet(Generic[Number]):
         return self._neighbours(-1) < 0, self._neighbours(1) == len(self.start)
 
     @property
-    def before(self: "Feet[np.ndarray]") -> tuple[Numbers, Numbers]:
+    def before(self: "Feet[np.ndarray]") -> tuple[PerPush, PerPush]:
         """Stretches whose level is the rest before the pushes, in their room [s]."""
         # In a short rest a part of it has to do.
         room = self.start - self.lowest
@@ -228,7 +228,7 @@ class Feet(Generic[Number]):
 
     def after(
         self: "Feet[np.ndarray]", *, waited: float = 0.5
-    ) -> tuple[Numbers, Numbers]:
+    ) -> tuple[PerPush, PerPush]:
         """Stretches whose level is the rest after the pushes [s].
 
         Args:
@@ -239,12 +239,12 @@ class Feet(Generic[Number]):
         return first, np.maximum(np.minimum(first + self.span, self.highest), first)
 
     @property
-    def settling(self: "Feet[np.ndarray]") -> Numbers:
+    def settling(self: "Feet[np.ndarray]") -> PerPush:
         """Times that a sensor takes to recover after the pushes [s]."""
         return _SETTLING * np.minimum(self.width, LONGEST)
 
     @property
-    def span(self: "Feet[np.ndarray]") -> Numbers:
+    def span(self: "Feet[np.ndarray]") -> PerPush:
         """Times that rests are looked at for [s]."""
         return np.maximum(_SPAN * np.minimum(self.width, LONGEST), _FEWEST * self.step)
 
@@ -252,7 +252,7 @@ class Feet(Generic[Number]):
 _NAMES = tuple(field.name for field in fields(Feet))
 
 
-def likeness(moved: Numbers, far: Numbers | float) -> Numbers:
+def likeness(moved: PerPush, far: PerPush | float) -> PerPush:
     """Whether moves of rests may be drift: 1 for small ones, 0 for those too `far`."""
     return 1 / (1 + np.clip(moved / np.maximum(far, TINY), -1e3, 1e3) ** 4)
 

@@ -24,7 +24,7 @@ from pushfit.data.pushes.feet import (
     SIGMAS,
     WIDTH_PER_SMOOTHING,
     Feet,
-    Numbers,
+    PerPush,
     likeness,
 )
 from pushfit.data.pushes.noise import bends
@@ -102,7 +102,7 @@ def knots_for(feet: Feet[np.ndarray], view: View) -> RunningMeans:
 
 def _noise_by_feet(
     view: View, feet: Feet[np.ndarray]
-) -> Callable[[Feet[np.ndarray]], Numbers]:
+) -> Callable[[Feet[np.ndarray]], PerPush]:
     """Noise within pushes by their feet; of the file where it has no effect on them.
 
         σ = 1.253 mean|bend|
@@ -117,7 +117,7 @@ def _noise_by_feet(
     over = RunningMeans.of(view.time[1:-1], np.where(is_moving, size, 0.0))
     count = RunningMeans.of(view.time[1:-1], is_moving.astype(float))
 
-    def noise(feet: Feet[np.ndarray]) -> Numbers:
+    def noise(feet: Feet[np.ndarray]) -> PerPush:
         share = count.mean(feet.start, feet.end)
         own = _OF_MEAN * over.mean(feet.start, feet.end) / np.maximum(share, TINY)
         return np.where(~is_clear & (share > _LEAST_MOVING), own, whole)
@@ -127,7 +127,7 @@ def _noise_by_feet(
 
 def _usual_steps(
     time: Float[np.ndarray, " n"], ends: Int[np.ndarray, "2 p"]
-) -> Numbers:
+) -> PerPush:
     """Median sampling steps of stretches, by the first of their steps [s]."""
     if np.diff(ends, axis=0).min() >= _STEPS:
         return np.median(np.diff(time[ends[0][:, None] + np.arange(_STEPS)]), axis=1)
@@ -137,14 +137,14 @@ def _usual_steps(
     return np.array([np.median(np.diff(time[a : b + 1][:_STEPS])) for a, b in ends.T])
 
 
-def _reach(feet: Feet[np.ndarray]) -> Numbers:
+def _reach(feet: Feet[np.ndarray]) -> PerPush:
     """Time around pushes that their rests lie in [s]."""
     width = np.maximum(np.minimum(feet.width, 2 * LONGEST), 4 * feet.step)
     return _REACH * width + feet.half_up - feet.start + feet.end - feet.half_down
 
 
 def _trace(
-    course: RunningMeans, feet: Feet[np.ndarray], *, tau: Numbers
+    course: RunningMeans, feet: Feet[np.ndarray], *, tau: PerPush
 ) -> Feet[np.ndarray]:
     """One round: levels of the rests by the feet, then the feet by the levels."""
     reach, ends = _reach(feet), (feet.lowest, feet.highest)
@@ -200,8 +200,8 @@ def _rests(
     *,
     y: Float[np.ndarray, "p m"],
     peak: Int[np.ndarray, " p"],
-    top: Numbers,
-) -> tuple[Numbers, Numbers]:
+    top: PerPush,
+) -> tuple[PerPush, PerPush]:
     """Levels before and after pushes, each in place of the other if that is unseen."""
     first, last = feet.before
     part = np.minimum(LEAST * feet.span, last - first)
@@ -238,14 +238,14 @@ def _rests(
     )
 
 
-def _is_top(level: Numbers, other: Numbers, top: Numbers) -> Bool[np.ndarray, " p"]:
+def _is_top(level: PerPush, other: PerPush, top: PerPush) -> Bool[np.ndarray, " p"]:
     """Whether a level at an end of the samples is that of the push itself."""
     return top - level < ON_STEP * (level - other)
 
 
 def _tops(
     smooth: Smooth, when: Float[np.ndarray, "p m"], peak: Int[np.ndarray, " p"]
-) -> tuple[Numbers, Numbers]:
+) -> tuple[PerPush, PerPush]:
     """Times and heights of the highest running means beside points of a grid."""
     rows = np.arange(len(peak))
     first = when[rows, np.maximum(peak - 1, 0)]
@@ -258,12 +258,12 @@ def _tops(
 
 def _level(
     course: RunningMeans,
-    window: tuple[Numbers, Numbers],
+    window: tuple[PerPush, PerPush],
     *,
-    part: tuple[Numbers, Numbers],
-    span: Numbers,
-    far: Numbers,
-) -> Numbers:
+    part: tuple[PerPush, PerPush],
+    span: PerPush,
+    far: PerPush,
+) -> PerPush:
     """Means of rests, NaN where too little is there to show them.
 
     That of the part beside the push where the rest has another level: it has stepped.
@@ -279,9 +279,9 @@ def _falls(
     when: Float[np.ndarray, "p m"],
     y: Float[np.ndarray, "p m"],
     searched: Bool[np.ndarray, "p m"],
-    level: Numbers,
+    level: PerPush,
     sign: int = 1,
-) -> Numbers:
+) -> PerPush:
     """Where courses first fall below levels, or the last times if they never do.
 
     Args:

@@ -14,7 +14,7 @@ from pushfit.fit.problem.priors.distributions import Prior
 from pushfit.mechanics.containers import support
 from pushfit.model import Contact, Grasp, Parameters, Scalar, contact
 
-Values = Mapping[str, Scalar]
+NamedScalars = Mapping[str, Scalar]
 
 
 def data_names(
@@ -50,13 +50,13 @@ def data_names(
     return tuple(names)
 
 
-def data_point(y: Values, fixed: Values, grasp: Grasp) -> Contact:
+def data_point(y: NamedScalars, fixed: NamedScalars, grasp: Grasp) -> Contact:
     """Combinations that forces depend on."""
     point = tilting_point if grasp.law.sees_tilt else linear_point
     return point(y, fixed)
 
 
-def linear_point(y: Values, fixed: Values) -> Contact:
+def linear_point(y: NamedScalars, fixed: NamedScalars) -> Contact:
     """Combinations that forces depend on where they know the springs by B alone."""
     zero = jnp.zeros(())
     return Contact(
@@ -69,7 +69,7 @@ def linear_point(y: Values, fixed: Values) -> Contact:
     )
 
 
-def tilting_point(y: Values, fixed: Values) -> Contact:
+def tilting_point(y: NamedScalars, fixed: NamedScalars) -> Contact:
     """Combinations that forces depend on where the object tilts."""
     L = jnp.exp(y["ln_L"]) if "ln_L" in y else fixed["L"]
     if "ln_s" in y:
@@ -95,12 +95,12 @@ def tilting_point(y: Values, fixed: Values) -> Contact:
     return eqx.tree_at(lambda g: (g.A, g.B), group, (_series(y, fixed), B))
 
 
-def _series(y: Values, fixed: Values) -> Scalar:
+def _series(y: NamedScalars, fixed: NamedScalars) -> Scalar:
     """A, from its log or from the fixed springs."""
     if "ln_A" in y:
         return jnp.exp(y["ln_A"])
     return fixed["K_sn"] * fixed["K_dn"] / (fixed["K_sn"] + fixed["K_dn"])
 
 
-def _fixed_B(fixed: Values) -> Scalar:
+def _fixed_B(fixed: NamedScalars) -> Scalar:
     return 1 / (1 / fixed["K_st"] + fixed["L"] ** 2 / fixed["C_d"])

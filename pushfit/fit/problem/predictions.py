@@ -26,7 +26,7 @@ from pushfit.model import (
 from pushfit.parameters import OF_GRASP
 
 # Programs take numbers of NumPy as they are.
-Numbers = Array | np.ndarray
+AnyArray = Array | np.ndarray
 # Points and directions of one call, and points that are computed together: a call is
 # sent off once for many, and computes no more than are asked for.
 N_POINTS, N_PUSHES = 1024, 32
@@ -101,13 +101,13 @@ def _padded_rows(n: int, size: int) -> list[Int[np.ndarray, " m"]]:
 
 
 @compiled
-def _of_points(problem: Problem, points: Float[Numbers, "k q"]) -> ModelPoint[Contact]:
+def _of_points(problem: Problem, points: Float[AnyArray, "k q"]) -> ModelPoint[Contact]:
     return jax.vmap(problem.data_state)(jnp.asarray(points))
 
 
 @compiled
 def _of_draws(
-    problem: Problem, draws: Mapping[str, Float[Numbers, " k"]]
+    problem: Problem, draws: Mapping[str, Float[AnyArray, " k"]]
 ) -> ModelPoint[Contact]:
     def one(draw: Mapping[str, Float[Array, ""]]) -> ModelPoint[Contact]:
         own = {name: value for name, value in draw.items() if name not in OF_GRASP}
@@ -124,7 +124,7 @@ def _of_draws(
 @compiled
 def _channels(
     states: ModelPoint[Contact],
-    angles: Float[Numbers, "2 n"],
+    angles: Float[AnyArray, "2 n"],
     grasp: Grasp,
     n_points: Int[Array, ""],
 ) -> Channels:

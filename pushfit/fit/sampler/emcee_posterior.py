@@ -34,8 +34,6 @@ from pushfit.fit.sampler.starts import starting_points
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import as_float
 
-Progress = Callable[[str, float], None]
-
 # Share of the steps that move along differences; the others propose from the mixture.
 # The autocorrelation time of θ_c at shares 0.75, 0.5, 0.25 and 0.1 is 8.6, 5.5, 4.0 and
 # 3.2 steps for a bimodal table, and 22 at 1 (`benchmarks.inference.emcee_mixing`); with
@@ -86,7 +84,7 @@ def sample_posterior(
     reference_alpha: float,
     reach: tuple[float, float],
     budget: Budget | None = None,
-    progress: Progress | None = None,
+    progress: Callable[[str, float], None] | None = None,
     checkpoint: Path | None = None,
 ) -> PosteriorResult:
     """Draws from the posterior, with the evidence for or against them.

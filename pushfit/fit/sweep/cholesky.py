@@ -16,7 +16,7 @@ from pushfit.parameters import TINY
 FLOOR = 1e-14
 
 Matrix = Float[Array, "q q"]
-Vector = Float[Array, " q"]
+Column = Float[Array, " q"]
 
 
 def cholesky(matrix: Matrix) -> Matrix:
@@ -36,7 +36,7 @@ def cholesky(matrix: Matrix) -> Matrix:
     return jnp.stack(columns, axis=1) if columns else matrix
 
 
-def half_solve(factor: Matrix, vector: Vector) -> Vector:
+def half_solve(factor: Matrix, vector: Column) -> Column:
     """Solution of L x = b."""
     found = []
     for j in range(vector.size):
@@ -45,7 +45,7 @@ def half_solve(factor: Matrix, vector: Vector) -> Vector:
     return jnp.stack(found) if found else vector
 
 
-def back_solve(factor: Matrix, vector: Vector) -> Vector:
+def back_solve(factor: Matrix, vector: Column) -> Column:
     """Solution of Lᵀ x = b: a standard normal b gives the covariance (L Lᵀ)⁻¹."""
     found: list[Scalar] = []
     for j in reversed(range(vector.size)):
@@ -54,7 +54,7 @@ def back_solve(factor: Matrix, vector: Vector) -> Vector:
     return jnp.stack(found[::-1]) if found else vector
 
 
-def solve(factor: Matrix, vector: Vector) -> Vector:
+def solve(factor: Matrix, vector: Column) -> Column:
     """Solution of L Lᵀ x = b."""
     return back_solve(factor, half_solve(factor, vector))
 
@@ -64,6 +64,6 @@ def log_diagonal(factor: Matrix) -> Scalar:
     return jnp.sum(jnp.log(jnp.diag(factor)))
 
 
-def squared_length(factor: Matrix, vector: Vector) -> Scalar:
+def squared_length(factor: Matrix, vector: Column) -> Scalar:
     """xᵀ L Lᵀ x."""
     return jnp.sum((factor.T @ vector) ** 2)

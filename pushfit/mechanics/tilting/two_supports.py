@@ -65,7 +65,8 @@ SHORTEST = 1 / 64
 # cancel to rounding and what is left of it, which is that of a fold.
 SMALLEST_DETERMINANT = 1e-9
 
-Pair = tuple[Vector, Vector]
+# Components along x and y, for every push.
+PlaneVectors = tuple[Vector, Vector]
 
 
 class Frame(eqx.Module):
@@ -95,8 +96,8 @@ class Lean(eqx.Module):
     """
 
     pressed: Vector
-    tangential: Pair
-    moment: Pair
+    tangential: PlaneVectors
+    moment: PlaneVectors
     across: Vector
 
 
@@ -181,7 +182,7 @@ def make_frame(
     )
 
 
-def leaned(frame: Frame, lean: Pair) -> Lean:
+def leaned(frame: Frame, lean: PlaneVectors) -> Lean:
     """Forces and moments of pushes after which the object leans by q.
 
         Q_i = F_t · ∂(X n)/∂q_i + F_n Z' n_i,   N = F_n cos γ - F_t · n sin γ
@@ -236,7 +237,7 @@ def leaned(frame: Frame, lean: Pair) -> Lean:
     )
 
 
-def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
+def unbalanced(frame: Frame, lean: PlaneVectors, sharpness: Sharpness) -> PlaneVectors:
     """Moment about each axis that nothing bears, over L; N below 0 counts as 0.
 
         (Q_i - softmin(|E_i|, c_i L N) sign E_i) / L
@@ -269,16 +270,18 @@ def unbalanced(frame: Frame, lean: Pair, sharpness: Sharpness) -> Pair:
 class _AxisSearch(eqx.Module):
     """State of a search: best lean, its residual, and the step to try from there."""
 
-    lean: Pair
+    lean: PlaneVectors
     size: Vector
-    step: Pair
+    step: PlaneVectors
     part: Vector
     has_arrived: Bool[Array, " n"]
     is_found: Bool[Array, " n"]
     n_steps: Int[Array, ""]
 
 
-def balanced_lean(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array, " n"]]:
+def balanced_lean(
+    frame: Frame, sharpness: Sharpness
+) -> tuple[PlaneVectors, Bool[Array, " n"]]:
     """Lean at which the supports bear every moment.
 
         Q_i = softmin(|E_i|, c_i L N) sign E_i,   E_i as in `unbalanced`
@@ -298,7 +301,7 @@ def balanced_lean(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array,
     if isinstance(sharpness, jax.Array):
         steady = jax.lax.stop_gradient(sharpness)
 
-    def tried(lean: Pair) -> tuple[Vector, Pair]:
+    def tried(lean: PlaneVectors) -> tuple[Vector, PlaneVectors]:
         step, residual = _newton(frozen, lean, steady)
         return norm2(*residual), step
 
@@ -347,10 +350,12 @@ def balanced_lean(frame: Frame, sharpness: Sharpness) -> tuple[Pair, Bool[Array,
     return (lean[0] + last_step[0], lean[1] + last_step[1]), last.is_found
 
 
-def _newton(frame: Frame, lean: Pair, sharpness: Sharpness) -> tuple[Pair, Pair]:
+def _newton(
+    frame: Frame, lean: PlaneVectors, sharpness: Sharpness
+) -> tuple[PlaneVectors, PlaneVectors]:
     """Newton step and the moments that are not borne."""
 
-    def residual(x: Vector, y: Vector) -> Pair:
+    def residual(x: Vector, y: Vector) -> PlaneVectors:
         return unbalanced(frame, (x, y), sharpness)
 
     zero, one = jnp.zeros_like(lean[0]), jnp.ones_like(lean[0])
@@ -366,7 +371,7 @@ def _newton(frame: Frame, lean: Pair, sharpness: Sharpness) -> tuple[Pair, Pair]
     return ((xy * r_y - yy * r_x) / safe, (yx * r_x - xx * r_y) / safe), (r_x, r_y)
 
 
-def _start(frame: Frame, sharpness: Sharpness) -> Pair:
+def _start(frame: Frame, sharpness: Sharpness) -> PlaneVectors:
     """Lean of a small push, as linear mechanics have it."""
     hold = frame.hold
     xx, xy, yy = frame.hold.compliance
@@ -387,13 +392,15 @@ def _start(frame: Frame, sharpness: Sharpness) -> Pair:
     )
 
 
-def _within_reach(x: Vector, y: Vector) -> Pair:
+def _within_reach(x: Vector, y: Vector) -> PlaneVectors:
     """The lean, or the largest one of its direction."""
     size = norm2(x, y)
     ratio = jnp.where(size > MAX_TILT, MAX_TILT / jnp.where(size > 0, size, 1.0), 1.0)
     return ratio * x, ratio * y
 
 
-def _chosen(condition: Bool[Array, " n"], yes: Pair, no: Pair) -> Pair:
+def _chosen(
+    condition: Bool[Array, " n"], yes: PlaneVectors, no: PlaneVectors
+) -> PlaneVectors:
     """`jnp.where` of both components."""
     return jnp.where(condition, yes[0], no[0]), jnp.where(condition, yes[1], no[1])

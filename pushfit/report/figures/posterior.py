@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from pushfit.fit.assess.reporting_rules import Pieces
 from pushfit.report.figures.style import (
     ALARM,
     BLACK,
@@ -25,7 +26,7 @@ from pushfit.report.figures.style import (
     styled,
     symbol_label,
 )
-from pushfit.report.figures.sweeps import Marker, Pieces
+from pushfit.report.figures.sweeps import Marker
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pushfit.fit.assess.reporting_rules import Pieces
 from pushfit.report.figures.style import (
     ALARM,
     BLACK,
@@ -35,8 +36,6 @@ from pushfit.report.figures.style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
-
-Pieces = Sequence[tuple[float | None, float | None]]
 
 # Entries of a legend side by side, below the panel, where no push can lie under them.
 LEGEND_COLUMNS = 4
