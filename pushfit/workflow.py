@@ -32,7 +32,7 @@ from pushfit.fit.programs.folder import keep_programs
 from pushfit.fit.results import FitStatus, Identification, Recipe
 from pushfit.report.result import Result
 from pushfit.report.strings import time_left
-from pushfit.report.text.first_look import First
+from pushfit.report.text.first_look import FirstLook
 
 Read = TypeVar("Read")
 AnyPath = str | Path
@@ -99,7 +99,7 @@ def identify(
             seed=seed,
             engine=engine,
             stages=stages,
-            listener=First(tell=tell),
+            listener=FirstLook(tell=tell),
             checkpoint=checkpoint,
         )
         if throw:

@@ -42,7 +42,7 @@ from pushfit.explore.decide.stopping import (
     Judge,
 )
 from pushfit.explore.explorer import KEPT_SHARE
-from pushfit.explore.records import Answer, Told
+from pushfit.explore.records import Answer, ToldPush
 from pushfit.fit.programs.folder import enable_compile_cache
 
 # Noise as a share of the median height, and what an interval holds.
@@ -98,7 +98,7 @@ class Course:
     sigma: float
     question: Question
     belief: Belief
-    told: list[Told] = field(default_factory=list)
+    told: list[ToldPush] = field(default_factory=list)
     n_drawn: int = 0
 
     @classmethod
@@ -131,7 +131,7 @@ class Course:
         rng = np.random.default_rng([self.seed, self.number, n])
         felt = found[:, self.number] + self.sigma * rng.standard_normal(len(found))
         heights = dict(zip(own.channels, felt.tolist(), strict=True))
-        self.told.append(Told(theta=theta, alpha=alpha, heights=heights, sd=None))
+        self.told.append(ToldPush(theta=theta, alpha=alpha, heights=heights, sd=None))
         self.belief = weighed(self.belief, self.told[-1], self.question)
         if self.belief.is_guess or self.belief.effective_share < KEPT_SHARE:
             self.draw()

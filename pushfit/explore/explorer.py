@@ -38,7 +38,7 @@ from pushfit.explore.records import (
     Interval,
     State,
     Suggestion,
-    Told,
+    ToldPush,
 )
 from pushfit.fit.identify.fitted import reference_azimuth
 
@@ -191,7 +191,7 @@ class Explorer:
             DataError: A number is missing or not finite.
         """
         asked = self.history.pending
-        row = Told(
+        row = ToldPush(
             theta=float(theta),
             alpha=float(alpha),
             heights=by_channel(heights, self.question.channels),

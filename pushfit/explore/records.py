@@ -102,7 +102,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class ToldPush:
     """A push that was made, as it was made.
 
     Args:
@@ -130,7 +130,7 @@ class Told:
         """Whether it was a probe of the force, shorter than the pushes of a table."""
         return self.length_share < 1.0
 
-    def flagged(self, word: str) -> "Told":
+    def flagged(self, word: str) -> "ToldPush":
         """The same with one flag more."""
         return replace(self, flags=";".join(filter(None, (self.flags, word))))
 

@@ -109,7 +109,7 @@ def analyse(
     with loaded_ahead("; ".join(own)) as is_compiled:
         from pushfit.fit.identify.identify_table import identify_table
         from pushfit.fit.results import FitStatus, Recipe
-        from pushfit.report.text.first_look import First
+        from pushfit.report.text.first_look import FirstLook
 
         table = load()
         if wanted.checkpoint is not None:
@@ -125,7 +125,7 @@ def analyse(
                 seed=wanted.seed,
                 engine=wanted.engine,
                 stages=stages,
-                listener=First(tell=progress.tell),
+                listener=FirstLook(tell=progress.tell),
                 checkpoint=wanted.checkpoint,
             )
             stages.begin("next push")

@@ -16,7 +16,7 @@ from pushfit.data.peaks.components import looked_at, push_signal
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.pushes.detection import Extent, find_extents
 from pushfit.data.pushes.dips import rest_curve, without_dips
-from pushfit.data.pushes.found_humps import Found, is_in
+from pushfit.data.pushes.found_humps import FoundHumps, is_in
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.recordings.records import Recording
@@ -49,7 +49,7 @@ def find(
     settings: PeakSettings,
     *,
     signed: bool,
-) -> Found:
+) -> FoundHumps:
     """Find humps, and with `signed` dips too, in order.
 
     Args:
@@ -93,16 +93,18 @@ def find(
             replace(hump, is_low=abs(own.height) < settings.min_height)
             for hump, own in zip(extents, heights, strict=True)
         ]
-    return _as_told(Found(extents=tuple(extents), course=course, dips=dips), settings)
+    return _as_told(
+        FoundHumps(extents=tuple(extents), course=course, dips=dips), settings
+    )
 
 
-def _as_told(found: Found, settings: PeakSettings) -> Found:
+def _as_told(found: FoundHumps, settings: PeakSettings) -> FoundHumps:
     """Leave out and take in the humps that the user names by their time or height."""
 
     def is_out(hump: Extent) -> bool:
         return hump.is_low or is_in(hump.t_peak, settings.exclude)
 
-    return Found(
+    return FoundHumps(
         extents=tuple(
             replace(e, is_brush=e.is_brush and not is_in(e.t_peak, settings.include))
             for e in found.extents
@@ -149,7 +151,7 @@ def _is_dip(
 def no_pushes(
     signal: Float[np.ndarray, " n"],
     settings: PeakSettings,
-    found: Found,
+    found: FoundHumps,
     *,
     unit: str,
 ) -> DataError:

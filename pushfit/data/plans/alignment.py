@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.data.plans.assignment import IN_TIME, Case, cheapest_ways, cost_of_gaps
+from pushfit.data.plans.assignment import IN_TIME, Case, cheapest_pairings, cost_of_gaps
 from pushfit.data.plans.rhythm import rhythms
 
 # Scatter of a time between two pushes that keep to a plan, in periods: somewhat more
@@ -113,14 +113,16 @@ def align(
     if n_pushes == len(planned) and not np.isfinite(scales[0][1]):
         # A hand has no rhythm that could tell otherwise.
         return _alignment(case, in_order, None, n_cycles)
-    ways = [
-        way for scale, scatter in scales for way in cheapest_ways(case, scale, scatter)
+    pairings = [
+        one
+        for scale, scatter in scales
+        for one in cheapest_pairings(case, scale, scatter)
     ]
-    ways.sort(key=lambda way: way.cost)
-    best, clear = ways[0].hump, ways[0].cost + _CLEAR
+    pairings.sort(key=lambda one: one.cost)
+    best, clear = pairings[0].hump, pairings[0].cost + _CLEAR
     if n_pushes == len(planned) and not np.array_equal(best, in_order):
         return _alignment(case, best, None if case.is_timed else in_order, n_cycles)
-    others = [way.hump for way in ways[1:] if way.cost < clear]
+    others = [one.hump for one in pairings[1:] if one.cost < clear]
     if _rhythm_shown(case, best, scales) < _EVIDENCE or _skips_beats(case, best):
         # Too few to keep a rhythm, or one that the plan has no room for, as where a
         # recording was stopped early: it does not speak against mere order.
@@ -183,7 +185,7 @@ def _rhythm_shown(
 def _differs(
     case: Case, one: Int[np.ndarray, " n"], other: Int[np.ndarray, " n"]
 ) -> bool:
-    """Whether two ways differ by more than taking a brush for a push or for none."""
+    """Whether two differ by more than taking a brush for a push or for none."""
     is_brush = np.append(case.brush, True)
     return bool(np.any((one != other) & ~(is_brush[one] & is_brush[other])))
 

@@ -2,9 +2,10 @@
 
 At one scale of time a cost is minus a log likelihood: of the times between paired
 humps, of pushes left missing and humps left over, and of the time before and after.
-The cheapest ways come by dynamic programming from both ends. Excluded: choosing among
-scales, and whether the best way counts (`pushfit.data.plans.alignment`). Constants were
-tried at half and at twice in 497 cases of `benchmarks.recordings.plan_alignment`.
+The cheapest pairings come by dynamic programming from both ends. Excluded: choosing
+among scales, and whether the best one counts (`pushfit.data.plans.alignment`).
+Constants were tried at half and at twice in 497 cases of
+`benchmarks.recordings.plan_alignment`.
 """
 
 from dataclasses import dataclass
@@ -32,8 +33,8 @@ IN_TIME = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
-    """One way of pairing, with what it costs [nats]."""
+class PossiblePairing:
+    """One pairing of humps with planned pushes, and what it costs [nats]."""
 
     hump: Int[np.ndarray, " n"]
     cost: float
@@ -58,7 +59,9 @@ class Case:
     span: tuple[float, float]
 
 
-def cheapest_ways(case: Case, scale: float, scatter: float) -> list[Way]:
+def cheapest_pairings(
+    case: Case, scale: float, scatter: float
+) -> list[PossiblePairing]:
     """The cheapest pairing at one scale, and the cheapest that has another pair."""
     period = float(np.median(np.diff(case.planned))) if len(case.planned) > 1 else 1.0
     clock = case.times / scale / period
@@ -73,13 +76,13 @@ def cheapest_ways(case: Case, scale: float, scatter: float) -> list[Way]:
     # A pair belongs to the way to it and to the way from it.
     total = cost + after - own
     best = int(np.argmin(total))
-    ways = [_traced(total, back, ahead, best)]
-    taken = ways[0].hump
+    pairings = [_traced(total, back, ahead, best)]
+    taken = pairings[0].hump
     rows = np.flatnonzero(taken >= 0)
     rest = total.copy()
     rest[rows, taken[rows]] = np.inf
     if np.isfinite(rest).any():
-        ways.append(_traced(total, back, ahead, int(np.argmin(rest))))
+        pairings.append(_traced(total, back, ahead, int(np.argmin(rest))))
     # What shares no other pair may still leave one of these out.
     for row in rows if rows.size > 1 else ():
         others = rows[rows != row]
@@ -90,8 +93,10 @@ def cheapest_ways(case: Case, scale: float, scatter: float) -> list[Way]:
             continue  # what comes in time is the push
         fewer = taken.copy()
         fewer[row] = -1
-        ways.append(Way(hump=fewer, cost=steady.cost(fewer, begin, end)))
-    return ways
+        pairings.append(
+            PossiblePairing(hump=fewer, cost=steady.cost(fewer, begin, end))
+        )
+    return pairings
 
 
 def _traced(
@@ -99,8 +104,8 @@ def _traced(
     back: Int[np.ndarray, "n m 2"],
     ahead: Int[np.ndarray, "n m 2"],
     through: int,
-) -> Way:
-    """The cheapest way through a pair."""
+) -> PossiblePairing:
+    """The cheapest pairing that has a given pair."""
     start = divmod(through, total.shape[1])
     hump = np.full(len(total), -1)
     for links in (back, ahead):
@@ -108,7 +113,7 @@ def _traced(
         while i >= 0:
             hump[i] = j
             i, j = (int(k) for k in links[i, j])
-    return Way(hump=hump, cost=float(total[start]))
+    return PossiblePairing(hump=hump, cost=float(total[start]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from pushfit.data.plans.mismatch import mismatch_error, push_name
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
-from pushfit.data.pushes.found_humps import Found, is_in
+from pushfit.data.pushes.found_humps import FoundHumps, is_in
 from pushfit.errors import stated
 
 
@@ -35,7 +35,7 @@ class Paired:
         alignment: Pairs of humps and planned pushes.
     """
 
-    found: Found
+    found: FoundHumps
     chosen: tuple[Extent, ...]
     is_missing: tuple[bool, ...]
     is_excluded: tuple[bool, ...]
@@ -104,7 +104,7 @@ class Paired:
 
 
 def pair(
-    found: Found,
+    found: FoundHumps,
     schedule: PushSchedule | None,
     settings: PeakSettings,
     *,
@@ -165,7 +165,7 @@ def pair(
 
 
 def _where_it_was_to_be(
-    when: float, found: Found, pushes: list[int], left_out: Sequence[Extent]
+    when: float, found: FoundHumps, pushes: list[int], left_out: Sequence[Extent]
 ) -> Extent:
     """Extent of a push that is missing: of what is left out there, or as the others."""
     others = [found.extents[k] for k in pushes]

@@ -11,7 +11,7 @@ from pushfit.data.pushes.running_means import RunningMeans
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class FoundHumps:
     """Humps of a recording, and what is left aside.
 
     Args:

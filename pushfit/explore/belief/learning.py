@@ -12,14 +12,14 @@ from pushfit.explore.belief.belief import Belief, BeliefSource, Question
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import sd_of, table_of
 from pushfit.explore.limits import Limits
-from pushfit.explore.records import Purpose, Told
+from pushfit.explore.records import Purpose, ToldPush
 
 # Draws after n pushes have a seed of their own, whatever the seed of the exploration.
 SEEDS = 1_000_003
 
 
 def learnt(
-    told: Sequence[Told],
+    told: Sequence[ToldPush],
     question: Question,
     *,
     n_drawn: int,
@@ -40,7 +40,7 @@ def learnt(
     return belief
 
 
-def weighed(belief: Belief, row: Told, question: Question) -> Belief:
+def weighed(belief: Belief, row: ToldPush, question: Question) -> Belief:
     """The belief after one more push; flagged heights are no evidence."""
     if EXCLUDING_FLAGS & set(row.flags.split(";")):
         return belief
@@ -54,7 +54,7 @@ def weighed(belief: Belief, row: Told, question: Question) -> Belief:
     return belief.updated(heights, found.heights[0], sd_of(row, question))
 
 
-def reference_due(told: Sequence[Told], limits: Limits) -> Told | None:
+def reference_due(told: Sequence[ToldPush], limits: Limits) -> ToldPush | None:
     """The push to repeat, if it is time to see whether the object has moved."""
     own = [row for row in told if not row.is_short and not row.is_attached]
     since = 0
@@ -68,7 +68,7 @@ def reference_due(told: Sequence[Told], limits: Limits) -> Told | None:
     return reference_rows(told)[0] if every and since >= due else None
 
 
-def reference_rows(told: Sequence[Told]) -> list[Told]:
+def reference_rows(told: Sequence[ToldPush]) -> list[ToldPush]:
     """The push that others are held against, and its repetitions so far.
 
     It is the strongest of those before the first repetition: that one shows most of a

@@ -11,10 +11,10 @@ from jaxtyping import Float
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError
 from pushfit.explore.belief.belief import Question
-from pushfit.explore.records import Told
+from pushfit.explore.records import ToldPush
 
 
-def table_of(told: Sequence[Told], question: Question) -> PeakTable | None:
+def table_of(told: Sequence[ToldPush], question: Question) -> PeakTable | None:
     """Pushes of full length as a table.
 
     Returns:
@@ -40,13 +40,13 @@ def table_of(told: Sequence[Told], question: Question) -> PeakTable | None:
     )
 
 
-def noise_is_known(told: Sequence[Told], question: Question) -> bool:
+def noise_is_known(told: Sequence[ToldPush], question: Question) -> bool:
     """Whether scatter is stated in advance, or with every push of full length."""
     stated = [row.sd is not None for row in told if not row.is_short]
     return question.sigma is not None or (bool(stated) and all(stated))
 
 
-def told_rows(table: PeakTable) -> tuple[Told, ...]:
+def told_rows(table: PeakTable) -> tuple[ToldPush, ...]:
     """Pushes of a table that was made before."""
     theta, alpha = table.theta, table.alpha
     heights = {c: table.heights(c) for c in table.channels}
@@ -54,7 +54,7 @@ def told_rows(table: PeakTable) -> tuple[Told, ...]:
     stated = {c: sd for c, sd in sds.items() if sd is not None}
     has_sd = len(stated) == len(sds)
     return tuple(
-        Told(
+        ToldPush(
             theta=float(theta[i]),
             alpha=float(alpha[i]),
             heights={c: float(h[i]) for c, h in heights.items()},
@@ -109,7 +109,7 @@ def by_channel(
     return found
 
 
-def sd_of(row: Told, question: Question) -> Float[np.ndarray, " c"] | None:
+def sd_of(row: ToldPush, question: Question) -> Float[np.ndarray, " c"] | None:
     """Noise of the heights of a push: what repeats scatter by is the least it can be.
 
     Returns:

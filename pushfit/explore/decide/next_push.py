@@ -16,7 +16,7 @@ from pushfit.explore.belief.predict import Predicted, predict
 from pushfit.explore.decide.gain import information_gain, outlook
 from pushfit.explore.decide.intervals import AskedAngle
 from pushfit.explore.limits import SHARES, TOLERATED, Limits
-from pushfit.explore.records import Purpose, Suggestion, Told
+from pushfit.explore.records import Purpose, Suggestion, ToldPush
 
 # More candidates than this are first ranked by few draws, and so many of them again.
 # By half as many draws the best push about both angles was left out before the first.
@@ -186,7 +186,7 @@ def suggestion(
 
 
 def repetition(
-    belief: Belief, survey: Survey, push: Told, *, target: AskedAngle
+    belief: Belief, survey: Survey, push: ToldPush, *, target: AskedAngle
 ) -> Suggestion:
     """A push made once more, to see whether it gives the same."""
     theta, alpha = np.array([push.theta]), np.array([push.alpha])

@@ -24,7 +24,7 @@ from pushfit.explore.records import (
     Interval,
     Purpose,
     State,
-    Told,
+    ToldPush,
 )
 from pushfit.parameters import ANGLES
 
@@ -119,7 +119,7 @@ class Judge:
         return not belief.is_guess and _p_undefined(belief, angle) >= self.prob
 
     def moved(
-        self, told: Sequence[Told], belief: Belief, limits: Limits
+        self, told: Sequence[ToldPush], belief: Belief, limits: Limits
     ) -> Moved | None:
         """That the object has moved, if the last push repeats one and says so.
 
@@ -153,7 +153,7 @@ class Judge:
         self,
         belief: Belief,
         question: Question,
-        told: Sequence[Told],
+        told: Sequence[ToldPush],
         *,
         intervals: Mapping[str, Interval | None],
         before: Sequence[State],
@@ -200,7 +200,7 @@ class Judge:
         )
         return state if stopped else self._worded(state, belief)
 
-    def _may_decide(self, question: Question, told: Sequence[Told]) -> bool:
+    def _may_decide(self, question: Question, told: Sequence[ToldPush]) -> bool:
         """Whether the scatter of heights is known well enough to believe a width."""
         return len(told) > 0 and (
             noise_is_known(told, question) or len(told) >= MIN_UNKNOWN_NOISE

@@ -15,7 +15,7 @@ from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.hands.protocol import PushStatus
 from pushfit.explore.journal.file import SCHEMA, Event
 from pushfit.explore.limits import Limits
-from pushfit.explore.records import Failure, State, Suggestion, Told
+from pushfit.explore.records import Failure, State, Suggestion, ToldPush
 
 # Flag of pushes that another object may have felt.
 MOVED = "moved"
@@ -48,7 +48,7 @@ class History:
         in_a_row: Why pushes failed since the last that gave a height.
     """
 
-    told: list[Told] = field(default_factory=list)
+    told: list[ToldPush] = field(default_factory=list)
     course: list[State] = field(default_factory=list)
     failures: list[Failure] = field(default_factory=list)
     pending: Suggestion | None = None
@@ -61,11 +61,11 @@ class History:
         """Go on by one event."""
         match event["event"]:
             case "attached":
-                self.told += _adapter(list[Told]).validate_python(event["rows"])
+                self.told += _adapter(list[ToldPush]).validate_python(event["rows"])
             case "asked":
                 self.pending = _suggestion_of(event)
             case "told":
-                self.told.append(_adapter(Told).validate_python(event))
+                self.told.append(_adapter(ToldPush).validate_python(event))
                 self.pending = None
                 self.in_a_row.clear()
             case "failed":

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 INDEPENDENT_CHAINS = 4
 
 
-class Parts(TypedDict):
+class DatasetParts(TypedDict):
     """What makes an `xarray.Dataset`, which takes long to load."""
 
     data_vars: Mapping[str, object]
@@ -175,7 +175,7 @@ def _add_units(tree: "DataTree", identification: Identification) -> None:
             tree[group][str(name)].attrs["units"] = known.get(str(name), "1")
 
 
-def _ensembles(identification: Identification) -> Parts:
+def _ensembles(identification: Identification) -> DatasetParts:
     posterior = identification.posterior
     variables: dict[str, object] = {
         "chain": (("ensemble", "step", "walker", "coordinate"), posterior.chain)
@@ -183,16 +183,16 @@ def _ensembles(identification: Identification) -> Parts:
     if posterior.diagnostics is not None:
         accepted = posterior.diagnostics.acceptance_fraction
         variables["acceptance_fraction"] = (("ensemble", "walker"), accepted)
-    return Parts(
+    return DatasetParts(
         data_vars=variables,
         coords={"coordinate": list(posterior.chain_names)},
         attrs={"thin": posterior.thin},
     )
 
 
-def _fit(identification: Identification) -> Parts:
+def _fit(identification: Identification) -> DatasetParts:
     fit = identification.fit
-    return Parts(
+    return DatasetParts(
         data_vars={
             "estimate": ("coordinate", fit.estimate),
             "covariance": (("coordinate", "other_coordinate"), fit.covariance),
@@ -208,8 +208,8 @@ def _fit(identification: Identification) -> Parts:
     )
 
 
-def _profiles(identification: Identification) -> Parts:
-    return Parts(
+def _profiles(identification: Identification) -> DatasetParts:
+    return DatasetParts(
         data_vars={
             name: (
                 f"{name}_value",
@@ -235,10 +235,10 @@ def _profiles(identification: Identification) -> Parts:
 CURVES = ("lower", "median", "upper", "best_fit")
 
 
-def _bands(identification: Identification) -> Parts:
+def _bands(identification: Identification) -> DatasetParts:
     """Predictions along the sweeps, one variable each, numbered."""
     bands = dict(enumerate(identification.bands))
-    return Parts(
+    return DatasetParts(
         data_vars={
             f"band_{index}": (
                 ("curve", f"angle_{index}"),
@@ -259,9 +259,9 @@ def _bands(identification: Identification) -> Parts:
     )
 
 
-def _traces(identification: Identification) -> Parts:
+def _traces(identification: Identification) -> DatasetParts:
     traces = dict(enumerate(identification.table.traces))
-    return Parts(
+    return DatasetParts(
         data_vars={
             f"trace_{index}": (
                 f"time_{index}",
@@ -285,7 +285,7 @@ def _traces(identification: Identification) -> Parts:
 SIGNED = ("start", "end", "baseline", "height")
 
 
-def _components(identification: Identification) -> Parts:
+def _components(identification: Identification) -> DatasetParts:
     """Force components of the traces, three variables each, numbered."""
     data_vars: dict[str, object] = {}
     coords: dict[str, object] = {"height": list(SIGNED)}
@@ -300,4 +300,4 @@ def _components(identification: Identification) -> Parts:
                 f"heights_{key}": (["height", f"row_{index}"], np.stack(heights)),
             }
             coords[moment] = component.time
-    return Parts(data_vars=data_vars, coords=coords)
+    return DatasetParts(data_vars=data_vars, coords=coords)

@@ -18,7 +18,7 @@ ALIKE, APART = 2.7, 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class First(Listener):
+class FirstLook(Listener):
     """Says of θ_c what is known already, for `identify_table`."""
 
     tell: Callable[[str], None]

@@ -12,7 +12,7 @@ from pushfit.data.peaks.extract import extract_peaks, find_pushes
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.found_humps import Found
+from pushfit.data.pushes.found_humps import FoundHumps
 from pushfit.data.pushes.running_means import RunningMeans
 from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import (
@@ -207,7 +207,9 @@ def test_only_heights_for_a_fit_are_told_to_be_mixed():
             "flags": ["", "clipped"],
         }
     )
-    nothing = Found(extents=(), course=RunningMeans.of(np.arange(3.0), np.zeros(3)))
+    nothing = FoundHumps(
+        extents=(), course=RunningMeans.of(np.arange(3.0), np.zeros(3))
+    )
     paired = pair(nothing, None, PeakSettings(), span=(0.0, 2.0))
     notes, cautions = extraction_notes(paired, frame)
     assert "heights are those of the apex of each push" in notes

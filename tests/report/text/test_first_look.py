@@ -9,7 +9,7 @@ from pushfit.fit.identify.fitted import Fitted
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import LikelihoodProfile, Mode, Verdict
 from pushfit.fit.results.fits_along import Curve, FitsAlong
-from pushfit.report.text.first_look import First
+from pushfit.report.text.first_look import FirstLook
 
 
 def partly(kind, **known):
@@ -47,7 +47,7 @@ def test_the_best_fit_is_said_with_what_fits_as_well(modes, words):
     ]
     said, fit = [], SimpleNamespace(modes=found)
     fitted = partly(Fitted, setup=by("linear"), fit=fit, reference_alpha=np.pi / 2)
-    First(tell=said.append).fitted(fitted)
+    FirstLook(tell=said.append).fitted(fitted)
     assert said == [f"best fit by linear mechanics: {words}"]
 
 
@@ -71,7 +71,7 @@ def test_the_first_look_says_where_the_fit_is_best(quantity, costs, words):
         valleys=curve.points,
     )
     said = []
-    First(tell=said.append).searched(by("tilting", search))
+    FirstLook(tell=said.append).searched(by("tilting", search))
     assert said == [f"first look by tilting mechanics: {found}" for found in words]
 
 
@@ -94,5 +94,5 @@ def test_the_set_is_said_in_all_its_pieces(pieces, words):
         verdict=Verdict.DETERMINED,
     )
     said = []
-    First(tell=said.append).confined(partly(Fitted, setup=by("tilting")), profile)
+    FirstLook(tell=said.append).confined(partly(Fitted, setup=by("tilting")), profile)
     assert said == [f"likelihood set of θ_c (90 %, tilting): {words}"]
