@@ -181,12 +181,12 @@ def _logs(problem, x):
 
 
 def logs_of(problem, x):
-    """The six raw logs at points in fitting coordinates."""
+    """The six raw logs at points in sampling coordinates."""
     return in_chunks(lambda rows: _logs(problem, rows), x, 1024)
 
 
 def encode_logs(problem, logs):
-    """Fitting coordinates of six raw logs; |det| = 1, so densities stay the same."""
+    """Sampling coordinates of six raw logs; |det| = 1, so densities stay the same."""
     values = {name: np.exp(logs[:, i]) for i, name in enumerate(NAMES)}
     return encode(problem, values)
 

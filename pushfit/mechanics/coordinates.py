@@ -46,7 +46,7 @@ class Coordinates(eqx.Module):
 
 
 def coordinates(params: Parameters) -> Coordinates:
-    """Fitting coordinates of parameters; inverse of `parameters`.
+    """Coordinates of parameters; inverse of `parameters`.
 
         r = K_sn / K_dn,   s = K_st L² / C_d,   A, B and f as of `contact`
 
@@ -73,7 +73,7 @@ def coordinates(params: Parameters) -> Coordinates:
 
 
 def parameters(coords: Coordinates) -> Parameters:
-    """Parameters at given fitting coordinates; inverse of `coordinates`.
+    """Parameters at given coordinates; inverse of `coordinates`.
 
         K_sn = A (1 + r),   K_dn = A (1 + 1/r)
 

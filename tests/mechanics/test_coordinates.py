@@ -1,4 +1,4 @@
-"""Fitting coordinates: their inverse, their volume, and what stays fixed along them."""
+"""Coordinates: their inverse, their volume, and what stays fixed along them."""
 
 import math
 

@@ -32,7 +32,7 @@ OUTLYING = 0.01
 # Probability inside an interval.
 PROB = 0.9
 # Points along mean and spread, over about 6 standard deviations to either side.
-N_GRID, REACH = 41, 6.0
+N_GRID, HALF_WIDTH = 41, 6.0
 # Points along all spreads that there may be, for items taken as normal.
 N_SPREADS = 400
 # Probability at the edge of the grid, above which it is too narrow.
@@ -142,14 +142,17 @@ class _Grid:
         density = _normal_items(items, ln_s, scale).log_density
         kept = np.flatnonzero(density > np.max(density) + np.log(EMPTY))
         low, high = ln_s[kept[0]], ln_s[kept[-1]]
-        reach = REACH
+        half_width = HALF_WIDTH
         for _ in range(MAX_ROUNDS):
             grid = cls._within(
-                items, np.linspace(low, high, N_GRID), reach=reach, scale=scale
+                items,
+                np.linspace(low, high, N_GRID),
+                half_width=half_width,
+                scale=scale,
             )
             if grid.edge < MAX_EDGE:
                 break
-            reach *= 2
+            half_width *= 2
             low = max(low - (high - low) / 4, ln_s[0])
             high = min(high + (high - low) / 4, ln_s[-1])
         return grid
@@ -160,12 +163,12 @@ class _Grid:
         items: Likelihoods,
         ln_spread: Float[np.ndarray, " s"],
         *,
-        reach: float,
+        half_width: float,
         scale: float,
     ) -> "_Grid":
         """Posterior on given spreads, and means within so many standard deviations."""
         simple = _normal_items(items, ln_spread, scale)
-        t = np.linspace(-reach, reach, N_GRID)
+        t = np.linspace(-half_width, half_width, N_GRID)
         mean = simple.mean + simple.sd * t[:, None]
         log_density = items.at(mean, ln_spread) + _log_prior(ln_spread, scale)
         return cls(

@@ -21,7 +21,7 @@ from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.problem import Problem
 from pushfit.model import Pushes
 
-# Of joints that resolve whole degrees: how far errors reach that nobody states [rad].
+# Of joints that resolve whole degrees: size of errors that nobody states [rad].
 COMMON_SD = float(np.radians(1.0))
 # Far above the rounding of forces [rad].
 SHORTEST = 1e-6
@@ -30,15 +30,15 @@ SHORTEST = 1e-6
 def angle_slopes(
     problem: Problem,
     y: Float[np.ndarray, " q"],
-    reach: Sequence[float] = (COMMON_SD, COMMON_SD),
+    sizes: Sequence[float] = (COMMON_SD, COMMON_SD),
 ) -> Float[np.ndarray, "2 2 c n"]:
     """Slopes of noise-free heights in θ and α, behind and ahead [table unit/rad].
 
     Args:
-        reach: How far errors of θ and α reach [rad].
+        sizes: Sizes of the errors of θ and α [rad].
     """
     theta, alpha = np.asarray(problem.pushes.theta), np.asarray(problem.pushes.alpha)
-    s_theta, s_alpha = steps = np.maximum(reach, SHORTEST)
+    s_theta, s_alpha = steps = np.maximum(sizes, SHORTEST)
     turned = Pushes(
         np.concatenate([theta, theta - s_theta, theta + s_theta, theta, theta]),
         np.concatenate([alpha, alpha, alpha, alpha - s_alpha, alpha + s_alpha]),

@@ -65,8 +65,8 @@ def uneven_noise(
     """
     steep = np.zeros((2, *predicted.shape))
     if any(noise.angle_sd):
-        reach = [COMMON_SD if np.isnan(sd) else sd for sd in noise.angle_sd]
-        steep = steepness(angle_slopes(problem, y, reach))
+        errors = [COMMON_SD if np.isnan(sd) else sd for sd in noise.angle_sd]
+        steep = steepness(angle_slopes(problem, y, errors))
     sizes = np.stack([predicted, *steep])
     shares = np.array([noise.height_share, *noise.angle_sd])
     is_open = np.isnan(shares)

@@ -112,7 +112,7 @@ class PosteriorResult:
             B, f1, f2, theta_c [deg], alpha_star [deg].
         prior_samples: Draws from the prior, same names.
         log_prob: Unnormalised log posterior of each draw.
-        chain: Fitting coordinates (n_ensembles, n_steps, n_walkers, n_coordinates) of
+        chain: Sampling coordinates (n_ensembles, n_steps, n_walkers, n_coordinates) of
             an emcee run, thinned; None for the sweep.
         chain_names: Names of the last axis of `chain`.
         thin: Steps between kept states of `chain`.

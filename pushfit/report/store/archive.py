@@ -2,7 +2,7 @@
 
 An `xarray.DataTree` in the ArviZ layout, so that any ArviZ function reads it: every
 walker of emcee is a chain. In the group `ensembles` the chains are kept by ensemble, in
-fitting coordinates, for the convergence checks of pushfit. With `summary.json` and
+sampling coordinates, for the convergence checks of pushfit. With `summary.json` and
 `peaks.csv` it is all that a report shows (`pushfit.report.store.read` reads it back).
 Excluded: writing the file (`pushfit.report.store.folder`).
 """
