@@ -195,11 +195,31 @@ def test_the_public_names_are_listed_once():
     assert len(pushfit.__all__) == len(set(pushfit.__all__)) > 0
 
 
-def test_no_class_has_the_name_of_another():
+def defined_names(node: ast.stmt) -> list[str]:
+    """Public names of functions, classes and aliases that a statement defines.
+
+    Constants and type variables of one letter are in capitals, and each file's own.
+    """
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        names = [node.name]
+    elif isinstance(node, ast.Assign | ast.AnnAssign):
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        names = [target.id for target in targets if isinstance(target, ast.Name)]
+    else:
+        names = []
+    return [n for n in names if not n.startswith("_") and not n.isupper()]
+
+
+def test_no_function_class_or_alias_has_the_name_of_another():
     """A name means one thing, whichever module a reader meets it in."""
     places = {}
     for path in sorted(PACKAGE.rglob("*.py")):
+        is_command = path.parent == PACKAGE / "cli" / "commands"
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.ClassDef):
-                places.setdefault(node.name, []).append(str(path.relative_to(PACKAGE)))
+            # Functions of commands are called as users call these.
+            if is_command and isinstance(node, ast.FunctionDef):
+                continue
+            for name in defined_names(node):
+                places.setdefault(name, []).append(str(path.relative_to(PACKAGE)))
+    assert places.pop("main")
     assert {k: where for k, where in places.items() if len(where) > 1} == {}
