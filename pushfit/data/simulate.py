@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import equinox as eqx
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
@@ -30,6 +31,8 @@ THETA_SWEEP = PushSchedule.planned(
 ALPHA_SWEEP = PushSchedule.planned(
     np.radians(15.0), np.radians(np.arange(0.0, 151.0, 30.0)), repeats=3
 )
+# One program for each number of pushes, where JAX would make twenty.
+_forward = eqx.filter_jit(forward)
 
 
 def simulate_table(
@@ -79,7 +82,7 @@ def simulate_table(
         [0.559, 1.0]
     """
     plan = PushSchedule.planned(theta, alpha, repeats=repeats)
-    truth = forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
+    truth = _forward(params, Pushes(theta=plan.theta, alpha=plan.alpha), grasp)
     heights = {
         name: np.asarray(getattr(truth, name))
         + noise * rng.standard_normal(plan.n_pushes)
@@ -215,7 +218,7 @@ def simulate_recording(
     half = session.angle_resolution / 2
     theta = np.clip(schedule.theta + rng.uniform(-half, half, n), -np.pi / 2, np.pi / 2)
     alpha = schedule.alpha + rng.uniform(-half, half, n)
-    truth = forward(params, Pushes(theta=theta, alpha=alpha), grasp)
+    truth = _forward(params, Pushes(theta=theta, alpha=alpha), grasp)
     period = session.duration + session.rest
     t_start = session.rest + period * np.arange(n)
     time = _clock(t_start[-1] + period, session, rng)

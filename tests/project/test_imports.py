@@ -1,6 +1,7 @@
 """Layers import one way only, and starting up loads nothing heavy."""
 
 import ast
+import functools
 import re
 import subprocess
 import sys
@@ -68,6 +69,7 @@ def layer(module: str) -> str:
     return name if name in LAYERS else MEMBERS[name]
 
 
+@functools.cache
 def imported_modules(path: Path) -> list[str]:
     """Absolute names of all modules that a file imports, at any depth."""
     names = []
@@ -93,6 +95,7 @@ def test_imports_run_one_way(path):
             assert LAYERS.index(layer(name)) <= LAYERS.index(own), name
 
 
+@functools.cache
 def needs() -> dict[str, set[str]]:
     """Modules that each module imports, at any depth."""
     paths = {module_name(path).removesuffix(".__init__"): path for path in FILES}

@@ -1,6 +1,7 @@
 """Which mechanics are believed, and where the belief is the engine's."""
 
 import gc
+from dataclasses import replace
 
 import jax
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.fit.assess.tilt_check import do_draws_tilt
@@ -170,34 +172,41 @@ def test_the_mechanics_believed_are_those_that_lead_the_identification():
     assert believe(made, own, 0).grasp.mechanics == "tilting"
 
 
-def growing(n):
-    """An exploration of n pushes, no two of them alike."""
+@pytest.fixture(scope="module")
+def pushes() -> PeakTable:
+    """An exploration of 60 pushes, no two of them alike."""
+    rng = np.random.default_rng(0)
     return simulate_table(
         TRUTH,
         Grasp(push_length=0.005),
-        theta=np.radians(np.linspace(5.0, 85.0, n)),
+        theta=rng.permutation(np.radians(np.linspace(5.0, 85.0, 60))),
         alpha=np.pi / 2,
         repeats=1,
         noise=0.05,
-        rng=np.random.default_rng(0),
+        rng=rng,
         channels=COMPONENTS,
         state_sd=True,
     )
 
 
-def test_a_table_that_grows_is_drawn_from_by_few_programs():
+def begun(pushes: PeakTable, n: int) -> PeakTable:
+    """The first n pushes of an exploration."""
+    return replace(pushes, frame=pushes.frame.iloc[:n])
+
+
+def test_a_table_that_grows_is_drawn_from_by_few_programs(pushes):
     """An exploration of 60 pushes needs four lengths; each costs tens of megabytes."""
     asked = question(5.0, "linear")
     lengths = set()
     for n in range(1, 61):
-        setup = build_problem(growing(n), asked.settings)
+        setup = build_problem(begun(pushes, n), asked.settings)
         target = make_target(setup.problem, np.pi / 2)
         pooled = target.pooled.problem
         lengths.add((pooled.pushes.theta.size, *pooled.mask.shape))
     assert len(lengths) == 4
 
 
-def test_redraws_compile_nothing_and_keep_nothing(monkeypatch):
+def test_redraws_compile_nothing_and_keep_nothing(pushes, monkeypatch):
     """Fresh draws from 25 to 32 pushes are made by the same two programs."""
     asked, made, n_live = question(5.0, "linear"), set(), []
     program = programs._program
@@ -208,7 +217,7 @@ def test_redraws_compile_nothing_and_keep_nothing(monkeypatch):
 
     monkeypatch.setattr(programs, "_program", noted)
     for n in (25, 26, 28, 31, 32):
-        believe(growing(n), asked, n)
+        believe(begun(pushes, n), asked, n)
         gc.collect()
         n_live.append(len(jax.live_arrays()))
     names = [function.__name__ for function, _ in made]
