@@ -21,7 +21,7 @@ from scipy import stats
 
 from benchmarks.tables import CONFIG, FIRM, GRASP, PUSH_LENGTH
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.coverage import LEVELS, simulate_tables
+from pushfit.fit.coverage import PROBS, simulate_tables
 from pushfit.fit.identify.fitted import Fitted, fit_table
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.derived import equal_tailed_interval
@@ -40,7 +40,7 @@ WORDS = {"interval": "interval", "set": "profile set"}
 # Probability of the binomial limits that a right count keeps.
 LIMITS_PROB = 0.999
 
-# One table's answers: (quantity, kind, level) -> whether it holds the truth.
+# One table's answers: (quantity, kind, prob) -> whether it holds the truth.
 Answers = dict[tuple[str, str, float], bool]
 
 
@@ -64,12 +64,12 @@ def answers(found: Identification, truth: dict[str, float]) -> Answers:
     held = {}
     for name in QUANTITIES:
         draws = found.posterior.samples[name]
-        for level in LEVELS:
-            interval = equal_tailed_interval(draws, level)
-            held[name, "interval", level] = is_held((interval,), truth[name])
+        for prob in PROBS:
+            interval = equal_tailed_interval(draws, prob)
+            held[name, "interval", prob] = is_held((interval,), truth[name])
             if name == "theta_c":
-                pieces = profile_set(found.profiles[name], level)
-                held[name, "set", level] = is_held(pieces, truth[name])
+                pieces = profile_set(found.profiles[name], prob)
+                held[name, "set", prob] = is_held(pieces, truth[name])
     return held
 
 
@@ -96,25 +96,25 @@ def run(
 
 
 def summary(found: list[tuple[float, Answers | None]]) -> str:
-    """One line for each quantity and kind, one column for each level."""
+    """One line for each quantity and kind, one column for each probability."""
     lowest, highest = np.degrees(THETA[[0, -1]])
     hits = defaultdict(list)
     for theta_c, held in found:
-        for (name, kind, level), is_hit in (held or {}).items():
-            hits[name, WORDS[kind], level].append(is_hit)
+        for (name, kind, prob), is_hit in (held or {}).items():
+            hits[name, WORDS[kind], prob].append(is_hit)
             if name == "theta_c":
                 is_between = lowest < theta_c < highest
                 where = "between pushes" if is_between else "beyond them"
-                hits[f"theta_c {where}", WORDS[kind], level].append(is_hit)
+                hits[f"theta_c {where}", WORDS[kind], prob].append(is_hit)
     cells = defaultdict(dict)
-    for (name, kind, level), of_this in sorted(hits.items()):
+    for (name, kind, prob), of_this in sorted(hits.items()):
         n, n_held = len(of_this), sum(of_this)
-        low, high = stats.binom.interval(LIMITS_PROB, n, level)
+        low, high = stats.binom.interval(LIMITS_PROB, n, prob)
         mark = "" if low <= n_held <= high else " *"
         row = cells[name, kind]
         row["tables"] = n
-        row[f"{level:.0%}"] = f"{n_held / n:.3f}{mark}"
-        row[f"limits of {level:.0%}"] = f"{low / n:.3f}-{high / n:.3f}"
+        row[f"{prob:.0%}"] = f"{n_held / n:.3f}{mark}"
+        row[f"limits of {prob:.0%}"] = f"{low / n:.3f}-{high / n:.3f}"
     n_failed = sum(held is None for _, held in found)
     table = pd.DataFrame.from_dict(cells, orient="index").to_string()
     return f"{table}\n{len(found)} tables, {n_failed} without a result; * beyond limits"

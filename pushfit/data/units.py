@@ -190,6 +190,10 @@ def stated_calibration(section: CalibrationSection) -> Calibration:
 _MAX_KPA = 2000.0
 # Idle raw counts of a 12-bit sensor lie in the hundreds to thousands.
 _MIN_COUNTS = 500.0
+# The largest raw count of a 16-bit sensor.
+_MAX_COUNTS = 65535.0
+# Pressure of the standard atmosphere [kPa]; messages state multiples of it.
+_ATMOSPHERE = 101.3
 
 
 def implausible_signal(values: Float[np.ndarray, " n"], unit: Unit) -> str | None:
@@ -209,18 +213,18 @@ def implausible_signal(values: Float[np.ndarray, " n"], unit: Unit) -> str | Non
     level = float(np.median(np.abs(finite)))
     if (
         level >= _MIN_COUNTS
-        and level <= 65535.0
+        and level <= _MAX_COUNTS
         and np.array_equal(finite, np.rint(finite))
     ):
         return (
             f"median {level:g} and whole numbers only look like raw counts, "
-            f"{level / 101.3:.3g} times atmospheric pressure in kPa; "
+            f"{level / _ATMOSPHERE:.3g} times atmospheric pressure in kPa; "
             "state the unit counts"
         )
     if level > _MAX_KPA:
         return (
-            f"median {level:g} kPa is {level / 101.3:.3g} times atmospheric pressure, "
-            "the samples look like Pa; state the unit pa"
+            f"median {level:g} kPa is {level / _ATMOSPHERE:.3g} times atmospheric "
+            "pressure, the samples look like Pa; state the unit pa"
         )
     return None
 

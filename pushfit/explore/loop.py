@@ -22,6 +22,8 @@ from pushfit.explore.records import State, Suggestion
 
 # Rest recorded before a push, as a multiple of the least rest between two.
 RESTS = 1.0
+# Rounding of an elevation that is compared with the reach of a hand [deg]. Not tuned.
+ROUNDING = 1e-6
 # The fault after which no push of this exploration means anything any more.
 LOST = PushStatus.OBJECT_LOST.value
 
@@ -142,7 +144,7 @@ def _is_allowed(
     reach = hand.reach()
     low, high = reach.theta_deg
     first, last = np.radians(reach.alpha_deg)
-    return low - 1e-6 <= suggestion.theta_deg <= high + 1e-6 and limits.allow(
+    return low - ROUNDING <= suggestion.theta_deg <= high + ROUNDING and limits.allow(
         suggestion.theta,
         suggestion.alpha,
         length=length,

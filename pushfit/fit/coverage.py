@@ -30,7 +30,7 @@ from pushfit.model import Pushes
 from pushfit.parameters import ANGLES, HALF_TURN
 
 # The usual probabilities, that of intervals by default among them.
-LEVELS = (0.5, 0.9, 0.95)
+PROBS = (0.5, 0.9, 0.95)
 QUANTITIES = (*ANGLES, "A", "B", "C_rr")
 # Probability of the binomial limits.
 LIMITS_PROB = 0.95
@@ -232,10 +232,10 @@ def _coverages(
     """Coverage of a quantity's intervals, and of its sets as quoted if an angle."""
     is_axis = name == "alpha_star"
     held = {}
-    for level in LEVELS:
-        held["interval", level] = [
+    for usual in PROBS:
+        held["interval", usual] = [
             _holds(
-                (equal_tailed_interval(draws, level, is_axis=is_axis),), truth, is_axis
+                (equal_tailed_interval(draws, usual, is_axis=is_axis),), truth, is_axis
             )
             for result, truth in pairs
             for draws in [result.posterior.samples[name]]
@@ -247,8 +247,10 @@ def _coverages(
             if (pieces := getattr(result, name).sets)
         ]
     return [
-        Coverage(name=name, kind=kind, prob=level, n_held=sum(hits), n_tables=len(hits))
-        for (kind, level), hits in held.items()
+        Coverage(
+            name=name, kind=kind, prob=stated, n_held=sum(hits), n_tables=len(hits)
+        )
+        for (kind, stated), hits in held.items()
     ]
 
 

@@ -22,6 +22,10 @@ SERIES_LIMIT = 1e-3
 # after the last is below 1e-17.
 SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(11))
 VERSINE = tuple((-1) ** k / math.factorial(2 * k + 2) for k in range(11))
+# Taylor coefficients of expm1(x)/x and of log1p(x)/x: below SERIES_LIMIT the term after
+# the last is below 1e-21, and that of the slope below 1e-18.
+EXPM1C = tuple(1 / math.factorial(k + 1) for k in range(7))
+LOG1PC = tuple((-1) ** k / (k + 1) for k in range(7))
 
 
 def norm2(x: Float[Array, "*s"], y: Float[Array, "*s"]) -> Float[Array, "*s"]:
@@ -111,6 +115,20 @@ def asinhc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
     terms = 3 / 40 - square * (15 / 336 - square * (105 / 3456 - square * 945 / 42240))
     series = 1 - square * (1 / 6 - square * terms)
     return jnp.where(is_small, series, jnp.arcsinh(safe) / safe)
+
+
+def expm1c(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """(exp(x) - 1) / x, equal to 1 at 0."""
+    is_small = jnp.abs(x) < SERIES_LIMIT
+    safe = jnp.where(is_small, 1.0, x)
+    return jnp.where(is_small, _horner(EXPM1C, x), jnp.expm1(safe) / safe)
+
+
+def log1pc(x: Float[Array, "*s"]) -> Float[Array, "*s"]:
+    """Ln(1 + x) / x, equal to 1 at 0."""
+    is_small = jnp.abs(x) < SERIES_LIMIT
+    safe = jnp.where(is_small, 1.0, x)
+    return jnp.where(is_small, _horner(LOG1PC, x), jnp.log1p(safe) / safe)
 
 
 @jax.custom_jvp

@@ -60,13 +60,13 @@ def test_jit_is_eager_and_vmap_is_a_loop(function, name):
     def evaluate(params):
         return REGISTRY[function](params, pushes, case.grasp)
 
-    lanes = [jax.tree.map(lambda x, c=c: c * x, case.params) for c in FACTORS]
-    eager = [evaluate(params) for params in lanes]
+    scaled = [jax.tree.map(lambda x, c=c: c * x, case.params) for c in FACTORS]
+    eager = [evaluate(params) for params in scaled]
     compiled = eqx.filter_jit(evaluate)
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *lanes)
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *scaled)
     mapped = jax.jit(jax.vmap(evaluate))(stacked)
-    for lane, (params, expected) in enumerate(zip(lanes, eager, strict=True)):
-        one = jax.tree.map(lambda x, lane=lane: x[lane], mapped)
+    for i, (params, expected) in enumerate(zip(scaled, eager, strict=True)):
+        one = jax.tree.map(lambda x, i=i: x[i], mapped)
         for result in (compiled(params), one):
             assert jax.tree.structure(result) == jax.tree.structure(expected)
             for got, want in zip(

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int, Real
 
 from pushfit.data.peaks.blocks import MAX_SAMPLES, correlation_of, scatter
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.feet import FOOT, LEAST, SHIFT, Feet, likeness
+from pushfit.data.pushes.feet import FOOT, LEAST, SHIFT, SHORTEST, Feet, likeness
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.parameters import TINY
 
@@ -111,7 +111,7 @@ class Baselines:
         share = np.where(
             self.slope == 0.0,
             0.0,
-            since / np.maximum(self.time_after - self.time, 1e-9),
+            since / np.maximum(self.time_after - self.time, SHORTEST),
         )
         share = np.nan_to_num(share)
         own, after = (1 - share) * self.sd, share * np.nan_to_num(self.sd_after)
@@ -180,7 +180,7 @@ class _Beside:
         # A rest that is hardly there may be the flank of a push.
         is_scanty = (n < LEAST * feet.span / feet.step) & (n_after > n)
         only_after = np.isnan(level) | is_scanty
-        rate = (level_after - level) / np.maximum(when_after - when, 1e-9)
+        rate = (level_after - level) / np.maximum(when_after - when, SHORTEST)
         first = self.time[np.minimum(windows_after[:, 0], len(self.time) - 1)]
         early = np.maximum(feet.settling - (first - feet.end), 0.0)
         waited = likeness(early, feet.settling / 2)

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.feet import SHORTEST
 from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 
@@ -45,7 +46,7 @@ def recorded_directions(
         )
     theta, alpha = np.empty(len(extents)), np.empty(len(extents))
     for k, extent in enumerate(extents):
-        half = max(_TOP_SHARE * extent.width, 1e-9)
+        half = max(_TOP_SHARE * extent.width, SHORTEST)
         first, last = np.searchsorted(
             recording.time, [extent.t_peak - half, extent.t_peak + half]
         )

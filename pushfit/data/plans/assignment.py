@@ -8,6 +8,7 @@ Constants were tried at half and at twice in 497 cases of
 `benchmarks.recordings.plan_alignment`.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -196,5 +197,4 @@ def cost_of_gaps(
     if not np.isfinite(scatter):
         return np.zeros(np.broadcast_shapes(gap.shape, steps.shape))
     wide = scatter * np.sqrt(steps)
-    # 2.507 is √(2π).
-    return ((gap - steps) / wide) ** 2 / 2 + np.log(2.507 * wide)
+    return ((gap - steps) / wide) ** 2 / 2 + np.log(math.sqrt(2 * math.pi) * wide)

@@ -47,10 +47,10 @@ def rest_curve(
     The middle of the densest quarter of the readings, in stretches of half a minute:
     rest is what a signal that goes both ways has in common with itself.
     """
-    return np.interp(time, *_rest_knots(time, signal))
+    return np.interp(time, *_rest_points(time, signal))
 
 
-def _rest_knots(
+def _rest_points(
     time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Middles of stretches and their rest levels."""
@@ -96,12 +96,12 @@ def without_dips(
     n_first, n_last = np.searchsorted(time, [time[0] + _END, time[-1] - _END])
     n_last = min(int(n_last), len(time) - 5)
     ends = (np.median(signal[: max(5, int(n_first))]), np.median(signal[n_last:]))
-    knots = _rest_knots(time, signal)
+    points = _rest_points(time, signal)
     n_end = max(5, int(n_first))
     slack = _SLACK * noise.sigma / n_end**0.5
 
     def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        usual = np.interp(when, *knots)
+        usual = np.interp(when, *points)
         return np.where(usual > min(ends) + slack, min(ends), usual)
 
     # Nearly all recordings end here, so this looks at the extremes of short blocks.

@@ -48,6 +48,9 @@ _SETTLING = 0.4
 # triangles of five times their noise grow from 0.23 to 0.26 σ; at twice, a whole push
 # of `testing_step` counts as cut.
 LEAST = 0.25
+# Stands for 0 below a fraction, or as a width, where two times are one [s]: a
+# nanosecond, the finest unit that a column of time may have. Not tuned.
+SHORTEST = 1e-9
 # Share of the height by which drift may move a rest; sensors and grasps are shifted by
 # more. Of the barometer a few heights move by up to 0.5 sd at half, 0.2 at twice.
 SHIFT = 0.08

@@ -206,8 +206,8 @@ class PeakTable:
             >>> heights = {"height": np.array([1.0, 1.2, 3.0])}
             >>> angles = {"theta": np.array([0.2, 0.2, 0.4]), "alpha": np.zeros(3)}
             >>> table = PeakTable.from_arrays(**angles, heights=heights, unit="n")
-            >>> sd, n_free = table.pooled_sd("height")
-            >>> round(sd, 4), n_free
+            >>> sd, dof = table.pooled_sd("height")
+            >>> round(sd, 4), dof
             (0.1414, 1)
 
         Raises:

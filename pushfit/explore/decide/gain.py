@@ -28,6 +28,8 @@ FULL, COARSE = (64, 12), (32, 6)
 N_AT_ONCE = 2**17
 # Bins of the angle for its interval after a push.
 N_FINE = 128
+# Width of a bin where the angle has but one value: not 0 all the same [deg].
+NARROWEST_BIN = 1e-9
 # Readings so much less likely than the likeliest are left out of what is expected.
 NEGLIGIBLE = 1e-3
 # Nothing was counted where there is less: near the least number that single precision
@@ -181,7 +183,7 @@ def outlook(
         bins = np.mod(values[known], HALF_TURN) / step
     else:
         low = float(values[known].min())
-        step = max(float(np.ptp(values[known])) / N_FINE, 1e-9)
+        step = max(float(np.ptp(values[known])) / N_FINE, NARROWEST_BIN)
         bins = (values[known] - low) / step
     fine = np.full(values.size, N_FINE, dtype=np.int64)
     fine[known] = np.clip(bins, 0, N_FINE - 1)

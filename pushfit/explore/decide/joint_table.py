@@ -15,6 +15,9 @@ REACH, MARGIN = 3.0, 3.0
 # Tails of the noise that add nothing, and of which single precision still holds
 # products and squares.
 NOTHING = 1e-7
+# Relative difference up to which draws have one weight: more than weights round by,
+# and less than the single precision of a table, 6e-8. Not tuned.
+SAME_WEIGHT = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +69,7 @@ def joint_table(
     cell = (cell[:, None] + found * sizes[1]).ravel()
     n_cells, squares = int(np.prod(shape)), n * weights**2
     # Draws of one weight, as those for screening are, are their own squares.
-    is_even = np.allclose(squares, weights, rtol=1e-9, atol=0)
+    is_even = np.allclose(squares, weights, rtol=SAME_WEIGHT, atol=0)
     counted = [
         np.bincount(
             cell, np.broadcast_to(w, (k * len(found), n)).ravel(), minlength=n_cells

@@ -22,6 +22,8 @@ MAX_MISSING = 0.05
 # Nodes in which draws are gathered: finer than the kernel, which is about a quarter of
 # a standard deviation.
 N_NODES = 64
+# From quartile to quartile of a normal distribution, in standard deviations.
+QUARTILE_RANGE = 1.349
 # Items side by side in one step: a few megabytes.
 CHUNK = 64
 
@@ -130,7 +132,7 @@ def _one(
     sd = float(np.sqrt(np.sum(weights * (draws - mean) ** 2)))
     low, high = np.quantile(draws, [0.25, 0.75])
     # Silverman's rule; the quartiles keep several modes apart.
-    width = min(sd, (high - low) / 1.349) or sd
+    width = min(sd, (high - low) / QUARTILE_RANGE) or sd
     kernel = 0.9 * width * np.sum(weights**2) ** 0.2
     # West (1993): drawn together so far that kernel and draws have the old variance.
     draws = mean + np.sqrt(max(1 - (kernel / sd) ** 2, 0.0)) * (draws - mean)

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 from pushfit.fit.problem.data_coordinates import data_point
 from pushfit.fit.problem.priors.distributions import Prior
 from pushfit.mechanics.coordinates import Coordinates, log_volume, parameters
-from pushfit.mechanics.numerics import norm2
+from pushfit.mechanics.numerics import log1pc, norm2
 from pushfit.model import (
     Contact,
     Grasp,
@@ -353,8 +353,5 @@ def _volumes(shared: Any, sigma: Any) -> Any:
 
 def _signed_root_deviance(r: Float[Array, "*s"]) -> Float[Array, "*s"]:
     """Sign(r) sqrt((ν + 1) ln(1 + r²/ν)), smooth through 0."""
-    q = r * r / STUDENT_DOF
-    is_small = q < 1e-8
-    safe = jnp.where(is_small, 1.0, q)
-    ratio = jnp.where(is_small, 1 - q / 2, jnp.log1p(safe) / safe)
+    ratio = log1pc(r * r / STUDENT_DOF)
     return r * jnp.sqrt((STUDENT_DOF + 1) / STUDENT_DOF * ratio)

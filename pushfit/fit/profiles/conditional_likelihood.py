@@ -29,6 +29,9 @@ LEAST_INFORMATION = 1e-6
 ROUNDEST = 1e-2
 # θ_c where there is none, or where it plays no part [rad].
 SOME_ANGLE = 0.1
+# Stands in a log for a pivot that is not positive, or none [its unit]: costs there stay
+# finite until `is_possible` rejects them. Not tuned.
+SMALLEST_PIVOT = 1e-12
 
 
 class Likelihood(eqx.Module):
@@ -239,4 +242,4 @@ def pivot_name(problem: Problem) -> str | None:
 
 def _safe_log(value: Scalar) -> Scalar:
     """Log that stays finite on the wrong side, where `is_possible` rejects."""
-    return jnp.log(jnp.maximum(value, 1e-12))
+    return jnp.log(jnp.maximum(value, SMALLEST_PIVOT))

@@ -1,4 +1,4 @@
-"""From a profile on a grid to the set at a level, and to the word for its shape.
+"""From a profile on a grid to the set at a probability, and to the word for its shape.
 
 Excluded: how the profile was computed.
 """
@@ -94,10 +94,10 @@ def verdict_of(pieces: tuple[Piece, ...]) -> Verdict:
 
 
 def profile_set(profile: LikelihoodProfile, prob: float) -> tuple[Piece, ...]:
-    """Set of a profile at any level.
+    """Set of a profile at any probability.
 
     Args:
-        profile: Profile; its grid is densest around the set at its own level.
+        profile: Profile; its grid is densest around the set at its own `prob`.
 
     Returns:
         Pieces, ascending and disjoint; None for an open end.

@@ -26,6 +26,10 @@ MOST, HALF = 10.0, 0.5
 # Fewer residuals beyond the unknowns show no share: the fit takes most of what low
 # heights scatter.
 MIN_FREEDOM = 20
+# Share of their mean square that no variance of errors falls below, and share of the
+# largest height that no sampled sigma does: logs and weights stay finite where heights
+# are met exactly, and noise that anybody measures is far larger. Not tuned.
+LEAST_VARIANCE, LEAST_SIGMA = 1e-9, 1e-9
 # Of the share of the height and the errors of both angles, which is which.
 IS_HEIGHT = np.array([True, False, False])
 
@@ -226,8 +230,7 @@ def _likeliest(
     scale = max(float(np.mean(squares)), TINY)
     means = np.array([max(float(np.mean(column)), TINY) for column in columns])
     design = np.stack(columns, axis=1) / means
-    # What no component may fall below: variances stay finite for perfect heights.
-    floor = 1e-9 * scale
+    floor = LEAST_VARIANCE * scale
 
     def cost(
         shares: Float[np.ndarray, " k"],
@@ -264,8 +267,7 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
     for c in range(len(problem.channels)):
         r, s = errors[c, mask[c]], sd[c, mask[c]]
         target = share * r.size
-        # Noise-free heights: keep weights finite at a sigma too small to matter.
-        floor = 1e-9 * np.max(np.abs(observed[c]))
+        floor = LEAST_SIGMA * np.max(np.abs(observed[c]))
         high = np.sqrt(np.sum(r**2) / target) + floor
 
         def excess(

@@ -93,7 +93,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LikelihoodProfile:
-    """Profile likelihood of one quantity and its set at one level.
+    """Profile likelihood of one quantity and its set at one probability.
 
     Args:
         name: Name of the quantity.
@@ -101,7 +101,7 @@ class LikelihoodProfile:
         values: Grid of the quantity, ascending.
         delta_chi_square: -2 ln of the likelihood ratio at each value.
         pieces: The set at `prob`, ascending and disjoint; None for an open end.
-        prob: Level of the set.
+        prob: Probability of the set.
         verdict: Shape of the set in a word.
         degrees_of_freedom: Of the estimate of sigma behind Δχ², which sets the
             threshold; infinite where sigma is known.

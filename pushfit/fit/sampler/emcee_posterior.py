@@ -53,6 +53,8 @@ MAX_TRIALS, GOOD_SHARE = 4, 0.4
 # Share of the steps dropped at the start: at least 5 autocorrelation times of any chain
 # that is long enough.
 BURN_IN_SHARE = 0.1
+# Largest progress that is shown while steps are still to come.
+NEARLY_DONE = 0.99
 # Steps between two looks at the chain: the first look needs enough for a first guess.
 FIRST_BLOCK, SMALLEST_BLOCK, LARGEST_BLOCK = 200, 50, 500
 # Draws kept: quantiles at 5 % are then good to 0.023 standard deviations.
@@ -244,7 +246,7 @@ def _share(diagnostics: Diagnostics) -> float:
     """Share of the steps needed that are there."""
     tau = max(diagnostics.autocorr_time.values())
     share = diagnostics.n_steps / (MIN_AUTOCORR_TIMES * tau)
-    return float(min(share, 0.99)) if np.isfinite(share) else 0.0
+    return float(min(share, NEARLY_DONE)) if np.isfinite(share) else 0.0
 
 
 def _result(

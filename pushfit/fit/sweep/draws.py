@@ -31,7 +31,7 @@ from pushfit.fit.sweep.sheet import (
     local,
     prior_given,
 )
-from pushfit.fit.sweep.target import Expansion, Target
+from pushfit.fit.sweep.target import SMALLEST_SLOPE, Expansion, Target
 from pushfit.mechanics.containers import anisotropy_stretch
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
@@ -240,7 +240,8 @@ def _ln_s(target: Target, z: dict[str, Scalar], score: Scalar) -> tuple[Scalar, 
     if "f1" not in z:
         return table.draw(z["ln_B"], score)
     ln_s, slope = jax.jvp(quantile, (score,), (jnp.ones(()),))
-    return ln_s, norm.logpdf(score) - jnp.log(jnp.maximum(jnp.abs(slope), 1e-12))
+    slope = jnp.maximum(jnp.abs(slope), SMALLEST_SLOPE)
+    return ln_s, norm.logpdf(score) - jnp.log(slope)
 
 
 def _noise(

@@ -32,6 +32,9 @@ LEAST_SQUARE = 1e-60
 # Share of the given variance at which nodes are centred where nothing is left beyond
 # it.
 WELL_BELOW = 0.1
+# Distance of the centre of the nodes from either end of their range [ln unit], so that
+# on neither side they all coincide. Not tuned.
+OFF_END = 0.1
 LN_2PI = math.log(2 * math.pi)
 # Of the density of a Student-t variable at 0.
 LN_STUDENT = (
@@ -141,7 +144,8 @@ def sigma_nodes(
     prior = problem.priors[f"sigma_{problem.channels[channel]}"]
     median, spread = jnp.log(prior.first), REACH * prior.second
     low, high = median - spread, median + spread
-    centre = jnp.clip(_ln_scale(pooled, channel, difference), low + 0.1, high - 0.1)
+    centre = _ln_scale(pooled, channel, difference)
+    centre = jnp.clip(centre, low + OFF_END, high - OFF_END)
     # The posterior sd of ln σ is about 1/sqrt(2 n), twice that for heavy tails.
     width = 1 / jnp.sqrt(jnp.maximum(jnp.sum(pooled.count[channel]), 1.0))
     share = jnp.linspace(-1.0, 1.0, N_NODES)

@@ -54,6 +54,9 @@ SHAPES = ((0.0, 0.0), (1.2, 0.0), (-1.2, 0.0), (0.0, 1.2), (0.0, -1.2))
 # Least and largest factor on the stiffness of a guess that brings it to the heights:
 # far beyond the prior's, and no node becomes infinite.
 SCALES = (1e-3, 1e3)
+# Share of the information on a coordinate that the others leave at least: where
+# rounding takes all of it, its root is still no 0 below a fraction. Not tuned.
+LEAST_LEFT = 1e-12
 
 
 # Share of all nodes that should lie below each of them.
@@ -282,7 +285,7 @@ def schur(matrix: Float[Array, "q q"]) -> Scalar:
     if matrix.shape[0] == 1:
         return matrix[0, 0]
     half = half_solve(cholesky(matrix[1:, 1:]), matrix[1:, 0])
-    return jnp.maximum(matrix[0, 0] - jnp.sum(half**2), 1e-12 * matrix[0, 0])
+    return jnp.maximum(matrix[0, 0] - jnp.sum(half**2), LEAST_LEFT * matrix[0, 0])
 
 
 def ridge_slope(matrix: Float[Array, "q q"]) -> Float[Array, " q-1"]:

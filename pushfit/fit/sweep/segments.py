@@ -7,11 +7,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from pushfit.mechanics.numerics import expm1c, log1pc
 from pushfit.model import Scalar
 from pushfit.parameters import TINY
 
-# A log density that rises by less over a segment is flat there: expm1(x)/x is 0/0.
-FLAT = 1e-9
 # Depth below the peak at which a log density is held: exp would return 0 soon after.
 DEPTH = 600.0
 
@@ -64,7 +63,7 @@ def make_segments(
     """
     scale = jnp.max(log_density)
     level = jnp.maximum(log_density - scale, -DEPTH)
-    mass = jnp.exp(level[:-1]) * jnp.diff(nodes) * _mean_rise(jnp.diff(level))
+    mass = jnp.exp(level[:-1]) * jnp.diff(nodes) * expm1c(jnp.diff(level))
     return Segments(level, jnp.cumsum(mass), scale)
 
 
@@ -83,15 +82,7 @@ def draw_segment(segments: Segments, uniform: Scalar) -> Drawn:
     part = jnp.clip((wanted - before) / own, 0.0, 1.0)
     low, high = segments.log_density[i], segments.log_density[i + 1]
     rise = high - low
-    is_flat = jnp.abs(rise) < FLAT
-    safe = jnp.where(is_flat, 1.0, rise)
-    share = jnp.where(is_flat, part, jnp.log1p(part * jnp.expm1(safe)) / safe)
+    # ln(1 + part (e^rise - 1)) / rise, by factors that have no 0/0 where it is flat.
+    share = part * expm1c(rise) * log1pc(part * jnp.expm1(rise))
     share = jnp.clip(share, 0.0, 1.0)
     return Drawn(i, share, low + share * rise - jnp.log(total[-1]))
-
-
-def _mean_rise(rise: Float[Array, " s"]) -> Float[Array, " s"]:
-    """Mean of exp over a segment on which its log rises from 0."""
-    is_flat = jnp.abs(rise) < FLAT
-    safe = jnp.where(is_flat, 1.0, rise)
-    return jnp.where(is_flat, 1.0, jnp.expm1(safe) / safe)

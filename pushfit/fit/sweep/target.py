@@ -24,6 +24,9 @@ from pushfit.model import Scalar
 
 # Stands for a cost that is not finite.
 IMPOSSIBLE = 1e300
+# Least change of a quantile per unit of its normal score: where quantiles coincide the
+# density of draws stays finite, and so a draw keeps a weight. Not tuned.
+SMALLEST_SLOPE = 1e-12
 
 
 class QuantileTable(eqx.Module):
@@ -50,7 +53,7 @@ class QuantileTable(eqx.Module):
         column, q = _place(column, self.values.shape[1])
         corner = self.values[row + jnp.arange(2)][:, column + jnp.arange(2)]
         low, high = corner[0] * (1 - p) + corner[1] * p
-        slope = jnp.maximum((high - low) / self.score_step, 1e-12)
+        slope = jnp.maximum((high - low) / self.score_step, SMALLEST_SLOPE)
         log_density = jax.scipy.stats.norm.logpdf(score) - jnp.log(slope)
         return low + q * (high - low), log_density
 

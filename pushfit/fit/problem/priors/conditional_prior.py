@@ -32,6 +32,12 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
 N_ROWS, SCORES = 513, np.linspace(-5.0, 5.0, 201)
 # How much finer a table is where one of a pair is fixed.
 EDGE = 16.0
+# Stands for the log of a density of 0: where it is 0 at all nodes, differences of it
+# are no NaN, and the quantiles those of a flat one.
+LOG_OF_NONE = -1e300
+# Log ratio by which springs in series are softer than either at least, about what
+# rounding leaves of it: the other spring stays finite. Not tuned.
+SOFTER = 1e-15
 
 
 @dataclass(frozen=True, kw_only=True)  # no slots: quantiles are cached
@@ -93,7 +99,7 @@ class Pair(abc.ABC):
         t, log_joint, _ = self._joint(rows)
         probs = np.broadcast_to(scipy.special.ndtr(SCORES), (N_ROWS, SCORES.size))
         # The outermost rows may lie outside the range of both.
-        return rows, draw_from_nodes(t, np.maximum(log_joint, -1e300), probs)
+        return rows, draw_from_nodes(t, np.maximum(log_joint, LOG_OF_NONE), probs)
 
     def _log_prob(self, whole: Values) -> Values:
         """Log density of the combination."""
@@ -147,7 +153,7 @@ class Series(Pair):
         self, whole: Values, fixed: float, is_first: bool
     ) -> tuple[Values, Values]:
         """1/K = 1/X - 1/K_fixed, the same for either spring."""
-        log_share = np.log(-np.expm1(np.minimum(whole - fixed, -1e-15)))
+        log_share = np.log(-np.expm1(np.minimum(whole - fixed, -SOFTER)))
         return whole - log_share, -log_share
 
 

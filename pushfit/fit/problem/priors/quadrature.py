@@ -10,6 +10,13 @@ from jaxtyping import Float
 
 from pushfit.parameters import TINY
 
+# Depth below the peak at which a log density is held: exp of it, 1e-304, is still above
+# the least number that is not flushed to 0.
+DEPTH = 700.0
+# A log density that rises by less over a segment is flat there: expm1(x)/x is 0/0.
+# Drawn numbers alone follow, no derivatives, so that no series is needed.
+FLAT = 1e-9
+
 
 def gauss_legendre(
     log_f: Float[np.ndarray, "... m"],
@@ -39,10 +46,10 @@ def draw_from_nodes(
         Draws, as many per density as there are numbers.
     """
     top = np.max(log_density, axis=1, keepdims=True)
-    level = np.maximum(log_density - top, -700.0)
+    level = np.maximum(log_density - top, -DEPTH)
     step, rise = np.diff(nodes, axis=1), np.diff(level, axis=1)
     # ∫ exp over a segment: exp(left) (e^rise - 1) / rise, and its limit 1 at rise 0.
-    is_flat = np.abs(rise) < 1e-9
+    is_flat = np.abs(rise) < FLAT
     safe = np.where(is_flat, 1.0, rise)
     mass = np.exp(level[:, :-1]) * step * np.where(is_flat, 1.0, np.expm1(rise) / safe)
     total = np.cumsum(mass, axis=1)

@@ -91,9 +91,9 @@ def effect_sds(
     return found
 
 
-def _tail(n_free: int) -> float:
+def _tail(dof: int) -> float:
     """Ratio of the 95 % quantiles of a Student-t and a normal distribution."""
-    return float(scipy.special.stdtrit(n_free, 0.95) / scipy.special.ndtri(0.95))
+    return float(scipy.special.stdtrit(dof, 0.95) / scipy.special.ndtri(0.95))
 
 
 def _effects(
