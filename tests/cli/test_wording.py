@@ -15,10 +15,11 @@ from pushfit.data.tables.peak_table import read_table
 from pushfit.errors import PushfitError, stated
 
 PACKAGE = Path(pushfit.__file__).parent
+COMMANDS = PACKAGE / "cli"
 LIBRARY = [
     path
     for path in sorted(PACKAGE.rglob("*.py"))
-    if "cli" not in path.parts or "look" in path.parts
+    if not path.is_relative_to(COMMANDS) or path.is_relative_to(COMMANDS / "look")
 ]
 OPTION = re.compile(r"(?<![\w-])--[a-z]")
 # Dialects are called after the commands of others that write them.

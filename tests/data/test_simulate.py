@@ -22,6 +22,8 @@ from tests.tolerances import FEW_OPERATIONS
 SAMPLED = 0.045
 # The clock may miss the tip by half a step: 0.5 ms of a rise of 1 s.
 CLOCK = 6e-4
+# Joints report whole degrees; of 27 pushes one misses by most of a half.
+HALF_DEGREE, MOST = 0.5, 0.3
 PARAMS = Parameters(K_sn=800.0, K_dn=1500.0, K_st=400.0, C_rr=0.3, C_d=0.3, L=0.04)
 GRASP = Grasp(push_length=5e-3)
 
@@ -94,7 +96,7 @@ def test_joints_reach_directions_within_half_their_resolution():
         PARAMS, GRASP, THETA_SWEEP, session=Session(), rng=np.random.default_rng(3)
     )
     miss = np.degrees(made.theta - THETA_SWEEP.theta)
-    assert 0.3 < np.abs(miss).max() <= 0.5
+    assert MOST < np.abs(miss).max() <= HALF_DEGREE
 
 
 def test_readings_stop_at_the_limit_of_the_sensor():

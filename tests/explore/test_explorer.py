@@ -27,10 +27,13 @@ from tests.explore.worlds import (
 )
 from tests.tolerances import EXACT
 
+WIDTH = 9.0  # what is asked for, ± 4.5° [deg]
+FORCE = 2.5  # what no push may exceed [N]
+
 
 def explorer(**changes):
     usual = {
-        "width_deg": 9.0,
+        "width_deg": WIDTH,
         "budget": 30,
         "sigma": SIGMA,
         "channels": COMPONENTS,
@@ -62,7 +65,7 @@ def test_an_exploration_decides_and_then_asks_nothing():
     asked = run(own)
     assert own.state.answer is Answer.DECIDED
     low, high = own.state.intervals["theta_c"]
-    assert high - low <= 9.0
+    assert high - low <= WIDTH
     assert low < THETA_C < high
     assert own.ask() == ()
     assert len(asked) == own.state.n_pushes < 15
@@ -301,12 +304,12 @@ def test_whether_the_object_moved_is_asked_early_and_then_now_and_then():
 
 
 def test_first_pushes_are_short_while_the_stiffness_is_unknown():
-    own = explorer(limits=Limits(force=2.5, theta_deg=(30.0, 85.0)))
+    own = explorer(limits=Limits(force=FORCE, theta_deg=(30.0, 85.0)))
     asked = run(own)
     assert asked[0].purpose is Purpose.PROBE
     assert asked[0].length_share < 1
     assert asked[-1].length_share == 1
-    assert all(s.force_q99 <= 2.5 for s in asked)
+    assert all(s.force_q99 <= FORCE for s in asked)
     assert own.state.answer is Answer.DECIDED
     # Probes weigh the draws but are no rows of the table.
     assert own.table.n_pushes == sum(s.length_share == 1 for s in asked)

@@ -32,6 +32,10 @@ from tests.tolerances import EXACT
 
 PAGE = ROOT / "docs" / "own_mechanics.md"
 EXAMPLE = ROOT / "examples" / "own_mechanics"
+# The page states an interval of 1.9°; with other draws it stays below this [deg].
+NARROW = 5.0
+# The medians of some 500 independent draws of emcee scatter by 0.02 widths.
+MEDIANS = 0.1
 FIRM = CASES["firm"]
 OWN = '[grasp]\nmechanics = "hertz"\n'
 COUNTED = """\
@@ -101,7 +105,7 @@ def test_the_commands_of_the_page_find_the_truth(own_mechanics, tmp_path, monkey
     assert found.mechanics == "hertz"
     low, high = found.theta_c.interval
     assert low < true_angle() < high
-    assert high - low < 5.0
+    assert high - low < NARROW
 
 
 @pytest.mark.slow
@@ -128,8 +132,7 @@ def test_emcee_finds_it_too(own_mechanics):
         assert low < true_angle() < high
     width = high - low
     gap = both["sweep"].theta_c.estimate - both["emcee"].theta_c.estimate
-    # The medians of some 500 independent draws of emcee scatter by 0.02 widths.
-    assert abs(gap) < 0.1 * width
+    assert abs(gap) < MEDIANS * width
 
 
 def test_other_heights_run_through_the_same_programs(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ from benchmarks.recordings.peak_accuracy import N_PUSHES, measure
 from pushfit.data.peaks.apex import N_BINS, fit_apex
 from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.records import Recording
+from tests.tolerances import MAX_Z
 
 # A ratio of standard deviations from 300 pushes scatters by 4 %; 15 % is what we claim.
 CALIBRATION = 0.15
@@ -53,7 +54,7 @@ def test_a_push_that_overshoots_and_is_then_held_is_read_at_its_hold(hold):
     frame = measure_pushes(recording).frame
     assert frame["definition"].tolist() == ["plateau"] * 3
     pulls = (frame["height_n"] - hold) / frame["height_sd_n"]
-    assert np.abs(pulls).max() < 4
+    assert np.abs(pulls).max() < MAX_Z
 
 
 def test_a_rest_of_next_to_nothing_before_a_push_is_no_baseline():

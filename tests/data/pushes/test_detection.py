@@ -129,7 +129,7 @@ def test_a_push_on_a_grip_is_found_if_the_next_one_is_cut_as_it_begins():
     grip = 300.0
     corners = ((0, 0), (2, 0), (2.2, grip), *push(6.0, rest=grip, height=130.0))
     time, y = course(*corners, (9.0, grip), (9.3, grip + 30.0))
-    assert any(abs(extent.t_peak - 7.0) < 0.1 for extent in found(time, y))
+    assert any(abs(extent.t_peak - 7.0) < NEAR for extent in found(time, y))
 
 
 def test_the_noise_of_uneven_steps_is_that_of_the_samples():

@@ -21,6 +21,7 @@ from pushfit.data.simulate import BIOTAC, simulate_recording, simulate_table
 from pushfit.errors import DataError
 from pushfit.fit.assess.warnings import table_warnings
 from pushfit.model import Grasp, Parameters
+from tests.tolerances import MAX_Z
 
 TESTS = Path(__file__).parents[2]
 RECORDING, REFUSALS, PRESCAN, PEAKS = (
@@ -196,7 +197,7 @@ def test_drift_is_taken_from_each_height():
     assert table.is_used.all()
     error = table.heights("height") - np.asarray(made.truth.height)
     # Nine residuals exceed four standard deviations by chance once in 1800 seeds.
-    assert np.abs(error / table.sd("height")).max() < 4.0
+    assert np.abs(error / table.sd("height")).max() < MAX_Z
 
 
 def test_a_push_that_drift_might_explain_is_flagged():

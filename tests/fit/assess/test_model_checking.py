@@ -23,6 +23,8 @@ from tests.tolerances import ROUTES
 
 SIGMA = 0.1
 MIN_P = 1e-3  # a false alarm once in 1000 seeds
+# Most of its variance that a prediction that is the same for all heights explains.
+NOTHING = 0.0
 THETA_DEG = np.repeat(np.linspace(5.0, 85.0, 17), 3)
 
 
@@ -154,7 +156,7 @@ def test_heights_that_the_model_does_not_explain_are_called_so():
     flat = np.full(THETA_DEG.size, 2.0)
     once = np.linspace(5.0, 85.0, THETA_DEG.size)
     found = criticise(flat, observed, kind="sampled", theta_deg=once)
-    assert found.r_squared < 0.1
+    assert found.r_squared <= NOTHING
     assert "does not describe" in found.sentence
 
 
@@ -165,7 +167,7 @@ def test_repeats_of_one_direction_do_not_fault_the_model():
     found = criticise(
         np.full(THETA_DEG.size, 2.0), observed, kind="sampled", theta_deg=same
     )
-    assert found.r_squared < 0.1
+    assert found.r_squared <= NOTHING
     assert found.is_adequate
 
 

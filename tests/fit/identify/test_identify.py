@@ -26,6 +26,12 @@ CONSTANT = "[noise]\nheight_share = 0.0\n"
 CHOSEN = CONSTANT + 'likelihood = "auto"\n'
 # 48 degrees of freedom: sigma is known to 10 %; four of them.
 SIGMA = 0.4
+# 14 of them, without repeats: it is known to 19 %; two and a half of them.
+SIGMA_ONCE = 0.5
+# A set may reach beyond the lowest push by a fifth of a step between pushes [deg].
+BETWEEN = 1.0
+# R² of a model that leaves most of the variance of the heights.
+POOR = 0.5
 
 
 @pytest.fixture(scope="module")
@@ -227,7 +233,7 @@ def test_scatter_beyond_the_stated_sd_widens_every_interval():
     frame = table.frame.assign(height_sd_n=0.005)
     fitted = fit_table(type(table).from_frame(frame), config())
     assert "scatter_exceeds_sd" in {warning.code for warning in fitted.warnings}
-    assert np.median(fitted.fit.sigma) > 0.025
+    np.testing.assert_allclose(np.median(fitted.fit.sigma), 0.05, rtol=SIGMA_ONCE)
 
 
 def test_a_fixed_value_that_the_heights_contradict_is_named():
@@ -264,7 +270,7 @@ def test_constant_heights_without_sd_bound_an_angle_from_one_side(repeats):
     assert result.theta_c.verdict is Verdict.ONE_SIDED
     pieces = result.theta_c.sets
     assert pieces[0][0] is None
-    assert pieces[-1][1] < 6.0
+    assert pieces[-1][1] < 5.0 + BETWEEN
 
 
 def test_a_model_that_is_rejected_gives_no_interval():
@@ -303,7 +309,7 @@ def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data
     settings = parse_config("[push]\nlength_mm = 2.0\n", path="grasp.toml")
     result = identify_table(table, settings, seed=0)
     assert not result.goodness_of_fit.is_adequate
-    assert result.goodness_of_fit.r_squared < 0.5
+    assert result.goodness_of_fit.r_squared < POOR
     assert "model_inadequate" in warning_codes(result)
 
 

@@ -26,6 +26,9 @@ OFFSETS = np.array([-2.0, -1.0, 1.0, 2.0])
 WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12
 # Forward and in reverse, sums of slopes up to 1e5, most of which may cancel.
 REVERSED = 1e-9
+# Smaller slopes are judged as if they were of this size: what differences round off
+# does not shrink with them.
+SMALLEST = 1e-3
 SOFT = "[transition]\nsharpness = 12.0\n"
 # All draws of p are below 50, so that h p is no larger than with the others.
 OPEN = '[transition]\nsharpness = "auto"\n[parameters.p]\n'
@@ -93,7 +96,7 @@ def worst(slope, expected):
     Prior and likelihood are judged apart, so neither hides in the size of the other.
     """
     size = np.max(np.abs(expected), axis=-1, keepdims=True)
-    return np.max(np.abs(slope - expected) / np.maximum(size, 1e-3))
+    return np.max(np.abs(slope - expected) / np.maximum(size, SMALLEST))
 
 
 @pytest.mark.slow

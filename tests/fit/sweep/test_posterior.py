@@ -46,6 +46,8 @@ N_SE = 4.0
 SAME = 1e-9
 # Four standard errors of so many independent draws, and as much for few steps.
 SPREAD = 0.09
+# Weights alone miss the sd of a far tail by 3.3 %, draws that are drawn anew by 0.9 %.
+FAR_TAIL = 0.02
 # Repeats that are pooled, and rows whose logs are taken together; the others are slow.
 QUICK = ("plain", "student_sampled")
 
@@ -283,7 +285,7 @@ def test_a_far_tail_keeps_its_part_when_draws_are_drawn_anew(monkeypatch):
         centred = anew.x[:, 0] - weights @ anew.x[:, 0]
         found.append(np.sqrt(weights @ centred**2))
     truth = np.sqrt(1 - share + share * (width**2 + shift**2) - (share * shift) ** 2)
-    assert np.sqrt(np.mean((np.array(found) / truth - 1) ** 2)) < 0.03
+    assert np.sqrt(np.mean((np.array(found) / truth - 1) ** 2)) < FAR_TAIL
 
 
 def test_draws_are_spread_to_where_a_power_of_the_posterior_has_its_mass():

@@ -257,7 +257,7 @@ def test_rows_of_many_pushes_show_each_of_them_once_and_at_one_scale():
         stretches = np.concatenate([tops_of(axes)[0] for axes in panels])
         tops = np.concatenate([tops_of(axes)[1] for axes in panels])
         begins = (BEGINS + 22.0 * np.arange(n)[:, None]).ravel()
-        assert (np.abs(stretches.mean(axis=1) - begins - END / 2) < 0.2).all()
+        assert (np.abs(stretches.mean(axis=1) - begins - END / 2) < ENDS).all()
         reached = LEVELS[name] + np.tile(HEIGHTS[name], n)
         np.testing.assert_allclose(tops, reached, rtol=0, atol=CLOSE)
         assert len({axes.get_ylim() for axes in panels}) == 1

@@ -38,6 +38,7 @@ from tests.tolerances import EXACT
 PER_LAG = 0.055
 # A parabola that is interpolated between points 0.1 apart would be off by 0.028.
 BETWEEN = 0.02
+PIXELS = 1e-6  # to pixels and back [deg]
 
 
 def svg(figure) -> str:
@@ -155,8 +156,8 @@ def test_an_open_set_is_shaded_to_the_border():
     )
     axes = figure.axes[0]
     shade = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
-    assert abs(shade.x0 - 61.0) < 1e-6  # pixels and back, in degrees
-    assert abs(shade.x1 - axes.get_xlim()[1]) < 1e-6
+    assert abs(shade.x0 - 61.0) < PIXELS
+    assert abs(shade.x1 - axes.get_xlim()[1]) < PIXELS
 
 
 def test_profile_and_draws_of_an_axis_share_one_half_turn(make_identification):

@@ -17,7 +17,10 @@ from pushfit.report.text.result import (
     sentence_theta_c,
 )
 from tests.report.makers import make_angle, make_answer
+from tests.tolerances import EXACT, MAX_Z
 
+# Standard error of a median of 1000 draws and of 800, over their standard deviation.
+OF_1000, OF_800 = np.sqrt(np.pi / 2 / np.array([1000, 800]))
 # "40° to 42°" or "± 2": what must not stand where nothing is determined.
 INTERVAL = re.compile(r"±|\d°? to \d")
 
@@ -191,8 +194,8 @@ def test_modes_across_the_seam_are_typical_of_their_own_draws(determined):
         posterior=replace(determined.posterior, samples=samples),
     )
     first, second = alpha_star_answer(result).values
-    assert abs(first - 90.0) < 0.5
-    assert min(second, 180.0 - second) < 0.5
+    assert abs(first - 90.0) < MAX_Z * OF_1000
+    assert min(second, 180.0 - second) < MAX_Z * OF_1000
 
 
 def test_an_inadequate_model_is_the_first_thing_said(inadequate):
@@ -289,9 +292,8 @@ def test_user_text_cannot_send_control_characters(hostile):
 
 def test_marks_of_the_figures_are_the_answers_of_the_sentence(two_modes):
     low, high = theta_c_answer(two_modes).values
-    # Draws of 0.9° scatter: the median of 800 has a standard error of 0.04°.
-    assert abs(low - 40.0) < 0.2
-    assert abs(high - 56.0) < 0.2
+    assert abs(low - 40.0) < MAX_Z * OF_800 * 0.9
+    assert abs(high - 56.0) < MAX_Z * OF_800 * 0.9
 
 
 def test_the_frame_holds_every_parameter_and_no_number_that_is_not_quoted(
@@ -314,7 +316,7 @@ def test_correlations_are_those_of_the_logs_of_positive_quantities(determined):
     expected = np.corrcoef(np.log(samples["K_sn"]), np.log(samples["K_dn"]))[0, 1]
     (pair,) = correlations(determined)
     assert (pair.first, pair.second) == ("K_sn", "K_dn")
-    assert abs(pair.value - expected) < 1e-12  # the same sum in the same order
+    assert abs(pair.value - expected) < EXACT
 
 
 def test_an_untrusted_posterior_has_no_correlations(not_converged):
