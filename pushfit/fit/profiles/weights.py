@@ -28,7 +28,7 @@ MOST, HALF = 10.0, 0.5
 MIN_FREEDOM = 20
 # Share of their mean square that no variance of errors falls below, and share of the
 # largest height that no sampled sigma does: logs and weights stay finite where heights
-# are met exactly, and noise that anybody measures is far larger. Not tuned.
+# are met exactly, by noise too small to matter. Not tuned.
 LEAST_VARIANCE, LEAST_SIGMA = 1e-9, 1e-9
 # Of the share of the height and the errors of both angles, which is which.
 IS_HEIGHT = np.array([True, False, False])
