@@ -51,7 +51,7 @@ from pushfit.mechanics.numerics import (
     softclip,
 )
 from pushfit.mechanics.tilting.hold import Hold, make_hold
-from pushfit.mechanics.tilting.one_support import MAX_TILT, one_support_forces
+from pushfit.mechanics.tilting.one_support import MAX_TILT
 
 # Relative step at which the search ends; the step after it leaves the square of that.
 RTOL = 1e-7
@@ -99,18 +99,6 @@ class Lean(eqx.Module):
     tangential: PlaneVectors
     moment: PlaneVectors
     across: Vector
-
-
-def tilting_forces(
-    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
-) -> Forces:
-    """Contact forces of pushes that tilt an object, on one support or on two.
-
-    Those of `one_support_forces` or of `two_support_forces`, by what the grasp states.
-    """
-    is_single = grasp.support_span is None
-    solve = one_support_forces if is_single else two_support_forces
-    return solve(params, pushes, grasp)
 
 
 def two_support_forces(
