@@ -27,7 +27,7 @@ from pushfit.mechanics.directions import best_direction, critical_angle
 from pushfit.model import Parameters, Pushes, forward
 
 # Probabilities that people quote.
-LEVELS = (0.5, 0.9, 0.95)
+PROBS = (0.5, 0.9, 0.95)
 # Azimuths [rad]: all axes, and that of the sweep of θ, across the supports.
 REACH = (0.0, np.pi)
 REFERENCE_ALPHA = np.pi / 2
@@ -55,9 +55,9 @@ def covered(seed: int) -> dict[str, list[bool]] | None:
     for name, truth in angles.items():
         is_axis = name == "alpha_star"
         found[name] = []
-        for level in LEVELS:
+        for prob in PROBS:
             draws = posterior.samples[name]
-            low, high = equal_tailed_interval(draws, level, is_axis=is_axis)
+            low, high = equal_tailed_interval(draws, prob, is_axis=is_axis)
             offset = np.degrees(truth) - low
             offset = offset % 180.0 if is_axis else offset
             found[name].append(bool(0 <= offset <= high - low))
@@ -106,11 +106,11 @@ def main() -> None:
     kept = [one for one in found if one is not None]
     rows = []
     for name in ("theta_c", "alpha_star"):
-        for i, level in enumerate(LEVELS):
+        for i, prob in enumerate(PROBS):
             share = np.mean([one[name][i] for one in kept])
-            low, high = stats.binom.interval(0.999, len(kept), level)
+            low, high = stats.binom.interval(0.999, len(kept), prob)
             limits = f"{low / len(kept):.3f}-{high / len(kept):.3f}"
-            rows.append([name, f"{level:.0%}", f"{share:.3f}", limits])
+            rows.append([name, f"{prob:.0%}", f"{share:.3f}", limits])
     columns = ["interval", "nominal", "measured", "99.9 % binomial"]
     print(pd.DataFrame(rows, columns=columns).to_string(index=False))
     print(f"{len(kept)} tables; {len(found) - len(kept)} not converged")

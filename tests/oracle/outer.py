@@ -36,25 +36,25 @@ class OuterAxis:
     """Outer coordinate: u over strips between elevations, or ln A.
 
     Args:
-        knots: Elevations at which pushes change over [rad]; empty for ln A.
+        breakpoints: Elevations at which pushes change over [rad]; empty for ln A.
         edges: Ends of the cells to start from, ascending.
     """
 
-    knots: Float[np.ndarray, " k"]
+    breakpoints: Float[np.ndarray, " k"]
     edges: Float[np.ndarray, " e"]
 
     def points(self, u: Float[np.ndarray, " n"]) -> Strip | Float[Array, " n"]:
         """What the integrand takes for outer nodes."""
-        if self.knots.size == 0:
+        if self.breakpoints.size == 0:
             return jnp.asarray(u)
-        at = np.log(np.tan(self.knots))
+        at = np.log(np.tan(self.breakpoints))
         right = np.searchsorted(at, u)
-        last = self.knots.size - 1
+        last = self.breakpoints.size - 1
         low, high = np.clip(right - 1, 0, last), np.clip(right, 0, last)
         width = np.where(high > low, at[high] - at[low], 1.0)
         return Strip(
-            left=jnp.asarray(self.knots[low]),
-            right=jnp.asarray(self.knots[high]),
+            left=jnp.asarray(self.breakpoints[low]),
+            right=jnp.asarray(self.breakpoints[high]),
             share=jnp.asarray(np.where(high > low, (u - at[low]) / width, 0.0)),
             beyond=jnp.asarray(np.where(high > low, 0.0, u - at[low])),
             width=jnp.asarray(width),
@@ -75,20 +75,24 @@ def make_axis(integrand: Integrand, fit: FitResult) -> OuterAxis:
         assert integrand.prior_A is not None
         table = integrand.prior_A
         ends = (float(table.start), float(priors.end(table)))
-        return OuterAxis(knots=np.zeros(0), edges=_edges(integrand, fit, ends, None))
-    knots = _knots(integrand.problem)
+        return OuterAxis(
+            breakpoints=np.zeros(0), edges=_edges(integrand, fit, ends, None)
+        )
+    breakpoints = _breakpoints(integrand.problem)
     means, sds = _prior_moments(integrand)
     # ln B - ln C_rr at the lowest and the highest elevation, A at its prior mean.
     ratio = means[1] - means[2]
     spread = N_SD * float(np.sqrt(np.sum(sds**2)))
-    at = np.log(np.tan(knots))
-    low = at[0] + min(0.0, ratio - spread - _g(integrand, knots[:1], means[0])[0])
-    high = at[-1] + max(0.0, ratio + spread - _g(integrand, knots[-1:], means[0])[0])
-    edges = _edges(integrand, fit, (low, high), knots)
-    return OuterAxis(knots=knots, edges=edges)
+    at = np.log(np.tan(breakpoints))
+    low = at[0] + min(0.0, ratio - spread - _g(integrand, breakpoints[:1], means[0])[0])
+    high = at[-1] + max(
+        0.0, ratio + spread - _g(integrand, breakpoints[-1:], means[0])[0]
+    )
+    edges = _edges(integrand, fit, (low, high), breakpoints)
+    return OuterAxis(breakpoints=breakpoints, edges=edges)
 
 
-def _knots(problem: Problem) -> Float[np.ndarray, " k"]:
+def _breakpoints(problem: Problem) -> Float[np.ndarray, " k"]:
     """Elevations at which a push changes from rolled to unrolled."""
     grasp = problem.grasp
     middle = np.array([np.pi / 4])
@@ -130,15 +134,15 @@ def _edges(
     integrand: Integrand,
     fit: FitResult,
     ends: tuple[float, float],
-    knots: Float[np.ndarray, " k"] | None,
+    breakpoints: Float[np.ndarray, " k"] | None,
 ) -> Float[np.ndarray, " e"]:
     """Ends of the first cells."""
     low, high = ends
-    centres, scales = _modes(integrand, fit, knots)
+    centres, scales = _modes(integrand, fit, breakpoints)
     low, high = min([low, *(centres - 2)]), max([high, *(centres + 2)])
     edges = [low, high]
-    if knots is not None:
-        edges += list(np.log(np.tan(knots)))
+    if breakpoints is not None:
+        edges += list(np.log(np.tan(breakpoints)))
     for centre, scale in zip(centres, scales, strict=True):
         reach = FIRST * scale
         while reach < WIDEST:
@@ -157,13 +161,13 @@ def _edges(
 
 
 def _modes(
-    integrand: Integrand, fit: FitResult, knots: Float[np.ndarray, " k"] | None
+    integrand: Integrand, fit: FitResult, breakpoints: Float[np.ndarray, " k"] | None
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Outer coordinate of every mode and about the width of its peak."""
     means, sds = _prior_moments(integrand)
     names = integrand.problem.data_names
     order = ("ln_A", "ln_B", "ln_C_rr")
-    gradient = np.array([-1.0, 1.0, -1.0]) if knots is not None else np.eye(3)[0]
+    gradient = np.array([-1.0, 1.0, -1.0]) if breakpoints is not None else np.eye(3)[0]
     columns = [order.index(name) for name in names if name in order]
     precision = np.diag(1 / sds[columns] ** 2)
     centres, scales = [], []
@@ -174,10 +178,10 @@ def _modes(
         covariance = np.linalg.inv(jacobian.T @ jacobian + precision)
         weights = gradient[columns]
         scales.append(float(np.sqrt(weights @ covariance @ weights)))
-        if knots is None:
+        if breakpoints is None:
             centres.append(logs[0])
             continue
-        g, at = _g(integrand, knots, logs[0]), np.log(np.tan(knots))
+        g, at = _g(integrand, breakpoints, logs[0]), np.log(np.tan(breakpoints))
         ratio = logs[1] - logs[2]
         beyond = min(ratio - g[0], 0.0) + max(ratio - g[-1], 0.0)
         centres.append(float(np.interp(ratio, g, at)) + beyond)

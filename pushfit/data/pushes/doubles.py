@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, PerPush, are_cut
 from pushfit.data.pushes.running_means import RunningMeans, View
-from pushfit.data.pushes.tracing import knots_for
+from pushfit.data.pushes.tracing import thinned_course
 
 # Points of a course from foot to foot: some twelve in each averaging time of a
 # triangle. Half or twice as many part no other push of a real recording.
@@ -92,7 +92,7 @@ def part_doubles(
         All pushes, the feet of two that were one roughly; and which each was.
     """
     when, y, share = _valleys(
-        knots_for(feet, view),
+        thinned_course(feet, view),
         feet,
         tau=feet.averaging(view),
         sigmas=_SIGNIFICANT,

@@ -45,7 +45,7 @@ _ROUNDS, _SAME = 12, 1e-5
 _REACH = 2.0
 # Times that the integral is kept at, for each smoothing time; and steps that the usual
 # one is judged by. More would only cost time.
-_KNOTS, _STEPS = 16, 250
+_TIMES, _STEPS = 16, 250
 # The points of a step.
 _UNIT = np.linspace(0.0, 1.0, _FINE)
 # Noise is of no effect on the feet of a push that is so many times as high: half of
@@ -70,7 +70,7 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
     time, noise_of = view.time, _noise_by_feet(view, coarse)
     ends = np.searchsorted(time, [coarse.start, coarse.end])
     feet = replace(coarse, step=_usual_steps(time, ends))
-    view = replace(view, course=knots_for(feet, view))
+    view = replace(view, course=thinned_course(feet, view))
     for _ in range(_ROUNDS):
         was = feet
         feet = replace(feet, sigma=noise_of(feet)).alone(view)
@@ -94,10 +94,10 @@ def trace_feet(view: View, coarse: Feet[np.ndarray]) -> Feet[np.ndarray]:
     return feet
 
 
-def knots_for(feet: Feet[np.ndarray], view: View) -> RunningMeans:
+def thinned_course(feet: Feet[np.ndarray], view: View) -> RunningMeans:
     """A course, known no finer than it takes to average over pushes."""
     finest = view.smoothing or feet.width.min() / WIDTH_PER_SMOOTHING
-    return view.course.thinned(max(1, int(finest / _KNOTS / feet.step.max())))
+    return view.course.thinned(max(1, int(finest / _TIMES / feet.step.max())))
 
 
 def _noise_by_feet(

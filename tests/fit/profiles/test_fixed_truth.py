@@ -18,10 +18,10 @@ from tests.fit.tables import case_table, log_contact, setup_of
 from tests.problems import CASES
 from tests.tolerances import MAX_Z
 
-LEVELS = (0.5, 0.9, 0.95)
+PROBS = (0.5, 0.9, 0.95)
 # Binomial limits that a right set leaves once in 1000.
 LIMITS = 0.999
-# What a noise understated by this factor makes of the level of a set.
+# What a noise understated by this factor makes of the probability of a set.
 UNDERSTATED = 0.7
 # 99.9 % point of Kolmogorov's distribution.
 MAX_KS = 1.95
@@ -101,9 +101,9 @@ def test_errors_and_sums_of_squares_scatter_as_they_say():
     assert stats.kstest(wrong, chi_square.cdf).statistic > MAX_KS / np.sqrt(n)
 
 
-def understated(level):
+def understated(prob):
     """Level of the set whose threshold an understated noise would have given."""
-    return float(stats.chi2.cdf(UNDERSTATED**2 * threshold(level, np.inf), 1))
+    return float(stats.chi2.cdf(UNDERSTATED**2 * threshold(prob, np.inf), 1))
 
 
 def held(pieces, truth):
@@ -125,20 +125,20 @@ def test_sets_hold_a_fixed_truth_as_often_as_they_say(name, n):
             setup,
             fit,
             reference_alpha=design.alpha,
-            prob=max(LEVELS),
+            prob=max(PROBS),
             reach=(0.0, np.pi),
         )
         for quantity, truth in design.truths.items():
-            for level in LEVELS:
-                key = quantity, level
-                is_held = held(profile_set(profiles[quantity], level), truth)
+            for prob in PROBS:
+                key = quantity, prob
+                is_held = held(profile_set(profiles[quantity], prob), truth)
                 hits[key] = hits.get(key, 0) + is_held
-                pieces = profile_set(profiles[quantity], understated(level))
+                pieces = profile_set(profiles[quantity], understated(prob))
                 wrong_hits[key] = wrong_hits.get(key, 0) + held(pieces, truth)
     shares = {key: count / n for key, count in hits.items()}
-    for (quantity, level), count in hits.items():
-        low, high = stats.binom.interval(LIMITS, n, level)
-        assert low <= count <= high, (quantity, level, shares)
+    for (quantity, prob), count in hits.items():
+        low, high = stats.binom.interval(LIMITS, n, prob)
+        assert low <= count <= high, (quantity, prob, shares)
         # Sets of an understated noise are found out, at the levels that tell most.
-        if level > 0.5:
-            assert wrong_hits[quantity, level] < low
+        if prob > 0.5:
+            assert wrong_hits[quantity, prob] < low

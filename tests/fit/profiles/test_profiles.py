@@ -280,15 +280,15 @@ def test_as_many_unknowns_as_heights_bound_nothing():
 
 
 N_TABLES = 120
-# Binomial bounds of 99.9 % around the nominal level; θ_c may be over-covered where the
-# set is open, so only the lower bound is that tight.
-LEVELS = (0.5, 0.9, 0.95)
+# Binomial bounds of 99.9 % around the nominal one; θ_c may be over-covered where
+# the set is open, so only the lower bound is that tight.
+PROBS = (0.5, 0.9, 0.95)
 
 
 @pytest.mark.slow
 def test_sets_of_the_critical_angle_cover_as_often_as_they_say():
     rng = np.random.default_rng(3)
-    hits = {level: 0 for level in LEVELS}
+    hits = {prob: 0 for prob in PROBS}
     for seed in range(N_TABLES):
         values = {
             "K_sn": 800 * np.exp(0.8 * rng.normal()),
@@ -305,14 +305,14 @@ def test_sets_of_the_critical_angle_cover_as_often_as_they_say():
         noise = 0.03 * A * PUSH
         table = case_table(case, noise=noise, seed=seed)
         profile = profiles_of(setup_of(table), prob=0.95)["theta_c"]
-        for level in LEVELS:
-            hits[level] += any(
+        for prob in PROBS:
+            hits[prob] += any(
                 (a is None or a <= truth) and (b is None or truth <= b)
-                for a, b in profile_set(profile, level)
+                for a, b in profile_set(profile, prob)
             )
-    for level in LEVELS:
-        low, high = stats.binom.interval(0.999, N_TABLES, level)
-        assert low <= hits[level] <= high, (level, hits)
+    for prob in PROBS:
+        low, high = stats.binom.interval(0.999, N_TABLES, prob)
+        assert low <= hits[prob] <= high, (prob, hits)
 
 
 @pytest.mark.slow
