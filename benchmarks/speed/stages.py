@@ -1,6 +1,6 @@
 """What each stage of an analysis takes, for the table that the progress bar goes by.
 
-Processor seconds of the stages of `pushfit identify --out` of the example by both
+Seconds by the clock of the stages of `pushfit identify --out` of the example by both
 mechanics, of the first run with nothing compiled, and of later ones; then by linear
 mechanics alone, and by emcee. What `pushfit.fit.identify.progress.SECONDS` states
 stands beside.
@@ -24,12 +24,12 @@ import json, sys, time
 from pushfit.fit.identify.progress import Stages
 began, begin = [], Stages.begin
 def timed(self, name):
-    began.append((name, time.process_time()))
+    began.append((name, time.perf_counter()))
     begin(self, name)
 Stages.begin = timed
 from pushfit.cli import main
 code = main(sys.argv[1:])
-began.append(("", time.process_time()))
+began.append(("", time.perf_counter()))
 print(json.dumps([code, began]))
 """
 
@@ -67,7 +67,7 @@ def print_rows(what: str, folder: Path, words: list[str], n_warm: int) -> None:
 
 
 def seconds(folder: Path, words: list[str]) -> dict[str, float]:
-    """Processor seconds of every stage of one run."""
+    """Seconds of every stage of one run."""
     _, said = run(folder, ["-c", TIMED, *words, "--json"])
     code, began = json.loads(said[-1])
     assert code == 0

@@ -9,7 +9,7 @@ predicted from all others (leave-one-out), which hardly does. Excluded: text for
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import jax
@@ -18,12 +18,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
-from pushfit.config.parameters import PositivePrior
+from pushfit.config.rivals import rival_configs
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import goodness_of_fit
+from pushfit.fit.identify.beside import Beside
+from pushfit.fit.identify.by_mechanics import fitted_by_leading
 from pushfit.fit.identify.fitted import Fitted, Listener, draw_posterior
-from pushfit.fit.identify.identify_table import fitted_by_leading
-from pushfit.fit.identify.progress import Stages
+from pushfit.fit.identify.progress import Progress, Stages
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.noise import with_noise, with_plain_noise
 from pushfit.fit.problem.problem import Problem
@@ -34,20 +35,6 @@ from pushfit.fit.programs.compile import compiled, in_chunks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.sweep.posterior import MAX_PARETO_K
 
-# Sharpness of the soft model where the configuration names none: at θ_c the tangential
-# force then lies 8 % below the hard switch, at half and at twice the ratio of the two
-# forces 0.05 %.
-SOFT_SHARPNESS = 8.0
-# C_rr of the model that never rolls: the limit C_rr F_n is then above any elastic force
-# at elevations from 0.01° on, for ratios B/A up to 170.
-NEVER_ROLLS = 1e6
-# Noise of the models that differ in it.
-NOISES: dict[str, dict[str, str]] = {
-    "student_t": {"likelihood": "student_t"},
-    "proportional": {"height_share": "estimate"},
-    "offset": {"repeats": "offset"},
-    "gain": {"repeats": "gain"},
-}
 # Differences below these tell nothing: a factor of e between evidences, two standard
 # errors between predictive densities.
 MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS = 1.0, 2.0
@@ -89,7 +76,7 @@ class ModelScore:
     Args:
         name: "hard", "soft" or "no_rolling" by the mechanics that lead;
             "tilting" or "linear" for a hard transition by the other mechanics;
-            a key of `NOISES` for other noise, all else as configured.
+            a key of `NOISES` of the rivals for other noise, all else as configured.
         sharpness: Sharpness of the transition, infinite for a hard switch; None where
             it is one of the unknowns.
         is_adequate: Whether it describes the heights within their noise.
@@ -180,7 +167,7 @@ def compare_models(
     config: GraspConfig,
     *,
     seed: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Comparison:
     """Fit a table with several transitions, by other mechanics, and with other noise.
 
@@ -219,61 +206,16 @@ def compare_models(
         with_noise(fitted.config, sigma=sigma),
         has_repeats=is_crossed(*both_ways(fitted.table)),
     )
-    scores = []
-    for index, (name, rival) in enumerate(configs.items()):
-        if progress is not None:
-            progress(name.replace("_", " "), index / len(configs))
-        scores.append(_score(name, _refitted(fitted, rival), seed))
+    scores = _scores(fitted, configs, seed, progress)
     has_evidence = any(score.log_evidence is not None for score in scores)
     return Comparison(
         models=against_best(scores),
-        mechanics=fitted.setup.problem.grasp.mechanics,
+        mechanics=fitted.mechanics,
         why_no_evidence=None if has_evidence else NO_EVIDENCE,
         n_pushes=len(fitted.setup.rows),
         noise=sigma,
         seed=seed,
     )
-
-
-def rival_configs(
-    config: GraspConfig, *, has_repeats: bool = False
-) -> dict[str, GraspConfig]:
-    """The configuration with each way of rolling, other mechanics, and other noise.
-
-    Tilting mechanics are among them where the push length and L are stated, and effects
-    of repeats where noise is normal.
-
-    Args:
-        has_repeats: Whether any direction was pushed in two repeats.
-    """
-
-    def with_transition(sharpness: float | str, base: GraspConfig) -> GraspConfig:
-        section = base.transition.model_copy(update={"sharpness": sharpness})
-        return base.model_copy(update={"transition": section})
-
-    stated = config.transition.sharpness
-    never = {"C_rr": PositivePrior(fixed=NEVER_ROLLS)}
-    parameters = config.parameters.model_copy(update=never)
-    configs = {
-        "hard": with_transition("hard", config),
-        "soft": with_transition(SOFT_SHARPNESS if stated == "hard" else stated, config),
-        "no_rolling": with_transition(
-            "hard", config.model_copy(update={"parameters": parameters})
-        ),
-    }
-    own = config.by_mechanics()[0].grasp.mechanics
-    for rival in config.with_mechanics("auto").by_mechanics():
-        if rival.grasp.mechanics != own:
-            configs[rival.grasp.mechanics] = with_transition("hard", rival)
-    has_effects = has_repeats and config.noise.likelihood == "normal"
-    for name, change in NOISES.items():
-        noise = config.noise.model_copy(update=change)
-        is_possible = "repeats" not in change or (
-            has_effects and config.noise.repeat_effect[0] in ("alike", "auto")
-        )
-        if is_possible and noise != config.noise:
-            configs[name] = config.model_copy(update={"noise": noise})
-    return configs
 
 
 def push_densities(
@@ -344,6 +286,26 @@ def _push_log_likelihoods(
         return jnp.sum(problem.log_likelihoods(problem.state(x)), axis=0)
 
     return jax.vmap(one)(x)
+
+
+def _scores(
+    fitted: Fitted,
+    configs: Mapping[str, GraspConfig],
+    seed: int,
+    progress: Progress | None,
+) -> list[ModelScore]:
+    """All models, not yet compared: every second one beside the others."""
+
+    def score(name: str) -> ModelScore:
+        return _score(name, _refitted(fitted, configs[name]), seed)
+
+    names, scores = list(configs), []
+    others = Beside(lambda _: list(map(score, names[1::2])))
+    for index, name in enumerate(names[::2]):
+        if progress is not None:
+            progress(name.replace("_", " "), 2 * index / len(names))
+        scores.append(score(name))
+    return sorted((*scores, *others.result()), key=lambda one: names.index(one.name))
 
 
 def _refitted(fitted: Fitted, config: GraspConfig) -> Fitted:

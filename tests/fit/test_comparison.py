@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from pushfit.fit import comparison
-from pushfit.fit.comparison import (
-    NEVER_ROLLS,
+from pushfit.config.rivals import (
     NOISES,
     SOFT_SHARPNESS,
+    rival_configs,
+)
+from pushfit.fit import comparison
+from pushfit.fit.comparison import (
     compare_models,
     push_densities,
-    rival_configs,
 )
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares
@@ -112,27 +113,6 @@ def forward_heights(problem, samples):
         )
     )
     return np.asarray(curve(draws))
-
-
-def test_rivals_differ_in_the_transition_alone():
-    base = config("[transition]\nsharpness = 3.0\n")
-    rivals = rival_configs(base)
-    assert rivals["soft"] == base
-    assert rivals["hard"].transition.sharpness == "hard"
-    assert rivals["no_rolling"].parameters.C_rr.fixed == NEVER_ROLLS
-    assert rival_configs(config())["soft"].transition.sharpness == SOFT_SHARPNESS
-    open_ = config('[transition]\nsharpness = "auto"\n')
-    assert rival_configs(open_)["soft"] == open_
-    assert rival_configs(open_)["hard"].transition.sharpness == "hard"
-    for name, rival in rivals.items():
-        same = rival.model_copy(
-            update={"transition": base.transition, "parameters": base.parameters}
-        )
-        if name in NOISES:
-            same = same.model_copy(update={"noise": base.noise})
-            assert rival.transition == base.transition
-            assert rival.noise != base.noise
-        assert same == base
 
 
 def test_without_rolling_the_tangential_force_is_elastic_at_every_elevation():

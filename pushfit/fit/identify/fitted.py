@@ -95,6 +95,11 @@ class Fitted:
     shown: tuple[Violation, ...] = ()
     swept: Mapping[int, PosteriorResult] = field(default_factory=dict)
 
+    @property
+    def mechanics(self) -> str:
+        """By which it was fitted."""
+        return self.setup.problem.grasp.mechanics
+
 
 class Listener:
     """Who waits for an answer and hears what is known already; this one ignores it."""

@@ -5,59 +5,42 @@ all start from `identify_table`. Excluded: how each is answered (`pushfit.fit.pr
 `pushfit.fit.sweep`, `pushfit.fit.assess`).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import FitError
 from pushfit.fit.assess.advice import measurements
 from pushfit.fit.assess.bands import prediction_bands
 from pushfit.fit.assess.identifiability import identifiability
 from pushfit.fit.assess.model_checking import contradicted_quantities, goodness_of_fit
 from pushfit.fit.assess.model_free import model_free_direction
 from pushfit.fit.assess.predictive import predictive_checks
-from pushfit.fit.assess.reporting_rules import (
-    as_unknown,
-    reported,
-    within_verdict,
-)
+from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.sensitivity import angle_error_warnings
-from pushfit.fit.assess.tilt_check import (
-    does_tilt_matter,
-    implied_tilt_deg,
-    is_worse,
-    tilt_warning,
-)
+from pushfit.fit.assess.tilt_check import implied_tilt_deg, tilt_warning
 from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.violations import violation_warnings
 from pushfit.fit.assess.warnings import (
     handover_warnings,
     result_warnings,
 )
-from pushfit.fit.identify.fitted import (
-    Fitted,
-    Listener,
-    check_engine,
-    draw_posterior,
-    fit_table,
-    reach_of,
-    sweep,
+from pushfit.fit.identify.by_mechanics import (
+    fitted_by_leading,
+    mechanics_answer,
+    profiles_of,
 )
+from pushfit.fit.identify.fitted import Fitted, Listener, check_engine, draw_posterior
 from pushfit.fit.identify.progress import Stages, stages_of
 from pushfit.fit.profiles.conditional_likelihood import imposable
-from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.fit.results import (
-    FitStatus,
     Identification,
     LikelihoodProfile,
     MechanicsAnswer,
     PosteriorResult,
-    Quantity,
-    ResultWarning,
 )
 from pushfit.fit.results.environment import environment
 from pushfit.fit.sampler.checkpoint import check_checkpoint
@@ -104,11 +87,11 @@ def identify_table(
     fitted, others = fitted_by_leading(
         table, config, seed=seed, stages=stages, hearing=hearing
     )
-    stages.begin(f"likelihood sets by {_mechanics(fitted)} mechanics")
-    profiles = _profiles(fitted, tuple(ANGLES) if is_brief else None)
-    if not others:
+    stages.begin(f"likelihood sets by {fitted.mechanics} mechanics")
+    profiles = profiles_of(fitted, tuple(ANGLES) if is_brief else None)
+    if len(config.by_mechanics()) == 1:
         hearing.confined(fitted, profiles.get("theta_c"))
-        stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
+        stages.begin(f"posterior by {fitted.mechanics} mechanics")
     if engine == "emcee":
         stages.begin("emcee")
     posterior = draw_posterior(
@@ -164,7 +147,7 @@ def _conclude(
         config=fitted.config,
         fit=fitted.fit,
         posterior=posterior,
-        by_mechanics=(_answer(fitted, posterior, theta_c), *others),
+        by_mechanics=(mechanics_answer(fitted, posterior, theta_c), *others),
         theta_c=theta_c,
         reference_alpha_deg=float(np.degrees(fitted.reference_alpha)),
         alpha_star=angle_quantity(
@@ -225,127 +208,4 @@ def _with_words(
             *angle_error_warnings(setup, found),
             *([] if tilt is None else [tilt]),
         ),
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ByMechanics:
-    """One of the mechanics, ready to be compared with the other."""
-
-    fitted: Fitted
-    swept: PosteriorResult
-    answer: MechanicsAnswer
-
-
-def fitted_by_leading(
-    table: PeakTable,
-    config: GraspConfig,
-    *,
-    seed: int,
-    stages: Stages,
-    hearing: Listener,
-) -> tuple[Fitted, tuple[MechanicsAnswer, ...]]:
-    """Least squares by the mechanics that lead, and what the other ones answer."""
-    fits = _fitted_by_all(table, config, stages, hearing)
-    answers = [_measured(f, seed, stages, hearing) for f in fits if len(fits) > 1]
-    answers = _leading_first(answers)
-    fitted = answers[0].fitted if answers else fits[0]
-    return fitted, tuple(other.answer for other in answers[1:])
-
-
-def _fitted_by_all(
-    table: PeakTable, config: GraspConfig, stages: Stages, hearing: Listener
-) -> list[Fitted]:
-    """Least squares by every mechanics; those that do not fit at all are only said."""
-    fits, warnings = [], []
-    for one in config.by_mechanics():
-        stages.begin(f"least squares by {one.grasp.mechanics} mechanics")
-        try:
-            # One first look is enough for who waits.
-            look = None if fits else hearing.searched
-            fits.append(fit_table(table, one, searching=look))
-            hearing.fitted(fits[-1])
-        except FitError as error:
-            if not fits:
-                raise
-            text = f"no fit by {one.grasp.mechanics} mechanics: {error}"
-            warnings.append(ResultWarning(code="one_mechanics", text=text))
-    return [replace(fit, warnings=(*fit.warnings, *warnings)) for fit in fits]
-
-
-def _measured(
-    fitted: Fitted, seed: int, stages: Stages, hearing: Listener
-) -> _ByMechanics:
-    """Evidence and θ_c of one of the mechanics."""
-    stages.begin(f"set of θ_c by {_mechanics(fitted)} mechanics")
-    profiles = _profiles(fitted, ("theta_c",))
-    hearing.confined(fitted, profiles.get("theta_c"))
-    stages.begin(f"posterior by {_mechanics(fitted)} mechanics")
-    swept = sweep(fitted, seed)
-    fitted = replace(fitted, swept={seed: swept})
-    prob = fitted.config.report.prob
-    theta_c = angle_quantity("theta_c", swept, profiles.get("theta_c"), prob=prob)
-    return _ByMechanics(
-        fitted=fitted, swept=swept, answer=_answer(fitted, swept, theta_c)
-    )
-
-
-def _mechanics(fitted: Fitted) -> str:
-    """By which a table was fitted."""
-    return fitted.setup.problem.grasp.mechanics
-
-
-def _leading_first(measured: list[_ByMechanics]) -> list[_ByMechanics]:
-    """The mechanics that the table is identified by, before the other."""
-    if len(measured) < 2:
-        return measured
-    linear, tilting = measured
-    tilt = implied_tilt_deg(linear.fitted.setup, linear.swept)
-    if not _is_comparable(linear.fitted, tilting.fitted):
-        no_evidence = {"log_evidence": None, "log_evidence_error": None}
-        tilting = replace(tilting, answer=replace(tilting.answer, **no_evidence))
-    if does_tilt_matter(linear.answer, tilting.answer, tilt) and not is_worse(
-        tilting.answer, linear.answer
-    ):
-        return [tilting, linear]
-    return [linear, tilting]
-
-
-def _is_comparable(first: Fitted, second: Fitted) -> bool:
-    """Whether both answer for the same heights, and know their noise alike."""
-    return (
-        first.setup.rows == second.setup.rows
-        and first.setup.noise.kind == second.setup.noise.kind
-    )
-
-
-def _answer(
-    fitted: Fitted, posterior: PosteriorResult, theta_c: Quantity
-) -> MechanicsAnswer:
-    """What stands beside the other mechanics."""
-    best, wanted = fitted.fit.modes[0], fitted.config.report.wanted_width_deg
-    is_trusted = posterior.status is FitStatus.OK
-    return MechanicsAnswer(
-        mechanics=_mechanics(fitted),
-        theta_c=within_verdict(theta_c, wanted_width_deg=wanted)
-        if is_trusted
-        else as_unknown(theta_c),
-        best_fit_deg=best.theta_c_deg,
-        chi_square=best.chi_square,
-        log_evidence=posterior.log_evidence,
-        log_evidence_error=posterior.log_evidence_error,
-    )
-
-
-def _profiles(
-    fitted: Fitted, wanted: Sequence[str] | None
-) -> dict[str, LikelihoodProfile]:
-    """Likelihood profiles as the configuration wants them."""
-    return likelihood_profiles(
-        fitted.setup,
-        fitted.fit,
-        reference_alpha=fitted.reference_alpha,
-        prob=fitted.config.report.prob,
-        reach=reach_of(fitted.config),
-        wanted=wanted,
     )

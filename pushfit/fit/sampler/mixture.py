@@ -3,6 +3,7 @@
 Excluded: the moves of walkers by it (`pushfit.fit.sampler.moves`).
 """
 
+import threading
 import warnings
 from dataclasses import dataclass
 
@@ -25,6 +26,8 @@ N_STEPS = 10
 # Least variance of a component, in units of all points together: a thousandth of their
 # spread, which keeps repeated points from becoming a component of their own.
 SMALLEST_VARIANCE = 1e-6
+# Filters of warnings are those of all threads: one at a time may change them.
+_FILTERS = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +116,7 @@ def fit_mixture(
     white = np.linalg.solve(overall, (points - centre).T).T
     # Points that repeat are told apart, so that there are as many as clusters.
     apart = white + np.sqrt(SMALLEST_VARIANCE) * rng.standard_normal(white.shape)
-    with warnings.catch_warnings():
+    with _FILTERS, warnings.catch_warnings():
         # Of a cluster that lost its points: it has no weight.
         warnings.simplefilter("ignore", UserWarning)
         _, label = scipy.cluster.vq.kmeans2(apart, n_components, minit="++", rng=rng)

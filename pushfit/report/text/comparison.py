@@ -8,7 +8,8 @@ import math
 import textwrap
 from collections.abc import Callable
 
-from pushfit.fit.comparison import NOISES, Comparison, ModelScore
+from pushfit.config.rivals import NOISES
+from pushfit.fit.comparison import Comparison, ModelScore
 from pushfit.fit.results import FitStatus
 from pushfit.report.json_values import Json, json_safe
 from pushfit.report.strings import join_and

@@ -3,11 +3,8 @@
 import pytest
 
 from pushfit.config import GraspConfig, parse_config
-from pushfit.errors import FitError
 from pushfit.fit.assess.tilt_check import does_tilt_matter, is_worse, tilt_warning
-from pushfit.fit.identify import identify_table as identify
-from pushfit.fit.problem.setup import build_problem
-from tests.report.makers import make_answer, make_fit, make_table
+from tests.report.makers import make_answer
 
 MEASURED = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"
 
@@ -82,35 +79,3 @@ def test_a_large_tilt_is_warned_of_only_where_the_equations_of_the_paper_lead():
 def test_both_mechanics_are_computed_where_the_lengths_are_stated(text, expected):
     found = settings(text).by_mechanics()
     assert [one.grasp.mechanics for one in found] == expected
-
-
-def test_mechanics_that_cannot_be_fitted_are_said_and_stop_nothing(
-    monkeypatch,
-):
-    table = make_table(with_alpha=False)
-    fitted = identify.Fitted(
-        table=table,
-        config=settings(MEASURED),
-        setup=build_problem(table, settings()),
-        fit=make_fit(table),
-        reference_alpha=0.0,
-        warnings=(),
-    )
-
-    def fit_table(_, config, *, searching):
-        if config.grasp.mechanics == "tilting":
-            raise FitError("no finite start", code="no_finite_start")
-        return fitted
-
-    monkeypatch.setattr(identify, "fit_table", fit_table)
-    heard = []
-
-    class Hearing(identify.Listener):
-        def fitted(self, fitted):
-            heard.append(fitted)
-
-    stages = identify.Stages(["least squares by linear mechanics"])
-    (only,) = identify._fitted_by_all(fitted.table, fitted.config, stages, Hearing())
-    assert heard == [fitted]
-    assert [warning.code for warning in only.warnings] == ["one_mechanics"]
-    assert "no finite start" in only.warnings[0].text

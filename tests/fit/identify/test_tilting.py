@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from pushfit.config import parse_config
+from pushfit.config.rivals import rival_configs
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.simulate import Session, simulate_recording, simulate_table
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.advice import measurements
-from pushfit.fit.comparison import compare_models, rival_configs
+from pushfit.fit.comparison import compare_models
 from pushfit.fit.identify.fitted import fit_table, reach_of
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.constraint_terms import held_names, held_values
