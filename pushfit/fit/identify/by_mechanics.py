@@ -106,7 +106,7 @@ def fitted_by_leading(
     stages.begin(f"posterior {first.by}")
     found, warnings = [first.measured(fitted, at_once)], []
     for one, other in zip(rest, others, strict=True):
-        stages.begin(f"the same {one.by}")
+        stages.begin(f"fit and posterior {one.by}")
         try:
             found.append(other.result())
         except FitError as error:
