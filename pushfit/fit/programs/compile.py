@@ -23,7 +23,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Generic, ParamSpec, TypeVar
 
 import jax
 import numpy as np
@@ -67,6 +67,8 @@ MAX_PROGRAMS = 128
 MAX_FILES = {"program": 512, "traced": 4096, "kept": 64, "run": 512}
 # Threads that load programs, nearly all of it without Python: one core is left to it.
 N_LOADERS = max(1, min(os.cpu_count() or 1, 4) - 1)
+# Held while a program is looked up, not while it is made.
+_looking_up = threading.Lock()
 # Files of programs that this process has used, in order, and those that are loaded
 # before they are used.
 _used: dict[str, None] = {}
@@ -143,13 +145,42 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         constants = tuple(None if isinstance(x, ARRAYS) else x for x in leaves)
         shapes = tuple((array.shape, array.dtype) for array in arrays)
         form = (structure, constants, tuple(map(type, constants)), shapes)
-        return _program(function, programs_folder(), form)(*arrays)
+        with _looking_up:
+            program = _program(function, programs_folder(), form)
+        return program()(*arrays)
 
     return call
 
 
+class _Once(Generic[R]):
+    """What is made when it is first asked for, by one thread for all.
+
+    Args:
+        make: Makes it.
+    """
+
+    def __init__(self, make: Callable[[], R]) -> None:
+        """Make nothing yet."""
+        self._make, self._making = make, threading.Lock()
+        self._made: list[R] = []
+
+    def __call__(self) -> R:
+        """It, as soon as it is made."""
+        with self._making:
+            if not self._made:
+                self._made.append(self._make())
+        return self._made[0]
+
+
 @functools.lru_cache(MAX_PROGRAMS)
 def _program(
+    function: Callable[..., Any], folder: Path | None, form: tuple[Any, ...]
+) -> _Once[Callable[..., Any]]:
+    """A program that every thread shares."""
+    return _Once(lambda: _made(function, folder, form))
+
+
+def _made(
     function: Callable[..., Any], folder: Path | None, form: tuple[Any, ...]
 ) -> Callable[..., Any]:
     """A function compiled for arguments of one form, from its file if there is one.

@@ -6,7 +6,8 @@ import os
 import shutil
 import subprocess
 import sys
-from threading import current_thread, main_thread
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import equinox as eqx
 import jax
@@ -28,6 +29,9 @@ from pushfit.model import Grasp, Parameters
 from tests.fit.tables import FRICTION_ONLY, config
 from tests.oracle.integrand import Inner
 from tests.tolerances import EXACT
+
+# Longer than any of this takes, and than a thread takes to begin what it may [s].
+LONG, AT_ONCE = 60.0, 0.5
 
 
 class Line(eqx.Module):
@@ -166,6 +170,25 @@ def test_other_numbers_run_through_the_same_program(folder):
     found = function(Line(jnp.asarray(5.0), 2), X + 1)
     np.testing.assert_array_equal(found.value, 5 * np.arange(1.0, 5.0) ** 2)
     assert len(traced) == 1
+
+
+def test_threads_that_ask_at_the_same_time_share_one_program(folder):
+    """While one traces it, the other comes, and would trace it a second time."""
+    is_traced, is_traced_twice, goes_on = (threading.Event() for _ in range(3))
+
+    def double(x: Float[Array, " n"]) -> Float[Array, " n"]:
+        (is_traced_twice if is_traced.is_set() else is_traced).set()
+        goes_on.wait(LONG)
+        return 2 * x
+
+    shared, x = compiled(double), jnp.arange(3.0)
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(shared, x)
+        assert is_traced.wait(LONG)
+        second = pool.submit(shared, x)
+        assert not is_traced_twice.wait(AT_ONCE)
+        goes_on.set()
+        np.testing.assert_array_equal(first.result(), second.result())
 
 
 @pytest.mark.parametrize(
@@ -429,14 +452,16 @@ def test_what_an_analysis_used_is_loaded_before_it_is_asked_for(folder, monkeypa
     monkeypatch.setattr(programs, "_used", {})
     loaded, load = [], programs._load
     monkeypatch.setattr(
-        programs, "_load", lambda path: loaded.append(current_thread()) or load(path)
+        programs,
+        "_load",
+        lambda path: loaded.append(threading.current_thread()) or load(path),
     )
     again, traces = counted()
     with programs.loaded_ahead("lines"):
         np.testing.assert_array_equal(again(LINE, X).value, expected)
     assert not traces
     assert len(loaded) == 1
-    assert loaded[0] is not main_thread()
+    assert loaded[0] is not threading.main_thread()
 
 
 def test_a_program_that_cannot_be_loaded_ahead_is_loaded_when_asked_for(
@@ -450,7 +475,7 @@ def test_a_program_that_cannot_be_loaded_ahead_is_loaded_when_asked_for(
     load = programs._load
 
     def only_in_time(path):
-        if current_thread() is not main_thread():
+        if threading.current_thread() is not threading.main_thread():
             raise ValueError("not now")
         return load(path)
 
