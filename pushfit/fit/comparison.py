@@ -89,7 +89,8 @@ class ModelScore:
         status: Whether its posterior is to be trusted.
         log_bayes_factor: Log evidence minus the highest of all models.
         elpd_difference: Sum of the densities minus the highest of all models.
-        elpd_difference_se: Standard error of the difference; 0 for the best.
+        elpd_difference_se: Standard error of the difference; 0 for the best, and None
+            for a single push.
     """
 
     name: str
@@ -265,7 +266,7 @@ def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:
     best = max(densities, key=np.sum, default=None)
     compared = []
     for score in scores:
-        changes: dict[str, float] = {}
+        changes: dict[str, float | None] = {}
         if score.log_evidence is not None and len(evidences) > 1:
             changes["log_bayes_factor"] = score.log_evidence - max(evidences)
         if score.densities is not None and best is not None:
@@ -357,6 +358,14 @@ def _efficiency(posterior: PosteriorResult) -> float:
     return min(1.0, ess / posterior.log_prob.size)
 
 
-def _sum_se(values: Float[np.ndarray, " n"]) -> float:
-    """Standard error of the sum of values that differ from push to push."""
-    return float(np.sqrt(values.size) * np.std(values))
+def _sum_se(values: Float[np.ndarray, " n"]) -> float | None:
+    """Standard error of the sum of values that differ from push to push; None of one.
+
+        √(n V),  V the sample variance with n - 1
+
+    References:
+        Vehtari, Gelman and Gabry (2017), doi:10.1007/s11222-016-9696-4, section 5.
+    """
+    if values.size < 2:
+        return None
+    return float(np.sqrt(values.size) * np.std(values, ddof=1))

@@ -23,6 +23,7 @@ from pushfit.model import Parameters, forward
 from tests.fit.tables import FRICTION_ONLY, case_table, config, setup_of
 from tests.oracle.exact import exact_grid, exact_posterior
 from tests.problems import CASES, PUSH
+from tests.report.makers import make_comparison
 from tests.tolerances import EXACT
 
 ALPHA, REACH = np.pi / 2, (0.0, np.pi)
@@ -33,6 +34,9 @@ BRUTE_FORCE = 2e-3
 # Standard errors of the evidence that one table in 16 000 leaves, and the largest that
 # may be stated: a factor of 1.02.
 ERRORS, SMALL_ERROR = 4, 0.02
+# Differences that are drawn, and standard errors of their mean that one in 16 000
+# leaves.
+N_SUMS, MEAN_ERRORS = 2000, 4
 
 
 def monte_carlo_error(log_likelihoods):
@@ -113,6 +117,41 @@ def forward_heights(problem, samples):
         )
     )
     return np.asarray(curve(draws))
+
+
+def scored(*densities):
+    """Models of which nothing is known but the densities of their pushes."""
+    (score, *_) = make_comparison().models
+    scores = []
+    for elpd in map(np.array, densities):
+        none = np.zeros(elpd.size)
+        found = comparison.PushDensities(
+            elpd=elpd, p_loo=none, pareto_k=none, max_pareto_k=0.7
+        )
+        scores.append(dataclasses.replace(score, densities=found))
+    return comparison.against_best(scores)
+
+
+def test_the_square_of_the_standard_error_of_a_difference_is_its_variance():
+    """In the mean over differences between few pushes, whose sum varies by n sd²."""
+    n, sd = 6, 0.3
+    rng = np.random.default_rng(0)
+    squares = []
+    for _ in range(N_SUMS):
+        difference = rng.normal(-9.0, sd, size=n)
+        _, worse = scored(np.zeros(n), difference)
+        squares.append(worse.elpd_difference_se**2)
+    # That of chi-square with n - 1 degrees of freedom, over the square of its mean.
+    error = np.sqrt(2 / (n - 1) / N_SUMS)
+    assert abs(np.mean(squares) / (n * sd**2) - 1) < MEAN_ERRORS * error
+
+
+def test_a_difference_in_a_single_push_has_no_standard_error():
+    best, worse = scored([0.0], [-9.0])
+    assert best.elpd_difference == 0.0
+    assert worse.elpd_difference == -9.0
+    assert worse.elpd_difference_se is None
+    assert not worse.predicts_worse
 
 
 def test_without_rolling_the_tangential_force_is_elastic_at_every_elevation():

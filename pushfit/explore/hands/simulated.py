@@ -228,7 +228,9 @@ def simulated_hand(
     preload = config.preload_in(unit)
     if isinstance(preload, str):
         raise ConfigError(
-            "the preload of a simulated grasp needs to be a number", code="no_truth"
+            f"the preload is {preload!r}; a simulated hand needs a number for "
+            f"[grasp] preload_{unit}",
+            code="no_truth",
         )
     session = replace(
         SESSION, unit=unit, noise=noise, level=preload, forces=forces, normal=normal

@@ -153,7 +153,8 @@ def effective_draws(
         (sum of w)² / (sum of w²)
 
     Args:
-        spread: Its standard deviation; infinite to weigh by the prior alone.
+        mean: Of the quantity over items.
+        spread: Standard deviation of the same; infinite to weigh by the prior alone.
 
     References:
         Kish (1965), Survey Sampling.
