@@ -154,6 +154,15 @@ def test_a_difference_in_a_single_push_has_no_standard_error():
     assert not worse.predicts_worse
 
 
+@pytest.mark.parametrize(("difference", "is_worse"), [(-3.9, False), (-4.1, True)])
+def test_models_that_predict_nearly_alike_are_not_told_apart(difference, is_worse):
+    """By whatever standard error: here it is none but for rounding."""
+    n = 20
+    _, other = scored(np.zeros(n), np.full(n, difference / n))
+    assert other.elpd_difference_se < EXACT
+    assert other.predicts_worse is is_worse
+
+
 def test_without_rolling_the_tangential_force_is_elastic_at_every_elevation():
     case = CASES["paper"]
     table = case_table(case, theta_deg=np.array([0.01, 1.0, 30.0, 89.0]), repeats=1)
