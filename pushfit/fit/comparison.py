@@ -38,8 +38,8 @@ from pushfit.fit.sweep.posterior import MAX_PARETO_K
 # Differences below these tell nothing: a factor of e between evidences; between
 # predictive densities two standard errors, and 4, since standard errors of models that
 # predict nearly alike are too small (Sivula, Magnusson and Vehtari, arXiv:2008.10296):
-# between a hard and a soft transition, in 60 simulated sweeps of 20 pushes, 0.059 where
-# differences had a standard deviation of 0.078.
+# `python -m benchmarks.inference.elpd_errors` finds 0.059 where differences have a
+# standard deviation of 0.078.
 MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS, MIN_ELPD = 1.0, 2.0, 4.0
 # Draws of one call, so that one program serves every number of them; 51 pushes of so
 # many are half a megabyte.
