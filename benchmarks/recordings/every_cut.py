@@ -102,7 +102,7 @@ class Push:
     is_cut: bool
 
 
-def found(recording: Recording, part: slice) -> list[Push]:
+def pushes_of(recording: Recording, part: slice) -> list[Push]:
     """Pushes of a part of a recording."""
     frame = measured(of(recording.time[part], recording.channels[CHANNEL][part]))
     heights = [str(name) for name in frame if str(name).startswith("height_")]
@@ -143,22 +143,22 @@ def rests(recording: Recording, pushes: Sequence[Push]) -> list[tuple[float, flo
 
 
 def evenly(recording: Recording, n_cuts: int) -> list[int]:
-    """So many places, evenly spread over the samples of a recording."""
+    """So many places, evenly spread over the samples of a recording; at most all."""
     n = len(recording.time)
-    return np.linspace(LEAST, n - LEAST, n_cuts).astype(int).tolist()
+    return np.unique(np.linspace(LEAST, n - LEAST, n_cuts).astype(int)).tolist()
 
 
 def count(recording: Recording, cuts: Sequence[int]) -> Count:
     """Cut a recording before each of some samples."""
     time = recording.time
-    every = found(recording, slice(None))
+    every = pushes_of(recording, slice(None))
     beside = rests(recording, every)
     whole = cut = 0
     lost, unflagged, moves, shortened = [], [], [], []
     for k in cuts:
         for part in (slice(0, k), slice(k, None)):
             first, last = time[part][[0, -1]]
-            parts = found(recording, part)
+            parts = pushes_of(recording, part)
             for push, (begin, end) in zip(every, beside, strict=True):
                 if push.is_cut:
                     continue

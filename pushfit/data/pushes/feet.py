@@ -279,7 +279,7 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     # A level over that of the other rest is one on the way, unless drift leads there
     # or it is held for as long as the push.
     length = np.maximum(feet.end - feet.start, feet.step)
-    drift = length * _usual_rate(feet.rows(np.flatnonzero(~(is_first | is_last))))
+    drift = _usual_drift(feet.rows(np.flatnonzero(~(is_first | is_last))), length)
     high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
     is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
@@ -297,12 +297,16 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     return (is_first & begins) | (is_last & ends)
 
 
-def _usual_rate(feet: Feet[np.ndarray]) -> float:
-    """Drift of the rests beside pushes: a median, a long push for more [unit/s]."""
+def _usual_drift(feet: Feet[np.ndarray], over: PerPush) -> PerPush:
+    """Drift of the rests over times [s], by a median rate, a long push for more [unit].
+
+    It says nothing of times that are longer than the pushes that show it.
+    """
     length = np.maximum(feet.end - feet.start, feet.step)
     if length.size == 0:
-        return 0.0
+        return np.zeros_like(over)
     rates = feet.moved / length
     order = np.argsort(rates)
     up_to = np.cumsum(length[order])
-    return float(rates[order][np.searchsorted(up_to, up_to[-1] / 2)])
+    rate = rates[order][np.searchsorted(up_to, up_to[-1] / 2)]
+    return rate * np.minimum(over, up_to[-1])

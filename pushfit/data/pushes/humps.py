@@ -183,7 +183,7 @@ class Humps:
         lows, tops = self.y[self.valleys], self.y[self.peaks]
         low = lows[pair + 1]
         near = _LEVEL * (min(tops[pair : pair + 2]) - low)
-        is_large = tops - low >= _ON_TOP * self.heights.max()
+        is_large = tops - low >= _ON_TOP * (tops.max() - lows.min())
         for side, passed in (
             (lows[pair + 2 :], is_large[pair + 1 :]),
             (lows[pair::-1], is_large[pair::-1]),

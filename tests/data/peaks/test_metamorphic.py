@@ -11,7 +11,7 @@ from itertools import cycle, pairwise
 import numpy as np
 import pytest
 
-from benchmarks.recordings.every_cut import count, evenly, recordings
+from benchmarks.recordings.every_cut import count, evenly, pushes_of, recordings
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.recording import read_recording
@@ -342,42 +342,58 @@ def test_resampled_real_recordings_have_the_same_pushes(real_signal, ratio):
     assert np.abs(pulls).max() < RESAMPLED
 
 
+@pytest.fixture(scope="module")
+def channels(real_data):
+    """Every channel of the real recordings that has pushes, by its name."""
+    return dict(recordings(real_data))
+
+
+def one_of(channels, part):
+    (name,) = (name for name in channels if part in name)
+    return channels[name]
+
+
 # Where a cut once lost a push, left one unflagged, or ended in a failure [s].
-HARD_CUTS = [
-    ("trial2", 13.01),
-    ("trial2", 38.24),
-    ("force_N", 99.26),
-    ("peg_poke", 7.61),
-    ("p1_Pa", 95.53),
-    ("p0_Pa", 68.67),
-    ("p0_Pa", 68.85),
-    ("p0_Pa", 69.14),
-    # A jerk beside what is left of its push; a rest level that steps under one.
-    ("trial2", 58.005),
-    ("real_hall", 1663502488.5572),
-]
+HARD_CUTS = {
+    # At last: a jerk beside what is left of its push.
+    "trial2": (13.01, 38.24, 58.005),
+    # Wiggles of a hold that is cut, beside pushes that are no higher on their own.
+    "force_N": (53.42, 99.26),
+    "peg_poke": (7.61,),
+    "p1_Pa": (95.53,),
+    "p0_Pa": (68.67, 68.85, 69.14),
+    # A rest level that steps under a push.
+    "real_hall": (1663502488.5572,),
+}
 
 
-@pytest.mark.parametrize(("part", "when"), HARD_CUTS)
-def test_a_cut_where_little_is_seen_of_a_push_loses_none(real_data, part, when):
-    (own,) = (r for name, r in recordings(real_data) if part in name)
-    cuts = count(own, [int(np.abs(own.time - when).argmin())])
+@pytest.mark.parametrize("part", HARD_CUTS)
+def test_a_cut_where_little_is_seen_of_a_push_loses_none(channels, part):
+    own = one_of(channels, part)
+    cuts = count(own, [int(np.abs(own.time - t).argmin()) for t in HARD_CUTS[part]])
     assert (cuts.lost, cuts.unflagged) == ((), ())
 
 
+def test_a_wiggle_shows_no_drift_of_the_push_beside_it(channels):
+    """Its rests differ as much as those of the push, within a tenth of the time."""
+    own = one_of(channels, "soft_skin/grid_r0.20")
+    part = slice(int(np.searchsorted(own.time, 84.82)), None)
+    assert [push.is_cut for push in pushes_of(own, part)] == [False, False]
+
+
 @pytest.mark.parametrize("part", ["p0_Pa", "191542, p2_Pa", "soft_skin/grid_r0.20"])
-def test_cuts_far_from_bumpy_pushes_leave_their_heights(real_data, part):
+def test_cuts_far_from_bumpy_pushes_leave_their_heights(channels, part):
     """So many that their feet lie elsewhere by where the search began."""
-    (own,) = (r for name, r in recordings(real_data) if part in name)
+    own = one_of(channels, part)
     moves = np.abs(count(own, evenly(own, 12)).moves)
     assert np.count_nonzero(moves > SAME) <= FEW * len(moves)
 
 
 @pytest.mark.slow
 def test_no_cut_of_a_real_recording_loses_a_push_or_leaves_a_cut_one_unflagged(
-    real_data,
+    channels,
 ):
-    for name, recording in recordings(real_data):
+    for name, recording in channels.items():
         cuts = count(recording, evenly(recording, 100))
         assert (name, cuts.lost, cuts.unflagged) == (name, (), ())
 
