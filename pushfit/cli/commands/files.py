@@ -4,7 +4,7 @@ Excluded: the checks (`pushfit.data.check`), the measuring of pushes
 (`pushfit.data.peaks.extract`) and the simulation (`pushfit.data.simulate`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,8 +21,9 @@ from pushfit.report.strings import printable
 
 if TYPE_CHECKING:
     from pushfit.config import GraspConfig
-    from pushfit.data.recordings.records import Recording
+    from pushfit.data.peaks.extract import Heights
     from pushfit.data.tables.peak_table import PeakTable
+    from pushfit.data.tables.traces import Trace
 
 SCHEMA = "pushfit.validate/1"
 
@@ -117,12 +118,13 @@ def peaks(
         expect_kind(recording, "recording", **reader_options(settings))
         samples = configured_recording(recording, settings)
         if samples.theta is None or samples.alpha is None:
-            print_heights(session, recording, samples, settings=settings, output=output)
-            if plot is not None:
-                from pushfit.report.figures import found_figure, save_figure
+            from pushfit.data.peaks.extract import measure_pushes
 
-                save_figure(found_figure(samples, settings.peaks), plot)
-                session.wrote(plot)
+            found = measure_pushes(samples, settings=settings.peaks)
+            notes = (*samples.notes, *found.notes)
+            print_heights(session, recording, found, notes=notes, output=output)
+            if plot is not None:
+                draw_peaks(session, found.trace, found, plot=plot)
             return
     schedules = [] if schedule is None else [schedule]
     try:
@@ -133,10 +135,10 @@ def peaks(
             found = settings.peaks.model_copy(update={"allow_missing": True})
             settings = settings.model_copy(update={"peaks": found})
             table = load_peaks(session, [recording], schedules, config=settings)
-            draw_peaks(session, table, plot)
+            draw_peaks(session, table.traces[0], table, plot=plot)
         raise
     if plot is not None:
-        draw_peaks(session, table, plot)
+        draw_peaks(session, table.traces[0], table, plot=plot)
     if output is None:
         print(table.frame.to_csv(index=False), end="")
         return
@@ -147,31 +149,31 @@ def peaks(
 def print_heights(
     session: CommandSession,
     path: Path,
-    recording: "Recording",
+    found: "Heights",
     *,
-    settings: "GraspConfig",
+    notes: Sequence[str],
     output: Path | None,
 ) -> None:
     """Give the heights of pushes whose directions are not known."""
-    from pushfit.data.peaks.extract import measure_pushes
-
-    measured = measure_pushes(recording, settings=settings.peaks)
-    for note in (*recording.notes, *measured.notes):
-        tell = session.warn if note in measured.cautions else session.say_more
+    for note in notes:
+        tell = session.warn if note in found.cautions else session.say_more
         tell(f"{path}: {note}")
+    n = len(found.frame)
     session.say(
-        f"{path}: no angles and no schedule, so the {len(measured.frame)} pushes have "
-        "heights and times but no directions; give --schedule for a fit"
+        f"{path}: no angles and no schedule, so the {n} pushes have heights and times "
+        "but no directions; give --schedule for a fit"
     )
-    text = measured.frame.to_csv(index=False, lineterminator="\n")
-    write_text(session, text, output, remark=f": {len(measured.frame)} pushes")
+    text = found.frame.to_csv(index=False, lineterminator="\n")
+    write_text(session, text, output, remark=f": {n} pushes")
 
 
-def draw_peaks(session: CommandSession, table: "PeakTable", plot: Path) -> None:
+def draw_peaks(
+    session: CommandSession, trace: "Trace", table: "PeakTable | Heights", *, plot: Path
+) -> None:
     """Draw the signal of a recording with what was taken from it."""
     from pushfit.report.figures import save_figure, signal_figure
 
-    save_figure(signal_figure(table.traces[0], table), plot)
+    save_figure(signal_figure(trace, table), plot)
     session.wrote(plot)
 
 

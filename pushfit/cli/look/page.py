@@ -184,7 +184,7 @@ class Page:
         notes = look.notes
         try:
             found = look.measure()
-            frame, components = found.frame, found.components
+            frame, components = found.frame, found.trace.components
             notes = (*notes, *found.cautions)
         except PushfitError as error:
             notes = (*notes, str(error))

@@ -283,7 +283,7 @@ class Look:
                 frame=table.frame,
                 notes=table.notes,
                 cautions=table.cautions,
-                components=table.traces[0].components,
+                trace=table.traces[0],
             )
         return measure_pushes(self.recording, settings=peaks)
 

@@ -44,13 +44,13 @@ class Heights:
         frame: One row per push, as in a peak table but for the angles.
         notes: What there is to be told.
         cautions: Those of the notes that the user should not overlook.
-        components: Force components that the heights were measured in, if any.
+        trace: The signal that they were measured in.
     """
 
     frame: pd.DataFrame
     notes: tuple[str, ...]
     cautions: tuple[str, ...]
-    components: tuple[ComponentTrace, ...] = ()
+    trace: Trace
 
 
 def extract_peaks(
@@ -100,8 +100,7 @@ def extract_peaks(
     table = PeakTable.from_frame(
         frame, sources=sources, notes=(*recording.notes, *cautions, *notes)
     )
-    trace = look.trace(table, measured.components)
-    return replace(table, traces=(trace,), cautions=cautions)
+    return replace(table, traces=(look.trace(measured),), cautions=cautions)
 
 
 def measure_pushes(
@@ -124,7 +123,7 @@ def measure_pushes(
         frame=frame,
         notes=(*cautions, *notes),
         cautions=cautions,
-        components=measured.components,
+        trace=look.trace(measured),
     )
 
 
@@ -153,19 +152,19 @@ class _Look:
         part = looked_at(recording, settings)
         return cls(whole, part, settings, *push_signal(part, settings))
 
-    def trace(self, table: PeakTable, components: tuple[ComponentTrace, ...]) -> Trace:
-        """The signal that all rows of a table were measured in."""
+    def trace(self, measured: _Measured) -> Trace:
+        """The signal that all rows were measured in."""
         time, signal = envelope(self.time, self.signal, max_points=MAX_KEPT)
         return Trace(
             path=self.recording.sources[0].path if self.recording.sources else "",
             name=signal_name(self.recording, self.settings),
-            unit=table.unit,
+            unit=signal_unit(self.recording, self.settings),
             time=time,
             signal=signal,
             first_row=0,
-            n_rows=table.n_pushes,
+            n_rows=len(measured.columns["flags"]),
             sign=-1 if self.settings.invert else 1,
-            components=components,
+            components=measured.components,
         )
 
     def paired(

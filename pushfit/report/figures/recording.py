@@ -15,11 +15,9 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
-from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.components import looked_at, push_signal, signal_name
-from pushfit.data.peaks.extract import find_pushes, measure_pushes
-from pushfit.data.recordings.recording import Recording
+from pushfit.data.peaks.extract import Heights
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.tables.rules import CHANNELS
 from pushfit.data.tables.traces import ComponentTrace, Trace, envelope
 from pushfit.errors import counted
 from pushfit.report.figures.components import (
@@ -258,19 +256,22 @@ def _row_edges(
 
 
 def signal_figure(
-    trace: Trace, table: PeakTable, *, fig: "Figure | SubFigure | None" = None
+    trace: Trace,
+    table: PeakTable | Heights,
+    *,
+    fig: "Figure | SubFigure | None" = None,
 ) -> "Figure":
     """A recording as the table keeps it, with the pushes that were taken from it.
 
     Args:
-        trace: One of the traces of the table.
-        table: Peak heights that were measured in it.
+        trace: What the heights were measured in.
+        table: The heights, with directions or without.
     """
-    rows = range(trace.first_row, trace.first_row + trace.n_rows)
+    rows = slice(trace.first_row, trace.first_row + trace.n_rows)
     return recording_figure(
         trace.time,
         trace.signal,
-        marks_of(table, rows, sign=trace.sign),
+        marks_of(table.frame.iloc[rows], unit=trace.unit, sign=trace.sign),
         unit=trace.unit,
         channel=trace.name,
         components=trace.components,
@@ -279,48 +280,22 @@ def signal_figure(
 
 
 def found_figure(
-    recording: Recording,
-    settings: PeakSettings,
-    *,
-    fig: "Figure | SubFigure | None" = None,
+    found: Heights, *, fig: "Figure | SubFigure | None" = None
 ) -> "Figure":
     """A recording with its pushes numbered: what a schedule has to name.
 
     Args:
-        recording: Samples to look in.
-        settings: Where and how, as `[peaks]` of the settings.
+        found: Heights of pushes whose directions are not known.
     """
-    extents = find_pushes(recording, settings=settings)
-    components: tuple[ComponentTrace, ...] = ()
-    if settings.normal is not None and extents:
-        components = measure_pushes(recording, settings=settings).components
-    recording = looked_at(recording, settings)
-    marks = pd.DataFrame(
-        [(e.t_start, e.t_end, e.t_peak) for e in extents], columns=TIMES
-    ).assign(
-        push=np.arange(1, len(extents) + 1),
-        theta_deg=np.nan,
-        alpha_deg=np.nan,
-        baseline=np.nan,
-        height=np.nan,
-        flags="",
-    )
-    name = signal_name(recording, settings)
-    unit = recording.units.get(name, next(iter(recording.units.values())))
-    return recording_figure(
-        *push_signal(recording, settings),
-        marks,
-        unit=unit,
-        channel=name,
-        components=components,
-        fig=fig,
-    )
+    return signal_figure(found.trace, found, fig=fig)
 
 
-def marks_of(table: PeakTable, rows: Sequence[int], *, sign: int = 1) -> pd.DataFrame:
-    """Where some pushes of a table were measured.
+def marks_of(frame: pd.DataFrame, *, unit: str, sign: int = 1) -> pd.DataFrame:
+    """Where pushes were measured.
 
     Args:
+        frame: Rows of a table of peak heights.
+        unit: Unit of the heights.
         sign: Of the signal to draw them in, that of its `Trace`.
 
     Returns:
@@ -328,19 +303,16 @@ def marks_of(table: PeakTable, rows: Sequence[int], *, sign: int = 1) -> pd.Data
         `t_end_s` and `t_peak_s`, `baseline` and `height` in the unit of the signal, and
         `flags`, words of doubt joined by ";". NaN is unknown.
     """
-    frame = table.frame.iloc[list(rows)]
-    names = ["theta_deg", "alpha_deg", *TIMES, f"baseline_{table.unit}"]
+    names = ["theta_deg", "alpha_deg", *TIMES, f"baseline_{unit}"]
     numbers = frame.reindex(columns=names).astype(float)
-    heights = [
-        frame[f"{channel}_{table.unit}"].to_numpy(dtype=float)
-        for channel in table.channels
-    ]
+    columns = [f"{channel}_{unit}" for channel in CHANNELS]
+    heights = frame[[name for name in columns if name in frame]].to_numpy(dtype=float)
     baseline = sign * numbers.pop(names[-1])
-    is_one = len(heights) == 1
+    is_one = heights.shape[1] == 1
     return numbers.assign(
         push=frame["push"].astype(int),
         # Of components the signal is the length of their change, which rests at zero.
         baseline=baseline if is_one else 0.0,
-        height=heights[0] if is_one else np.linalg.norm(heights, axis=0),
-        flags=[";".join(sorted(table.flags[row])) for row in rows],
+        height=heights[:, 0] if is_one else np.linalg.norm(heights, axis=1),
+        flags=frame["flags"],
     )

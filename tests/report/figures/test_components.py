@@ -9,7 +9,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import extract_peaks
+from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.report.figures import found_figure
@@ -197,7 +197,9 @@ def test_stretches_and_jerks_of_a_clock_are_counted_from_the_first_second():
 
 
 def test_pushes_without_directions_have_their_components_as_well():
-    figure = found_figure(forces(THREE), PeakSettings(normal="-fz"))
+    figure = found_figure(
+        measure_pushes(forces(THREE), settings=PeakSettings(normal="-fz"))
+    )
     for name, axes in zip(THREE, figure.axes[1:], strict=True):
         reached = LEVELS[name] + np.array(HEIGHTS[name])
         np.testing.assert_allclose(tops_of(axes)[1], reached, rtol=0, atol=CLOSE)
@@ -218,7 +220,7 @@ def test_rows_of_many_pushes_show_each_of_them_once_and_at_one_scale():
     table = table_of(forces(THREE))
     (trace,) = table.traces
     n, order = 16, np.random.default_rng(0).permutation(64)
-    marks = marks_of(table, range(4))
+    marks = marks_of(table.frame, unit=table.unit)
     many = marks.loc[np.tile(marks.index, n)].reset_index(drop=True)
     shift = np.repeat(22.0 * np.arange(n), 4)
 

@@ -181,7 +181,7 @@ def test_the_height_of_components_is_drawn_to_the_length_of_their_change():
         },
         unit="n",
     )
-    marks = marks_of(table, range(2))
+    marks = marks_of(table.frame, unit="n")
     assert marks.baseline.tolist() == [0.0, 0.0]
     assert marks.height.tolist() == [5.0, 5.0]
 

@@ -248,7 +248,7 @@ def make_recording():
 
 def test_a_recording_shows_directions_and_doubts():
     time, signal, table = make_recording()
-    marks = marks_of(table, range(table.n_pushes))
+    marks = marks_of(table.frame, unit=table.unit)
     figure = recording_figure(time, signal, marks, unit="counts", channel="pressure")
     texts = [text.get_text() for text in figure.axes[0].texts]
     assert ["-30°", "0°", "30°"] == texts[:3]

@@ -53,7 +53,7 @@ WHAT = {
         },
     ),
     "recording": lambda result: (
-        (CURVE, CURVE, marks_of(result.table, range(3))),
+        (CURVE, CURVE, marks_of(result.table.frame.iloc[:3], unit=result.table.unit)),
         {"unit": "n", "channel": "force"},
     ),
     "residual": lambda _: (

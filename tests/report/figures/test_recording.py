@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import extract_peaks, find_pushes
+from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.report.figures import found_figure
@@ -30,21 +30,25 @@ def test_found_pushes_are_those_between_begin_and_end():
     part = PeakSettings(begin=5.0, end=17.0)
     found = find_pushes(recording(), settings=part)
     np.testing.assert_allclose([e.t_peak for e in found], TOPS[1:4], atol=NEAR)
-    figure = found_figure(recording(), part)
+    figure = found_figure(measure_pushes(recording(), settings=part))
     assert figure.get_suptitle().startswith("3 pushes")
     times = np.concatenate([line.get_xdata() for line in figure.axes[0].lines])
     assert (times.min(), times.max()) == (5.0, pytest.approx(17.0, rel=EXACT))
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_baselines_lie_in_the_drawn_signal_and_tops_on_it(sign):
-    schedule = PushSchedule.in_order(np.full(5, np.radians(30.0)), np.zeros(5))
-    table = extract_peaks(
-        recording(sign=sign), schedule, settings=PeakSettings(invert=sign < 0)
-    )
-    (trace,) = table.traces
-    np.testing.assert_allclose(table.frame["baseline_counts"], REST, atol=CLOSE)
-    (axes,) = signal_figure(trace, table).axes
+@pytest.mark.parametrize("has_directions", [True, False])
+def test_baselines_lie_in_the_drawn_signal_and_tops_on_it(sign, has_directions):
+    settings = PeakSettings(invert=sign < 0)
+    if has_directions:
+        schedule = PushSchedule.in_order(np.full(5, np.radians(30.0)), np.zeros(5))
+        found = extract_peaks(recording(sign=sign), schedule, settings=settings)
+        figure = signal_figure(found.traces[0], found)
+    else:
+        found = measure_pushes(recording(sign=sign), settings=settings)
+        figure = found_figure(found)
+    np.testing.assert_allclose(found.frame["baseline_counts"], REST, atol=CLOSE)
+    (axes,) = figure.axes
     drawn = [np.asarray(line.get_ydata()) for line in axes.lines]
     rests = [y for y in drawn if y.size == 2 and y[0] == y[1]]
     tops = [y for y in drawn if y.size == 1]
