@@ -7,13 +7,15 @@ how many heights of whole pushes without a flag move by more than a tenth of the
 standard deviation, and the largest move: where the cut is beyond the rests that a push
 is measured by, and where it is inside of one, of which it leaves less. The
 recordings are those of `benchmarks.recordings.real_recordings` and of its folder;
-pushes that the recording itself cuts are left aside.
+pushes that the recording itself cuts are left aside. With `--cuts 0` every rest between
+two pushes is cut in its middle.
 """
 
 import argparse
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +150,13 @@ def evenly(recording: Recording, n_cuts: int) -> list[int]:
     return np.unique(np.linspace(LEAST, n - LEAST, n_cuts).astype(int)).tolist()
 
 
+def middles(recording: Recording) -> list[int]:
+    """The middles of the rests between pushes."""
+    pushes = pushes_of(recording, slice(None))
+    when = [(own.end + other.start) / 2 for own, other in pairwise(pushes)]
+    return np.searchsorted(recording.time, when).tolist()
+
+
 def count(recording: Recording, cuts: Sequence[int]) -> Count:
     """Cut a recording before each of some samples."""
     time = recording.time
@@ -195,7 +204,7 @@ def main() -> None:
     parser.add_argument(
         "folder", nargs="?", default=os.environ.get("PUSHFIT_REAL_DATA")
     )
-    parser.add_argument("--cuts", type=int, default=200)
+    parser.add_argument("--cuts", type=int, default=200, help="evenly; 0: in rests")
     options = parser.parse_args()
     print(
         "recording | whole pushes | lost | cut pushes | unflagged | cuts of these [s] "
@@ -204,7 +213,9 @@ def main() -> None:
     )
     print("|".join(["---"] * 10))
     for name, recording in recordings(Path(options.folder)):
-        c = count(recording, evenly(recording, options.cuts))
+        n_cuts = options.cuts
+        cuts = evenly(recording, n_cuts) if n_cuts else middles(recording)
+        c = count(recording, cuts)
         where = ", ".join(f"{t:.2f}" for t in sorted({*c.lost, *c.unflagged})[:6])
         cells = [name, c.whole, len(c.lost), c.cut, len(c.unflagged), where or "-"]
         for moves in (c.moves, c.shortened):
