@@ -38,7 +38,7 @@ _FEWEST = 8
 # at twice, low pushes become rests, and two of `trial2` move by up to 0.2.
 _WIGGLE = 0.15
 # So many times as high as is seen of it may be what has no rest on one side. At 1 a
-# cut push beside one of `trial2` is rest to it, which moves by 5 sd.
+# cut push beside one of `trial2` is rest to it, whose height moves by 5 sd.
 _UNSEEN = 1.5
 # So it rises beside a neighbour: by more than a foot, which is counted from the mean of
 # a rest instead of its lowest. With half of it 7 more heights move where recordings are

@@ -11,7 +11,13 @@ from itertools import cycle, pairwise
 import numpy as np
 import pytest
 
-from benchmarks.recordings.every_cut import count, evenly, pushes_of, recordings
+from benchmarks.recordings.every_cut import (
+    count,
+    evenly,
+    middles,
+    pushes_of,
+    recordings,
+)
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.recording import read_recording
@@ -374,6 +380,14 @@ def test_a_cut_where_little_is_seen_of_a_push_loses_none(channels, part):
     assert (cuts.lost, cuts.unflagged) == ((), ())
 
 
+def test_what_is_seen_of_a_push_is_no_wiggle_of_the_rest_beside_it(channels):
+    """An eighth of the height of the push that ends before it."""
+    own = one_of(channels, "trial2")
+    cuts = count(own, [int(np.abs(own.time - 39.241).argmin())])
+    assert cuts.cut
+    assert np.abs(cuts.moves).max() < SAME
+
+
 def test_a_wiggle_shows_no_drift_of_the_push_beside_it(channels):
     """Its rests differ as much as those of the push, within a tenth of the time."""
     own = one_of(channels, "soft_skin/grid_r0.20")
@@ -387,6 +401,15 @@ def test_cuts_far_from_bumpy_pushes_leave_their_heights(channels, part):
     own = one_of(channels, part)
     moves = np.abs(count(own, evenly(own, 12)).moves)
     assert np.count_nonzero(moves > SAME) <= FEW * len(moves)
+
+
+@pytest.mark.slow
+def test_every_rest_of_a_real_recording_may_be_cut_in_its_middle(channels):
+    for own in channels.values():
+        cuts = count(own, middles(own))
+        moves = np.abs([*cuts.moves, *cuts.shortened])
+        assert cuts.lost == ()
+        assert np.count_nonzero(moves > SAME) <= FEW * len(moves)
 
 
 @pytest.mark.slow
