@@ -33,13 +33,9 @@ _SPAN, LONGEST = 0.6, 1.0
 # But for so many samples at least. Of 5 heights of `short_dropouts` half of them moves
 # three, by up to 2.6 sd; twice as many move all, by up to 34.
 _FEWEST = 8
-# What is lower than this share of a push is rest to it, found or not, and shows no
-# drift. At half, wiggles move three heights of the soft skin at 0.5 N, by up to 2.5 sd;
-# at twice, low pushes become rests, and two of `trial2` move by up to 0.2.
-_WIGGLE = 0.15
-# So many times as high as is seen of it may be what has no rest on one side. At 1 a
-# cut push beside one of `trial2` is rest to it, whose height moves by 5 sd.
-_UNSEEN = 1.5
+# What is lower than this share of a push is rest to it, found or not. At half, wiggles
+# move 8 of 18 heights of the soft skin at 0.5 N; at twice, low pushes become rests.
+_WIGGLE = 0.1
 # So it rises beside a neighbour: by more than a foot, which is counted from the mean of
 # a rest instead of its lowest. With half of it 7 more heights move where recordings are
 # cut at six places, with twice 2 more.
@@ -213,9 +209,7 @@ class Feet(Generic[OneOrMany]):
     def _neighbours(self: "Feet[np.ndarray]", step: int) -> Int[np.ndarray, " p"]:
         """Next pushes in one direction; what is far lower is but a wiggle of a rest."""
         found = np.arange(len(self.start)) + step
-        shown = np.minimum(self.start - self.lowest, self.highest - self.end)
-        more = np.where(shown < self.step, _UNSEEN, 1.0)
-        height = np.concatenate([more * self.height, [np.inf]])
+        height = np.concatenate([self.height, [np.inf]])
         while (is_wiggle := height[found] < _WIGGLE * self.height).any():
             found[is_wiggle] += step
         return found
@@ -285,10 +279,7 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     # A level over that of the other rest is one on the way, unless drift leads there
     # or it is held for as long as the push.
     length = np.maximum(feet.end - feet.start, feet.step)
-    # Rests beside a wiggle of one differ by wiggles.
-    is_inner = feet.height >= _WIGGLE * feet.height.max(initial=0.0)
-    is_inner &= ~(is_first | is_last)
-    drift = length * _usual_rate(feet.rows(np.flatnonzero(is_inner)))
+    drift = _usual_drift(feet.rows(np.flatnonzero(~(is_first | is_last))), length)
     high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
     is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width
@@ -306,12 +297,16 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     return (is_first & begins) | (is_last & ends)
 
 
-def _usual_rate(feet: Feet[np.ndarray]) -> float:
-    """Drift of the rests beside pushes: a median, a long push for more [unit/s]."""
+def _usual_drift(feet: Feet[np.ndarray], over: PerPush) -> PerPush:
+    """Drift of the rests over times [s], by a median rate, a long push for more [unit].
+
+    It says nothing of times that are longer than the pushes that show it.
+    """
     length = np.maximum(feet.end - feet.start, feet.step)
     if length.size == 0:
-        return 0.0
+        return np.zeros_like(over)
     rates = feet.moved / length
     order = np.argsort(rates)
     up_to = np.cumsum(length[order])
-    return float(rates[order][np.searchsorted(up_to, up_to[-1] / 2)])
+    rate = rates[order][np.searchsorted(up_to, up_to[-1] / 2)]
+    return rate * np.minimum(over, up_to[-1])
