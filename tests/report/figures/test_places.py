@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.extract import measure_pushes
 from pushfit.errors import ConfigError
 from pushfit.report import figures
 from pushfit.report.figures import Ellipses, Marker
@@ -32,7 +32,7 @@ WHAT = {
     "corner": lambda _: ((DRAWS, DRAWS), {"units": {}}),
     "coverage": lambda _: (({"A": [(0.5, 0.4, 0.2, 0.6)]},), {"n_tables": 9}),
     "ellipse": lambda _: (([SHAPE, SHAPE],), {"unit": "n_per_m"}),
-    "found": lambda _: ((recording(), PeakSettings()), {}),
+    "found": lambda _: ((measure_pushes(recording()),), {}),
     "grasp": lambda _: (
         (ANGLES, ANGLES),
         {
