@@ -33,7 +33,7 @@ RNG = 7
 # Share of heights that may move by more: none does, and .02 to .05 where feet are found
 # once or noise is that of the file.
 FEW = 0.01
-# The same where rests are wavy: six of 306 of the soft skin at 0.5 N, and else none.
+# The same where rests are wavy: six of 306 of the soft skin at 0.5 N move.
 WAVY = 0.02
 # A sensor falls by so much on release, and comes back. A drift through what is shown of
 # that would move the middle of the last push by 1.7 or more.
@@ -407,11 +407,12 @@ def test_cuts_far_from_bumpy_pushes_leave_their_heights(channels, part):
 
 @pytest.mark.slow
 def test_every_rest_of_a_real_recording_may_be_cut_in_its_middle(channels):
-    for own in channels.values():
+    for name, own in channels.items():
         cuts = count(own, middles(own))
         moves = np.abs([*cuts.moves, *cuts.shortened])
+        few = WAVY if "soft_skin/grid_r0.20" in name else 0.0
         assert cuts.lost == ()
-        assert np.count_nonzero(moves > SAME) <= WAVY * len(moves)
+        assert np.count_nonzero(moves > SAME) <= few * len(moves)
 
 
 @pytest.mark.slow
