@@ -11,9 +11,23 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Float, Int, Real
 
-from pushfit.data.peaks.blocks import MAX_SAMPLES, correlation_of, scatter
+from pushfit.data.peaks.blocks import (
+    MAX_SAMPLES,
+    N_PARTS,
+    correlation_of,
+    part_means,
+    scatter,
+)
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.feet import FOOT, LEAST, SHIFT, SHORTEST, Feet, likeness
+from pushfit.data.pushes.feet import (
+    FOOT,
+    LEAST,
+    SHIFT,
+    SHORTEST,
+    Feet,
+    PerPush,
+    likeness,
+)
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.parameters import TINY
 
@@ -32,6 +46,18 @@ _UNLIKE = 3.0
 # Noise is judged by as much of a rest as a push is wide, and by this share of
 # `MAX_SAMPLES` at least, four small blocks: a cut further off takes nothing.
 _LEAST_JUDGED = 1 / 8
+# What parts of a rest do by more than so many sd is no chance. At half, pulls of
+# triangles on waves of ten times their noise fall from 1.70 to 1.56, at twice they grow
+# to 2.51; sds in white noise change by 1 %.
+_BEYOND = 2.0
+# Mean square of so many parts over that of noise.
+_BY_CHANCE = 1 + _BEYOND * (2 / N_PARTS) ** 0.5
+# The farthest of a wave is so many times as far off as half of it. At half, the same
+# pulls grow to 4.6 where the waves are short; twice takes 0.17 from them.
+_FARTHEST = 3.0
+# A cubic between two levels keeps off the line by this share of the time between them,
+# times the difference of its slopes there.
+_CUBIC = 8.0
 # The mean of the middle half scatters by 9 % more than the mean.
 _MIDDLE = 1.09
 
@@ -55,7 +81,7 @@ class RestNoise:
         own = {"sigma": self.sigma[rows], "correlation": self.correlation[rows]}
         return replace(self, **own)
 
-    def of_mean(self, n_samples: Real[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+    def of_mean(self, n_samples: Real[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
         """Standard deviations of means of so many samples beside each push [unit]."""
         variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
         # It is not averaged out where noise does not reach a count.
@@ -87,6 +113,7 @@ class Baselines:
         sd: Standard deviation of `level` [unit].
         sd_after: Standard deviation of the level that `slope` leads to [unit].
         time_after: Its time; NaN where there is none [s].
+        bend: Standard deviation of what the level does under the push besides [unit].
     """
 
     level: Float[np.ndarray, " p"]
@@ -96,12 +123,13 @@ class Baselines:
     sd: Float[np.ndarray, " p"]
     sd_after: Float[np.ndarray, " p"]
     time_after: Float[np.ndarray, " p"]
+    bend: Float[np.ndarray, " p"]
 
     def of(self, rows: Int[np.ndarray, " r"]) -> "Baselines":
         """Baselines under some of the pushes."""
         return Baselines(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
-    def drift(self, when: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+    def drift(self, when: Float[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
         """Change of the level since `time`, at a time [s] for each push [unit]."""
         return self.slope * (when - self.time)
 
@@ -115,7 +143,24 @@ class Baselines:
         )
         share = np.nan_to_num(share)
         own, after = (1 - share) * self.sd, share * np.nan_to_num(self.sd_after)
-        return np.sqrt(own**2 + after**2 + (self.doubt * since) ** 2)
+        return np.sqrt(own**2 + after**2 + (self.doubt * since) ** 2 + self.bend**2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Off:
+    """How far parts of the rests beside pushes keep off their lines.
+
+    Args:
+        variance: Beyond that by noise [unit²].
+        tilt: As far as they lie on another line, its slope against theirs [unit/s].
+        tilt_variance: By noise; infinite where there are too few samples.
+        weight: 1, or 0 there.
+    """
+
+    variance: PerPush
+    tilt: PerPush
+    tilt_variance: PerPush
+    weight: PerPush
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,33 +172,29 @@ class _Beside:
     feet: Feet[np.ndarray]
 
     def windows(
-        self, *, is_long: bool = False
+        self, more: PerPush | float = 0.0
     ) -> tuple[Int[np.ndarray, "p 2"], Int[np.ndarray, "p 2"]]:
         """Samples of the rests before and after pushes, first and one past the last.
 
         They are measured from the feet of the push, so that a neighbour or an end of
-        the recording can only cut them short, never move them. `is_long` takes more of
-        what is settled, to judge the noise.
+        the recording can only cut them short, never move them. `more` of what is
+        settled is taken to judge the noise [s].
         """
         feet = self.feet
         before = np.stack(feet.before, axis=1)
         after = np.stack(feet.after(waited=_WAITED), axis=1)
-        if is_long:
-            most = MAX_SAMPLES * feet.step
-            reach = np.clip(feet.width, _LEAST_JUDGED * most, most)
-            before[:, 0] = np.maximum(before[:, 0] - reach, feet.lowest)
-            after[:, 1] = np.minimum(after[:, 1] + reach, feet.highest)
-            after = np.maximum(after, after[:, :1])
+        first, last = before[:, 0], after[:, 1]
+        before[:, 0] = np.minimum(first, np.maximum(first - more, feet.lowest))
+        after[:, 1] = np.maximum(last, np.minimum(last + more, feet.highest))
         return np.searchsorted(self.time, before), np.searchsorted(self.time, after)
 
     def noise(self) -> RestNoise:
         """Noise at rest, and how far it averages out; of all rests if few samples."""
         general = SignalNoise.of(self.time, self.signal)
         floor = max(general.quantum**2 / 12, TINY)
-        n = len(self.feet.start)
-        near, far = (
-            np.concatenate(self.windows(is_long=is_long)) for is_long in (False, True)
-        )
+        n, most = len(self.feet.start), MAX_SAMPLES * self.feet.step
+        reach = np.clip(self.feet.width, _LEAST_JUDGED * most, most)
+        near, far = (np.concatenate(self.windows(more)) for more in (0.0, reach))
         sigma = scatter(self.signal, near, n, floor)
         if np.isnan(sigma).any():
             whole = scatter(self.signal, far, n, floor)
@@ -189,7 +230,7 @@ class _Beside:
         trust = np.where(only_after, 0.0, waited * small * calm)
         own_when = np.where(only_after, when_after, when)
         unseen = only_after & np.isnan(when_after)
-        return Baselines(
+        base = Baselines(
             level=_filled(np.where(only_after, level_after, level), self.signal),
             time=np.nan_to_num(own_when, nan=0.0) + np.where(unseen, feet.start, 0.0),
             slope=np.nan_to_num(trust * rate),
@@ -197,6 +238,65 @@ class _Beside:
             sd=np.where(only_after, sd_after, sd),
             sd_after=sd_after,
             time_after=when_after,
+            bend=np.zeros_like(sd),
+        )
+        own = np.where(only_after, 0.0, 1.0)
+        return self._with_waves(base, noise, own=own, trust=np.nan_to_num(trust))
+
+    def _with_waves(
+        self, base: Baselines, noise: RestNoise, *, own: PerPush, trust: PerPush
+    ) -> Baselines:
+        """Rest levels whose sd hold that rests wave, and bend under the pushes.
+
+        As far as means of their parts are off the line by more than noise. Rests that
+        are tilted against it bend between them, as a cubic would.
+
+        Args:
+            own: 1 where the level is that of the rest before the push, else 0.
+            trust: How far the rest after it shows a drift.
+        """
+        rests = self.windows(self.feet.span)
+        before, after = (self._off(base, noise, rest) for rest in rests)
+        weights = before.weight * own, after.weight * np.where(own > 0, trust, 1.0)
+        sums = weights[0] * before.variance + weights[1] * after.variance
+        waves = sums / np.maximum(weights[0] + weights[1], 1.0)
+        tilt = (after.tilt - before.tilt) ** 2
+        tilt -= _BEYOND**2 * (after.tilt_variance + before.tilt_variance)
+        between = (base.time_after - base.time) / _CUBIC
+        bend = np.nan_to_num(own * np.maximum(tilt, 0.0) * between**2)
+        return replace(
+            base,
+            sd=np.sqrt(base.sd**2 + waves),
+            sd_after=np.sqrt(base.sd_after**2 + waves),
+            bend=np.sqrt(waves + bend),
+        )
+
+    def _off(
+        self, base: Baselines, noise: RestNoise, windows: Int[np.ndarray, "p 2"]
+    ) -> _Off:
+        """How far the rests before or after pushes keep off their lines."""
+        # Fewer samples than parts show nothing.
+        is_shown = np.diff(windows, axis=1)[:, 0] >= N_PARTS
+        means, n = part_means(self.signal, windows)
+        when, _ = part_means(self.time, windows)
+        off = np.where(is_shown, means - base.level - base.drift(when), 0.0)
+        # What is beyond the half beside the push may be something else, as a dip.
+        half = N_PARTS // 2 - 1
+        farthest = _FARTHEST * np.partition(np.abs(off), half, axis=0)[half]
+        off = np.clip(off, -farthest, farthest)
+        chance = noise.of_mean(n) ** 2
+        excess = (off**2).mean(axis=0) - _BY_CHANCE * chance.mean(axis=0)
+        since = when - when.mean(axis=0)
+        squares = np.maximum((since**2).sum(axis=0), SHORTEST**2)
+        slopes = since / squares
+        tilt = (slopes * off).sum(axis=0)
+        # A wave is no tilt: what leads to another level lies on a line.
+        line = tilt**2 * squares / np.maximum(off.var(axis=0) * N_PARTS, TINY)
+        return _Off(
+            variance=np.maximum(excess, 0.0),
+            tilt=tilt * np.sqrt(np.minimum(line, 1.0)),
+            tilt_variance=np.where(is_shown, (slopes**2 * chance).sum(axis=0), np.inf),
+            weight=is_shown.astype(float),
         )
 
     def _levels(
