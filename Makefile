@@ -27,9 +27,10 @@ ros:                             ## What the nodes for a real robot need
 test: lint                       ## Everything that gates a change; minutes on two cores
 	$(BIN)/pytest -q -n 2 --dist loadfile -m "not slow"
 
-# Real recordings, where they are, take as long as all of it.
+# Real recordings, where they are, and the checks of shapes double it; `test` has both.
 test-quick: .stamps/test         ## Files, text, tables and reports, without a fit; a minute
-	PUSHFIT_REAL_DATA=none $(BIN)/pytest -q -n 2 --dist loadfile -m "not slow" $(QUICK)
+	PUSHFIT_REAL_DATA=none $(BIN)/pytest -q -n 2 --dist loadfile -m "not slow" \
+	  --jaxtyping-packages= $(QUICK)
 
 test-slow: .stamps/test          ## Statistical calibration and other long tests
 	$(BIN)/pytest -q -n 2 --dist loadfile -m slow
