@@ -81,7 +81,7 @@ print(state.sentence)
 # What is known, what each push would have told, and how it went:
 
 # %%
-exploration_picture(explorer)
+exploration_picture(explorer.overview())
 
 # %% [markdown]
 # ## The result

@@ -32,6 +32,7 @@ from pushfit.explore.journal.events import (
 )
 from pushfit.explore.journal.file import Event, Journal
 from pushfit.explore.limits import Limits
+from pushfit.explore.overview import Overview
 from pushfit.explore.records import (
     Answer,
     Failure,
@@ -299,6 +300,19 @@ class Explorer:
         )
         self._survey = self._survey if is_full else found
         return found
+
+    def overview(self, suggestions: tuple[Suggestion, ...] = ()) -> Overview:
+        """How it stands, for a picture with pushes of `ask`."""
+        return Overview(
+            angle=self.angle,
+            belief=self.belief,
+            survey=self.survey(is_full=True),
+            state=self.state,
+            course=tuple(self.history.course),
+            told=tuple(self.history.told),
+            suggestions=suggestions,
+            width=self.judge.width,
+        )
 
     def _focus(self) -> tuple[str, ...]:
         """The angles that pushes are to tell of."""

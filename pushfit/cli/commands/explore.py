@@ -165,7 +165,7 @@ def next(
             from pushfit.report.figures import save_figure
             from pushfit.report.figures.exploration import exploration_picture
 
-            save_figure(exploration_picture(explorer, suggestions), plot)
+            save_figure(exploration_picture(explorer.overview(suggestions)), plot)
     if plot is not None:
         session.wrote(plot)
     if json:
@@ -298,7 +298,7 @@ def _run(
         session.say(state.sentence, style="bold")
     found = identify_table(table, explorer.question.settings, seed=explorer.judge.seed)
     found = replace(with_next_push(found), warnings=(*found.warnings, ADAPTIVE))
-    picture = figure_bytes(exploration_picture(explorer), "png")
+    picture = figure_bytes(exploration_picture(explorer.overview()), "png")
     write_result_folder(
         found,
         out,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.explore.explorer import Explorer
-from pushfit.explore.records import State, Suggestion
+from pushfit.explore.overview import Overview
+from pushfit.explore.records import State
 from pushfit.parameters import HALF_TURN
 from pushfit.report.figures.style import (
     BLACK,
@@ -48,28 +48,30 @@ BELOW = MappingProxyType(
 
 
 @styled
-def exploration_picture(
-    explorer: Explorer, suggestions: Sequence[Suggestion] = ()
-) -> "Figure":
-    """What is known, what pushes would tell and, if some were made, how it went."""
-    angle, course = explorer.angle, explorer.history.course
+def exploration_picture(seen: Overview) -> "Figure":
+    """What is known, what pushes would tell and, if some were made, how it went.
+
+    Args:
+        seen: What `Explorer.overview` returns.
+    """
+    angle, course = seen.angle, seen.course
     n = 2 if len(course) < 2 else 3
     figure = new_figure(width=PAGE * n / 2.6, height=3.2)
     axes = figure.subplots(1, n)
-    _draw_known(axes[0], explorer, angle)
-    _draw_gains(axes[1], explorer, suggestions)
+    _draw_known(axes[0], seen)
+    _draw_gains(axes[1], seen)
     if n == 3:
         draw_course(axes[2], course, angle)
-    figure.suptitle(explorer.state.sentence, x=0.01, ha="left", fontsize=9, wrap=True)
+    figure.suptitle(seen.state.sentence, x=0.01, ha="left", fontsize=9, wrap=True)
     # Ticks follow the size of their panel, and labels these: solved twice.
     figure.draw_without_rendering()
     return figure
 
 
-def _draw_known(axes: "Axes", explorer: Explorer, angle: str) -> None:
+def _draw_known(axes: "Axes", seen: Overview) -> None:
     """Posterior of the angle, with its interval and the width that would decide."""
-    values, weights = explorer.belief.samples[angle], explorer.belief.weights
-    interval, width = explorer.state.intervals[angle], explorer.judge.width
+    angle, width, interval = seen.angle, seen.width, seen.state.intervals[seen.angle]
+    values, weights = seen.belief.samples[angle], seen.belief.weights
     is_there = np.isfinite(values) & (weights > 0)
     values = values[is_there]
     low, high = 0.0, 90.0
@@ -106,17 +108,14 @@ def _draw_known(axes: "Axes", explorer: Explorer, angle: str) -> None:
     place_legend(axes, loc="upper right")
 
 
-def _draw_gains(
-    axes: "Axes", explorer: Explorer, suggestions: Sequence[Suggestion]
-) -> None:
+def _draw_gains(axes: "Axes", seen: Overview) -> None:
     """Gain over elevation, and over azimuth where that was open."""
-    survey = explorer.survey(is_full=True)
+    survey = seen.survey
     gain, allowed = survey.gains, survey.is_allowed
     theta_deg, alpha_deg = np.degrees(survey.theta), np.degrees(survey.alpha)
     theta, alpha = np.unique(theta_deg), np.unique(alpha_deg)
-    told = explorer.history.told
-    made = np.degrees([(row.theta, row.alpha) for row in told]).reshape(-1, 2)
-    following = [(push.theta_deg, push.alpha_deg) for push in suggestions[:1]]
+    made = np.degrees([(row.theta, row.alpha) for row in seen.told]).reshape(-1, 2)
+    following = [(push.theta_deg, push.alpha_deg) for push in seen.suggestions[:1]]
     axes.set_title("What a push would tell")
     axes.set_axisbelow(True)
     axes.set_xlabel("push elevation θ [°]")

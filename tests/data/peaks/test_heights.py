@@ -20,6 +20,8 @@ ROUNDED, MOVED = 1e-2, 0.02
 WAVING = 2.0
 HEIGHT, PERIOD = 100.0, 4.0
 SAME_SD = 0.1
+# A cubic has slopes at the ends of the chord; rests show them a little beyond.
+BENT = 0.5
 
 
 @pytest.mark.slow
@@ -110,7 +112,7 @@ def test_where_the_level_bends_sds_are_how_far_it_is_off_the_line():
     recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
     row = measure_pushes(recording).frame.iloc[0]
     assert abs(row["height_n"] - HEIGHT) / row["height_sd_n"] == pytest.approx(
-        1, rel=0.5
+        1, rel=BENT
     )
 
 
