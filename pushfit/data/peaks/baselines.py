@@ -47,13 +47,13 @@ _UNLIKE = 3.0
 # `MAX_SAMPLES` at least, four small blocks: a cut further off takes nothing.
 _LEAST_JUDGED = 1 / 8
 # What parts of a rest do by more than so many sd is no chance. At two thirds pulls of
-# triangles on waves of ten times their noise fall from 1.95 to 1.70, and chance makes
+# triangles on waves of ten times their noise fall from 1.94 to 1.70, and chance makes
 # sds of a few pushes of fifty times their noise ten times too large.
 _BEYOND = 3.0
 # Mean square of so many parts over that of noise.
 _BY_CHANCE = 1 + _BEYOND * (2 / N_PARTS) ** 0.5
 # The farthest of a wave is so many times as far off as half of it. At half, pulls grow
-# to 5 where the waves are short; twice takes 0.2 from them.
+# from 1.5 to 6.1 where the waves are short; twice takes 0.17 from them.
 _FARTHEST = 3.0
 # A cubic between two levels keeps off the line by this share of the time between them,
 # times the difference of its slopes there.

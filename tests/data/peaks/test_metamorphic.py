@@ -33,7 +33,7 @@ RNG = 7
 # Share of heights that may move by more: none does, and .02 to .05 where feet are found
 # once or noise is that of the file.
 FEW = 0.01
-# The same where rests are wavy: six of 306 of the soft skin at 0.5 N move.
+# The same where rests are wavy: five of 306 of the soft skin at 0.5 N move.
 WAVY = 0.02
 # A sensor falls by so much on release, and comes back. A drift through what is shown of
 # that would move the middle of the last push by 1.7 or more.
