@@ -22,7 +22,9 @@ jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
 # What tests compile themselves is compiled as pushfit does, in half of the time.
 FLAGS = [f"--{name}={value}".lower() for name, value in OPTIONS.items()]
-os.environ["XLA_FLAGS"] = " ".join([os.environ.get("XLA_FLAGS", ""), *FLAGS])
+# Once only: they are part of the name that a program is kept by, and workers inherit.
+flags = dict.fromkeys([*os.environ.get("XLA_FLAGS", "").split(), *FLAGS])
+os.environ["XLA_FLAGS"] = " ".join(flags)
 # Processes that tests start share it as well. Traced programs are not kept: a test that
 # replaces part of the package must not leave its program to others.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
