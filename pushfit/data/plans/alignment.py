@@ -7,7 +7,7 @@ humps, the pushes it leaves missing, the humps it leaves over and the time befor
 after; the best one counts if no other comes near. Excluded: the
 rhythms that humps may have (`pushfit.data.plans.rhythm`), finding and measuring them.
 Constants were tried at half and at twice in 497 cases of
-`benchmarks.recordings.plan_alignment`, of which 185 are paired right and 312 refused.
+`benchmarks.recordings.plan_alignment`, of which 170 are paired right and 327 refused.
 """
 
 import math
@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pushfit.data.plans.assignment import IN_TIME, Case, cheapest_pairings, cost_of_gaps
-from pushfit.data.plans.rhythm import rhythms
+from pushfit.data.plans.rhythm import LEAD, MISSING, SLACK, rhythms
 
 # Scatter of a time between two pushes that keep to a plan, in periods: somewhat more
 # than `_LEAST_SCATTER` of those that show it. Half or twice changes no test.
@@ -78,6 +78,7 @@ def align(
     n_planned: int,
     planned_times: Float[np.ndarray, " n"] | None,
     span: tuple[float, float] = (-np.inf, np.inf),
+    begin: float = -np.inf,
 ) -> Alignment:
     """Pair humps with planned pushes, in order and in rhythm.
 
@@ -87,6 +88,7 @@ def align(
         planned_times: Their times, from any origin, that of the recording where they
             agree with it; None for a steady rhythm [s].
         span: Begin and end of the recording; unbounded where unknown [s].
+        begin: Begin of the part of it that humps were looked for in [s].
     """
     brush = np.asarray(is_brush, dtype=bool)
     n_pushes = int(np.count_nonzero(~brush))
@@ -123,9 +125,13 @@ def align(
     if n_pushes == len(planned) and not np.array_equal(best, in_order):
         return _alignment(case, best, None if case.is_timed else in_order, n_cycles)
     others = [one.hump for one in pairings[1:] if one.cost < clear]
-    if _rhythm_shown(case, best, scales) < _EVIDENCE or _skips_beats(case, best):
-        # Too few to keep a rhythm, or one that the plan has no room for, as where a
-        # recording was stopped early: it does not speak against mere order.
+    others = [*_stopped_early(case, best, begin), *others]
+    if _skips_beats(case, best):
+        # The plan has no room for the rhythm, as where a recording was stopped early.
+        best, *rest = _in_order(case)
+        others = [*rest, *others]
+    elif _rhythm_shown(case, best, scales) < _EVIDENCE:
+        # Too few to keep a rhythm: it does not speak against mere order.
         others = [*_in_order(case), *others]
     others = [other for other in others if _differs(case, best, other)]
     return _alignment(case, best, others[0] if others else None, n_cycles)
@@ -137,6 +143,32 @@ def _in_order(case: Case) -> list[Int[np.ndarray, " n"]]:
     n = min(len(humps), len(case.planned))
     none = np.full(len(case.planned) - n, -1)
     return [np.append(humps[:n], none), np.append(none, humps[len(humps) - n :])]
+
+
+def _stopped_early(
+    case: Case, hump: Int[np.ndarray, " n"], begin: float
+) -> list[Int[np.ndarray, " n"]]:
+    """The same humps as earlier pushes, if the recording may end before the plan does.
+
+    That the first pushes are missing is as likely as that the last were not made, but
+    for the time before the first push and that after the last one.
+    """
+    there, end = np.flatnonzero(hump >= 0), case.span[1]
+    if case.is_timed or there.size < 2 or not np.isfinite(end):
+        return []
+    first, last = there[[0, -1]]
+    gaps = np.diff(case.times[hump[there]]) / np.diff(case.planned[there])
+    period = float(np.median(gaps))
+    lead = (case.times[hump[first]] - begin) / period
+    is_left_out = begin > case.span[0] and lead < first - SLACK
+    rest, n_after = (end - case.times[hump[last]]) / period, len(hump) - 1 - last
+    # Pushes after its last hump that the recording has room for.
+    room = int(rest + SLACK)
+    if first == 0 or is_left_out or room >= first + n_after:
+        return []
+    off = (first - max(rest - n_after, 0.0)) / LEAD + MISSING * max(room - n_after, 0)
+    earlier = np.append(hump[first:], np.full(first, -1))
+    return [earlier] if off < _CLEAR else []
 
 
 def _skips_beats(case: Case, hump: Int[np.ndarray, " n"]) -> bool:

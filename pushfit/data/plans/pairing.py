@@ -134,6 +134,7 @@ def pair(
         n_planned=schedule.n_pushes,
         planned_times=schedule.time,
         span=span,
+        begin=float(found.course.time[0]),
     )
     plan = schedule.repeated(alignment.n_cycles)
     left_out = found.beside([found.extents[j] for j in alignment.hump if j >= 0])

@@ -4,7 +4,7 @@ Pushes of a robot follow each other in nearly regular time; some of them may be 
 and what is no push comes between. So periods are judged by the humps that are on each
 other's beat. Excluded: which hump is which push (`pushfit.data.plans.alignment`).
 Constants were tried at half and at twice in 497 cases of
-`benchmarks.recordings.plan_alignment`, of which 185 are paired right and 312 refused.
+`benchmarks.recordings.plan_alignment`, of which 170 are paired right and 327 refused.
 """
 
 import numpy as np

@@ -20,7 +20,7 @@ def test_no_subset_of_a_regular_plan_is_paired_wrong_silently(n_cases):
     assert verdicts["right"] > 0.3 * n_cases
 
 
-@pytest.mark.parametrize("lost", range(7))
+@pytest.mark.parametrize("lost", range(1, 7))
 def test_one_push_of_seven_is_placed_where_there_is_no_room_for_another(lost):
     times = np.delete(PERIOD * np.arange(7.0), lost)
     found = align(
@@ -32,6 +32,22 @@ def test_one_push_of_seven_is_placed_where_there_is_no_room_for_another(lost):
     )
     assert found.other is None
     assert found.missing == (lost,)
+
+
+@pytest.mark.parametrize("lead", [0.1, 0.6, 1.1, 1.6, 2.6])
+@pytest.mark.parametrize("n_made", [10, 11])
+def test_a_recording_that_was_stopped_early_is_never_shifted_silently(n_made, lead):
+    """Its lead-in has room for pushes, which may be missing just as well."""
+    found = align(
+        PERIOD * np.arange(n_made),
+        [False] * n_made,
+        n_planned=12,
+        planned_times=None,
+        span=(-lead * PERIOD, (n_made - 0.6) * PERIOD),
+    )
+    made = np.append(np.arange(n_made), [-1] * (12 - n_made))
+    shown = [found.hump] if found.other is None else [found.hump, found.other]
+    assert any(np.array_equal(made, one) for one in shown)
 
 
 def test_where_few_pushes_show_no_rhythm_mere_order_is_the_other_candidate():
@@ -55,8 +71,10 @@ def test_a_recording_that_was_stopped_early_is_no_plan_with_every_other_push_mis
         planned_times=None,
         span=(0.0, 24.0),
     )
+    missing = [-1] * (n_planned - 6)
+    assert found.hump.tolist() == [*range(6), *missing]
     assert found.other is not None
-    assert found.other.tolist() == [*range(6), *[-1] * (n_planned - 6)]
+    assert found.other.tolist() == [*missing, *range(6)]
 
 
 def test_a_plan_whose_first_pushes_feel_nothing_is_paired_with_its_last():
