@@ -65,6 +65,20 @@ class Workers:
     chunk: int = 64
     time_limit: float | None = None
 
+    def __post_init__(self) -> None:
+        """Refuse numbers that no work can be shared by.
+
+        Raises:
+            ConfigError: One of them is not positive.
+        """
+        stated = {"n": self.n, "chunk": self.chunk, "time_limit": self.time_limit}
+        for name, value in stated.items():
+            if value is not None and not value > 0:
+                raise ConfigError(
+                    f"workers: {name} = {value} is not positive; state a larger one",
+                    code="workers",
+                )
+
     def chunks(self, items: Sequence[Item]) -> list[Chunk]:
         """Portions of items of one configuration, alike in size and so in shape."""
         share = max(math.ceil(len(items) / (SHARES * self.n)), 1)

@@ -20,7 +20,13 @@ from pushfit.errors import ConfigError, DataError
 from pushfit.explore.belief.belief import ANGLES, Belief, BeliefSource, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, reference_due, weighed
-from pushfit.explore.belief.tables import by_channel, check_sensor, table_of, told_rows
+from pushfit.explore.belief.tables import (
+    by_channel,
+    check_sensor,
+    check_told,
+    table_of,
+    told_rows,
+)
 from pushfit.explore.decide.next_push import Survey, Surveyor, repetition, suggestion
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.journal.events import (
@@ -189,7 +195,8 @@ class Explorer:
             Where the exploration stands now.
 
         Raises:
-            DataError: A number is missing or not finite.
+            DataError: A number is missing or not finite, or breaks a rule of tables;
+                nothing is taken in then.
         """
         asked = self.history.pending
         row = ToldPush(
@@ -201,6 +208,7 @@ class Explorer:
             flags=flags,
             purpose=None if asked is None else asked.purpose.value,
         )
+        check_told(row, self.question)
         number = None if asked is None else asked.number
         self._record(event_of("told", row, number=number))
         self._settle()

@@ -37,6 +37,15 @@ def run(*inputs, out="out", **options):
     return identify_batch(inputs or ["runs"], out, identify=fake.identify, **options)
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("n", 0), ("n", -1), ("chunk", 0), ("time_limit", 0.0), ("time_limit", -1.0)],
+)
+def test_workers_that_can_do_nothing_are_refused(key, value):
+    with pytest.raises(ConfigError, match=f"{key} = {value} is not positive"):
+        Workers(**{key: value})
+
+
 def test_every_item_has_one_row_sorted_by_name(runs):
     found = run("runs/c.csv", "runs/a.csv", "runs/b.csv")
     rows = read_csv(runs.parent / "out" / "results.csv")

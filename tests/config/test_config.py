@@ -1,5 +1,6 @@
 """`grasp.toml`: what is accepted, what is said of what is not, and the template."""
 
+import codecs
 import contextlib
 import re
 import tomllib
@@ -203,6 +204,13 @@ def test_a_file_that_is_no_text_is_refused(tmp_path):
     (tmp_path / "grasp.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="not UTF-8"):
         read_config(tmp_path / "grasp.toml")
+
+
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path):
+    """Editors of Windows write one."""
+    content = codecs.BOM_UTF8 + b"[push]\nlength_mm = 5.0\n"
+    (tmp_path / "grasp.toml").write_bytes(content)
+    assert read_config(tmp_path / "grasp.toml").push.length_mm == 5.0
 
 
 def test_factors_chain_from_counts_to_newtons():

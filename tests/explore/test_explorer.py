@@ -82,6 +82,46 @@ def test_only_the_first_in_rank_has_a_number():
     assert [s.number for s in explorer().ask(3)] == [1, None, None]
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"theta": 40.0},
+        {"theta": np.nan},
+        {"alpha": np.inf},
+        {"sd": -0.1},
+        {"sd": 0.0},
+        {"flags": "fine"},
+    ],
+)
+def test_a_push_that_is_refused_is_not_taken_in(tmp_path, changes):
+    """Neither by this process nor by the next one on its journal."""
+    path = tmp_path / "journal.jsonl"
+    own = explorer(journal=path, channels=("height",))
+    (first, *_) = own.ask()
+    before = path.read_bytes()
+    push = {"theta": first.theta, "alpha": first.alpha, "heights": 1.0}
+    with pytest.raises(DataError):
+        own.tell(**(push | changes))
+    assert path.read_bytes() == before
+    own.tell(**push)
+    assert len(explorer(journal=path, channels=("height",)).history.told) == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"sigma": -1.0}, "sigma = -1.0"),
+        ({"sigma": np.nan}, "sigma = nan"),
+        ({"channels": ("foo",)}, "foo"),
+        ({"channels": ()}, "no channel"),
+        ({"unit": "lbf"}, "lbf"),
+    ],
+)
+def test_a_question_that_no_table_can_answer_is_refused_at_once(changes, named):
+    with pytest.raises(ConfigError, match=named):
+        explorer(**changes)
+
+
 def test_a_journal_that_says_0_for_no_number_is_gone_on_with(tmp_path):
     path = tmp_path / "run.jsonl"
     own = explorer(journal=path)

@@ -160,7 +160,7 @@ def _check_stated_names(columns: _Columns) -> None:
             )
     stems = {split_unit(name)[0] for name in columns.names}
     known = {*columns.position, *stems, *columns.mapped}
-    known |= {key for key, _ in columns.mapped.values()}
+    known |= {"time", *ANGLES, *(key for key, _ in columns.mapped.values())}
     for key, unit in columns.units.items():
         parse_unit(unit)
         if key not in known:

@@ -103,6 +103,18 @@ class PeakTable:
         Raises:
             DataError: A value breaks a rule.
         """
+        if unknown := set(sd or {}) - set(heights):
+            raise DataError(
+                f"standard deviations of {', '.join(sorted(unknown))} are given, but "
+                f"no heights; name them by channel: {', '.join(heights)}",
+                code="unknown_channel",
+            )
+        if np.any(np.abs(theta) > np.pi):
+            raise DataError(
+                f"theta: {np.max(np.abs(theta)):g} rad is no elevation, which lies in "
+                "[-π/2, π/2]; if it is in degrees, take np.radians() of it",
+                code="theta_range",
+            )
         columns: dict[str, object] = {
             "theta_deg": in_degrees(theta),
             "alpha_deg": in_degrees(alpha),

@@ -6,6 +6,7 @@ where draws come from (`pushfit.explore.belief.from_fit`), and choosing pushes.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 import scipy
@@ -13,9 +14,11 @@ from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.tables.rules import CHANNELS
+from pushfit.errors import ConfigError
 from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.model import Grasp
-from pushfit.parameters import PARAMETERS
+from pushfit.parameters import PARAMETERS, SensorUnit
 
 # Draws of a belief, always as many: programs are compiled for one shape. A gain from
 # so many loses 0.4 % of the best one, from 500 it loses 4 %.
@@ -48,6 +51,26 @@ class Question:
     unit: str
     sigma: float | None
     reference_alpha: float
+
+    def __post_init__(self) -> None:
+        """Refuse a sensor whose heights could be in no table.
+
+        Raises:
+            ConfigError: Its channels, unit or noise are none.
+        """
+        unknown = [name for name in self.channels if name not in CHANNELS]
+        units = get_args(SensorUnit)
+        if unknown or not self.channels:
+            problem = f"channels {unknown} are not known" if unknown else "no channel"
+            problem += f"; name some of {', '.join(CHANNELS)}, in a tuple"
+        elif self.unit not in units:
+            problem = f"unit = {self.unit!r} is not known; take {', '.join(units)}"
+        elif self.sigma is not None and not 0 < self.sigma < np.inf:
+            problem = f"sigma = {self.sigma} is no standard deviation; state a positive"
+            problem += " one in the unit of the heights, or None to have it learned"
+        else:
+            return
+        raise ConfigError(problem, code="sensor")
 
     @property
     def settings(self) -> GraspConfig:

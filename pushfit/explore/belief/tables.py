@@ -40,6 +40,22 @@ def table_of(told: Sequence[ToldPush], question: Question) -> PeakTable | None:
     )
 
 
+def check_told(row: ToldPush, question: Question) -> None:
+    """Refuse a push that could be in no table, before it is taken in.
+
+    Raises:
+        DataError: One of its angles, numbers or flags breaks a rule.
+    """
+    PeakTable.from_arrays(
+        theta=np.array([row.theta]),
+        alpha=np.array([row.alpha]),
+        heights={name: np.array([value]) for name, value in row.heights.items()},
+        unit=question.unit,
+        sd={name: np.array([sd]) for name, sd in (row.sd or {}).items()},
+        flags=(row.flags,),
+    )
+
+
 def noise_is_known(told: Sequence[ToldPush], question: Question) -> bool:
     """Whether scatter is stated in advance, or with every push of full length."""
     stated = [row.sd is not None for row in told if not row.is_short]

@@ -107,7 +107,11 @@ def tilt_warning(
             "the heights"
         )
     else:
-        reason = config.why_not("tilting") or 'set grasp.mechanics = "auto"'
+        reason = config.why_not("tilting") or (
+            "no fit by them was found"
+            if config.grasp.mechanics == "auto"
+            else 'set grasp.mechanics = "auto"'
+        )
         text = (
             f"{start}; {law.title} hold for small tilts, and at 2° and more "
             "θ_c may be off by several degrees beyond its interval. It is not computed "

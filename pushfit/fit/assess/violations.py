@@ -82,7 +82,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     slope = steepness(angle_slopes(problem, fit.estimate))[0][mask]
     found: list[Violation | None] = [
         _steep(free, slope / fit.sigma),
-        _tall(free, fit.predicted / fit.sigma),
+        _tall(free, fit.predicted / fit.sigma, setup.noise.height_share != 0),
         None if setup.noise.shared else _repeat_by_repeat(table),
     ]
     # Noise of several sizes has heavy tails, too.
@@ -159,16 +159,21 @@ def _steep(
 
 
 def _tall(
-    free: Float[np.ndarray, " n"], predicted: Float[np.ndarray, " n"]
+    free: Float[np.ndarray, " n"],
+    predicted: Float[np.ndarray, " n"],
+    is_counted: bool,
 ) -> Violation | None:
-    """Scatter where heights are tall: noise in proportion to them."""
+    """Scatter where heights are tall: noise in proportion to them, if none counts."""
     p_value, excess = _scatter_follows(free, predicted**2)
     if excess <= 0:
         return None
     return Violation(
         code=PROPORTIONAL,
         p_value=p_value,
-        text="tall heights scatter more than low ones: set [noise] height_share = "
+        text="tall heights scatter more than low ones, also beside the part in "
+        "proportion that [noise] height_share has: compare by `pushfit compare`"
+        if is_counted
+        else "tall heights scatter more than low ones: set [noise] height_share = "
         '"estimate", or compare by `pushfit compare`',
     )
 

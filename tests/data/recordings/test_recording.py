@@ -215,3 +215,10 @@ def test_a_calibration_of_another_unit_or_channel_is_refused(write):
         recording.calibrated("pressure", BIOTAC_PDC)
     with pytest.raises(ConfigError, match="name one that is there: pressure"):
         recording.calibrated("pdc", BIOTAC_PDC)
+
+
+@pytest.mark.parametrize("key", ["time", "timestamp"])
+def test_the_unit_of_the_time_is_stated_for_it_or_for_its_column(write, key):
+    path = write("timestamp,force_n\n0,1\n10,2\n20,1\n")
+    recording = read_recording(path, units={key: "ms"})
+    np.testing.assert_array_equal(recording.time, TIME)

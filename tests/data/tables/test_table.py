@@ -69,6 +69,25 @@ def test_pooled_sd_is_unknown_without_repeats():
     assert dof == 0
 
 
+@pytest.mark.parametrize(
+    ("theta", "sd", "named"),
+    [
+        ([20.0, 40.0], {}, r"np\.radians"),
+        ([0.1, 0.2], {"height_n": np.ones(2)}, "of height_n are given"),
+    ],
+)
+def test_arrays_that_are_meant_otherwise_are_refused(theta, sd, named):
+    """Degrees, and a noise that would be lost."""
+    with pytest.raises(DataError, match=named):
+        PeakTable.from_arrays(
+            theta=np.array(theta),
+            alpha=np.zeros(2),
+            heights={"height": np.array([1.0, 2.0])},
+            sd=sd,
+            unit="n",
+        )
+
+
 @pytest.mark.parametrize("flag", ["saturated", "clipped", "gap", "lost_contact"])
 def test_flagged_heights_are_not_used(tmp_path, flag):
     text = f"theta_deg,alpha_deg,height_n,flags\n15,90,1,\n30,90,2,outlier;{flag}\n"

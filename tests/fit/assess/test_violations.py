@@ -11,6 +11,7 @@ from pushfit.fit.assess.violations import (
     LEVEL,
     Violation,
     _steep,
+    _tall,
     violation_warnings,
     violations,
 )
@@ -125,6 +126,13 @@ def test_a_rejected_model_asks_less_of_an_explanation():
     assert violation_warnings(weak, is_adequate=True) == ()
     (warning,) = violation_warnings(weak, is_adequate=False)
     assert warning.code == "looks_soft"
+
+
+@pytest.mark.parametrize("is_counted", [False, True])
+def test_nobody_is_told_to_set_what_is_set(is_counted):
+    told = _tall(np.linspace(0.0, 4.0, 40), np.linspace(0.0, 4.0, 40), is_counted)
+    assert told is not None
+    assert ("set [noise] height_share" in told.text) is not is_counted
 
 
 COMPONENTS = ("height_normal", "height_tangential")
