@@ -57,7 +57,7 @@ class Batch:
 
 
 def identify_batch(
-    inputs: Sequence[str | Path],
+    inputs: str | Path | Sequence[str | Path],
     out: str | Path,
     *,
     config: str | Path | None = None,
@@ -77,7 +77,7 @@ def identify_batch(
     the same content, schedule, settings, seed, engine and versions.
 
     Args:
-        inputs: Files, folders with all below them, and patterns.
+        inputs: Files, folders with all below them, and patterns; one or several.
         out: Folder of the results, old or new; its parent exists.
         config: Settings of the items that have none of their own: a `NAME.toml` beside
             the file, or the `grasp.toml` of its folder.
@@ -103,6 +103,7 @@ def identify_batch(
         DataError: There is nothing to identify.
     """
     folder = Path(out)
+    inputs = [inputs] if isinstance(inputs, (str, Path)) else inputs
     found = find_inputs(inputs, out=folder)
     planner = Planner(
         config=_path(config),

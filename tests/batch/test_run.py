@@ -54,6 +54,11 @@ def test_every_item_has_one_row_sorted_by_name(runs):
     assert (found.n_computed, found.n_kept, found.failures) == (3, 0, ())
 
 
+def test_one_input_needs_no_list(runs):
+    found = identify_batch("runs/a.csv", "out", identify=fake.identify)
+    assert (found.n_computed, found.failures) == (1, ())
+
+
 def test_numbers_in_the_table_are_exact(runs):
     found = run()
     rows = read_csv(runs.parent / "out" / "results.csv")

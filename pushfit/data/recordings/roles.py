@@ -36,6 +36,8 @@ _DIALECT_CLOCKS: dict[str, tuple[tuple[str, str], ...]] = {
     "plotjuggler": (("__time", "s"), ("time", "s")),
     "mcapcsv": (("log_time", "ns"),),
 }
+# Numbers that points, strokes or colons part, as of a date or of a time of day.
+_DATE = re.compile(r"\d[./:-]\d+[./:-]\d")
 _SECONDS = re.compile(r"^(?P<stem>.*?)[._]?(?P<part>n?secs?|nanosecs?|seconds)$", re.I)
 
 
@@ -210,9 +212,17 @@ def _clock(
     if name not in columns.position:
         return None
     i = columns.position[name]
-    stamp = stamp_of(columns.first_row[i]) if i < len(columns.first_row) else None
-    if stamp:
+    cell = columns.first_row[i] if i < len(columns.first_row) else ""
+    if stamp := stamp_of(cell):
         return Role(name="time", columns=(i,), unit=_NANOSECONDS, stamp=stamp)
+    if _DATE.search(cell):
+        columns.add(
+            "other_date",
+            f"{cell!r} is no number, and no date by ISO 8601, such as "
+            "2025-05-03T10:00:00.25; write times so, or as seconds",
+            column=name,
+        )
+        return None
     unit = columns.unit(i, key) or (UNITS[dialect_unit] if dialect_unit else None)
     return _checked(columns, "time", i, unit, "time", "s")
 

@@ -347,8 +347,10 @@ def _number(frame: pd.DataFrame, origin: Origin) -> list[str]:
     for name in COUNTS:
         column = frame[name].to_numpy(dtype=float)
         for row in np.flatnonzero(~(np.isfinite(column) & (column == np.rint(column)))):
-            value = f"{column[row]:g}"
-            text = f"{value} is not a whole number; number them 1, 2, ..."
+            value, text = "", "is empty; number them 1, 2, ..., or remove a blank row"
+            if not np.isnan(column[row]):
+                value = f"{column[row]:g}"
+                text = f"{value} is not a whole number; number them 1, 2, ..."
             problems.append(
                 origin.problem(
                     "not_whole", text, row=int(row), column=name, value=value

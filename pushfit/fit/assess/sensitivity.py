@@ -55,7 +55,7 @@ def angle_error_warnings(
     words = (("elevation", "theta_sd_deg"), ("azimuth", "alpha_sd_deg"))
     for (word, key), sd, by in zip(words, stated, shifts, strict=True):
         parts = [
-            f"{symbol} by about {shift:.1g}°"
+            f"{symbol} by about {float(f'{shift:.1g}'):g}°"
             for symbol, shift, deviation in zip(quoted, by, own, strict=True)
             if shift > MATTERS * deviation
         ]

@@ -151,6 +151,18 @@ REFUSED = {
         "missing_unit",
         ["column timestamp", "timestamp_s", "`units={'time': 's'}`"],
     ),
+    "date_of_another_form": (
+        "timestamp,force_n\n03.05.2025 10:00:00.0,1\n03.05.2025 10:00:00.1,2\n",
+        {},
+        "other_date",
+        ["column timestamp", "'03.05.2025 10:00:00.0'", "ISO 8601"],
+    ),
+    "time_of_day": (
+        "time_s,force_n\n10:00:00.0,1\n10:00:00.1,2\n",
+        {},
+        "other_date",
+        ["column time_s", "'10:00:00.0'", "or as seconds"],
+    ),
     "no_unit_on_an_angle": (
         "time_s,force_n,theta\n0,1,30\n1,2,30\n",
         {},

@@ -88,6 +88,12 @@ def test_arrays_that_are_meant_otherwise_are_refused(theta, sd, named):
         )
 
 
+def test_a_blank_row_is_told_to_be_one(tmp_path):
+    text = "push,theta_deg,alpha_deg,height_n\n1,15,90,1\n,,,\n"
+    with pytest.raises(DataError, match=r"line 3, column push: is empty; .* blank row"):
+        read_table(written(tmp_path, text))
+
+
 @pytest.mark.parametrize("flag", ["saturated", "clipped", "gap", "lost_contact"])
 def test_flagged_heights_are_not_used(tmp_path, flag):
     text = f"theta_deg,alpha_deg,height_n,flags\n15,90,1,\n30,90,2,outlier;{flag}\n"
