@@ -52,7 +52,8 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
 
     Returns:
         `table` if there are heights, `schedule` if there are angles but neither signals
-        nor samples in time, else `recording`.
+        nor samples in time (elevations alone, with nothing that a plan lacks, are one
+        that is not complete), else `recording`.
 
     Raises:
         ConfigError: If the path cannot be read.
@@ -76,7 +77,8 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     stated |= {*recording_options.get("units", {})}
     # Samples of a log have a time and readings whose unit is not said; a plan has none.
     is_log = bool(columns.measuring("time")) and not stems <= _PLAN
-    has_plan = {"theta", "alpha"} <= stems and not is_signal and not is_log
+    has_angles = {"theta", "alpha"} <= stems or ("theta" in stems and stems <= _PLAN)
+    has_plan = has_angles and not is_signal and not is_log
     if has_plan and any(stem.startswith("height") for stem in stems):
         # Of a unit that is not known; the reader of tables says so.
         return "table"

@@ -31,6 +31,8 @@ def write(tmp_path):
         (RECORDING, "recording"),
         (SCHEDULE, "schedule"),
         (SCHEDULE.replace("repeat", "time_s"), "schedule"),
+        (SCHEDULE.replace("alpha_deg", "pdc"), "recording"),
+        ("push,theta_deg,repeat\n1,30,1\n2,45,1\n", "schedule"),
         (TABLE, "table"),
         ("time_s,force_n,theta_deg,alpha_deg\n0,1,30,0\n1,2,30,0\n", "recording"),
     ],
