@@ -7,7 +7,7 @@ humps, the pushes it leaves missing, the humps it leaves over and the time befor
 after; the best one counts if no other comes near. Excluded: the
 rhythms that humps may have (`pushfit.data.plans.rhythm`), finding and measuring them.
 Constants were tried at half and at twice in 497 cases of
-`benchmarks.recordings.plan_alignment`, of which 170 are paired right and 327 refused.
+`benchmarks.recordings.plan_alignment`, of which 172 are paired right and 325 refused.
 """
 
 import math
@@ -27,11 +27,11 @@ _TIMED_SCATTER = 0.05
 # Two may be so by chance; six, or half of the share, change no test.
 _FEWEST, _ON_CLOCK = 3, 0.75
 # How much likelier the best way must be: this many nats, 55 times. With twice as many
-# 141 cases more are refused, and pushes missing inside a run are no longer placed; half
+# 131 cases more are refused, and pushes missing inside a run are no longer placed; half
 # pairs one more.
 _CLEAR = 4.0
 # Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs,
-# of five humps. Half pairs 34 cases more by the rhythm of fewer, twice refuses 106
+# of five humps. Half pairs 23 cases more by the rhythm of fewer, twice refuses 95
 # more.
 _EVIDENCE = 8.0
 

@@ -4,7 +4,7 @@ Pushes of a robot follow each other in nearly regular time; some of them may be 
 and what is no push comes between. So periods are judged by the humps that are on each
 other's beat. Excluded: which hump is which push (`pushfit.data.plans.alignment`).
 Constants were tried at half and at twice in 497 cases of
-`benchmarks.recordings.plan_alignment`, of which 170 are paired right and 327 refused.
+`benchmarks.recordings.plan_alignment`, of which 172 are paired right and 325 refused.
 """
 
 import numpy as np
@@ -16,11 +16,11 @@ MISSING = 2.0
 # Time before the first push and after the last, in periods: mean of an exponential.
 # Half or twice changes no case.
 LEAD = 1.5
-# By how much a push may be planned before a recording begins, in periods: half pairs 5
+# By how much a push may be planned before a recording begins, in periods: half pairs 2
 # cases more, but scatter of what is planned moves ends by as much.
 SLACK = 0.1
 # Scatter of a time between two pushes that robots keep, in periods: times of the cases
-# scatter by 0.02, gaps by 0.028. Twice refuses 37 cases more; half pairs 7 more.
+# scatter by 0.02, gaps by 0.028. Twice refuses 32 cases more; half pairs 6 more.
 _LEAST_SCATTER = 0.03
 # Standard deviation over the median of a normal distribution, and a fifth more: the
 # time of one push is off in the gaps on both sides of it.
@@ -33,7 +33,7 @@ _BEAT = 0.1
 # paired wrong by mere order.
 _STEADY, _NEIGHBOURS = 0.45, 8
 # Beats that a period is measured over: over many, an error of its first guess miscounts
-# them. With eight 5 cases more are paired, with two 4 fewer.
+# them. With eight 1 case more is paired, with two 5 fewer.
 _FEW_BEATS = 4
 # Periods worth trying are as good as the best one but for so many nats, and so many.
 # Half or twice of either changes no case; fewer are faster.
