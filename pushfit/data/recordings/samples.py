@@ -16,7 +16,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.text.faults import data_error, problem
 from pushfit.data.text.files import Source
 from pushfit.data.units import Unit, implausible_angles, implausible_signal
-from pushfit.errors import InputProblem
+from pushfit.errors import InputProblem, stated
 
 Gaps = Literal["error", "split", "interpolate"]
 ThetaFrom = Literal["tangential", "normal"]
@@ -26,6 +26,8 @@ _MAX_LISTED = 10
 # Tactile sensors sample at 10 Hz to 10 kHz: a step a hundred times shorter than that,
 # or ten thousand times longer, is one in another unit of time.
 _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
+# Since 1970: the year 5138. Of milliseconds that are taken for seconds it is 1973.
+_LATEST_S = 1e11
 # A step is irregular when it is off the median by more than this share of it: rounded
 # to whole usual steps it is not one. More of them than the second share are told of.
 _IRREGULAR, _IRREGULAR_SHARE = 0.5, 0.05
@@ -175,6 +177,12 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
             f"the usual step of {usual:g} s does not fit a tactile sensor if times are "
             f"in {unit}; state their true unit, perhaps {other}",
         )
+    elif before[0] > _LATEST_S:
+        findings.add(
+            "implausible_time",
+            f"times of {before[0]:.3g} s are of no date if they are in {unit}; state "
+            "their true unit, perhaps ms",
+        )
     # Some at a time: to copy all steps costs more than to see that they are even.
     parts = [time[k : k + _SOME_STEPS + 1] for k in range(0, len(after), _SOME_STEPS)]
     ends = [(s.min(), s.max()) for s in map(np.diff, parts)]
@@ -185,6 +193,15 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
     step = np.diff(time)
     wrong = np.flatnonzero(step <= 0)
     back = wrong[step[wrong] < 0]
+    if not back.size and wrong.size > len(step) / 2:
+        findings.add(
+            "coarse_clock",
+            f"{wrong.size} of {time.size} times are those of the row before, since the "
+            "clock is coarser than the samples; take out its column and state "
+            f"{stated(rate=100)}, with the true rate",
+            at=int(wrong[0]) + 1,
+        )
+        return
     for k, row in enumerate(wrong[:_MAX_LISTED]):
         now, before = float(time[row + 1]), float(time[row])
         if now == before:

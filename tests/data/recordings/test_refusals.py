@@ -151,6 +151,18 @@ REFUSED = {
         "missing_unit",
         ["column timestamp", "timestamp_s", "`units={'time': 's'}`"],
     ),
+    "clock_that_is_coarser_than_the_samples": (
+        "time_s,force_n\n0,1\n0,1\n0,2\n1,1\n1,2\n1,3\n",
+        {},
+        "coarse_clock",
+        ["line 3", "4 of 6 times", "`rate=100`"],
+    ),
+    "milliseconds_since_1970_taken_for_seconds": (
+        "time_s,force_n\n1746266400000,1\n1746266400010,2\n1746266400020,1\n",
+        {},
+        "implausible_time",
+        ["1.75e+12 s", "perhaps ms"],
+    ),
     "date_of_another_form": (
         "timestamp,force_n\n03.05.2025 10:00:00.0,1\n03.05.2025 10:00:00.1,2\n",
         {},
