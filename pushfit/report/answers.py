@@ -63,22 +63,15 @@ def theta_c_answer(identification: Identification) -> AnswerText:
     subject = _theta_c_subject(identification)
     if not is_trusted(identification):
         return _unquoted("theta_c", subject, identification)
+    answer = _angle_answer(identification, quantity, subject)
     draws = _draws(identification, "theta_c")
     none_share = float(np.mean(np.isnan(draws))) if draws.size else 0.0
-    if none_share >= quantity.prob:
-        answer = AnswerText(
-            name="theta_c",
-            short="does not exist",
-            sentence=f"{subject} does not exist: this contact never rolls.",
+    if none_share >= MIN_SHARE and answer.values:
+        more = (
+            f"With probability {100 * none_share:.0f} % it does not exist: "
+            "the contact never rolls."
         )
-    else:
-        answer = _angle_answer(identification, quantity, subject)
-        if none_share >= MIN_SHARE and answer.values:
-            more = (
-                f"With probability {100 * none_share:.0f} % it does not exist: "
-                "the contact never rolls."
-            )
-            answer = _with_remarks(answer, [more])
+        answer = _with_remarks(answer, [more])
     return _with_caution(answer, identification)
 
 
@@ -135,6 +128,9 @@ def _angle_answer(
         sentence = (
             f"{subject} is {short} ({prob} interval), which is wider than was wanted."
         )
+    elif verdict is Verdict.ABSENT:
+        values, short = (), "does not exist"
+        sentence = f"{subject} {short}: this contact never rolls."
     elif estimate is None or verdict is Verdict.ASSUMED:
         values, pieces, short = (), (), "not determined by these data"
         sentence = f"{subject} is {short}: {_reason(identification, quantity)}."

@@ -53,6 +53,7 @@ WORDS = {
     Verdict.SEVERAL_MODES: "several modes",
     Verdict.ONE_SIDED: "one-sided",
     Verdict.NOT_DETERMINED: "not determined",
+    Verdict.ABSENT: "does not exist",
     Verdict.UNKNOWN: "not known",
 }
 
@@ -136,15 +137,20 @@ def quantity_cells(quantity: Quantity) -> tuple[str, str, str, str, str]:
         value = format_number(quantity.estimate)
     if quantity.estimate is not None and quantity.verdict is Verdict.FIXED:
         value = f"{quantity.estimate:.6g}"
+    is_shown = is_set or quantity.estimate is not None or not is_withheld(quantity)
     return (
         value,
         interval,
         unit_label(quantity.unit),
-        verdict_word(quantity.verdict)
-        if is_set or quantity.estimate is not None
-        else "",
+        verdict_word(quantity.verdict) if is_shown else "",
         printable(quantity.note),
     )
+
+
+def is_withheld(quantity: Quantity) -> bool:
+    """Whether a number that is left out is known, but may not be quoted."""
+    is_noted = quantity.note.startswith(UNQUOTED)
+    return is_noted or quantity.verdict is Verdict.DETERMINED
 
 
 def _p_value(p_value: float | None) -> str:
@@ -230,6 +236,8 @@ def _mechanics_row(answer: MechanicsAnswer) -> tuple[str, str]:
     theta_c = answer.theta_c
     ranges = [format_range(*piece, "deg") for piece in pieces_for(theta_c)]
     text = join_or(ranges) or UNQUOTED
+    if theta_c.verdict is Verdict.ABSENT:
+        text = verdict_word(theta_c.verdict)
     if theta_c.estimate is not None and theta_c.interval is not None:
         number, interval = format_estimate(theta_c.estimate, theta_c.interval, "deg")
         text = f"{number} ({interval})"

@@ -75,13 +75,16 @@ class Value(Quantity):
         return format(float(self), spec) if spec else str(self)
 
     def __str__(self) -> str:
-        """Estimate, interval and unit."""
+        """Estimate, interval and unit; without an estimate the range or the verdict."""
         value, interval, unit, verdict, _ = quantity_cells(self)
-        around = f"({interval})" if interval else ""
+        if self.estimate is None:
+            ranges = f"{interval}{unit}" if unit == "°" else f"{interval} {unit}"
+            parts = [ranges.strip() if interval else "", verdict]
+            return ", ".join(filter(None, parts)) or value
         number = f"{value}{unit}" if unit == "°" else f"{value} {unit}".strip()
-        text = " ".join(part for part in (number, around) if part)
-        is_claimed = text and self.verdict is not Verdict.PROVISIONAL
-        return text if is_claimed else f"{text} {verdict}".strip()
+        text = f"{number} ({interval})" if interval else number
+        is_claimed = self.verdict is not Verdict.PROVISIONAL
+        return text if is_claimed else f"{text} {verdict}"
 
     def __repr__(self) -> str:
         """The same with its name and verdict."""

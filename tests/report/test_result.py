@@ -13,7 +13,7 @@ import pushfit
 from pushfit.errors import ConfigError
 from pushfit.fit.results import Verdict
 from pushfit.report.html import result as html_module
-from pushfit.report.result import Result, load
+from pushfit.report.result import Result, Value, load
 from pushfit.report.store import folder as folder_module
 from pushfit.report.text.result import render_text
 from tests.report.makers import make_quantity
@@ -63,6 +63,23 @@ def test_what_may_not_be_quoted_is_no_number(two_modes, unknown_length):
         float(Result.of(two_modes).theta_c)
     with pytest.raises(ValueError, match="K_sn has no single estimate"):
         float(Result.of(unknown_length).params["K_sn"])
+
+
+@pytest.mark.parametrize(
+    ("verdict", "text"),
+    [
+        (Verdict.NOT_DETERMINED, "not determined"),
+        (Verdict.ABSENT, "does not exist"),
+        (Verdict.ONE_SIDED, "above 77.0 N/m, one-sided"),
+        (Verdict.DETERMINED, "not quoted"),
+    ],
+)
+def test_without_an_estimate_the_text_says_what_there_is(determined, verdict, text):
+    (stated,) = [q for q in determined.combinations if q.name == "B"]
+    sets = ((77.0, None),) if verdict is Verdict.ONE_SIDED else ()
+    open_ = {"estimate": None, "interval": None, "verdict": verdict, "sets": sets}
+    value = Value.of(replace(stated, **open_, note=""))
+    assert str(value) == f"{value}" == text
 
 
 def test_what_a_rejected_model_gives_is_shown_but_no_number(inadequate):

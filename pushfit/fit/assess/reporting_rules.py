@@ -108,7 +108,7 @@ def within_verdict(quantity: Quantity, *, wanted_width_deg: float) -> Quantity:
         and what is not finite; WIDE where it was called determined and is not.
     """
     verdict, interval = quantity.verdict, quantity.interval
-    is_open = verdict in (Verdict.NOT_DETERMINED, Verdict.ONE_SIDED)
+    is_open = verdict in (Verdict.NOT_DETERMINED, Verdict.ABSENT, Verdict.ONE_SIDED)
     if is_open or not interval or not np.isfinite(interval).all():
         interval = None
     width = 0.0 if interval is None else interval[1] - interval[0]

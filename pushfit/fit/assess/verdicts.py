@@ -63,6 +63,7 @@ def angle_quantity(
         The quantity, without numbers where a good part of the draws has no such angle.
         Where the data hardly narrow the prior nothing is determined, however sharp the
         profile: a few pushes can be fitted perfectly by a model that knows nothing.
+        ABSENT where the draws without such an angle are `prob` of them or more.
     """
     is_axis = name == "alpha_star"
     verdict = Verdict.NOT_DETERMINED if profile is None else profile.verdict
@@ -79,6 +80,9 @@ def angle_quantity(
         never = float(np.mean(np.isnan(draws)))
         if never > 0:
             note = f"{never:.1%} of the posterior never rolls"
+        if never >= prob:
+            # Its likelihood compares contacts that roll with each other.
+            verdict, likelihood_sets = Verdict.ABSENT, ()
         # Draws without a critical angle are no part of any interval for it.
         if never < (1 - prob) / 2:
             sets = _with_open_ends(found, likelihood_sets)
@@ -177,9 +181,8 @@ def _width_before(draws: bytes, prob: float, is_axis: bool) -> float:
 
 
 def _width(pieces: tuple[Piece, ...]) -> float:
-    return sum(
-        high - low for low, high in pieces if low is not None and high is not None
-    )
+    closed = [(a, b) for a, b in pieces if a is not None and b is not None]
+    return sum((high - low for low, high in closed), 0.0)
 
 
 def _finite(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:

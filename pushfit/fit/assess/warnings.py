@@ -30,7 +30,9 @@ from pushfit.model import as_float, contact
 # pressed against the bound: twice what is there where heights say nothing.
 EDGE, PRESSED = 0.05, 0.1
 # Verdicts that need no words, or have had them.
-SAID = frozenset({Verdict.DETERMINED, Verdict.UNKNOWN, Verdict.PROVISIONAL})
+SAID = frozenset(
+    {Verdict.DETERMINED, Verdict.ABSENT, Verdict.UNKNOWN, Verdict.PROVISIONAL}
+)
 
 
 def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:

@@ -21,6 +21,7 @@ class Verdict(enum.Enum):
     ONE_SIDED = "one_sided"
     SEVERAL_MODES = "several_modes"
     NOT_DETERMINED = "not_determined"
+    ABSENT = "does_not_exist"
     LEARNED = "learned"
     PARTLY = "partly"
     ASSUMED = "assumed"

@@ -14,7 +14,12 @@ from pushfit.fit.assess.reporting_rules import is_trusted
 from pushfit.fit.results import Identification, Quantity, Verdict
 from pushfit.mechanics.registry import mechanics_named
 from pushfit.parameters import HALF_TURN
-from pushfit.report.fact_rows import UNQUOTED, quantity_cells, verdict_word
+from pushfit.report.fact_rows import (
+    UNQUOTED,
+    is_withheld,
+    quantity_cells,
+    verdict_word,
+)
 from pushfit.report.json_values import Json, json_safe
 from pushfit.report.strings import (
     format_number,
@@ -155,8 +160,7 @@ def _unquoted(quantity: Quantity) -> str:
     """Why a quantity has no interval, in a few words."""
     if quantity.note.startswith(UNQUOTED):
         return printable(quantity.note)
-    is_withheld = quantity.verdict is Verdict.DETERMINED
-    return UNQUOTED if is_withheld else verdict_word(quantity.verdict)
+    return UNQUOTED if is_withheld(quantity) else verdict_word(quantity.verdict)
 
 
 def _difference(name: str, first: Identification, second: Identification) -> Difference:

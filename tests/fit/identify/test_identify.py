@@ -83,6 +83,21 @@ def test_a_sharp_profile_determines_nothing_where_the_draws_are_those_of_the_pri
     assert shown.sets == ()
 
 
+def test_a_contact_that_never_rolls_has_no_critical_angle_and_no_bound():
+    """Components see no tangential force but the share of friction's limit."""
+    case = CASES["never_rolls"]
+    table = case_table(
+        case, noise=0.02, channels=("height_normal", "height_tangential")
+    )
+    settings = config("[grasp]\npreload_n = 4.0\n")
+    found = identify_table(table, settings, seed=1, engine="sweep")
+    theta_c = found.theta_c
+    assert theta_c.verdict is Verdict.ABSENT
+    assert theta_c.estimate is theta_c.interval is None
+    assert theta_c.sets == theta_c.likelihood_sets == ()
+    assert not any(code.startswith("theta_c") for code in warning_codes(found))
+
+
 @pytest.mark.parametrize(
     ("centres", "sd", "verdict"),
     [

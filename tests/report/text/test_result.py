@@ -8,8 +8,10 @@ import pytest
 
 from pushfit.config import GraspConfig
 from pushfit.fit.assess.reporting_rules import reported
+from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.results import FitStatus, Verdict
 from pushfit.report.answers import alpha_star_answer, theta_c_answer
+from pushfit.report.fact_rows import angle_rows
 from pushfit.report.frames import correlations, result_frame
 from pushfit.report.text.result import (
     render_text,
@@ -175,8 +177,14 @@ def test_the_model_free_direction_is_compared_on_the_circle(
 
 def test_a_contact_that_never_rolls_has_no_critical_angle(determined):
     draws = dict(determined.posterior.samples) | {"theta_c": np.full(2000, np.nan)}
-    result = replace(determined, posterior=replace(determined.posterior, samples=draws))
-    assert "does not exist" in sentence_theta_c(result)
+    posterior = replace(determined.posterior, samples=draws)
+    theta_c = angle_quantity(
+        "theta_c", posterior, determined.profiles["theta_c"], prob=0.9
+    )
+    result = reported(replace(determined, posterior=posterior, theta_c=theta_c))
+    assert "does not exist: this contact never rolls" in sentence_theta_c(result)
+    # The likelihood of those that roll is not said beside it.
+    assert dict(angle_rows(result))["θ_c"] == "does not exist"
 
 
 def test_modes_across_the_seam_are_typical_of_their_own_draws(determined):
