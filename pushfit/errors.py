@@ -120,6 +120,18 @@ class ConvergenceError(FitError):
     """Draws from the posterior cannot be trusted."""
 
 
+def check_seed(seed: int) -> None:
+    """Refuse what seeds no generator of random numbers.
+
+    Raises:
+        ConfigError: It is below 0.
+    """
+    if seed < 0:
+        raise ConfigError(
+            f"seed = {seed}: a seed is a whole number, 0 or above", code="seed"
+        )
+
+
 def counted(n: int, noun: str) -> str:
     """Number of things, one of which is called by a noun."""
     end = "es" if noun.endswith("sh") else "s"

@@ -8,14 +8,14 @@ import contextlib
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 import pandas as pd
 
-from pushfit.config import GraspConfig, config_of, read_config
+from pushfit.config import GraspConfig, Settings, as_config
 from pushfit.data.check import expect_kind, file_kind
 from pushfit.data.load import configured_recording, reader_options
 from pushfit.data.peaks.extract import extract_peaks
@@ -23,7 +23,13 @@ from pushfit.data.plans.schedule import PushSchedule, read_schedule
 from pushfit.data.recordings.recording import Recording
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable, read_table
-from pushfit.errors import ConfigError, ConvergenceError, PushfitError, counted
+from pushfit.errors import (
+    ConfigError,
+    ConvergenceError,
+    PushfitError,
+    check_seed,
+    counted,
+)
 from pushfit.explore.advice import with_next_push
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.progress import Progress, Stages, stages_of
@@ -38,7 +44,6 @@ Read = TypeVar("Read")
 AnyPath = str | Path
 AnyTable = AnyPath | pd.DataFrame | Recording | PeakTable
 AnyPlan = AnyPath | pd.DataFrame | PushSchedule
-Settings = GraspConfig | AnyPath | Mapping[str, object]
 # What a frame is called in messages of its reader.
 FRAME = "DataFrame"
 
@@ -84,6 +89,7 @@ def identify(
             set and the status is not OK; then it carries the optima of the likelihood.
     """
     keep_programs()
+    check_seed(seed)
     settings = as_config(config)
     own = stages_of(settings, engine)
     sources, plans = _several(recordings_or_table), _several(schedule)
@@ -157,22 +163,6 @@ def shown_progress(
         yield report, tell
     finally:
         write()
-
-
-def as_config(config: Settings | None) -> GraspConfig:
-    """Settings, however they are given.
-
-    Args:
-        config: File, its content, the settings themselves, or None for the defaults.
-
-    Raises:
-        ConfigError: They cannot be read or break a rule.
-    """
-    if isinstance(config, GraspConfig):
-        return config
-    if isinstance(config, Mapping):
-        return config_of(config)
-    return read_config(config)
 
 
 def gather(

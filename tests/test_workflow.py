@@ -11,6 +11,7 @@ import pytest
 
 import pushfit
 from pushfit import workflow
+from pushfit.config import as_config
 from pushfit.errors import ConfigError, ConvergenceError, DataError
 from pushfit.fit.coverage import coverage_study
 from pushfit.fit.results import FitStatus, Identification, Recipe
@@ -89,6 +90,11 @@ def test_the_seed_is_zero_unless_stated(table, asked):
     assert asked(table, seed=3)[2]["seed"] == 3
 
 
+def test_a_seed_below_0_is_refused_before_anything_is_fitted(table):
+    with pytest.raises(ConfigError, match="seed = -1: .* 0 or above"):
+        pushfit.identify(table, seed=-1)
+
+
 def test_every_function_for_users_has_the_same_seed():
     public = [getattr(pushfit, name) for name in pushfit.__all__]
     functions = [*filter(inspect.isroutine, public), coverage_study, pushfit.Explorer]
@@ -129,7 +135,7 @@ def test_a_table_goes_with_nothing_else(table):
 
 
 def test_only_files_can_be_verified_later(table):
-    config = workflow.as_config(None)
+    config = as_config(None)
     given = config.model_dump(mode="json")
     assert workflow.recipe_of([table], [], config) == Recipe(
         config=given, table=str(table)
@@ -189,7 +195,7 @@ def test_a_frame_becomes_a_result(table):
 
 @pytest.mark.parametrize("given", [np.zeros((3, 2)), 3, {"theta_deg": [10.0]}])
 def test_what_holds_no_pushes_is_refused_with_what_would(given):
-    config = workflow.as_config(None)
+    config = as_config(None)
     with pytest.raises(ConfigError, match="give a path, a DataFrame"):
         workflow.gather([given], [], config)
     with pytest.raises(ConfigError, match="is no schedule; give a path"):

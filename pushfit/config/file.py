@@ -21,6 +21,7 @@ from pushfit.config.schema import GraspConfig
 from pushfit.config.section import Section
 from pushfit.errors import ConfigError, InputProblem
 
+Settings = GraspConfig | str | Path | Mapping[str, object]
 HEADER = """\
 # What is known about the grasp and the sensor. Keys that take effect show their
 # defaults; a key behind a '#' is an example and has no effect.
@@ -125,11 +126,25 @@ def config_of(content: Mapping[str, object], path: str = "config") -> GraspConfi
     try:
         return GraspConfig.model_validate(content)
     except ValidationError as error:
-        first, *others = problems(error, content, path)
-        more = f" (and {len(others)} more)" if others else ""
-        raise ConfigError(
-            first.message + more, code=first.code, problems=(first, *others)
-        ) from error
+        found = tuple(problems(error, content, path))
+        text = "\n".join(one.message for one in found)
+        raise ConfigError(text, code=found[0].code, problems=found) from error
+
+
+def as_config(config: Settings | None) -> GraspConfig:
+    """Settings, however they are given.
+
+    Args:
+        config: File, its content, the settings themselves, or None for the defaults.
+
+    Raises:
+        ConfigError: They cannot be read or break a rule.
+    """
+    if isinstance(config, GraspConfig):
+        return config
+    if isinstance(config, Mapping):
+        return config_of(config)
+    return read_config(config)
 
 
 def template(config: GraspConfig | None = None) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from pushfit.config import GraspConfig
+from pushfit.config import Settings, as_config
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
 from pushfit.explore.belief.belief import ANGLES, Belief, BeliefSource, Question
@@ -57,7 +57,8 @@ class Explorer:
     """Suggests pushes, takes in what came of them, and says when to stop.
 
     Args:
-        config: Settings of grasp, sensor and priors.
+        config: Settings of grasp, sensor and priors: a `grasp.toml`, its content, what
+            `read_config` gives, or None for the defaults.
         ask: "theta_c", "alpha_star" or "both".
         width_deg: Width of the interval that decides an angle; ± 3° is 6 [deg].
         prob: Probability that the interval must have.
@@ -80,7 +81,7 @@ class Explorer:
 
     def __init__(
         self,
-        config: GraspConfig,
+        config: Settings | None,
         *,
         ask: str = "theta_c",
         width_deg: float = 6.0,
@@ -99,6 +100,7 @@ class Explorer:
             raise ConfigError(
                 f"ask = {ask!r} is not known; ask for {', '.join(ANGLES)}", code="ask"
             )
+        config = as_config(config)
         limits = Limits.of(config) if limits is None else limits
         self.limits, self.source = limits, source
         self.judge = Judge(width=width_deg, prob=prob, budget=budget, seed=seed)
@@ -153,7 +155,12 @@ class Explorer:
 
         Args:
             n: Most pushes to name.
+
+        Raises:
+            ConfigError: These are fewer than one.
         """
+        if n < 1:
+            raise ConfigError(f"ask({n}): ask for one push or more", code="ask")
         history = self.history
         if self.is_dangling and history.pending is not None:
             # Never replayed: nobody knows how far it went.

@@ -70,6 +70,13 @@ class Limits(ExploreSection):
                 "90°; give low <= high",
                 code="limits",
             )
+        first, last = self.alpha_deg or (0.0, 180.0)
+        if not first <= last <= first + 360.0:
+            raise ConfigError(
+                f"limits: alpha {first:g}° to {last:g}° is no range of azimuths; give "
+                "low <= high <= low + 360",
+                code="limits",
+            )
 
     @classmethod
     def of(cls, config: GraspConfig, **stated: Any) -> "Limits":

@@ -115,11 +115,29 @@ def test_a_push_that_is_refused_is_not_taken_in(tmp_path, changes):
         ({"channels": ("foo",)}, "foo"),
         ({"channels": ()}, "no channel"),
         ({"unit": "lbf"}, "lbf"),
+        ({"seed": -1}, "seed = -1"),
+        ({"budget": -1}, "budget -1"),
+        ({"journal": "."}, "a journal is a file"),
+        ({"journal": "missing/one.jsonl"}, "folder that exists"),
     ],
 )
-def test_a_question_that_no_table_can_answer_is_refused_at_once(changes, named):
+def test_a_question_that_makes_no_sense_is_refused_at_once(changes, named):
     with pytest.raises(ConfigError, match=named):
         explorer(**changes)
+
+
+@pytest.mark.parametrize("n", [0, -1])
+def test_no_push_is_no_answer_to_a_question_for_one(n):
+    with pytest.raises(ConfigError, match="ask for one push or more"):
+        explorer().ask(n)
+
+
+def test_settings_of_an_exploration_may_be_given_in_any_form(tmp_path):
+    file = tmp_path / "grasp.toml"
+    file.write_text("[push]\nlength_mm = 4.0\n", "utf-8")
+    for given in (file, str(file), {"push": {"length_mm": 4.0}}):
+        assert Explorer(given).question.config.push.length_mm == 4.0
+    assert not Explorer(None).question.config.push.length_known
 
 
 def test_a_journal_that_says_0_for_no_number_is_gone_on_with(tmp_path):

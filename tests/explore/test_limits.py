@@ -24,6 +24,12 @@ BEYOND = 0.011
 angles = st.integers(0, 8).map(lambda k: 10.0 * k)
 
 
+@pytest.mark.parametrize("alpha_deg", [(180.0, 0.0), (0.0, 400.0)])
+def test_azimuths_are_a_range_as_elevations_are(alpha_deg):
+    with pytest.raises(ConfigError, match="no range of azimuths"):
+        Limits(alpha_deg=alpha_deg)
+
+
 @st.composite
 def limits(draw):
     low, high = sorted((draw(angles), draw(angles)))

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, check_seed
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.learning import reference_rows
 from pushfit.explore.belief.predict import predict
@@ -71,6 +71,7 @@ class Judge:
     seed: int
 
     def __post_init__(self) -> None:
+        check_seed(self.seed)
         if not (0 < self.width < 180 and 0 < self.prob < 1 and self.budget >= 0):
             raise ConfigError(
                 f"width {self.width:g}°, probability {self.prob:g} and budget "

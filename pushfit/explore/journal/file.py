@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pushfit.atomic import sync
-from pushfit.errors import DataError
+from pushfit.errors import ConfigError, DataError
 
 SCHEMA = "pushfit.exploration/1"
 Event = dict[str, object]
@@ -22,6 +22,10 @@ class Journal:
 
     def __init__(self, path: Path | None) -> None:
         """Read what there is; a last line that was cut off never happened."""
+        if path is not None and (path.is_dir() or not path.parent.is_dir()):
+            raise ConfigError(
+                f"{path}: a journal is a file in a folder that exists", code="journal"
+            )
         self.path = path
         self.events: tuple[Event, ...] = ()
         if path is not None and path.exists():
