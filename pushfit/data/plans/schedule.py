@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.recognise import RecordingColumns
 from pushfit.data.tables.columns import COMMON, Known, Origin, read_columns, read_rows
-from pushfit.data.tables.rules import CHANNELS, TEXTS, check_columns
+from pushfit.data.tables.rules import CHANNELS, check_columns
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import Source
 from pushfit.data.units import in_degrees
@@ -174,7 +174,7 @@ def read_schedule(path: str | Path) -> PushSchedule:
         DataError: The file cannot be read, is a table of peak heights (`wrong_kind`) or
             breaks a rule.
     """
-    rows = read_rows(path, texts=TEXTS)
+    rows = read_rows(path, KNOWN)
     if not {*RecordingColumns([str(name) for name in rows.frame]).stems}.isdisjoint(
         CHANNELS
     ):

@@ -82,15 +82,15 @@ def is_parquet(path: str | Path) -> bool:
     return Path(path).suffix.lower() in {".parquet", ".pq"}
 
 
-def read_rows(path: str | Path, *, texts: tuple[str, ...] = ()) -> Rows:
+def read_rows(path: str | Path, known: Known) -> Rows:
     """Read a table whose every row counts, such as a schedule or peak heights.
 
     Text may have the encodings, delimiters, decimal marks and preambles that recordings
     may have; a last line without a line end is kept, with a note.
 
     Args:
-        texts: Columns that hold text, in small letters; the cells of all others must be
-            numbers, or blank.
+        known: Columns whose cells must be numbers or blank, but for those "bare" that
+            count nothing; all others may hold anything.
 
     Raises:
         ConfigError: The path cannot be read, or it is Parquet and its library is not
@@ -102,10 +102,12 @@ def read_rows(path: str | Path, *, texts: tuple[str, ...] = ()) -> Rows:
         return _parquet_rows(path)
     text = open_text(path)
     layout = find_layout(text)
+    stems = recognise.RecordingColumns(layout.names).stems
+    numbers = {stem for stem, held in known.items() if held != "bare"}.union(COUNTS)
     kinds: dict[int, Kind] = {
-        i: "text" if name.strip().lower() in texts else "float"
-        for i, name in enumerate(layout.names)
-        if name
+        i: "float" if stem in numbers else "text"
+        for i, stem in enumerate(stems)
+        if layout.names[i]
     }
     cells = read_cells(text, layout, kinds, tail="keep")
     lines = cells.scan.lines(np.arange(cells.scan.n_rows))

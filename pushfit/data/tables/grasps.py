@@ -17,7 +17,7 @@ from pandas.util import hash_pandas_object
 
 from pushfit.data.tables.columns import Origin, Rows, is_parquet, read_rows
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.data.tables.rules import TEXTS
+from pushfit.data.tables.rules import KNOWN
 from pushfit.data.text.files import Source
 from pushfit.errors import DataError
 
@@ -95,7 +95,7 @@ def read_grasps(path: str | Path) -> Iterator[GraspRows]:
     Raises:
         DataError: The file is no regular table, or a row names no grasp.
     """
-    rows = read_rows(path, texts=(*TEXTS, COLUMN))
+    rows = read_rows(path, KNOWN)
     column = next(c for c in rows.frame.columns if str(c).strip().lower() == COLUMN)
     names = rows.frame[column].fillna("").astype(str).str.strip()
     if (names == "").any():

@@ -19,7 +19,7 @@ from pushfit.data.tables.columns import Origin, is_parquet, no_parquet, read_row
 from pushfit.data.tables.rules import (
     CHANNELS,
     EXCLUDING_FLAGS,
-    TEXTS,
+    KNOWN,
     canonical_frame,
 )
 from pushfit.data.tables.traces import Trace
@@ -261,7 +261,7 @@ def read_table(path: str | Path) -> PeakTable:
         DataError: The file cannot be read or breaks a rule.
         ConfigError: Parquet is asked for and its library is not installed.
     """
-    rows = read_rows(path, texts=TEXTS)
+    rows = read_rows(path, KNOWN)
     return PeakTable.from_frame(
         rows.frame, origin=rows.origin, sources=rows.sources, notes=rows.notes
     )

@@ -148,6 +148,17 @@ def test_a_bad_cell_is_named_by_line_column_and_value(
     assert error.problems[0].line == 3
 
 
+def test_columns_that_are_not_used_may_hold_anything(tmp_path):
+    """Notes of the operator, numbers with a word between them, empty cells."""
+    lines = GOOD.splitlines()
+    cells = ("operator,temperature_c", "Anna,21.5", ",not read", "Bob: ok,")
+    text = "\n".join(map(",".join, zip(lines, cells, strict=True))) + "\n"
+    table = read_table(written(tmp_path, text))
+    assert "columns not used: operator, temperature_c" in table.notes
+    plain = read_table(written(tmp_path, GOOD, "plain.csv"))
+    pd.testing.assert_frame_equal(table.frame, plain.frame)
+
+
 def test_all_bad_cells_are_reported_at_once(tmp_path):
     text = GOOD.replace("30,90", "97,90").replace("15,90,1.2", "-98,90,1.2")
     error = rejected(tmp_path, text)
