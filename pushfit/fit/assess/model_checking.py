@@ -43,6 +43,8 @@ MIN_TESTED = 7
 # Residuals of less than a tenth of the noise may follow whom they like: those of
 # rounding do, and no interval minds.
 QUIET_CHI_SQUARE = 0.01
+# Of a height, relative.
+ROUNDING = 1e-6
 # What simulated heights lack, by the feature of a predictive check.
 MISSED = {
     "scatter": "as much scatter",
@@ -188,13 +190,17 @@ def _r_squared(
     predicted: Float[np.ndarray, " n"],
     channel: Shaped[np.ndarray, " n"],
 ) -> float:
-    """1 - SSE / SST about each channel's mean; 1 for heights that do not vary."""
+    """1 - SSE / SST about each channel's mean.
+
+    Of heights that do not vary it is 1 where they are met, else 0.
+    """
     total = 0.0
     for name in np.unique(channel):
         values = observed[channel == name]
         total += float(np.sum((values - values.mean()) ** 2))
     errors = float(np.sum((observed - predicted) ** 2))
-    return 1.0 - errors / total if total > 0 else 1.0
+    rounded = ROUNDING**2 * float(np.sum(observed**2))
+    return 1.0 - errors / total if total > rounded else float(errors <= rounded)
 
 
 def _chi_square_p_value(fit: FitResult, noise: Noise) -> float | None:

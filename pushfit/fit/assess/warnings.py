@@ -13,6 +13,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import counted
 from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
+from pushfit.fit.problem.noise import stated_sds
 from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import (
@@ -53,6 +54,7 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
         yield ResultWarning(
             code="pushes_excluded", text=f"left out of the fit: {names}"
         )
+    yield from _equal_heights(table)
     n_elevations = np.unique(np.round(table.theta[table.is_used], 6)).size
     if n_elevations < 3:
         yield ResultWarning(
@@ -68,6 +70,22 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
                 text="some heights were read at the apex of a push, others at its "
                 "plateau, and one push has two heights by the two; set [peaks] height "
                 "to the one that all should have",
+            )
+
+
+def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:
+    """Whether a channel reads the same whatever the direction."""
+    rows = np.flatnonzero(table.is_used)
+    if rows.size < MIN_TESTED or np.unique(table.groups[rows]).size < 2:
+        return
+    for channel in table.channels:
+        heights = table.heights(channel)[rows]
+        if np.ptp(heights) == 0:
+            yield ResultWarning(
+                code="equal_heights",
+                text=f"{channel}_{table.unit} is {heights[0]:g} in all {rows.size} "
+                "pushes, whatever the direction; look whether the sensor was "
+                "connected and not saturated, and whether the column is the right one",
             )
 
 
@@ -92,13 +110,22 @@ def contact_warning(table: PeakTable, rows: tuple[int, ...]) -> ResultWarning:
     )
 
 
-def scatter_warning(setup: Setup, fit: FitResult) -> ResultWarning | None:
+def scatter_warning(
+    table: PeakTable, setup: Setup, fit: FitResult
+) -> ResultWarning | None:
     """Say so where given standard deviations do not explain the scatter."""
-    if setup.noise.kind != "given" or fit.degrees_of_freedom < 1:
+    noise, chi_square, sds = setup.noise, fit.chi_square, stated_sds(table)
+    if sds is None or noise.kind == "pooled" or fit.degrees_of_freedom < 1:
         return None
-    if scipy.special.chdtrc(fit.degrees_of_freedom, fit.chi_square) > LEVEL:
+    if noise.kind == "sampled":
+        # What was added to them counts where it is of one size.
+        if noise.follows_fit or noise.shared:
+            return None
+        stated = [sds[c][r] for c, r in zip(fit.channel, fit.row, strict=True)]
+        chi_square *= float(np.mean((fit.sigma / np.array(stated)) ** 2))
+    if scipy.special.chdtrc(fit.degrees_of_freedom, chi_square) > LEVEL:
         return None
-    ratio = np.sqrt(fit.chi_square / fit.degrees_of_freedom)
+    ratio = np.sqrt(chi_square / fit.degrees_of_freedom)
     return ResultWarning(
         code="scatter_exceeds_sd",
         text=f"heights scatter {ratio:.1f} times as much about the fit as their "
@@ -126,7 +153,8 @@ def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarni
             code="outliers", text=f"more than 5 sigma from the fit: {names}"
         )
     scatter = [c.p_value for c in goodness.predictive if c.feature == "scatter"]
-    if setup.noise.kind == "given" and max(scatter, default=0.0) > 1 - LEVEL:
+    is_stated = setup.noise.kind != "pooled" and stated_sds(found.table) is not None
+    if is_stated and max(scatter, default=0.0) > 1 - LEVEL:
         yield ResultWarning(
             code="scatter_below_sd",
             text="heights simulated with the given standard deviations scatter more "

@@ -146,6 +146,7 @@ def _fit_as_stated(
     searching: Callable[[Setup], None] | None = None,
 ) -> Fitted:
     """Least squares by one kind of noise."""
+    given = config.noise.sigma
     config, warnings = prepared(table, config)
     stated, (kind, _) = config.noise.sigma, config.noise.repeat_effect
     if config.noise.angle_errors == "shared":
@@ -168,10 +169,11 @@ def _fit_as_stated(
         table = table.with_flag(lost, "lost_contact")
         warnings = (*warnings, contact_warning(table, lost))
         setup, fit = _fit(build_problem(table, config), reference_alpha)
-    excess = scatter_warning(setup, fit) if config.noise.sigma == "auto" else None
-    if excess is not None:
-        config = with_noise(config, sigma="sampled")
+    excess = scatter_warning(table, setup, fit) if given == "auto" else None
+    if excess is not None and not setup.noise.warnings:
         warnings = (*warnings, excess)
+    if excess is not None and setup.noise.kind == "given":
+        config = with_noise(config, sigma="sampled")
         setup, fit = _fit(build_problem(table, config), reference_alpha)
     sigma = setup.noise.kind
     if config.noise.angle_errors == "shared" and sigma == "given":

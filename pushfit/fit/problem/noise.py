@@ -125,7 +125,7 @@ def _of_each(
     Args:
         scatter: What repeats of a channel say of it, and its degrees of freedom.
     """
-    choice, sds = config.noise.sigma, _given(table)
+    choice, sds = config.noise.sigma, stated_sds(table)
     angle_sd, share = config.noise.angle_sd, config.noise.height_share
     height_share = math.nan if share == "estimate" else float(share)
     # Both make repeats scatter beyond the sd of their heights, and unequally.
@@ -209,8 +209,8 @@ def _step(heights: Float[np.ndarray, " n"]) -> float:
     return ROUNDED_SHARE * tallest if np.ptp(heights) == 0 else 0.0
 
 
-def _given(table: PeakTable) -> dict[str, Float[np.ndarray, " n"]] | None:
-    """Standard deviations of every channel; None if one lacks them."""
+def stated_sds(table: PeakTable) -> dict[str, Float[np.ndarray, " n"]] | None:
+    """Standard deviations of every channel [table unit]; None if one lacks them."""
     sds = {}
     for name in table.channels:
         sd = table.sd(name)

@@ -160,6 +160,15 @@ def test_heights_that_the_model_does_not_explain_are_called_so():
     assert "does not describe" in found.sentence
 
 
+@pytest.mark.parametrize(("height", "is_met"), [(2.0, True), (2.4, False)])
+def test_heights_that_do_not_vary_are_explained_where_they_are_met(height, is_met):
+    """Repeats that agree to the digit judge no fit, so this does."""
+    flat = np.full(THETA_DEG.size, 2.0)
+    found = criticise(flat, np.full(THETA_DEG.size, height), kind="sampled")
+    assert found.r_squared == float(is_met)
+    assert found.is_adequate is is_met
+
+
 def test_repeats_of_one_direction_do_not_fault_the_model():
     """Heights that vary by noise alone leave nothing to explain."""
     same = np.full(THETA_DEG.size, 30.0)

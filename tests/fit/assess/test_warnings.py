@@ -37,6 +37,21 @@ def test_a_push_that_is_left_out_mixes_nothing():
     assert "mixed_definitions" not in {n.code for n in table_warnings(stated, config())}
 
 
+@pytest.mark.parametrize("channel", ["height_normal", "height_tangential"])
+def test_a_channel_that_reads_the_same_in_every_direction_is_named(channel):
+    """Digits of a real sensor scatter; one of no pushes, or stuck, does not."""
+    channels = ("height_normal", "height_tangential")
+    table = case_table(CASES["firm"], noise=0.02, channels=channels)
+    assert not any(w.code == "equal_heights" for w in table_warnings(table, config()))
+    stuck = type(table).from_frame(table.frame.assign(**{f"{channel}_n": 1.5}))
+    (said,) = [
+        warning.text
+        for warning in table_warnings(stuck, config())
+        if warning.code == "equal_heights"
+    ]
+    assert said.startswith(f"{channel}_n is 1.5 in all {table.n_pushes} pushes")
+
+
 @pytest.mark.parametrize(
     ("end", "is_said"), [(-0.9, True), (-0.1, True), (-0.5, False)]
 )

@@ -16,7 +16,7 @@ from pushfit.fit.identify import fitted as fitted_module
 from pushfit.fit.identify.fitted import fit_table, sweep
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.results import FitStatus, Verdict
-from tests.fit.tables import FRICTION_ONLY, HARD, case_table, config
+from tests.fit.tables import FRICTION_ONLY, HARD, NORMAL, case_table, config
 from tests.problems import CASES
 
 LOW_DEG = np.arange(5.0, 61.0, 5.0)
@@ -249,6 +249,34 @@ def test_scatter_beyond_the_stated_sd_widens_every_interval():
     fitted = fit_table(type(table).from_frame(frame), config())
     assert "scatter_exceeds_sd" in {warning.code for warning in fitted.warnings}
     np.testing.assert_allclose(np.median(fitted.fit.sigma), 0.05, rtol=SIGMA_ONCE)
+
+
+def unequal():
+    """Settings without a push length: what repeats scatter by is no sensor's noise."""
+    return parse_config(HARD + NORMAL, path="grasp.toml")
+
+
+@pytest.mark.parametrize(("sd", "n_said"), [(0.005, 1), (0.05, 0)])
+def test_scatter_beyond_the_stated_sd_is_said_where_pushes_may_be_unequal(sd, n_said):
+    """Noise is sampled there, beside the standard deviations that are stated."""
+    table = case_table(CASES["firm"], noise=0.05, seed=3)
+    frame = table.frame.assign(height_sd_n=sd)
+    fitted = fit_table(type(table).from_frame(frame), unequal())
+    texts = [w.text for w in fitted.warnings if w.code == "scatter_exceeds_sd"]
+    assert len(texts) == n_said
+    # By 48 degrees of freedom it is known to 10 %.
+    ratios = [float(text.split()[2]) for text in texts]
+    np.testing.assert_allclose(ratios, [10.0] * n_said, rtol=SIGMA)
+
+
+@pytest.mark.parametrize("settings", [config(CONSTANT), unequal()])
+def test_standard_deviations_that_are_too_large_are_said_to_be(settings):
+    table = case_table(CASES["firm"], noise=0.03, seed=3)
+    frame = table.frame.assign(height_sd_n=0.3)
+    found = identify_table(
+        type(table).from_frame(frame), settings, seed=1, engine="sweep"
+    )
+    assert "scatter_below_sd" in warning_codes(found)
 
 
 def test_a_fixed_value_that_the_heights_contradict_is_named():
