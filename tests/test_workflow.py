@@ -91,7 +91,7 @@ def test_the_seed_is_zero_unless_stated(table, asked):
 
 
 def test_a_seed_below_0_is_refused_before_anything_is_fitted(table):
-    with pytest.raises(ConfigError, match="seed = -1: .* 0 or above"):
+    with pytest.raises(ConfigError, match=r"seed = -1: .* 0 or above"):
         pushfit.identify(table, seed=-1)
 
 

@@ -1,6 +1,7 @@
 """Warnings that travel with a result: each has a stable code and a sentence.
 
-Excluded: whether the model describes the heights (`pushfit.fit.assess.model_checking`).
+Excluded: what a table says by itself (`pushfit.fit.assess.table_checks`), and whether
+the model describes the heights (`pushfit.fit.assess.model_checking`).
 """
 
 from collections.abc import Iterator
@@ -9,9 +10,7 @@ import jax
 import numpy as np
 import scipy
 
-from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import counted
 from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.problem.noise import stated_sds
 from pushfit.fit.problem.predictions import predict_points
@@ -34,59 +33,6 @@ EDGE, PRESSED = 0.05, 0.1
 SAID = frozenset(
     {Verdict.DETERMINED, Verdict.ABSENT, Verdict.UNKNOWN, Verdict.PROVISIONAL}
 )
-
-
-def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
-    """What the table and the configuration already say."""
-    if not config.push.length_known:
-        yield ResultWarning(
-            code="push_length_unknown",
-            text="the push length was not controlled or not stated, so stiffness is "
-            "not quoted; θ_c and α* assume that all pushes were equally long, and "
-            "unequal pushes make them wrong",
-        )
-    excluded = np.flatnonzero(~table.is_used)
-    if excluded.size:
-        names = "; ".join(
-            f"{label(table, int(i))}: {', '.join(sorted(table.flags[i]))}"
-            for i in excluded
-        )
-        yield ResultWarning(
-            code="pushes_excluded", text=f"left out of the fit: {names}"
-        )
-    yield from _equal_heights(table)
-    n_elevations = np.unique(np.round(table.theta[table.is_used], 6)).size
-    if n_elevations < 3:
-        yield ResultWarning(
-            code="few_elevations",
-            text=f"pushes have only {counted(n_elevations, 'distinct elevation')}; the "
-            "critical angle needs several on both sides of it",
-        )
-    if "definition" in table.frame:
-        definitions = set(table.frame["definition"][table.is_used]) - {""}
-        if len(definitions) > 1:
-            yield ResultWarning(
-                code="mixed_definitions",
-                text="some heights were read at the apex of a push, others at its "
-                "plateau, and one push has two heights by the two; set [peaks] height "
-                "to the one that all should have",
-            )
-
-
-def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:
-    """Whether a channel reads the same whatever the direction."""
-    rows = np.flatnonzero(table.is_used)
-    if rows.size < MIN_TESTED or np.unique(table.groups[rows]).size < 2:
-        return
-    for channel in table.channels:
-        heights = table.heights(channel)[rows]
-        if np.ptp(heights) == 0:
-            yield ResultWarning(
-                code="equal_heights",
-                text=f"{channel}_{table.unit} is {heights[0]:g} in all {rows.size} "
-                "pushes, whatever the direction; look whether the sensor was "
-                "connected and not saturated, and whether the column is the right one",
-            )
 
 
 def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
+from pushfit.fit.assess.table_checks import table_warnings
 from pushfit.fit.assess.violations import (
     ANGLE_ERRORS,
     HEAVY_TAILED,
@@ -26,7 +27,6 @@ from pushfit.fit.assess.warnings import (
     contradiction_warning,
     lost_contact_rows,
     scatter_warning,
-    table_warnings,
 )
 from pushfit.fit.identify.progress import Progress
 from pushfit.fit.problem.noise import with_noise

@@ -1,4 +1,4 @@
-"""What a table says before anything is fitted."""
+"""What a finished result says beside its numbers."""
 
 from dataclasses import replace
 
@@ -8,7 +8,6 @@ import pytest
 from pushfit.fit.assess.warnings import (
     bound_warnings,
     result_warnings,
-    table_warnings,
 )
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
@@ -16,40 +15,6 @@ from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
 from pushfit.fit.sweep import posterior as sweep
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
-
-
-@pytest.mark.parametrize("is_mixed", [False, True])
-def test_heights_of_two_definitions_in_one_fit_are_said(is_mixed):
-    table = case_table(CASES["firm"], noise=0.02)
-    definitions = ["apex"] * table.n_pushes
-    if is_mixed:
-        definitions[3] = "plateau"
-    stated = type(table).from_frame(table.frame.assign(definition=definitions))
-    codes = [warning.code for warning in table_warnings(stated, config())]
-    assert ("mixed_definitions" in codes) is is_mixed
-
-
-def test_a_push_that_is_left_out_mixes_nothing():
-    table = case_table(CASES["firm"], noise=0.02).with_flag([3], "clipped")
-    definitions = ["apex"] * table.n_pushes
-    definitions[3] = "plateau"
-    stated = type(table).from_frame(table.frame.assign(definition=definitions))
-    assert "mixed_definitions" not in {n.code for n in table_warnings(stated, config())}
-
-
-@pytest.mark.parametrize("channel", ["height_normal", "height_tangential"])
-def test_a_channel_that_reads_the_same_in_every_direction_is_named(channel):
-    """Digits of a real sensor scatter; one of no pushes, or stuck, does not."""
-    channels = ("height_normal", "height_tangential")
-    table = case_table(CASES["firm"], noise=0.02, channels=channels)
-    assert not any(w.code == "equal_heights" for w in table_warnings(table, config()))
-    stuck = type(table).from_frame(table.frame.assign(**{f"{channel}_n": 1.5}))
-    (said,) = [
-        warning.text
-        for warning in table_warnings(stuck, config())
-        if warning.code == "equal_heights"
-    ]
-    assert said.startswith(f"{channel}_n is 1.5 in all {table.n_pushes} pushes")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,157 @@
+"""What a table says of itself before anything is fitted, by a warning each.
+
+Excluded: whether the model describes the heights (`pushfit.fit.assess.model_checking`).
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy
+from jaxtyping import Float, Int
+
+from pushfit.config import GraspConfig
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import counted
+from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
+from pushfit.fit.results import ResultWarning
+
+# Of the spread of push numbers, what lies within directions where their repeats were
+# made one after another; of whole sweeps it is most.
+IN_A_ROW = 0.1
+# Equal heights at the top, and by how many times they are more than any others.
+AT_TOP, MORE = 4, 2
+# Directions whose repeats agree to the digit by chance at most.
+FEW_TWINS = 3
+
+
+def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
+    """What the table and the configuration already say."""
+    if not config.push.length_known:
+        yield ResultWarning(
+            code="push_length_unknown",
+            text="the push length was not controlled or not stated, so stiffness is "
+            "not quoted; θ_c and α* assume that all pushes were equally long, and "
+            "unequal pushes make them wrong",
+        )
+    if config.grasp.preload[1] is None:
+        yield ResultWarning(
+            code="preload_unknown",
+            text="no preload is stated, and 0 was taken; one that is there makes C_rr "
+            "and θ_c wrong, and the model can describe the heights as well: set "
+            f"grasp.preload_{table.unit}, to 0 where there is none, or to "
+            '"estimate"',
+        )
+    excluded = np.flatnonzero(~table.is_used)
+    if excluded.size:
+        names = "; ".join(
+            f"{label(table, int(i))}: {', '.join(sorted(table.flags[i]))}"
+            for i in excluded
+        )
+        yield ResultWarning(
+            code="pushes_excluded", text=f"left out of the fit: {names}"
+        )
+    yield from _equal_heights(table)
+    yield from _at_limit(table)
+    yield from _copied_rows(table)
+    yield from _drift(table)
+    n_elevations = np.unique(np.round(table.theta[table.is_used], 6)).size
+    if n_elevations < 3:
+        yield ResultWarning(
+            code="few_elevations",
+            text=f"pushes have only {counted(n_elevations, 'distinct elevation')}; the "
+            "critical angle needs several on both sides of it",
+        )
+    if "definition" in table.frame:
+        definitions = set(table.frame["definition"][table.is_used]) - {""}
+        if len(definitions) > 1:
+            yield ResultWarning(
+                code="mixed_definitions",
+                text="some heights were read at the apex of a push, others at its "
+                "plateau, and one push has two heights by the two; set [peaks] height "
+                "to the one that all should have",
+            )
+
+
+def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:
+    """Whether a channel reads the same whatever the direction."""
+    rows = np.flatnonzero(table.is_used)
+    if rows.size < MIN_TESTED or np.unique(table.groups[rows]).size < 2:
+        return
+    for channel in table.channels:
+        heights = table.heights(channel)[rows]
+        if np.ptp(heights) == 0:
+            yield ResultWarning(
+                code="equal_heights",
+                text=f"{channel}_{table.unit} is {heights[0]:g} in all {rows.size} "
+                "pushes, whatever the direction; look whether the sensor was "
+                "connected and not saturated, and whether the column is the right one",
+            )
+
+
+def _at_limit(table: PeakTable) -> Iterator[ResultWarning]:
+    """Whether heights stop at a largest one, as no others are equal."""
+    for channel in table.channels:
+        values, counts = np.unique(
+            table.heights(channel)[table.is_used], return_counts=True
+        )
+        others = np.max(counts[:-1], initial=0)
+        if values.size > 1 and counts[-1] >= max(AT_TOP, MORE * others + 1):
+            yield ResultWarning(
+                code="heights_at_limit",
+                text=f"{counts[-1]} heights have the largest {channel}_{table.unit}, "
+                f"{values[-1]:g}, as at the limit of a sensor; if it is, flag these "
+                "pushes saturated in the column flags",
+            )
+
+
+def _copied_rows(table: PeakTable) -> Iterator[ResultWarning]:
+    """Whether all pushes have a twin of the same direction and the same heights."""
+    rows = np.flatnonzero(table.is_used)
+    heights = np.stack([table.heights(channel)[rows] for channel in table.channels])
+    keys = np.vstack([table.groups[rows], heights])
+    found, counts = np.unique(keys, axis=1, return_counts=True)
+    differ = np.unique(found[1:], axis=1).shape[1] > 1
+    if differ and found.shape[1] >= FEW_TWINS and np.min(counts) > 1:
+        yield ResultWarning(
+            code="copied_rows",
+            text="every push has another one with its direction and the same heights, "
+            "to the last digit; each counts as a measurement of its own, so leave "
+            "out what was copied",
+        )
+
+
+def _drift(table: PeakTable) -> Iterator[ResultWarning]:
+    """Whether repeats made in a row drift, as all pushes may do with them.
+
+    Least squares of heights on push numbers, both about the means of their directions;
+    nothing is said where most directions were pushed again much later.
+    """
+    rows = np.flatnonzero(table.is_used)
+    order = table.frame["push"].to_numpy(dtype=float)[rows]
+    within, n_directions = _about_means(order, table.groups[rows])
+    spread = float(np.sum(within**2))
+    degrees_of_freedom = rows.size - n_directions - 1
+    if degrees_of_freedom < 1 or not 0 < spread < IN_A_ROW * np.var(order) * rows.size:
+        return
+    for channel in table.channels:
+        heights, _ = _about_means(table.heights(channel)[rows], table.groups[rows])
+        slope = float(np.sum(within * heights)) / spread
+        scatter = float(np.sum((heights - slope * within) ** 2)) / degrees_of_freedom
+        statistic = abs(slope) * np.sqrt(spread / scatter) if scatter > 0 else 0.0
+        if 2 * scipy.special.stdtr(degrees_of_freedom, -statistic) < LEVEL:
+            yield ResultWarning(
+                code="drift_in_repeats",
+                text=f"repeats in a row change {channel}_{table.unit} by {slope:+.2g} "
+                f"from push to push; if all pushes do, {slope * np.ptp(order):+.2g} "
+                "from the first to the last, heights follow their order as well as "
+                "their direction, and no interval allows for it: push in random "
+                "order, or the directions again in whole sweeps",
+            )
+
+
+def _about_means(
+    values: Float[np.ndarray, " n"], group: Int[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " n"], int]:
+    """Values about the means of their groups, and the number of these."""
+    _, inverse, counts = np.unique(group, return_inverse=True, return_counts=True)
+    return values - (np.bincount(inverse, values) / counts)[inverse], counts.size

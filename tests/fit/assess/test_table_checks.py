@@ -1,0 +1,128 @@
+"""What a table says of itself before anything is fitted."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pushfit.config import GraspConfig, parse_config
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.table_checks import table_warnings
+from tests.fit.tables import case_table, config
+from tests.problems import CASES
+
+# Printed digits of a slope, relative.
+DIGITS = 0.05
+
+
+def codes(table: PeakTable, settings: GraspConfig | None = None) -> set[str]:
+    return {w.code for w in table_warnings(table, settings or config())}
+
+
+def with_heights(table: PeakTable, heights) -> PeakTable:
+    return type(table).from_frame(table.frame.assign(height_n=heights))
+
+
+@pytest.mark.parametrize("is_mixed", [False, True])
+def test_heights_of_two_definitions_in_one_fit_are_said(is_mixed):
+    table = case_table(CASES["firm"], noise=0.02)
+    definitions = ["apex"] * table.n_pushes
+    if is_mixed:
+        definitions[3] = "plateau"
+    stated = type(table).from_frame(table.frame.assign(definition=definitions))
+    codes = [warning.code for warning in table_warnings(stated, config())]
+    assert ("mixed_definitions" in codes) is is_mixed
+
+
+def test_a_push_that_is_left_out_mixes_nothing():
+    table = case_table(CASES["firm"], noise=0.02).with_flag([3], "clipped")
+    definitions = ["apex"] * table.n_pushes
+    definitions[3] = "plateau"
+    stated = type(table).from_frame(table.frame.assign(definition=definitions))
+    assert "mixed_definitions" not in {n.code for n in table_warnings(stated, config())}
+
+
+@pytest.mark.parametrize("channel", ["height_normal", "height_tangential"])
+def test_a_channel_that_reads_the_same_in_every_direction_is_named(channel):
+    """Digits of a real sensor scatter; one of no pushes, or stuck, does not."""
+    channels = ("height_normal", "height_tangential")
+    table = case_table(CASES["firm"], noise=0.02, channels=channels)
+    assert not any(w.code == "equal_heights" for w in table_warnings(table, config()))
+    stuck = type(table).from_frame(table.frame.assign(**{f"{channel}_n": 1.5}))
+    (said,) = [
+        warning.text
+        for warning in table_warnings(stuck, config())
+        if warning.code == "equal_heights"
+    ]
+    assert said.startswith(f"{channel}_n is 1.5 in all {table.n_pushes} pushes")
+
+
+@pytest.mark.parametrize(
+    ("text", "is_said"),
+    [
+        ("", True),
+        ("[grasp]\npreload_n = 0\n", False),
+        ('[grasp]\npreload_kpa = "estimate"\n', False),
+    ],
+)
+def test_a_preload_that_is_not_stated_is_an_assumption_that_is_said(text, is_said):
+    table = case_table(CASES["firm"], noise=0.02)
+    settings = parse_config(text, path="grasp.toml")
+    assert ("preload_unknown" in codes(table, settings)) is is_said
+
+
+@pytest.mark.parametrize(("limit", "is_said"), [(1.5, True), (9.0, False)])
+def test_heights_that_stop_at_a_largest_one_are_said(limit, is_said):
+    table = case_table(CASES["firm"], noise=0.02)
+    capped = with_heights(table, np.minimum(table.heights("height"), limit))
+    assert ("heights_at_limit" in codes(capped)) is is_said
+
+
+def test_whole_numbers_of_a_coarse_sensor_stop_nowhere():
+    table = case_table(CASES["firm"], noise=0.02)
+    rounded = with_heights(table, np.round(table.heights("height")))
+    assert "heights_at_limit" not in codes(rounded)
+
+
+def test_rows_that_were_copied_are_said_and_single_ones_are_not():
+    once = case_table(CASES["firm"], noise=0.02, repeats=1)
+    twice = type(once).from_frame(
+        pd.concat([once.frame, once.frame.assign(repeat=2)]).assign(
+            push=np.arange(1, 2 * once.n_pushes + 1)
+        )
+    )
+    assert "copied_rows" in codes(twice)
+    assert "copied_rows" not in codes(once)
+    heights = twice.heights("height").copy()
+    heights[-1] += 1e-3
+    assert "copied_rows" not in codes(with_heights(twice, heights))
+
+
+def drifting(*, in_a_row: bool) -> PeakTable:
+    """Pushes that lose 0.03 from each to the next; directions before repeats or not."""
+    table = case_table(CASES["firm"], noise=0.02, repeats=3)
+    frame = table.frame
+    order = frame.sort_values(["theta_deg", "repeat"] if in_a_row else ["repeat"])
+    order = order.assign(push=np.arange(1, len(order) + 1))
+    return type(table).from_frame(
+        order.assign(height_n=order["height_n"] - 0.03 * order["push"])
+    )
+
+
+def test_a_drift_that_repeats_in_a_row_show_is_that_of_least_squares():
+    table = drifting(in_a_row=True)
+    (text,) = [
+        w.text for w in table_warnings(table, config()) if w.code == "drift_in_repeats"
+    ]
+    push, direction = table.frame["push"].to_numpy(dtype=float), table.groups
+    dummies = direction[:, None] == np.unique(direction)
+    slope = np.linalg.lstsq(np.c_[push, dummies], table.heights("height"))[0][0]
+    np.testing.assert_allclose(
+        float(text.split(" by ")[1].split()[0]), slope, rtol=DIGITS
+    )
+
+
+def test_a_drift_is_not_said_without_one_or_where_sweeps_are_repeated():
+    """Between whole sweeps each is given an effect of its own."""
+    assert "drift_in_repeats" not in codes(drifting(in_a_row=False))
+    steady = case_table(CASES["firm"], noise=0.02, repeats=3)
+    assert "drift_in_repeats" not in codes(steady)
