@@ -22,6 +22,16 @@ def refuse_existing(path: Path, *, force: bool) -> None:
     """
     if is_stream(path):
         return
+    if path.is_dir():
+        raise ConfigError(
+            f"{path}: is a folder; name a file", code="output_is_a_folder"
+        )
+    if str(path) == "-":
+        raise ConfigError(
+            "-: is no name of a file; name one, or leave the option out where the "
+            "command prints",
+            code="output_exists",
+        )
     if path.exists() and not force:
         raise ConfigError(
             f"{path}: exists already; name another, or replace it with --force",

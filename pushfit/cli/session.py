@@ -133,7 +133,9 @@ class CommandSession:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return CLOSED_PIPE
         except OSError as error:
-            self._report(f"{error.filename or 'output'}: {error.strerror}", error)
+            self._report(
+                f"{error.filename or 'output'}: {error.strerror or error}", error
+            )
             return CANNOT_WRITE
         except Exception as error:  # the border: every other failure is ours
             name = type(error).__name__

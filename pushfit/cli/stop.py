@@ -15,6 +15,7 @@ import socket
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 from pushfit.atomic import discard_unfinished
 
@@ -26,18 +27,24 @@ PATIENCE = 0.5
 SHOW_CURSOR = "\r\x1b[K\x1b[?25h"
 NOTHING = "nothing was written"
 
-# What signals do belongs to the process, and so does what they say.
-_kept = [NOTHING]
+# What signals do belongs to the process, and so does what they say: a sentence, and the
+# file without which there is nothing to say.
+_kept: list[tuple[str, Path | None]] = [(NOTHING, None)]
 
 
-def say_kept(sentence: str) -> None:
-    """Say, from now on, what a user has who stops the command."""
-    _kept[0] = sentence
+def say_kept(sentence: str, *, once: Path | None = None) -> None:
+    """Say, from now on, what a user has who stops the command.
+
+    Args:
+        once: File that has to be there for it.
+    """
+    _kept[0] = sentence, once
 
 
 def what_is_kept() -> str:
     """What to tell a user who stops the command now."""
-    return _kept[0]
+    sentence, once = _kept[0]
+    return sentence if once is None or once.exists() else NOTHING
 
 
 @contextlib.contextmanager

@@ -1,8 +1,7 @@
 """Find everything that is wrong with a set of input files, without stopping.
 
 Each file goes through the very reader that would read it, so that what passes here
-also reads, and what does not says the same here and there. Excluded: faults of
-`grasp.toml` (`pushfit.config.file`).
+also reads, and what does not says the same here and there.
 """
 
 from collections.abc import Iterable
@@ -10,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from pushfit.config import read_config
 from pushfit.data.plans.schedule import read_schedule
 from pushfit.data.recordings.recognise import RecordingColumns
 from pushfit.data.recordings.recording import read_recording
@@ -22,7 +22,8 @@ from pushfit.data.text.foreign import foreign_table
 from pushfit.data.text.textfile import open_text
 from pushfit.errors import InputProblem, PushfitError
 
-FileKind = Literal["recording", "schedule", "table"]
+FileKind = Literal["recording", "schedule", "table", "settings"]
+_SETTINGS = "is a file of settings; give it as `config`, and the data beside it"
 INSTEAD: dict[tuple[FileKind, FileKind], str] = {
     ("recording", "table"): (
         "is a table of peak heights, no recording; use `pushfit fit` for it"
@@ -38,6 +39,8 @@ INSTEAD: dict[tuple[FileKind, FileKind], str] = {
         "is a schedule, no table of peak heights; `pushfit peaks` makes one of a "
         "recording and this"
     ),
+    ("recording", "settings"): _SETTINGS,
+    ("table", "settings"): _SETTINGS,
 }
 
 _HEIGHTS = ("height", "height_normal", "height_tangential")
@@ -53,13 +56,15 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     Returns:
         `table` if there are heights, `schedule` if there are angles but neither signals
         nor samples in time (elevations alone, with nothing that a plan lacks, are one
-        that is not complete), else `recording`.
+        that is not complete), `settings` if the name ends in .toml, else `recording`.
 
     Raises:
         ConfigError: If the path cannot be read.
         DataError: If the file is no table of text.
     """
     given = existing_file(path)
+    if Path(given).suffix.lower() == ".toml":
+        return "settings"
     if is_parquet(given):
         return "table"
     if is_bag(given) or recording_options.get("format", "auto") != "auto":
@@ -107,7 +112,7 @@ def check_files(
     """Find all problems of all files.
 
     Args:
-        paths: Recordings, schedules and peak tables, in any mixture.
+        paths: Recordings, schedules, peak tables and settings, in any mixture.
         **recording_options: As for `pushfit.data.recordings.recording.read_recording`;
             they apply to the recordings.
 
@@ -126,6 +131,7 @@ def _check_file(
         "recording": partial(read_recording, **recording_options),
         "schedule": read_schedule,
         "table": read_table,
+        "settings": read_config,
     }
     try:
         readers[file_kind(path, **recording_options)](path)

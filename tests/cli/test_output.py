@@ -47,3 +47,18 @@ def test_a_page_that_nothing_can_fill_in_is_refused_before_a_result_is_read(
     monkeypatch.setattr("pushfit.report.html.pages.find_spec", lambda name: None)
     assert main(["report", str(tmp_path)]) != 0
     assert "pip install '.[report]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("force", [[], ["--force"]])
+@pytest.mark.parametrize(
+    ("name", "said"), [("folder", "is a folder; name a file"), ("-", "is no name")]
+)
+def test_what_no_file_can_be_called_is_refused_as_one(
+    name, said, force, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("samples.csv").write_text("time_s,force_n\n0,1\n0.01,2\n")
+    assert main(["peaks", "samples.csv", "-o", name, *force]) == 2
+    assert said in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "samples.csv"]

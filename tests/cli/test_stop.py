@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pushfit.cli.stop import say_kept, what_is_kept
 from tests.batch.makers import table_text
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "foam_box"
@@ -90,6 +91,15 @@ def test_a_command_ends_and_says_what_is_kept(work, number, word, tmp_path):
         assert process.stderr is not None
         assert process.stderr.read() == f"{word}; nothing was written\n"
     assert os.listdir(tmp_path) == []
+
+
+def test_what_is_kept_in_a_file_is_said_once_that_is_there(tmp_path):
+    """A chain by emcee may never begin, and a journal begins with the first push."""
+    file = tmp_path / "chain"
+    say_kept("the chain is kept", once=file)
+    assert what_is_kept() == "nothing was written"
+    file.touch()
+    assert what_is_kept() == "the chain is kept"
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,11 @@
 """All problems of all files at once, by the readers that would read them."""
 
+import os
+
 import numpy as np
 import pytest
 
-from pushfit.data.check import check_files, file_kind
+from pushfit.data.check import check_files, expect_kind, file_kind
 from pushfit.data.recordings.recording import read_recording
 from pushfit.errors import DataError
 
@@ -39,6 +41,26 @@ def write(tmp_path):
 )
 def test_the_columns_tell_what_a_file_is(text, kind, write):
     assert file_kind(write("file.csv", text)) == kind
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("[push]\nlength_mm = 5\n", []), ("[push]\nx = 5\n", ["push.x"])]
+)
+def test_settings_are_checked_as_settings(text, said, write):
+    path = write("grasp.toml", text)
+    assert file_kind(path) == "settings"
+    assert [problem.column for problem in check_files([path])] == said
+    for kind in ("recording", "table"):
+        with pytest.raises(DataError, match="is a file of settings"):
+            expect_kind(path, kind)
+
+
+def test_a_pipe_is_named_and_not_read(tmp_path):
+    """It would be read by the first look at it."""
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    (problem,) = check_files([path])
+    assert "is a pipe or a device" in problem.message
 
 
 def test_samples_in_time_are_no_plan_even_where_no_unit_is_said(write):

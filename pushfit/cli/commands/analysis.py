@@ -114,7 +114,8 @@ def analyse(
         table = load()
         if wanted.checkpoint is not None:
             say_kept(
-                f"the chain is kept in {wanted.checkpoint}; the same command goes on"
+                f"the chain is kept in {wanted.checkpoint}; the same command goes on",
+                once=wanted.checkpoint,
             )
         later = ["next push"] + ["report and figures"] * (wanted.out is not None)
         with session.progress() as progress:

@@ -70,12 +70,16 @@ def batch(
             progress=progress,
             worded=session.worded,
         )
-    report(session, found, is_json=json)
-    return SOME_FAILED if found.failures else 0
+    return report(session, found, is_json=json)
 
 
-def report(session: CommandSession, found: "Batch", *, is_json: bool) -> None:
-    """Say what came out."""
+def report(session: CommandSession, found: "Batch", *, is_json: bool) -> int:
+    """Say what came out.
+
+    Returns:
+        Exit code.
+    """
+    code = SOME_FAILED if found.failures else 0
     if found.notice:
         session.warn(found.notice)
     for failure in found.failures[:N_SHOWN]:
@@ -93,12 +97,13 @@ def report(session: CommandSession, found: "Batch", *, is_json: bool) -> None:
         session.print_json(
             {"schema": SCHEMA, "status": status, **facts, "files": files}
         )
-        return
+        return code
     for name, number in facts.items():
         which = f" ({listed(found.left_out)})" if name == "left_out" and number else ""
         print(printable(f"{name:<12} {number}{which}"))
     for path in found.files:
         session.wrote(path)
+    return code
 
 
 def counts(found: "Batch") -> dict[str, int]:

@@ -15,6 +15,7 @@ import typer
 from pushfit.cli import options
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
+from pushfit.cli.stop import say_kept
 from pushfit.errors import ConfigError, FitError
 from pushfit.parameters import SensorUnit
 from pushfit.report.store.output_folder import PARTS
@@ -239,6 +240,9 @@ def explore(
         unit=unit,
         journal=journal,
         seed=seed,
+    )
+    say_kept(
+        f"what was pushed is kept in {journal}; the same command goes on", once=journal
     )
     known = explorer.history
     if known.told or known.failures:

@@ -49,7 +49,9 @@ def validate(
     session: CommandSession,
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="Recordings, schedules, peak tables."),
+        typer.Argument(
+            metavar="FILE...", help="Recordings, schedules, tables, settings."
+        ),
     ],
     *,
     layout: options.SettingsOptions,
@@ -242,6 +244,8 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
             "notes": list(table.notes),
             "sources": [asdict(source) for source in table.sources],
         }
+    if kind == "settings":
+        return facts
     return facts | {"pushes": read_schedule(path).n_pushes}
 
 

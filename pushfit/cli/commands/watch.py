@@ -15,7 +15,7 @@ from pushfit.cli.commands.batch import report
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
-from pushfit.errors import DataError
+from pushfit.errors import ConfigError, DataError
 
 
 def watch(
@@ -43,22 +43,29 @@ def watch(
     warn_of_missing(session, "jinja2")
     from pushfit.batch.run import identify_batch
 
+    if not folder.is_dir():
+        raise ConfigError(
+            f"{folder}: is no folder; name the one in which recordings arrive",
+            code="no_folder",
+        )
     say_kept(f"what is finished is kept in {items.out}; the same command goes on")
-    before, done, last = None, None, time.monotonic()
+    before, done, last, code = None, None, time.monotonic(), 0
+    is_new = False
     session.say(f"watching {folder}; Ctrl-C ends it")
-    while idle is None or time.monotonic() - last < idle:
+    while idle is None or is_new or time.monotonic() - last < idle:
         now = stamps(folder, items.out)
+        is_new = bool(now) and now != done
         # A file that still grows is read when it has stopped.
-        if now and now == before and now != done:
+        if is_new and now == before:
             try:
                 found = identify_batch([folder], **asdict(items), worded=session.worded)
-                report(session, found, is_json=False)
+                code = report(session, found, is_json=False)
             except DataError as error:
                 session.warn(str(error))
-            done, last = now, time.monotonic()
+            done, last, is_new = now, time.monotonic(), False
         before = now
         time.sleep(every)
-    return 0
+    return code
 
 
 def stamps(folder: Path, out: Path) -> dict[Path, tuple[int, int]]:

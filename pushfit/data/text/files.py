@@ -94,8 +94,8 @@ def existing_file(path: str | Path) -> str:
     """Check that a path can be read.
 
     Raises:
-        ConfigError: If there is no such file (`file_not_found`) or it may not be read
-            (`file_not_readable`).
+        ConfigError: If there is no such file (`file_not_found`), or it may not be read
+            or is a pipe (`file_not_readable`).
         DataError: If a recorder still has the file open (`bag_active`).
     """
     given = Path(path)
@@ -105,6 +105,12 @@ def existing_file(path: str | Path) -> str:
         near = difflib.get_close_matches(given.name, siblings, n=1, cutoff=ALIKE)
         hint = f"; did you mean {folder / near[0]}?" if near else ""
         raise ConfigError(f"{path}: no such file{hint}", code="file_not_found")
+    if not (given.is_file() or given.is_dir()):
+        raise ConfigError(
+            f"{path}: is a pipe or a device, which can be read only once; save what "
+            "comes from it as a file, and name that",
+            code="file_not_readable",
+        )
     if not os.access(given, os.R_OK):
         raise ConfigError(
             f"{path}: may not be read; check its permissions", code="file_not_readable"

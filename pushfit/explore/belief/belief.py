@@ -67,7 +67,7 @@ class Question:
             problem = f"unit = {self.unit!r} is not known; take {', '.join(units)}"
         elif self.sigma is not None and not 0 < self.sigma < np.inf:
             problem = f"sigma = {self.sigma} is no standard deviation; state a positive"
-            problem += " one in the unit of the heights, or None to have it learned"
+            problem += " one in the unit of the heights, or none to have it learned"
         else:
             return
         raise ConfigError(problem, code="sensor")

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import ValidationError
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.data.tables.traces import ComponentTrace, SignedHeights, Trace
-from pushfit.errors import DataError
+from pushfit.errors import DataError, PushfitError
 from pushfit.fit.results import (
     Band,
     Diagnostics,
@@ -93,19 +94,29 @@ def read_result(folder: str | Path) -> Identification:
         for name, entry in quantities_in(summary):
             entry["name"] = name
         document: Summary = from_json(Summary, summary)
+        for name in ("peaks.csv", "result.nc"):
+            if not (folder / name).exists():
+                raise FileNotFoundError(f"{name} is missing")
         table = read_table(folder / "peaks.csv")
         with open_datatree(folder / "result.nc", engine="h5netcdf") as tree:
             groups = {name: node.to_dataset() for name, node in tree.children.items()}
             return _identification(document, table, groups)
-    except (*BROKEN, DataError) as error:
+    except (*BROKEN, PushfitError) as error:
         raise not_whole(folder, error) from error
 
 
 def not_whole(folder: Path, error: Exception) -> DataError:
     """What to say of a folder in which a part is missing or broken."""
+    fault = str(error).partition("\n")[0]
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        fault = f"summary.json, {place}: {first['msg']}"
+    elif isinstance(error, KeyError):
+        fault = f"{fault} is missing"
     return DataError(
-        f"{folder}: not a whole result ({type(error).__name__}: {error}); restore it, "
-        "or make it again with `force=True`",
+        f"{folder}: not a whole result ({fault}); restore it, or make it again with "
+        "`force=True`",
         code="result_not_whole",
     )
 

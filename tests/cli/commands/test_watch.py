@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from pushfit.batch import run
+from pushfit.batch.items import ItemFailure
 from pushfit.cli import main
 from pushfit.cli.commands import watch as watch_module
 from pushfit.cli.commands.watch import stamps
@@ -80,6 +81,30 @@ def test_what_arrives_later_is_identified_when_it_has_stopped_growing(
     assert batches == [{"a.csv": 1}, {"a.csv": 1, "b.csv": 3}]
 
 
+def test_a_file_that_waits_for_its_second_look_is_no_idleness(runs, batches, clock):
+    (runs / "a.csv").write_text("x")
+    arguments = ["watch", "runs", "-o", "out", "--every", "2", "--idle", "1"]
+    assert main(arguments) == 0
+    assert batches == [{"a.csv": 1}]
+
+
+def test_failures_are_in_the_exit_code(runs, monkeypatch, clock):
+    failure = ItemFailure(item="a.csv", stage="peaks", code="none", message="none")
+    found = run.Batch(
+        rows=(),
+        population=(),
+        failures=(failure,),
+        files=(),
+        n_computed=0,
+        n_kept=0,
+        left_out=(),
+        notice="",
+    )
+    monkeypatch.setattr(run, "identify_batch", lambda *_, **__: found)
+    (runs / "a.csv").write_text("x")
+    assert watch() == 5
+
+
 def test_an_empty_folder_is_waited_for(runs, batches, clock):
     assert watch() == 0
     assert batches == []
@@ -105,3 +130,9 @@ def test_results_inside_the_folder_are_not_inputs(runs):
 def test_a_missing_folder_is_said(runs, capsys):
     assert main(["watch", "none", "-o", "out"]) == 2
     assert "no such file" in capsys.readouterr().err
+
+
+def test_a_file_is_no_folder_to_watch(runs, capsys):
+    (runs / "a.csv").write_text("x")
+    assert main(["watch", "runs/a.csv", "-o", "out"]) == 2
+    assert "is no folder" in capsys.readouterr().err

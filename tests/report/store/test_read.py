@@ -255,3 +255,22 @@ def test_a_summary_that_lacks_a_part_is_refused(key, value, result):
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
     with pytest.raises(DataError, match="not a whole result"):
         read_result(result)
+
+
+@pytest.mark.parametrize("name", ["peaks.csv", "result.nc"])
+def test_a_part_that_is_missing_is_named(name, result):
+    (result / name).unlink()
+    with pytest.raises(DataError, match=f"{name} is missing") as caught:
+        read_result(result)
+    assert caught.value.code == "result_not_whole"
+
+
+def test_a_summary_that_was_edited_is_refused_by_the_key_and_no_address(result):
+    path = result / "summary.json"
+    summary = json.loads(path.read_text())
+    summary["theta_c_deg"]["estimate"] = "abc"
+    path.write_text(json.dumps(summary))
+    with pytest.raises(DataError, match=r"theta_c_deg\.estimate") as caught:
+        read_result(result)
+    assert "http" not in str(caught.value)
+    assert "\n" not in str(caught.value)
