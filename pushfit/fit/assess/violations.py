@@ -33,7 +33,7 @@ LEVEL = 1e-3
 # The same where the model is rejected, so that something does not hold.
 LEVEL_IF_REJECTED = 0.05
 # No joint errs by more; where heights scatter so, something else does not hold [deg].
-LARGEST_DEG = 20.0
+LARGEST_DEG = 10.0
 # Sharpness of the soft transition that residuals are compared with.
 SOFT = 4.0
 # Fewer residuals than this beyond the coordinates show no shape, and fewer than the
@@ -154,7 +154,7 @@ def _steep(
         code=ANGLE_ERRORS,
         p_value=p_value,
         text="heights scatter most where they are steep in θ, as if elevations erred "
-        f"by about {size:.1g}°: set [noise] theta_sd_deg",
+        f"by about {float(f'{size:.1g}'):g}°: set [noise] theta_sd_deg",
     )
 
 

@@ -96,7 +96,10 @@ def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarni
     if goodness.outliers:
         names = ", ".join(goodness.outliers)
         yield ResultWarning(
-            code="outliers", text=f"more than 5 sigma from the fit: {names}"
+            code="outliers",
+            text=f"more than {OUTLIER_SIGMA:g} sigma from the fit: {names}; look at "
+            "them in the recording, and leave out what was no push; others may show "
+            "only then",
         )
     scatter = [c.p_value for c in goodness.predictive if c.feature == "scatter"]
     is_stated = setup.noise.kind != "pooled" and stated_sds(found.table) is not None
