@@ -169,7 +169,8 @@ def _reason(identification: Identification, quantity: Quantity) -> str:
     many = "the heights fit every critical angle about equally well"
     if quantity.name == "alpha_star":
         angles, few = identification.table.alpha, "azimuth"
-        many = "the heights show no preferred direction"
+        where = _where_it_rolls(identification)
+        many = f"the heights show no preferred direction{where}"
     n_different = np.unique(angles[identification.used].round(6)).size
     if n_different < MIN_DIRECTIONS:
         only = counted(n_different, few)
@@ -181,6 +182,22 @@ def _reason(identification: Identification, quantity: Quantity) -> str:
             "directions, or each of them twice"
         )
     return many
+
+
+def _where_it_rolls(identification: Identification) -> str:
+    """What to add where azimuths were swept below θ_c only: all are alike there."""
+    table, rows = identification.table, identification.used
+    theta_c = identification.theta_c.estimate
+    theta = np.degrees(table.theta[rows]).round(6)
+    alpha = table.alpha[rows].round(6)
+    n_azimuths = {level: np.unique(alpha[theta == level]).size for level in theta}
+    swept = [level for level, n in n_azimuths.items() if n >= MIN_DIRECTIONS]
+    if theta_c is None or not swept or max(swept) >= theta_c:
+        return ""
+    return (
+        f" at θ = {max(swept):g}°, which is below θ_c, where the contact rolls "
+        "whatever the azimuth; sweep the azimuth above θ_c"
+    )
 
 
 def _typical(piece: Piece, draws: Float[np.ndarray, " n"]) -> float:

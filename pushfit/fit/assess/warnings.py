@@ -16,6 +16,7 @@ from pushfit.fit.problem.noise import stated_sds
 from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import (
+    OUTLIER_SIGMA,
     FitResult,
     FitStatus,
     Identification,

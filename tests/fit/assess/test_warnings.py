@@ -62,6 +62,17 @@ def test_an_integral_that_is_not_settled_is_no_solver_that_stopped(monkeypatch):
     assert "step limit" not in " ".join(n.text for n in result.warnings)
 
 
+def test_outliers_come_with_what_to_do():
+    table = case_table(CASES["firm"], noise=0.02)
+    found = identify_table(table, config(), seed=0, engine="sweep")
+    goodness = replace(found.goodness_of_fit, outliers=("push 8",))
+    warnings = result_warnings(
+        build_problem(table, config()), replace(found, goodness_of_fit=goodness)
+    )
+    (text,) = [w.text for w in warnings if w.code == "outliers"]
+    assert text.startswith("more than 5 sigma from the fit: push 8; look at")
+
+
 @pytest.mark.parametrize("estimate", [20.0, None])
 def test_directions_that_disagree_are_said_also_without_an_estimate(estimate):
     """A best direction that is too wide to be quoted by one number has an interval."""

@@ -175,6 +175,22 @@ def test_the_model_free_direction_is_compared_on_the_circle(
     assert f"alone {word}" in sentence_alpha_star(result)
 
 
+@pytest.mark.parametrize(("theta_c", "is_said"), [(70.0, True), (50.0, False)])
+def test_a_sweep_of_the_azimuth_below_the_critical_angle_is_named(
+    make_identification, theta_c, is_said
+):
+    """Azimuths were swept at 60°."""
+    axis = replace(
+        make_angle("alpha_star", None), interval=None, verdict=Verdict.NOT_DETERMINED
+    )
+    result = make_identification(
+        theta_c=make_angle("theta_c", theta_c), alpha_star=axis
+    )
+    sentence = sentence_alpha_star(result)
+    assert "no preferred direction" in sentence
+    assert ("at θ = 60°, which is below θ_c" in sentence) is is_said
+
+
 def test_a_contact_that_never_rolls_has_no_critical_angle(determined):
     draws = dict(determined.posterior.samples) | {"theta_c": np.full(2000, np.nan)}
     posterior = replace(determined.posterior, samples=draws)
