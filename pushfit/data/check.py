@@ -1,7 +1,8 @@
 """Find everything that is wrong with a set of input files, without stopping.
 
 Each file goes through the very reader that would read it, so that what passes here
-also reads, and what does not says the same here and there.
+also reads, and what does not says the same here and there. Excluded: whether files go
+together (`pushfit.workflow`).
 """
 
 from collections.abc import Iterable

@@ -15,12 +15,14 @@ def measurements(
     verdicts: Mapping[str, Verdict],
     is_calibrated: bool,
     has_direction: bool,
+    is_ordered: bool,
 ) -> tuple[str, ...]:
     """What other measurements would determine, the most useful first.
 
     Args:
         is_calibrated: Whether heights convert to newtons.
         has_direction: Whether several azimuths were pushed.
+        is_ordered: Whether elevations were pushed in order, and never again.
     """
     free = set(problem.priors)
     sentences = []
@@ -28,6 +30,12 @@ def measurements(
         sentences.append(
             "All pushes share one azimuth, so α* was not asked; push in at least three "
             "azimuths at one elevation."
+        )
+    if is_ordered:
+        sentences.append(
+            "The elevations were pushed in order and none of them again later, so a "
+            "drift of grip or sensor would look like an effect of θ; push some of them "
+            "again at the end, or all in random order."
         )
     unclear = verdicts.get("theta_c") is not Verdict.DETERMINED
     if unclear and problem.channels == ("height",):

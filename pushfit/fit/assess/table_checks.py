@@ -18,6 +18,8 @@ from pushfit.fit.results import ResultWarning
 # Of the spread of push numbers, what lies within directions where their repeats were
 # made one after another; of whole sweeps it is most.
 IN_A_ROW = 0.1
+# Rank correlation of push numbers and elevations that are in order, of how many.
+IN_ORDER, FEW_ELEVATIONS = 0.95, 5
 # Equal heights at the top, and by how many times they are more than any others.
 AT_TOP, MORE = 4, 2
 # Directions whose repeats agree to the digit by chance at most.
@@ -147,6 +149,21 @@ def _drift(table: PeakTable) -> Iterator[ResultWarning]:
                 "their direction, and no interval allows for it: push in random "
                 "order, or the directions again in whole sweeps",
             )
+
+
+def follows_elevation(table: PeakTable) -> bool:
+    """Whether pushes went through the elevations in order, and never again.
+
+    A drift of grip or sensor then looks like an effect of θ.
+    """
+    rows = np.flatnonzero(table.is_used)
+    order, theta = table.frame["push"].to_numpy(dtype=float)[rows], table.theta[rows]
+    if np.unique(theta.round(6)).size < FEW_ELEVATIONS:
+        return False
+    within, _ = _about_means(order, table.groups[rows])
+    is_again = np.sum(within**2) > IN_A_ROW * np.var(order) * rows.size
+    rank = scipy.stats.spearmanr(order, theta).statistic
+    return bool(not is_again and abs(rank) > IN_ORDER)
 
 
 def _about_means(

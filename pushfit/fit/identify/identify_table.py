@@ -21,6 +21,7 @@ from pushfit.fit.assess.model_free import model_free_direction
 from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.sensitivity import angle_error_warnings
+from pushfit.fit.assess.table_checks import follows_elevation
 from pushfit.fit.assess.tilt_check import implied_tilt_deg, tilt_warning
 from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.violations import violation_warnings
@@ -193,6 +194,7 @@ def _with_words(
         verdicts={q.name: q.verdict for q in (found.theta_c, found.alpha_star)},
         is_calibrated=setup.is_calibrated,
         has_direction=setup.has_direction,
+        is_ordered=follows_elevation(fitted.table),
     )
     told = replace(found.identifiability, advice=() if is_brief else advice)
     return replace(

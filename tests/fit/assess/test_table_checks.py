@@ -6,7 +6,7 @@ import pytest
 
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.table_checks import table_warnings
+from pushfit.fit.assess.table_checks import follows_elevation, table_warnings
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -126,3 +126,21 @@ def test_a_drift_is_not_said_without_one_or_where_sweeps_are_repeated():
     assert "drift_in_repeats" not in codes(drifting(in_a_row=False))
     steady = case_table(CASES["firm"], noise=0.02, repeats=3)
     assert "drift_in_repeats" not in codes(steady)
+
+
+@pytest.mark.parametrize(
+    ("by", "is_ordered"),
+    [
+        (["theta_deg", "repeat"], True),
+        (["repeat", "theta_deg"], False),
+        (["mixed"], False),
+    ],
+)
+def test_elevations_in_order_are_known_from_sweeps_and_from_a_random_order(
+    by, is_ordered
+):
+    frame = case_table(CASES["firm"], noise=0.02, repeats=3).frame
+    frame = frame.assign(mixed=np.random.default_rng(0).permutation(len(frame)))
+    pushed = frame.sort_values(by).drop(columns="mixed")
+    table = PeakTable.from_frame(pushed.assign(push=np.arange(1, len(frame) + 1)))
+    assert follows_elevation(table) is is_ordered

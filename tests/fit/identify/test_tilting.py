@@ -73,7 +73,8 @@ def test_what_tilting_mechanics_lack_is_refused_with_the_remedy():
 )
 def test_the_advice_says_how_far_K_st_and_C_d_can_be_told_apart(mechanics, extent):
     problem = build_problem(pushed(), config(mechanics + LENGTH)).problem
-    advice = measurements(problem, verdicts={}, is_calibrated=True, has_direction=True)
+    known = {"is_calibrated": True, "has_direction": True, "is_ordered": False}
+    advice = measurements(problem, verdicts={}, **known)
     assert f"The data fix B = K_st C_d/(L² K_st + C_d) {extent};" in advice[-1]
 
 
