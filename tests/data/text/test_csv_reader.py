@@ -13,6 +13,7 @@ import pytest
 from benchmarks.speed import recording_scale
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.tables.columns import read_rows
+from pushfit.data.tables.rules import KNOWN
 from pushfit.data.text import csv_reader as csv_reader
 from pushfit.data.text import textfile
 from pushfit.errors import DataError
@@ -32,7 +33,7 @@ def test_a_table_keeps_names_text_and_line_numbers(write):
     path = write(
         "# made by hand\n\npush,label,height_n\n1,NA,2.5\n\n2,007,\n3,None,1e-3"
     )
-    rows = read_rows(path, texts=("label",))
+    rows = read_rows(path, KNOWN)
     frame = rows.frame
     assert list(frame.columns) == ["push", "label", "height_n"]
     assert frame["label"].tolist() == ["NA", "007", "None"]
@@ -44,7 +45,7 @@ def test_a_table_keeps_names_text_and_line_numbers(write):
 
 def test_lines_are_counted_through_quoted_line_ends(write):
     path = write('push,label,height_n\n1,"a\nb",2\n\n2,"c,d",3\n3,e,4\n')
-    rows = read_rows(path, texts=("label",))
+    rows = read_rows(path, KNOWN)
     assert rows.origin.lines.tolist() == [2, 5, 6]
     assert rows.frame["label"].tolist() == ["a\nb", "c,d", "e"]
 
@@ -52,7 +53,7 @@ def test_lines_are_counted_through_quoted_line_ends(write):
 def test_text_where_a_number_is_needed_names_its_line(write):
     path = write("push,height_n\n1,2\n\n2,97x\n")
     with pytest.raises(DataError) as caught:
-        read_rows(path)
+        read_rows(path, KNOWN)
     (problem,) = caught.value.problems
     assert (problem.line, problem.column, problem.value) == (4, "height_n", "97x")
     assert problem.message == (
@@ -63,10 +64,10 @@ def test_text_where_a_number_is_needed_names_its_line(write):
 
 def test_a_long_text_is_kept_whole_and_shown_short(write):
     long = "x" * 5000
-    rows = read_rows(write(f"a,label\n1,{long}\n"), texts=("label",))
+    rows = read_rows(write(f"push,label\n1,{long}\n"), KNOWN)
     assert rows.frame["label"].tolist() == [long]
     with pytest.raises(DataError, match=r"'x{37}\.\.\.' is not a number"):
-        read_rows(write(f"a,b\n1,2\n1,{long}\n"))
+        read_rows(write(f"push,repeat\n1,2\n1,{long}\n"), KNOWN)
 
 
 # Rows that pandas reads into wrong numbers without a word.
