@@ -178,6 +178,12 @@ def gather(
         ConfigError: Schedules and recordings do not go together, or are none.
         DataError: An input breaks a rule.
     """
+    for plan in plans:
+        if isinstance(plan, AnyPath) and Path(plan).suffix.lower() == ".toml":
+            raise ConfigError(
+                f"{plan}: is a file of settings, no schedule; give it as `config`",
+                code="wrong_kind",
+            )
     loaded = [_load(source, config) for source in sources]
     if not loaded:
         raise ConfigError(

@@ -90,6 +90,11 @@ def test_the_seed_is_zero_unless_stated(table, asked):
     assert asked(table, seed=3)[2]["seed"] == 3
 
 
+def test_settings_in_the_place_of_a_schedule_are_known_by_their_name(table):
+    with pytest.raises(ConfigError, match="settings, no schedule; give it as `config`"):
+        pushfit.identify(table, "grasp.toml")
+
+
 def test_a_seed_below_0_is_refused_before_anything_is_fitted(table):
     with pytest.raises(ConfigError, match=r"seed = -1: .* 0 or above"):
         pushfit.identify(table, seed=-1)

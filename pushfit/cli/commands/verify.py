@@ -110,9 +110,10 @@ def locate(path: str, result: Path, folder: Path | None) -> Path:
     for place in places:
         if place.exists():
             return place
+    looked = ", ".join(dict.fromkeys(str(place.absolute()) for place in places))
     raise DataError(
-        f"{path}: an input of this result is not there (looked for "
-        f"{', '.join(map(str, places))}); name its folder by --inputs",
+        f"{path}: an input of this result is not there (looked for {looked}); name "
+        "its folder by --inputs",
         code="input_missing",
     )
 

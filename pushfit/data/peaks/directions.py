@@ -12,11 +12,14 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import SHORTEST
 from pushfit.data.recordings.records import Recording
-from pushfit.errors import DataError
+from pushfit.data.text.faults import listed
+from pushfit.errors import DataError, counted
 
 # The direction of a push is that of its end, so only this share of its width to either
 # side of the top counts. Half or twice changes no test, with spikes of a tracker in it.
 _TOP_SHARE = 0.25
+# Of the samples there, this share is to be within so many degrees of the median.
+_HELD_SHARE, _TURNS_DEG = 0.9, 5.0
 
 
 def recorded_directions(
@@ -46,12 +49,7 @@ def recorded_directions(
         )
     theta, alpha = np.empty(len(extents)), np.empty(len(extents))
     for k, extent in enumerate(extents):
-        half = max(_TOP_SHARE * extent.width, SHORTEST)
-        first, last = np.searchsorted(
-            recording.time, [extent.t_peak - half, extent.t_peak + half]
-        )
-        # At least the nearest sample on either side.
-        top = slice(max(0, int(first) - 1), int(last) + 1)
+        top = _top(recording, extent)
         theta[k] = _median(recording.theta[top])
         alpha[k] = _circular_median(recording.alpha[top])
     lost = np.flatnonzero(~np.isfinite(theta + alpha))
@@ -63,6 +61,47 @@ def recorded_directions(
             code="no_directions",
         )
     return PushSchedule.in_order(theta, alpha)
+
+
+def turning(
+    recording: Recording, extents: Sequence[Extent], plan: PushSchedule
+) -> tuple[str, ...]:
+    """What to say where recorded directions turn while heights are measured.
+
+    Args:
+        plan: The directions taken, as `recorded_directions` gives them.
+    """
+    assert recording.theta is not None
+    assert recording.alpha is not None
+    turns = {}
+    for push, extent, theta, alpha in zip(
+        plan.push, extents, plan.theta, plan.alpha, strict=True
+    ):
+        top = _top(recording, extent)
+        own = recording.theta[top]
+        cosine = np.sin(own) * np.sin(theta) + np.cos(own) * np.cos(theta) * np.cos(
+            recording.alpha[top] - alpha
+        )
+        off = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        turns[f"{push}"] = float(np.nanquantile(off, _HELD_SHARE))
+    turned = [push for push, off in turns.items() if off > _TURNS_DEG]
+    if not turned:
+        return ()
+    return (
+        f"the recorded directions of {counted(len(turned), 'push')} "
+        f"({listed(turned)}) turn by up to {max(turns.values()):.0f}° about their "
+        "medians, which the table has, while heights are measured; hold the direction, "
+        "or state by [noise] theta_sd_deg how far it errs",
+    )
+
+
+def _top(recording: Recording, extent: Extent) -> slice:
+    """Samples around the top of a push, at least the nearest one on either side."""
+    half = max(_TOP_SHARE * extent.width, SHORTEST)
+    first, last = np.searchsorted(
+        recording.time, [extent.t_peak - half, extent.t_peak + half]
+    )
+    return slice(max(0, int(first) - 1), int(last) + 1)
 
 
 def _median(angle: Float[np.ndarray, " n"]) -> float:

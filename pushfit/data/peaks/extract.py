@@ -22,7 +22,7 @@ from pushfit.data.peaks.components import (
     signal_name,
     signal_unit,
 )
-from pushfit.data.peaks.directions import recorded_directions
+from pushfit.data.peaks.directions import recorded_directions, turning
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
@@ -79,9 +79,11 @@ def extract_peaks(
     look = _Look.at(recording, settings)
     recording = look.recording
     paired = look.paired(schedule, span=span)
-    plan = paired.plan or recorded_directions(
-        recording, paired.chosen, n_dips=len(paired.found.dips)
-    )
+    plan, turns = paired.plan, ()
+    if plan is None:
+        n_dips = len(paired.found.dips)
+        plan = recorded_directions(recording, paired.chosen, n_dips=n_dips)
+        turns = turning(recording, paired.chosen, plan)
     measured = look.measured(paired)
     frame = pd.DataFrame(
         {
@@ -93,7 +95,7 @@ def extract_peaks(
         }
     )
     notes, cautions = extraction_notes(paired, frame)
-    cautions = (*recording.cautions, *cautions)
+    cautions = (*recording.cautions, *cautions, *turns)
     sources = recording.sources
     if schedule is not None and schedule.source is not None:
         sources = (*sources, schedule.source)

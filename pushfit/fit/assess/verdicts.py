@@ -129,6 +129,9 @@ def quantities(
         note = FORMULAS.get(name) or ("fixed" if prior is None else prior.describe())
         if name in COMBINATIONS and profile:
             verdict = profile.verdict
+        elif verdict is Verdict.LEARNED and profile and _is_open(profile.pieces):
+            # An end that no height bounds is that of the prior.
+            verdict = Verdict.PARTLY
         if is_noise and setup.problem.likelihood == "student_t":
             note += f"; scale of Student-t noise, the sd is {STUDENT_SD:.3g} times it"
         return Quantity(
@@ -178,6 +181,10 @@ def _width_before(draws: bytes, prob: float, is_axis: bool) -> float:
     """Width of the prior's set of an angle; many tables share their prior's draws."""
     values = np.frombuffer(draws, dtype=float)
     return _width(highest_density_set(values, prob, is_axis=is_axis))
+
+
+def _is_open(pieces: tuple[Piece, ...]) -> bool:
+    return any(None in piece for piece in pieces)
 
 
 def _width(pieces: tuple[Piece, ...]) -> float:

@@ -14,7 +14,7 @@ import pandas as pd
 
 from pushfit.fit.results import Piece, Verdict
 from pushfit.parameters import ANGLES
-from pushfit.report.fact_rows import verdict_word
+from pushfit.report.fact_rows import SET_VERDICTS, verdict_word
 from pushfit.report.html.pages import render_page
 from pushfit.report.strings import (
     format_estimate,
@@ -138,10 +138,11 @@ def _entry(record: Record, name: str) -> Entry:
     high = _number(record, f"{name}_high{suffix}")
     sets = _word(record, f"{name}_sets")
     pieces = tuple((p[0], p[1]) for p in json.loads(sets)) if sets else ()
-    if not pieces and low is not None and high is not None:
-        pieces = ((low, high),)
     verdict = _word(record, f"{name}_verdict")
     is_known = verdict in {known.value for known in Verdict}
+    has_shape = is_known and Verdict(verdict) in SET_VERDICTS
+    if not (has_shape and pieces) and low is not None and high is not None:
+        pieces = ((low, high),)
     return Entry(
         estimate=_number(record, f"{name}{suffix}"),
         pieces=pieces,

@@ -266,6 +266,23 @@ def test_an_azimuth_around_180_degrees_and_tracker_spikes_do_no_harm():
     np.testing.assert_allclose(table.theta, 0.4, rtol=0, atol=KEPT)
 
 
+def test_a_direction_that_turns_while_a_push_is_measured_is_said():
+    """The third push swings by 30° about its direction, from its start to its end."""
+    made = simulated()
+    steady = extract_peaks(made.recording)
+    assert not any("turn by" in caution for caution in steady.cautions)
+    time, third = made.recording.time, steady.frame.iloc[2]
+    share = (time - third["t_start_s"]) / (third["t_end_s"] - third["t_start_s"])
+    is_inside = (share > 0) & (share < 1)
+    swing = np.radians(30.0) * np.where(is_inside, 2 * share - 1, 0.0)
+    turned = dataclasses.replace(made.recording, theta=made.recording.theta + swing)
+    table = extract_peaks(turned)
+    (said,) = [caution for caution in table.cautions if "turn by" in caution]
+    assert "of 1 push (3) turn by up to" in said
+    # At most the middle half counts, 90 % of which is within 13.5°.
+    assert 5 < float(said.split("up to ")[1].split("°")[0]) <= 14
+
+
 def test_saturated_pushes_are_flagged_and_out_of_use():
     plan = PushSchedule.planned(np.radians([15.0, 30, 45, 60]), 0.0, repeats=2)
     made = simulated(plan, limit=2750.0)

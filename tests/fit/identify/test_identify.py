@@ -396,6 +396,24 @@ def test_a_scale_of_heavy_tailed_noise_is_not_taken_for_its_sd(likelihood):
 
 
 @pytest.mark.parametrize(
+    ("pieces", "verdict"),
+    [(((0.2, 0.9),), Verdict.LEARNED), (((0.2, None),), Verdict.PARTLY)],
+)
+def test_what_the_likelihood_leaves_open_is_not_learned(determined, pieces, verdict):
+    """However narrow the posterior: its open end is that of the prior."""
+    fitted = fit_table(determined.table, config())
+    posterior, n = determined.posterior, determined.posterior.log_prob.size
+    narrow = np.random.default_rng(0).lognormal(np.log(0.5), 0.01, n)
+    posterior = replace(posterior, samples=posterior.samples | {"C_rr": narrow})
+    profile = replace(determined.profiles["theta_c"], name="C_rr", pieces=pieces)
+    found, _ = quantities(
+        fitted.setup, posterior, {"C_rr": profile}, prob=0.9, unit="n"
+    )
+    (C_rr,) = [q for q in found if q.name == "C_rr"]
+    assert C_rr.verdict is verdict
+
+
+@pytest.mark.parametrize(
     ("code", "p_value", "is_told"),
     [
         ("looks_like_angle_errors", 0.01, True),
