@@ -30,7 +30,7 @@ def refuse_existing(path: Path, *, force: bool) -> None:
         raise ConfigError(
             "-: is no name of a file; name one, or leave the option out where the "
             "command prints",
-            code="output_exists",
+            code="output_name",
         )
     if path.exists() and not force:
         raise ConfigError(
