@@ -20,6 +20,8 @@ from pushfit.fit.results import ResultWarning
 IN_A_ROW = 0.1
 # Rank correlation of push numbers and elevations that are in order, of how many.
 IN_ORDER, FEW_ELEVATIONS = 0.95, 5
+# Of all pushes, those between two of a direction that was pushed again later.
+LATER = 0.5
 # Equal heights at the top, and by how many times they are more than any others.
 AT_TOP, MORE = 4, 2
 # Directions whose repeats agree to the digit by chance at most.
@@ -160,8 +162,9 @@ def follows_elevation(table: PeakTable) -> bool:
     order, theta = table.frame["push"].to_numpy(dtype=float)[rows], table.theta[rows]
     if np.unique(theta.round(6)).size < FEW_ELEVATIONS:
         return False
-    within, _ = _about_means(order, table.groups[rows])
-    is_again = np.sum(within**2) > IN_A_ROW * np.var(order) * rows.size
+    group = table.groups[rows]
+    longest = max(np.ptp(order[group == one]) for one in np.unique(group))
+    is_again = longest > LATER * np.ptp(order)
     rank = scipy.stats.spearmanr(order, theta).statistic
     return bool(not is_again and abs(rank) > IN_ORDER)
 

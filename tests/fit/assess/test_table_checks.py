@@ -144,3 +144,13 @@ def test_elevations_in_order_are_known_from_sweeps_and_from_a_random_order(
     pushed = frame.sort_values(by).drop(columns="mixed")
     table = PeakTable.from_frame(pushed.assign(push=np.arange(1, len(frame) + 1)))
     assert follows_elevation(table) is is_ordered
+
+
+def test_one_direction_that_is_pushed_again_at_the_end_would_show_a_drift():
+    frame = case_table(CASES["firm"], noise=0.02, repeats=9).frame
+    frame = frame.sort_values(["theta_deg", "repeat"])
+    in_order = frame.assign(push=np.arange(1, len(frame) + 1))
+    assert follows_elevation(PeakTable.from_frame(in_order))
+    again = pd.concat([frame.iloc[1:], frame.iloc[:1]])
+    again = again.assign(push=np.arange(1, len(frame) + 1))
+    assert not follows_elevation(PeakTable.from_frame(again))
