@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pushfit.data.text.faults import listed
 from pushfit.fit.assess.reporting_rules import is_trusted, pieces_for
 from pushfit.fit.results import (
     Identification,
@@ -34,8 +35,8 @@ from pushfit.report.strings import (
     with_unit,
 )
 
-# The strongest are shown; summary.json has all.
-MAX_CORRELATIONS = 8
+# The strongest are shown, and of outliers the first; summary.json has all.
+MAX_CORRELATIONS = MAX_OUTLIERS = 8
 # Quantities that are a set of several pieces or with an open end, and their value.
 SEE_SET, UNQUOTED = "see set", "not quoted"
 SET_VERDICTS = frozenset({Verdict.ONE_SIDED, Verdict.SEVERAL_MODES})
@@ -81,7 +82,7 @@ def fit_rows(identification: Identification) -> list[tuple[str, str]]:
         ("lack of fit", _p_value(quality.lack_of_fit_p_value).strip(", ")),
         ("pattern", _p_value(quality.pattern_p_value).strip(", ")),
         ("simulated", _predictive(quality.predictive)),
-        ("outliers", ", ".join(quality.outliers)),
+        ("outliers", listed(quality.outliers, MAX_OUTLIERS)),
         ("noise", _noise(identification)),
         ("optima", _optima(identification)),
         ("posterior", _posterior(identification)),

@@ -10,7 +10,9 @@ import jax
 import numpy as np
 import scipy
 
+from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.data.text.faults import listed
 from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.problem.noise import stated_sds
 from pushfit.fit.problem.predictions import predict_points
@@ -26,10 +28,13 @@ from pushfit.fit.results import (
     Verdict,
 )
 from pushfit.model import as_float, contact
+from pushfit.parameters import NAMED, STIFFNESSES
 
 # Share of the range of a uniform prior beside a bound, and of a posterior in it that is
 # pressed against the bound: twice what is there where heights say nothing.
 EDGE, PRESSED = 0.05, 0.1
+# Of the pushes; where more are far from the fit, the model is what does not fit.
+FEW_OUTLIERS = 0.25
 # Verdicts that need no words, or have had them.
 SAID = frozenset(
     {Verdict.DETERMINED, Verdict.ABSENT, Verdict.UNKNOWN, Verdict.PROVISIONAL}
@@ -94,8 +99,15 @@ def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarni
             "which would not show an outlier or a wrong model, and intervals take "
             "both for absent; push more directions, or each of them twice",
         )
-    if goodness.outliers:
-        names = ", ".join(goodness.outliers)
+    elif names := improbable(found.config, posterior):
+        yield ResultWarning(
+            code="far_from_prior",
+            text=f"{' and '.join(names)} would be so far out once in 1000 by what is "
+            "known beforehand; look at the units, the push length and how angles are "
+            "counted, or state a prior that allows for it",
+        )
+    if 0 < len(goodness.outliers) <= FEW_OUTLIERS * np.sum(found.used):
+        names = listed(goodness.outliers)
         yield ResultWarning(
             code="outliers",
             text=f"more than {OUTLIER_SIGMA:g} sigma from the fit: {names}; look at "
@@ -138,6 +150,20 @@ def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarni
             )
     yield from _disagreement(found.alpha_star, found.alpha_star_model_free)
     yield from bound_warnings(setup, posterior)
+
+
+def improbable(config: GraspConfig, posterior: PosteriorResult) -> tuple[str, ...]:
+    """Letters of what heights fix, and have where priors hardly have a draw."""
+    if posterior.status is not FitStatus.OK:
+        return ()
+    found = []
+    for name in ("A", "B", "C_rr"):
+        draws, before = posterior.samples[name], posterior.prior_samples[name]
+        is_quoted = config.push.length_known or name not in STIFFNESSES
+        share = float(np.mean(before <= np.median(draws)))
+        if is_quoted and np.ptp(before) > 0 and min(share, 1 - share) < LEVEL / 2:
+            found.append(NAMED[name].prose)
+    return tuple(found)
 
 
 def _disagreement(

@@ -15,7 +15,14 @@ from pushfit.fit.assess.reporting_rules import as_unknown, within_verdict
 from pushfit.fit.assess.tilt_check import does_tilt_matter, implied_tilt_deg, is_worse
 from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.identify.beside import Beside, Tell, at_once
-from pushfit.fit.identify.fitted import Fitted, Listener, fit_table, reach_of, sweep
+from pushfit.fit.identify.fitted import (
+    Fitted,
+    Listener,
+    fit_table,
+    is_comparable,
+    reach_of,
+    sweep,
+)
 from pushfit.fit.identify.progress import Stages
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.profiles import likelihood_profiles
@@ -124,7 +131,7 @@ def _leading_first(measured: list[_Measured]) -> list[_Measured]:
         return measured
     linear, tilting = measured
     tilt = implied_tilt_deg(linear.fitted.setup, linear.swept)
-    if not _is_comparable(linear.fitted, tilting.fitted):
+    if not is_comparable(linear.fitted, tilting.fitted):
         no_evidence = {"log_evidence": None, "log_evidence_error": None}
         tilting = replace(tilting, answer=replace(tilting.answer, **no_evidence))
     if does_tilt_matter(linear.answer, tilting.answer, tilt) and not is_worse(
@@ -132,14 +139,6 @@ def _leading_first(measured: list[_Measured]) -> list[_Measured]:
     ):
         return [tilting, linear]
     return [linear, tilting]
-
-
-def _is_comparable(first: Fitted, second: Fitted) -> bool:
-    """Whether both answer for the same heights, and know their noise alike."""
-    return (
-        first.setup.rows == second.setup.rows
-        and first.setup.noise.kind == second.setup.noise.kind
-    )
 
 
 def mechanics_answer(

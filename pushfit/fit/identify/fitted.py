@@ -254,11 +254,8 @@ def _more_evident(
         rival = _fit_as_stated(table, with_noise(config, likelihood="normal"))
     student = _fit_as_stated(table, with_noise(config, likelihood="student_t"))
     swept = [sweep(fitted, CHOOSING_SEED) for fitted in (rival, student)]
-    first, second = (
-        np.nan if s.log_evidence is None else s.log_evidence for s in swept
-    )
-    gain = second - first
-    if not gain > 0 or any(s.status is not FitStatus.OK for s in swept):
+    gain = log_bayes_factor(*swept)
+    if not gain > 0:
         known = {CHOOSING_SEED: swept[0]} if normal is rival else {}
         return replace(normal, swept=known)
     warning = ResultWarning(
@@ -275,6 +272,17 @@ def _more_evident(
         warnings=(*student.warnings, warning, *others),
         swept={CHOOSING_SEED: swept[1]},
     )
+
+
+def log_bayes_factor(first: PosteriorResult, second: PosteriorResult) -> float:
+    """Log evidence of the second less that of the first; NaN where one has none."""
+    evidences = [
+        s.log_evidence
+        if s.log_evidence is not None and s.status is FitStatus.OK
+        else np.nan
+        for s in (first, second)
+    ]
+    return evidences[1] - evidences[0]
 
 
 def _is_explained(found: tuple[Violation, ...]) -> bool:
@@ -370,6 +378,14 @@ def sweep(fitted: Fitted, seed: int) -> PosteriorResult:
         seed=seed,
         reference_alpha=fitted.reference_alpha,
         reach=reach_of(fitted.config),
+    )
+
+
+def is_comparable(first: Fitted, second: Fitted) -> bool:
+    """Whether both answer for the same heights, and know their noise alike."""
+    return (
+        first.setup.rows == second.setup.rows
+        and first.setup.noise.kind == second.setup.noise.kind
     )
 
 

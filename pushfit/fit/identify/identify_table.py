@@ -27,6 +27,7 @@ from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.violations import violation_warnings
 from pushfit.fit.assess.warnings import (
     handover_warnings,
+    improbable,
     result_warnings,
 )
 from pushfit.fit.identify.by_mechanics import (
@@ -35,6 +36,7 @@ from pushfit.fit.identify.by_mechanics import (
     profiles_of,
 )
 from pushfit.fit.identify.fitted import Fitted, Listener, check_engine, draw_posterior
+from pushfit.fit.identify.other_readings import other_reading
 from pushfit.fit.identify.progress import Stages, stages_of
 from pushfit.fit.profiles.conditional_likelihood import imposable
 from pushfit.fit.results import (
@@ -142,6 +144,13 @@ def _conclude(
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
         contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
     )
+    is_strange = not goodness.is_adequate or improbable(fitted.config, posterior)
+    reading = other_reading(fitted, seed=seed) if is_strange else None
+    if reading is not None and goodness.is_adequate:
+        sentence = (
+            f"{goodness.sentence[:-1]}, but far better if the table is read otherwise."
+        )
+        goodness = replace(goodness, is_adequate=False, sentence=sentence)
     found = Identification(
         table=fitted.table,
         used=fitted.table.is_used,
@@ -174,7 +183,11 @@ def _conclude(
         else prediction_bands(
             fitted.table, problem, fitted.fit, posterior.samples, prob=prob
         ),
-        warnings=(*fitted.warnings, *handover_warnings(posterior)),
+        warnings=(
+            *fitted.warnings,
+            *([] if reading is None else [reading]),
+            *handover_warnings(posterior),
+        ),
         status=posterior.status,
         seed=seed,
         versions=environment(),

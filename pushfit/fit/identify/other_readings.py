@@ -1,0 +1,70 @@
+"""Whether a table makes more sense when its columns mean something else.
+
+Elevations are often counted from the normal of a surface, and channels are exchanged by
+a slip; with noise of a few percent the model may still describe what comes out, by
+numbers that no contact has. Asked only where the result looks wrong already. Excluded:
+what a table shows without a fit (`pushfit.fit.assess.table_checks`).
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import PushfitError
+from pushfit.fit.assess.model_checking import LEVEL
+from pushfit.fit.identify.fitted import (
+    Fitted,
+    fit_table,
+    is_comparable,
+    log_bayes_factor,
+    sweep,
+)
+from pushfit.fit.results import ResultWarning
+
+NORMAL, TANGENTIAL = "height_normal", "height_tangential"
+# Words of a reading, and the table by it.
+Reading = tuple[str, PeakTable]
+
+
+def other_reading(fitted: Fitted, *, seed: int) -> ResultWarning | None:
+    """The reading that heights speak for by 1 / `LEVEL` or more, if there is one.
+
+    Evidences are of the same heights with the same noise, priors and mechanics.
+
+    Args:
+        fitted: The table as it was read.
+    """
+    here, found = sweep(fitted, seed), [(np.log(1 / LEVEL), "")]
+    for words, table in _readings(fitted.table):
+        try:
+            other = fit_table(table, fitted.config)
+            if is_comparable(fitted, other):
+                gain = log_bayes_factor(here, sweep(other, seed))
+                found.append((gain if gain > 0 else 0.0, words))
+        except PushfitError:
+            continue
+    gain, words = max(found)
+    if not words:
+        return None
+    return ResultWarning(
+        code="other_reading",
+        text=f"heights are far more probable (by {gain:.0f} in log evidence) if {words}: "
+        "look how the table was made",
+    )
+
+
+def _readings(table: PeakTable) -> Iterator[Reading]:
+    """Every other reading that the table allows."""
+    frame, unit = table.frame, table.unit
+    theta = frame["theta_deg"]
+    if theta.between(0.0, 90.0).all():
+        words = "theta_deg is counted from the normal of the surface, 90° - θ"
+        yield words, replace(table, frame=frame.assign(theta_deg=90.0 - theta))
+    if {NORMAL, TANGENTIAL} <= set(table.channels):
+        ends = (f"_{unit}", f"_sd_{unit}")
+        pairs = [(NORMAL + end, TANGENTIAL + end) for end in ends]
+        names = dict(pairs) | {second: first for first, second in pairs}
+        words = f"{NORMAL} and {TANGENTIAL} are exchanged"
+        yield words, replace(table, frame=frame.rename(columns=names))
