@@ -239,6 +239,14 @@ def test_a_budget_ends_it():
     assert own.state.answer is Answer.OUT_OF_BUDGET
 
 
+@pytest.mark.parametrize(
+    ("budget", "words"),
+    [(1, "the one push that is left"), (2, "the 2 pushes that are")],
+)
+def test_one_push_is_no_pushes(budget, words):
+    assert words in explorer(budget=budget).state.sentence
+
+
 @pytest.mark.parametrize("is_guess", [True, False])
 def test_priors_alone_do_not_say_that_an_angle_is_absent(is_guess):
     """Draws that never roll: a finding after pushes, a possibility before the first."""

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from pushfit.errors import ConfigError, check_seed
+from pushfit.errors import ConfigError, check_seed, counted
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.learning import reference_rows
 from pushfit.explore.belief.predict import predict
@@ -252,37 +252,39 @@ class Judge:
             self._known(belief, angle, interval)
             for angle, interval in state.intervals.items()
         )
-        half, n = f"± {self.width / 2:g}°", state.n_pushes
+        half, n = f"± {self.width / 2:g}°", counted(state.n_pushes, "push")
         names = " and ".join(ANGLES[angle].prose for angle in state.intervals)
+        left = f"the {state.n_left} pushes that are left"
+        if state.n_left == 1:
+            left = "the one push that is left"
         match state.answer:
             case Answer.DECIDED:
-                text = f"{names} decided to {half} after {n} pushes: {known}."
+                text = f"{names} decided to {half} after {n}: {known}."
             case Answer.CANNOT:
                 text = (
                     f"{names} cannot be decided to {half} on this grasp: however many "
                     "pushes are made within reach and limits, the chance stays at "
-                    f"{_percent(state.p_unlimited)}. Known after {n} pushes: {known}. "
+                    f"{_percent(state.p_unlimited)}. Known after {n}: {known}. "
                     f"{_help(belief)} would help."
                 )
             case Answer.UNLIKELY:
                 text = (
-                    f"{names} will hardly be decided to {half}: with the "
-                    f"{state.n_left} pushes that are left the chance is "
-                    f"{_percent(state.p_budget)}, with unlimited pushes "
-                    f"{_percent(state.p_unlimited)}. Known after {n} pushes: {known}."
+                    f"{names} will hardly be decided to {half}: with {left} "
+                    f"the chance is {_percent(state.p_budget)}, with unlimited pushes "
+                    f"{_percent(state.p_unlimited)}. Known after {n}: {known}."
                 )
             case Answer.OUT_OF_BUDGET:
                 text = f"no pushes are left, and {names} is not decided: {known}."
             case _:
-                left = f"the {state.n_left} pushes that are left"
                 chance = ""
                 if state.p_budget is not None:
                     chance = f"; the chance to decide to {half} with {left} is "
                     chance += _percent(state.p_budget)
                 elif belief.is_guess:
-                    by = "priors" if n else "priors alone"  # short pushes weigh them
+                    # Short pushes weigh the priors.
+                    by = "priors" if state.n_pushes else "priors alone"
                     chance = f", by the {by}; {half} is asked, with {left}"
-                text = f"after {n} pushes {known}{chance}."
+                text = f"after {n} {known}{chance}."
         return replace(state, sentence=text)
 
     def _known(self, belief: Belief, angle: str, interval: Interval | None) -> str:

@@ -27,13 +27,27 @@ from pushfit.fit.results import (
     Quantity,
     Verdict,
 )
-from pushfit.parameters import COMBINATIONS, OF_GRASP, POSITIVE, SIGNED, SIX, unit_of
+from pushfit.parameters import (
+    COMBINATIONS,
+    OF_GRASP,
+    POSITIVE,
+    SIGNED,
+    SIX,
+    STIFFNESSES,
+    unit_of,
+)
 
 # Contraction above the first is learned from the data, below the second assumed: the
 # data then shrink the prior's standard deviation by less than a tenth.
 LEARNED, ASSUMED = 0.8, 0.2
 # Standard deviation of Student-t noise of unit scale.
 STUDENT_SD = (STUDENT_DOF / (STUDENT_DOF - 2)) ** 0.5
+# What is said of A and B, in the words of their profiles, where draws alone are known.
+WITHOUT_PROFILE = {
+    Verdict.LEARNED: Verdict.DETERMINED,
+    Verdict.PARTLY: Verdict.WIDE,
+    Verdict.ASSUMED: Verdict.NOT_DETERMINED,
+}
 FORMULAS = {
     "A": "K_sn K_dn/(K_sn + K_dn)",
     "B": "K_st C_d/(L² K_st + C_d)",
@@ -129,6 +143,8 @@ def quantities(
         note = FORMULAS.get(name) or ("fixed" if prior is None else prior.describe())
         if name in COMBINATIONS and profile:
             verdict = profile.verdict
+        elif name in STIFFNESSES & COMBINATIONS.keys() and np.ptp(draws) > 0:
+            verdict = WITHOUT_PROFILE.get(verdict, verdict)
         elif verdict is Verdict.LEARNED and profile and _is_open(profile.pieces):
             # An end that no height bounds is that of the prior.
             verdict = Verdict.PARTLY

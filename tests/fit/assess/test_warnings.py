@@ -73,6 +73,19 @@ def test_outliers_come_with_what_to_do():
     assert text.startswith("more than 5 sigma from the fit: push 8; look at")
 
 
+@pytest.mark.parametrize(("n", "is_said"), [(12, True), (13, False)])
+def test_what_most_pushes_are_is_no_outlier(n, is_said):
+    """Of 51 pushes; with many the model is what does not fit."""
+    table = case_table(CASES["firm"], noise=0.02)
+    found = identify_table(table, config(), seed=0, engine="sweep")
+    names = tuple(f"push {i}" for i in range(n))
+    goodness = replace(found.goodness_of_fit, outliers=names)
+    warnings = result_warnings(
+        build_problem(table, config()), replace(found, goodness_of_fit=goodness)
+    )
+    assert ("outliers" in {w.code for w in warnings}) is is_said
+
+
 @pytest.mark.parametrize("estimate", [20.0, None])
 def test_directions_that_disagree_are_said_also_without_an_estimate(estimate):
     """A best direction that is too wide to be quoted by one number has an interval."""

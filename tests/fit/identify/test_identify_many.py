@@ -51,6 +51,22 @@ def test_rows_say_what_a_single_table_says(tables):
     assert row.values["engine"] == "sweep"
 
 
+@pytest.mark.parametrize(
+    ("name", "noise", "word"),
+    [("firm", 0.005, "determined"), ("paper", 0.3, "not_determined")],
+)
+def test_rows_have_one_vocabulary_for_series_stiffnesses(tables, name, noise, word):
+    """That of profiles, which rows do without."""
+    table = tables[SCENES.index((name, noise))]
+    (row,) = identify_many([table], config(), seeds=[0], engine="sweep")
+    words = {row.values[f"{letter}_verdict"] for letter in "AB"}
+    assert word in words
+    assert words <= {"determined", "wide", "not_determined"}
+    for letter in "AB":
+        is_quoted = row.values[f"{letter}_verdict"] == "determined"
+        assert (row.values[letter] is not None) == is_quoted
+
+
 def test_an_unusable_table_leaves_its_neighbours_alone(tables):
     n_pushes = tables[1].n_pushes
     broken = tables[1].with_flag(range(n_pushes), "saturated")
