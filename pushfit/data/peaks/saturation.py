@@ -17,6 +17,8 @@ _MIN_SAMPLES = 3
 # largest, which holds all but one in 16 000 of a level's, count as the largest, if that
 # is a small share of the height.
 _BAND_SIGMAS, _MAX_BAND = 4.0, 0.02
+# Of the lower pushes.
+_MOST = 0.5
 # Its limit may also creep. Several pointed pushes that end within one of these shares
 # of the height, each with so many readings there, end at a limit.
 _BANDS, _MIN_NEAR, _MIN_PUSHES = (0.001, 0.002, 0.004, 0.008), 6, 2
@@ -78,9 +80,17 @@ def _ceiling(
             return largest
     bands = _BAND_SIGMAS * sigma
     is_narrow = bands <= _MAX_BAND * np.array(heights)
-    for k in np.flatnonzero(is_narrow & near(bands)).tolist():
-        if _piles_up(tops[k], largest, float(bands[k]), _MIN_SAMPLES):
-            return largest - float(bands[k])
+
+    def is_flat(k: int, end: float) -> bool:
+        return _piles_up(tops[k], end, float(bands[k]), _MIN_SAMPLES)
+
+    is_lower = is_narrow & (sigma > 0) & ~near(bands)
+    lower = [is_flat(k, float(highest[k])) for k in np.flatnonzero(is_lower).tolist()]
+    # Where most lower pushes have flat tops, these are their shape and no limit.
+    if np.mean(lower or [0.0]) <= _MOST:
+        for k in np.flatnonzero(is_narrow & near(bands)).tolist():
+            if is_flat(k, largest):
+                return largest - float(bands[k])
     for share in _BANDS:
         band = share * max(heights)
         pointed = np.flatnonzero((sigma > 0) & near(band)).tolist()

@@ -1,7 +1,7 @@
 """Which assumption of the model the residuals speak against, and the key to set.
 
 Each alternative says where residuals exceed noise: with one sign around θ_c where the
-transition is soft, where heights are steep if angles err, where they are tall if noise
+transition is soft, everywhere where the sensor's zero is off, where heights are steep if angles err, where they are tall if noise
 is in proportion, repeat by repeat if these differ, in the tails if it is heavy-tailed.
 These are score tests: nothing is fitted again. Excluded: whether the model is adequate
 (`model_checking`), mechanics that tilt (`tilt_check`), and soft transitions of these,
@@ -27,6 +27,7 @@ from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.parameters import TINY
 
 ANGLE_ERRORS = "looks_like_angle_errors"
+CONSTANT = "looks_like_a_constant"
 HEAVY_TAILED, PROPORTIONAL = "looks_heavy_tailed", "looks_proportional"
 # Chance of naming an assumption that holds, per alternative.
 LEVEL = 1e-3
@@ -88,6 +89,12 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     # Noise of several sizes has heavy tails, too.
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
+    if not setup.noise.shared:
+        channel, _ = np.nonzero(mask)
+        for index, name in enumerate(problem.channels):
+            change = np.where(channel == index, 1 / fit.sigma, 0.0)
+            column = f"{name}_{table.unit}"
+            found.append(_constant(free, basis, change, column))
     is_hard = np.isinf(float(problem.grasp.sharpness)) and "p" not in problem.priors
     if is_hard and not problem.grasp.law.is_searched:
         soft = replace(problem, grasp=replace(problem.grasp, sharpness=SOFT))
@@ -118,26 +125,58 @@ def _soft(
     free: Float[np.ndarray, " n"],
     basis: Float[np.ndarray, "n q"],
     change: Float[np.ndarray, " n"],
-) -> Violation | None:
-    """Residuals that follow what a soft transition would change.
-
-    One alternative with one coefficient: t test of the change, of one sign, beside the
-    coordinates.
-    """
-    seen = change - basis @ (basis.T @ change)
-    norm = float(np.linalg.norm(seen))
-    dof = free.size - basis.shape[1] - 1
-    if dof < 1 or norm <= ROUNDING * float(np.linalg.norm(change)):
-        return None
-    along = float(seen @ free) / norm
-    rest = max(float(free @ free) - along**2, 0.0)
-    t = along / np.sqrt(max(rest, TINY) / dof)
+) -> Violation:
+    """Residuals that follow what a soft transition would change, of one sign."""
+    t, dof, _ = _follows(free, basis, change)
     return Violation(
         code="looks_soft",
         p_value=float(scipy.stats.t.sf(t, dof)),
         text="residuals around θ_c are those of a soft transition: set [transition] "
         'sharpness = "auto", which leaves it open, or compare by `pushfit compare`',
     )
+
+
+def _constant(
+    free: Float[np.ndarray, " n"],
+    basis: Float[np.ndarray, "n q"],
+    change: Float[np.ndarray, " n"],
+    column: str,
+) -> Violation:
+    """Residuals that a constant in all heights of a channel would leave.
+
+    Args:
+        change: What one unit more changes, in standard deviations.
+        column: Of the heights.
+    """
+    t, dof, size = _follows(free, basis, change)
+    return Violation(
+        code=CONSTANT,
+        p_value=2 * float(scipy.stats.t.sf(abs(t), dof)),
+        text=f"residuals are those of {size:+.2g} in all of {column}, whatever the "
+        "direction: look at the zero of the sensor, and set [noise] offset_sd to how "
+        "far it may be off",
+    )
+
+
+def _follows(
+    free: Float[np.ndarray, " n"],
+    basis: Float[np.ndarray, "n q"],
+    change: Float[np.ndarray, " n"],
+) -> tuple[float, int, float]:
+    """How residuals follow what one more coefficient would change, beside the others.
+
+    Returns:
+        Student's t of it, its degrees of freedom, and the coefficient; NaN where the
+        others do all that it could.
+    """
+    seen = change - basis @ (basis.T @ change)
+    norm = float(np.linalg.norm(seen))
+    dof = free.size - basis.shape[1] - 1
+    if dof < 1 or norm <= ROUNDING * float(np.linalg.norm(change)):
+        return np.nan, 1, np.nan
+    along = float(seen @ free) / norm
+    rest = max(float(free @ free) - along**2, 0.0)
+    return along / np.sqrt(max(rest, TINY) / dof), dof, along / norm
 
 
 def _steep(
