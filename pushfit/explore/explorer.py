@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
+
 from pushfit.config import Settings, as_config
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
@@ -27,6 +29,7 @@ from pushfit.explore.belief.tables import (
     table_of,
     told_rows,
 )
+from pushfit.explore.decide.misfit import misfit
 from pushfit.explore.decide.next_push import Survey, Surveyor, repetition, suggestion
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.journal.events import (
@@ -222,11 +225,16 @@ class Explorer:
         return self.state
 
     def fail(self, suggestion: Suggestion, reason: str) -> None:
-        """Say that a push gave no height, such as "stalled"; it may be asked again.
+        """Say that a push gave no height, such as "stalled".
+
+        It may be asked again, but other directions come first.
 
         Args:
             suggestion: The push as it was asked for.
             reason: Stable word; some in a row end the exploration.
+
+        Raises:
+            DataError: The push is not waited for, or there is no reason.
         """
         self._failed(suggestion, reason, is_final=False)
 
@@ -236,11 +244,22 @@ class Explorer:
         Args:
             suggestion: The push as it was asked for.
             reason: Stable word.
+
+        Raises:
+            DataError: The push is not waited for, or there is no reason.
         """
         self._failed(suggestion, reason, is_final=True)
 
     def _failed(self, suggestion: Suggestion, reason: str, *, is_final: bool) -> None:
-        theta, alpha = suggestion.theta, suggestion.alpha
+        theta, alpha, pending = suggestion.theta, suggestion.alpha, self.history.pending
+        is_waited_for = pending is not None and pending.number == suggestion.number
+        if not reason or not (is_waited_for or suggestion.number is None):
+            raise DataError(
+                f"push {suggestion.number} is not waited for: it was answered before"
+                if reason
+                else 'a push fails for a reason; give a word such as "stalled"',
+                code="failure",
+            )
         failure = Failure(theta=theta, alpha=alpha, reason=reason, is_final=is_final)
         self._record(event_of("failed", failure, number=suggestion.number))
         self._stop_after_failures()
@@ -344,9 +363,11 @@ class Explorer:
         belief, survey = self.belief, self.survey()
         target = self.judge.target(belief, self.angle)
         due = reference_due(self.history.told, self.limits)
-        if due is not None and survey.length_share == 1.0:
-            return [repetition(belief, survey, due, target=target)]
-        rows = survey.ranks[:n].tolist()
+        failed = [(f.theta, f.alpha) for f in self.history.in_a_row]
+        if due is not None and survey.length_share == 1.0 and not failed:
+            is_allowed = self._surveyor.allows(belief, due.theta, due.alpha)
+            return [repetition(belief, survey, due, target=target, exactly=is_allowed)]
+        rows = survey.ranked(after=failed)[:n].tolist()
         return [suggestion(belief, survey, row, target=target) for row in rows]
 
     def _record(self, event: Event) -> None:
@@ -391,12 +412,24 @@ class Explorer:
             if moved is not None:
                 self._record({"event": "moved", "first": moved.first})
                 self.stop(moved.sentence, is_over=True)
+            elif not self.judge.undecided(self.belief, self._known()):
+                fault = misfit(told, self.belief, self.question)
+                if fault is not None:
+                    self.stop(fault, is_over=True)
         self._record(event_of("state", self.state))
 
     def _stop_after_failures(self) -> None:
-        reasons = self.history.in_a_row
-        if len(reasons) >= self.limits.max_failures and self.history.stopped is None:
-            self.stop(f"{len(reasons)} pushes failed in a row: {', '.join(reasons)}")
+        failed = self.history.in_a_row
+        if len(failed) >= self.limits.max_failures and self.history.stopped is None:
+            pushes = ", ".join(
+                f"{f.reason} at θ = {np.degrees(f.theta):.1f}°, "
+                f"α = {np.degrees(f.alpha):.1f}°"
+                for f in failed
+            )
+            self.stop(
+                f"{len(failed)} pushes failed in a row: {pushes}; put right what stops "
+                "the finger and go on, or narrow the limits"
+            )
 
     def _resume(self, start: Event) -> None:
         """Begin the journal, or live again through what it tells."""

@@ -122,7 +122,8 @@ def _note(explorer: Explorer, suggestion: Suggestion, felt: PeakTable | str) -> 
         explorer.tell(row.theta, row.alpha, row.heights, row.sd, flags=row.flags)
         return
     fault = felt
-    if fault == NOTHING_FELT and explorer.history.in_a_row[-1:] == [NOTHING_FELT]:
+    before = [failure.reason for failure in explorer.history.in_a_row[-1:]]
+    if fault == NOTHING_FELT and before == [NOTHING_FELT]:
         fault = LOST
     if fault == LOST:
         explorer.stop(

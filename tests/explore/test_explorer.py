@@ -181,15 +181,64 @@ def test_a_push_that_nobody_asked_for_counts_as_well():
     np.testing.assert_allclose(own.table.theta, np.radians([33.3]), rtol=EXACT)
 
 
-def test_a_failed_push_may_be_asked_again_an_abandoned_one_never():
+def test_a_failed_push_is_asked_again_last_an_abandoned_one_never():
     own = explorer()
     (first,) = own.ask()
     own.fail(first, "stalled")
-    (again,) = own.ask()
-    assert (again.theta, again.alpha) == (first.theta, first.alpha)
-    own.abandon(again)
-    everything = own.ask(100)
-    assert first.theta not in {s.theta for s in everything}
+    *others, last = own.ask(100)
+    assert last.theta == first.theta
+    assert first.theta not in {s.theta for s in others}
+    own.abandon(others[0])
+    assert others[0].theta not in {s.theta for s in own.ask(100)}
+    # What gives a height ends the row of failures.
+    (second,) = own.ask()
+    own.tell(second.theta, second.alpha, feel(second, 0))
+    thetas = [s.theta for s in own.ask(100)]
+    assert first.theta in thetas[:-1]
+
+
+@pytest.mark.parametrize("reason", ["stalled", ""])
+def test_a_push_fails_once_and_for_a_reason(reason):
+    own = explorer()
+    (first,) = own.ask()
+    if reason:
+        own.fail(first, reason)
+    with pytest.raises(DataError, match="answered before" if reason else "a reason"):
+        own.fail(first, reason)
+    assert len(own.history.failures) == (1 if reason else 0)
+
+
+@pytest.mark.parametrize(("factor", "is_wrong"), [(1.0, False), (3.0, True)])
+def test_one_wrong_height_decides_nothing(factor, is_wrong):
+    """Tens of sigmas off, which leave hardly a draw and so a narrow interval."""
+    own = explorer(limits=Limits(reference_every=0))
+    for number in range(30):
+        suggestions = own.ask()
+        if not suggestions:
+            break
+        (push,) = suggestions
+        heights = feel(push, number)
+        if number == 2:
+            heights = {c: factor * h for c, h in heights.items()}
+        own.tell(push.theta, push.alpha, heights)
+    assert own.state.answer is (Answer.STOPPED if is_wrong else Answer.DECIDED)
+    is_named = "push 3 " in own.state.sentence
+    assert is_named is is_wrong
+    own.go_on()
+    assert (own.state.answer is Answer.DECIDED) is not is_wrong
+
+
+def test_a_push_beyond_the_limits_is_not_asked_for_again():
+    """The strongest push is the reference; the finger went too far with it."""
+    limits = Limits(theta_deg=(5.0, 60.0), reference_every=3, reference_first=3)
+    own = explorer(limits=limits, width_deg=0.1)
+    for theta_deg in (63.5, 30.0, 20.0):
+        (push,) = own.ask()
+        there = replace(push, theta=np.radians(theta_deg))
+        own.tell(there.theta, there.alpha, feel(there, int(theta_deg)))
+    (push,) = own.ask()
+    assert push.purpose is Purpose.REFERENCE
+    assert push.theta_deg == pytest.approx(60.0)
 
 
 def test_three_failures_in_a_row_end_it():
@@ -197,7 +246,9 @@ def test_three_failures_in_a_row_end_it():
     for _ in range(3):
         own.fail(own.ask()[0], "stalled")
     assert own.state.answer is Answer.STOPPED
-    assert "stalled, stalled, stalled" in own.state.sentence
+    thetas = [f"θ = {np.degrees(f.theta):.1f}°" for f in own.history.failures]
+    assert all(f"stalled at {theta}" in own.state.sentence for theta in thetas)
+    assert len(set(thetas)) == 3
 
 
 def test_what_failures_stopped_goes_on_once_they_are_put_right(tmp_path):

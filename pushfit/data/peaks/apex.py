@@ -38,7 +38,7 @@ _BEYOND_CHANCE = 1.8
 # tops of `short_dropouts` move by up to 2 sd.
 _STEEPEST = 0.98
 # Beside the top, as a share of half the window: what misses the shapes there may be the
-# top itself. Without it heights of barometers at 16 Hz lay 5 to 6 sd below their largest
+# top itself. Without it heights of a barometer at 16 Hz lay 5 to 6 sd below the largest
 # sample, and those of humps with several summits 4 to 5.
 _NEAR = 0.3
 

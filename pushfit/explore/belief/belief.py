@@ -130,6 +130,15 @@ class Belief:
         """What heights are predicted from."""
         return {name: self.samples[name] for name in PARAMETERS if name in self.samples}
 
+    def noise(self, sd: Float[np.ndarray, " c"] | None) -> Float[np.ndarray, "c n"]:
+        """Noise of a height, by channel and draw [unit].
+
+        Args:
+            sd: Standard deviations stated with the height [unit].
+        """
+        stated = self.sd if sd is None or not self.is_sd_used else sd
+        return np.hypot(self.scatter, stated[:, None])
+
     def updated(
         self,
         heights: Float[np.ndarray, " c"],
@@ -143,8 +152,7 @@ class Belief:
             predicted: Noise-free height of the push, by channel and draw [unit].
             sd: Standard deviations stated with the heights [unit].
         """
-        stated = self.sd if sd is None or not self.is_sd_used else sd
-        noise = np.hypot(self.scatter, stated[:, None])
+        noise = self.noise(sd)
         r = (heights[:, None] - predicted) / noise
         if self.likelihood == "student_t":
             density = -(STUDENT_DOF + 1) / 2 * np.log1p(r**2 / STUDENT_DOF)

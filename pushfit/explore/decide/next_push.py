@@ -22,6 +22,8 @@ from pushfit.explore.records import Purpose, Suggestion, ToldPush
 # By half as many draws the best push about both angles was left out before the first.
 N_FULL, N_COARSE_DRAWS = 20, 2048
 Direction = tuple[float, float]
+# Begins the reason why a push that is too strong is not asked for.
+FORCE = "might exceed the force limit"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,12 @@ class Survey:
         """Allowed candidates, the most telling first."""
         order = np.argsort(-self.gains, kind="stable")
         return order[self.is_allowed[order]]
+
+    def ranked(self, *, after: Collection[Direction]) -> Int[np.ndarray, " m"]:
+        """The same, but for some directions that come last [rad]."""
+        rows = self.ranks
+        is_last = [_is_among(self.theta[k], self.alpha[k], after) for k in rows]
+        return rows[np.argsort(is_last, kind="stable")]
 
 
 class Surveyor:
@@ -109,6 +117,11 @@ class Surveyor:
             refusals=refusals,
         )
 
+    def allows(self, belief: Belief, theta: float, alpha: float) -> bool:
+        """Whether a push of full length may be made, whatever its force [rad]."""
+        length = float(belief.grasp.push_length)
+        return self.limits.allow(theta, alpha, length=length, azimuths=self._azimuths)
+
     def _predict(
         self,
         belief: Belief,
@@ -157,7 +170,7 @@ class Surveyor:
         reasons = {
             "out of the workspace": is_out,
             "might lift the finger off": lifts_off,
-            f"might exceed the force limit of {limit or 0:g}": is_strong,
+            f"{FORCE} of {limit or 0:g}": is_strong,
             "abandoned": gone,
         }
         is_allowed = ~(is_out | lifts_off | is_strong | gone)
@@ -186,9 +199,24 @@ def suggestion(
 
 
 def repetition(
-    belief: Belief, survey: Survey, push: ToldPush, *, target: AskedAngle
+    belief: Belief,
+    survey: Survey,
+    push: ToldPush,
+    *,
+    target: AskedAngle,
+    exactly: bool,
 ) -> Suggestion:
-    """A push made once more, to see whether it gives the same."""
+    """A push made once more, to see whether it gives the same.
+
+    Args:
+        exactly: Whether in its own direction, or in the nearest that may be asked for,
+            as where the finger went too far.
+    """
+    if not exactly:
+        rows = survey.ranks
+        off = np.hypot(survey.theta[rows] - push.theta, survey.alpha[rows] - push.alpha)
+        nearest = suggestion(belief, survey, int(rows[np.argmin(off)]), target=target)
+        return replace(nearest, purpose=Purpose.REFERENCE)
     theta, alpha = np.array([push.theta]), np.array([push.alpha])
     found = predict(belief, theta, alpha)
     gains = information_gain(

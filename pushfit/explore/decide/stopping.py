@@ -17,7 +17,7 @@ from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known
 from pushfit.explore.decide.forecast import UNLIMITED, imagine, p_decided
 from pushfit.explore.decide.intervals import AskedAngle, shortest_interval
-from pushfit.explore.decide.next_push import Survey
+from pushfit.explore.decide.next_push import FORCE, Survey
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import (
     Answer,
@@ -199,7 +199,7 @@ class Judge:
             n_pushes=len(told),
             n_left=max(n_left, 0),
         )
-        return state if stopped else self._worded(state, belief)
+        return state if stopped else self._worded(state, belief, survey)
 
     def _may_decide(self, question: Question, told: Sequence[ToldPush]) -> bool:
         """Whether the scatter of heights is known well enough to believe a width."""
@@ -247,7 +247,9 @@ class Judge:
                 return None, within
         return chance(n_pushes=UNLIMITED), within
 
-    def _worded(self, state: State, belief: Belief) -> State:
+    def _worded(
+        self, state: State, belief: Belief, survey: Callable[[], Survey]
+    ) -> State:
         known = "; ".join(
             self._known(belief, angle, interval)
             for angle, interval in state.intervals.items()
@@ -265,7 +267,7 @@ class Judge:
                     f"{names} cannot be decided to {half} on this grasp: however many "
                     "pushes are made within reach and limits, the chance stays at "
                     f"{_percent(state.p_unlimited)}. Known after {n}: {known}. "
-                    f"{_help(belief)} would help."
+                    f"{_help(belief, survey())} would help."
                 )
             case Answer.UNLIKELY:
                 text = (
@@ -312,11 +314,13 @@ def _p_undefined(belief: Belief, angle: str) -> float:
     return float(belief.weights @ ~np.isfinite(belief.samples[angle]))
 
 
-def _help(belief: Belief) -> str:
+def _help(belief: Belief, survey: Survey) -> str:
     """What would let an angle be decided that cannot be."""
-    if len(belief.channels) > 1:
-        return "A wider reach or less noise"
-    return "Force components, a wider reach or less noise"
+    is_weak = any(reason.startswith(FORCE) for reason in survey.refusals)
+    reach = "a higher force limit" if is_weak else "a wider reach"
+    others = ["force components"] if len(belief.channels) == 1 else []
+    words = ", ".join([*others, reach])
+    return f"{words[0].upper()}{words[1:]} or less noise"
 
 
 def _percent(share: float | None) -> str:

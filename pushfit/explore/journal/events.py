@@ -45,7 +45,7 @@ class History:
         n_drawn: Pushes that the draws rest on; the others came by new weights.
         stopped: Why it was ended from outside, if it was.
         is_over: Whether that cannot be put right.
-        in_a_row: Why pushes failed since the last that gave a height.
+        in_a_row: Pushes that failed since the last that gave a height.
     """
 
     told: list[ToldPush] = field(default_factory=list)
@@ -55,7 +55,7 @@ class History:
     n_drawn: int = 0
     stopped: str | None = None
     is_over: bool = False
-    in_a_row: list[str] = field(default_factory=list)
+    in_a_row: list[Failure] = field(default_factory=list)
 
     def take(self, event: Event) -> None:
         """Go on by one event."""
@@ -73,7 +73,7 @@ class History:
                 self.failures.append(failure)
                 self.pending = None
                 if failure.reason != INTERRUPTED:  # no fault of the hand
-                    self.in_a_row.append(failure.reason)
+                    self.in_a_row.append(failure)
             case "moved":
                 first = cast(int, event["first"])
                 self.told[first:] = [row.flagged(MOVED) for row in self.told[first:]]

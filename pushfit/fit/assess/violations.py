@@ -1,8 +1,9 @@
 """Which assumption of the model the residuals speak against, and the key to set.
 
 Each alternative says where residuals exceed noise: with one sign around θ_c where the
-transition is soft, everywhere where the sensor's zero is off, where heights are steep if angles err, where they are tall if noise
-is in proportion, repeat by repeat if these differ, in the tails if it is heavy-tailed.
+transition is soft, and everywhere where the sensor's zero is off; where heights are
+steep if angles err, where they are tall if noise is in proportion, repeat by repeat if
+these differ, in the tails if it is heavy-tailed.
 These are score tests: nothing is fitted again. Excluded: whether the model is adequate
 (`model_checking`), mechanics that tilt (`tilt_check`), and soft transitions of these,
 as they take seconds to compile.

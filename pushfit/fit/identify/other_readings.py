@@ -50,8 +50,8 @@ def other_reading(fitted: Fitted, *, seed: int) -> ResultWarning | None:
         return None
     return ResultWarning(
         code="other_reading",
-        text=f"heights are far more probable (by {gain:.0f} in log evidence) if {words}: "
-        "look how the table was made",
+        text=f"heights are far more probable (by {gain:.0f} in log evidence) if "
+        f"{words}: look how the table was made",
     )
 
 

@@ -19,6 +19,9 @@ ROUNDED, MOVED = 1e-2, 0.02
 # more; where rests tell nothing of waves, pulls scatter by 5 to 9.
 WAVING = 2.0
 HEIGHT, PERIOD = 100.0, 4.0
+# Sds that reach the largest part of a top of noise 1e-3, and how large they are with a
+# spike of 0.1 and without.
+REACHED, PLAIN_SD, SPIKED_SD = 2.0, 3e-3, 0.1
 # What is left of a dip that is bounded adds 7 % at most; unbounded, sds are ninefold.
 SAME_SD = 0.1
 # A cubic has slopes at the ends of the chord; rests show them a little beyond.
@@ -39,6 +42,17 @@ def test_heights_are_unbiased_and_their_sd_is_true(shape, ratio):
     # What the estimate is there to beat.
     assert found.bias_of_maximum > 1.0
     assert found.bias_of_prominence > 2.5
+
+
+@pytest.mark.parametrize(("spike", "most"), [(0.0, PLAIN_SD), (0.1, SPIKED_SD)])
+def test_the_sd_of_a_top_that_no_shape_describes_reaches_its_largest_part(spike, most):
+    """A parabola with one part higher, as of a push that trembles or is seen thrice."""
+    where = (2 * np.arange(N_BINS) + 1) / N_BINS - 1
+    bins = 1 - where**2
+    bins[N_BINS // 2] += spike
+    apex = fit_apex(bins[None], np.array([1e-3]))
+    assert bins.max() - apex.height[0] < REACHED * apex.sd[0]
+    assert apex.sd[0] < most
 
 
 @pytest.mark.parametrize("rounding", [0.0, 0.5, 5.0])

@@ -1,0 +1,56 @@
+"""Whether the pushes told could be of one grasp at all, before anything is decided.
+
+An interval is narrow also where one wrong height has left hardly a draw. Excluded: an
+object that has moved (`pushfit.explore.decide.stopping`).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy
+
+from pushfit.data.tables.rules import EXCLUDING_FLAGS
+from pushfit.explore.belief.belief import Belief, Question
+from pushfit.explore.belief.predict import predict
+from pushfit.explore.belief.tables import noise_is_known, sd_of
+from pushfit.explore.records import ToldPush
+
+# Chance of faulting heights that are those of a grasp.
+LEVEL = 1e-3
+
+
+def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str | None:
+    """What no draw explains, and what to do, as a clause; None where one does.
+
+    Chi-square of the draw that is nearest to all heights, as if nothing had been fitted
+    to them. Noise that is learned explains everything, and heavy tails do.
+    """
+    own = [
+        (number, row)
+        for number, row in enumerate(told, start=1)
+        if not row.is_short and not EXCLUDING_FLAGS & set(row.flags.split(";"))
+    ]
+    is_normal = belief.likelihood == "normal" and noise_is_known(told, question)
+    if not own or belief.is_guess or not is_normal:
+        return None
+    residuals = []
+    for _, row in own:
+        found = predict(belief, np.array([row.theta]), np.array([row.alpha]))
+        heights = np.array([row.heights[channel] for channel in question.channels])
+        noise = belief.noise(sd_of(row, question))
+        residuals.append((heights[:, None] - found.heights[0]) / noise)
+    r = np.abs(np.stack(residuals))
+    chi_square = np.where(belief.weights > 0, np.sum(r**2, axis=(0, 1)), np.inf)
+    best = int(np.argmin(chi_square))
+    n_heights = r.shape[0] * r.shape[1]
+    if scipy.special.chdtrc(n_heights, chi_square[best]) > LEVEL:
+        return None
+    size = np.max(r[:, :, best], axis=1)
+    number, row = own[int(np.argmax(size))]
+    theta, alpha = np.degrees(row.theta), np.degrees(row.alpha)
+    return (
+        f"no grasp gives all of these heights: push {number} (θ = {theta:.1f}°, α = "
+        f"{alpha:.1f}°) is farthest, by {np.max(size):.0f} standard deviations; look "
+        "at it, and begin another exploration with the other pushes attached, or with "
+        "a larger sigma if heights scatter more"
+    )
