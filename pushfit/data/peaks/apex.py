@@ -21,8 +21,7 @@ from pushfit.parameters import TINY
 
 # Parts of a window, for five numbers: 11 degrees of freedom are left to judge a fit by.
 N_BINS = 16
-# Moments of each, over which a shape is averaged as samples are: half or twice as many
-# move no real height by 0.1 sd.
+# Moments of each, over which a shape is averaged as samples are.
 _FINE = 8
 
 # Apex positions and roundings on the window [-1, 1]: from a tip, below the width of a

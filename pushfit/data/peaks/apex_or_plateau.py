@@ -34,8 +34,7 @@ _HIGH = 0.8
 # moves most heights of `force_N`, by up to 1.6 and 2.3 sd.
 MARGIN = 0.15
 # Noise of a course that is left in a band of 0.1, and the most parts averaged for it:
-# at twice the first, plateaus of five times their noise are too high by 0.18 instead of
-# 0.08 σ. Half or twice as many parts change nothing.
+# at twice the first, noisy plateaus are read twice as much too high.
 _CALM, _MAX_CALMING = 0.035, 7
 # Families on the window [-1, 1] above half height: tops and roundings of hyperbolas,
 # first and last moments of a level.

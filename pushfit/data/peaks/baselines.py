@@ -40,15 +40,13 @@ _WAITED = 2 / 3
 # How many sd a rest may move that has settled. At half 5 of 6 heights of `p1_Pa` move,
 # by up to 1.1 sd; at twice all of `p1_Pa` and `p3_Pa`, by up to 0.8.
 _UNSETTLED = 4.0
-# So many sd may parts of a rest differ by. At half chance makes steps: errors of half
-# sines of five times their noise grow from 0.21 to 0.24 σ. Twice changes no height.
+# So many sd may parts of a rest differ by. At half chance makes steps.
 _UNLIKE = 3.0
 # Noise is judged by as much of a rest as a push is wide, and by this share of
 # `MAX_SAMPLES` at least, four small blocks: a cut further off takes nothing.
 _LEAST_JUDGED = 1 / 8
-# What parts of a rest do by more than so many sd is no chance. At two thirds pulls of
-# triangles on waves of ten times their noise fall from 1.94 to 1.70, and chance makes
-# sds of a few pushes of fifty times their noise ten times too large.
+# What parts of a rest do by more than so many sd is no chance. At two thirds chance
+# makes sds of a few pushes of fifty times their noise ten times too large.
 _BEYOND = 3.0
 # Mean square of so many parts over that of noise.
 _BY_CHANCE = 1 + _BEYOND * (2 / N_PARTS) ** 0.5

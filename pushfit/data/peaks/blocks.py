@@ -11,12 +11,10 @@ from jaxtyping import Float, Int
 # blocks (chi-square of 7 degrees); twice is exceeded in 8 of 100.
 _HIGHEST = 4.0
 # Samples of a block by whose means noise shows that it is slow, and of one by which its
-# size is judged: short, since drift within it counts as noise. Of 16, sds of the soft
-# skin grow up to 2.5 times; of 4, those of `p0_Pa` change by 0.66 to 1.57.
+# size is judged: short, since drift within it counts as noise, as for the soft skin.
 _BLOCK, _SMALL_BLOCK = 16, 8
-# Of a rest that are looked at, counted from the push: 16 large blocks. Half or twice
-# moves few heights, by up to 0.2 sd, but sds of `force_N`, whose noise is slow, by
-# more.
+# Of a rest that are looked at, counted from the push: 16 large blocks. The sds of
+# `force_N`, whose noise is slow, change with it.
 MAX_SAMPLES = 256
 # Parts of a rest whose means show that its level is not steady. With half of them pulls
 # of triangles on short waves grow from 1.5 to 3.0, with twice as many to 2.1.

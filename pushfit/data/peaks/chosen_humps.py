@@ -23,8 +23,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.errors import DataError
 
 DEFAULTS = PeakSettings()
-# Share of a dip below which a hump is what noise makes of a filled signal. Half or
-# twice changes no test.
+# Share of a dip below which a hump is what noise makes of a filled signal.
 _MINOR = 0.1
 
 

@@ -31,13 +31,11 @@ from pushfit.errors import ConfigError, DataError
 from pushfit.parameters import TINY
 
 # Share of the width to either side of the top that the components are averaged over.
-# Half or twice changes no test.
 _TOP_SHARE = 0.2
 # Fewest samples of a channel: what a search for pushes needs at least, too.
 _MIN_SAMPLES = 5
 # Change of a channel that is beyond doubt one by the push [sd]: a channel that a push
-# leaves alone dwells at its largest reading, too, and is not cut there. Half or twice
-# changes no test.
+# leaves alone dwells at its largest reading, too, and is not cut there.
 _CLEAR = 10.0
 
 

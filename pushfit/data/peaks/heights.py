@@ -41,13 +41,11 @@ _DEPTH = (0.3, 0.7)
 _DEPTH_WITHOUT_NOISE, _DEPTH_SIGMAS = 0.25, 3.0
 # Misfit that noise reaches once in 10^4 windows: chi-square of 11 degrees of freedom.
 _MAX_MISFIT = 3.3
-# Windows are given up smoothly about it; what is left of the doubt ends here. Half or
-# twice of all three moves no real height by 0.1 sd.
+# Windows are given up smoothly about it; what is left of the doubt ends here.
 _STEEP, _NEGLIGIBLE = 8, 0.01
 # A narrower window is this share of the last, around the mean of the parts weighed by
-# this power, which makes it one of the highest. Half or twice the power moves most
-# heights of `trial2`, whose tops are bumpy, by up to 0.5 sd; shares of 0.5 and 0.8 by
-# up to 3.
+# this power, which makes it one of the highest. Both move heights of `trial2`, whose
+# tops are bumpy.
 _NARROWER, _SHARP = 0.6, 16
 # A longer stretch without samples may hide the top: share of the window, of the width
 # where it is at the top itself, and usual steps. Twice the first or the last takes the
@@ -57,8 +55,7 @@ _STEPS_OF_GAP = 3.0
 # Eight parts scatter more than this by chance once in 10^3 (chi-square, 7 degrees).
 _BEYOND_CHANCE = 1.86
 # What the family of shapes misses where there is no noise, as a share of the height:
-# half makes sds of `trial2` up to a quarter smaller; at twice those of half sines of
-# fifty times their noise are a tenth too large.
+# half makes sds of `trial2` up to a quarter smaller; twice is too large for half sines.
 _SHAPE = 0.001
 # More than half of the pushes, or of what is believed of the windows of one.
 _MOST = 0.5

@@ -6,8 +6,7 @@ before it ends. Every way of pairing in order has a likelihood by the times betw
 humps, the pushes it leaves missing, the humps it leaves over and the time before and
 after; the best one counts if no other comes near. Excluded: the
 rhythms that humps may have (`pushfit.data.plans.rhythm`), finding and measuring them.
-Constants were tried at half and at twice in 497 cases of
-`benchmarks.recordings.plan_alignment`, of which 172 are paired right and 325 refused.
+Constants were tried in the cases of `benchmarks.recordings.plan_alignment`.
 """
 
 import math
@@ -27,12 +26,10 @@ _TIMED_SCATTER = 0.05
 # Two may be so by chance; six, or half of the share, change no test.
 _FEWEST, _ON_CLOCK = 3, 0.75
 # How much likelier the best way must be: this many nats, 55 times. With twice as many
-# 131 cases more are refused, and pushes missing inside a run are no longer placed; half
-# pairs one more.
+# 131 cases more are refused, and pushes missing inside a run are not placed.
 _CLEAR = 4.0
 # Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs,
-# of five humps. Half pairs 23 cases more by the rhythm of fewer, twice refuses 95
-# more.
+# of five humps. Half pairs 23 cases more by the rhythm of fewer, twice refuses 95.
 _EVIDENCE = 8.0
 
 

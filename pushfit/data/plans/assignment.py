@@ -4,8 +4,7 @@ At one scale of time a cost is minus a log likelihood: of the times between pair
 humps, of pushes left missing and humps left over, and of the time before and after.
 The cheapest pairings come by dynamic programming from both ends. Excluded: choosing
 among scales, and whether the best one counts (`pushfit.data.plans.alignment`).
-Constants were tried at half and at twice in 497 cases of
-`benchmarks.recordings.plan_alignment`.
+Constants were tried in the cases of `benchmarks.recordings.plan_alignment`.
 """
 
 import math
@@ -16,8 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.plans.rhythm import LEAD, MISSING, SLACK
 
-# Minus log probability of a hump without a push: rarer than a missing push. At half 3
-# cases more are refused; twice changes none.
+# Minus log probability of a hump without a push: rarer than a missing push.
 _EXTRA = 2.5
 # A brush is most often none, and is then no news. One that keeps the rhythm is paired
 # all the same, since a missing push costs more than both differ by.

@@ -3,18 +3,15 @@
 Pushes of a robot follow each other in nearly regular time; some of them may be missing,
 and what is no push comes between. So periods are judged by the humps that are on each
 other's beat. Excluded: which hump is which push (`pushfit.data.plans.alignment`).
-Constants were tried at half and at twice in 497 cases of
-`benchmarks.recordings.plan_alignment`, of which 172 are paired right and 325 refused.
+Constants were tried in the cases of `benchmarks.recordings.plan_alignment`.
 """
 
 import numpy as np
 from jaxtyping import Float
 
-# Minus log probability of a push without a hump: one in seven. At half 2 cases more are
-# refused; twice changes none.
+# Minus log probability of a push without a hump: one in seven.
 MISSING = 2.0
 # Time before the first push and after the last, in periods: mean of an exponential.
-# Half or twice changes no case.
 LEAD = 1.5
 # By how much a push may be planned before a recording begins, in periods: half pairs 2
 # cases more, but scatter of what is planned moves ends by as much.
@@ -29,8 +26,7 @@ _WIDER = 1.2 * 1.4826
 # times the least scatter.
 _BEAT = 0.1
 # Humps have a rhythm if this share of so many neighbours on either side is on a beat;
-# of random ones 0.2 to 0.4 are. At twice most rhythms are missed, and 17 cases are
-# paired wrong by mere order.
+# of random ones 0.2 to 0.4 are. At twice 17 cases are paired wrong by mere order.
 _STEADY, _NEIGHBOURS = 0.45, 8
 # Beats that a period is measured over: over many, an error of its first guess miscounts
 # them. With eight 1 case more is paired, with two 5 fewer.

@@ -19,15 +19,13 @@ from pushfit.data.pushes.running_means import View
 from pushfit.data.pushes.tracing import trace_feet
 
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
-# From twice as much, feet of `short_dropouts` and `p0_Pa` are found elsewhere: two
-# heights move by 3 and 2 sd.
+# From twice as much, feet of `short_dropouts` and `p0_Pa` are found elsewhere.
 FIRST_SMOOTHING = 0.1
 # Averaging is longer in a second search where pushes allow for so many times as much:
 # the search takes as long as the first. 1 or 3 changes no real recording.
 _LONGER = 1.5
-# A hump below this share of the largest is a brush. Half of it adds two humps to the 11
-# presses of `p3_Pa`; twice loses 2 of 12 of `p2_Pa`, and one each of `p1_Pa` and
-# `p3_Pa`.
+# A hump below this share of the largest is a brush. Half adds two to the presses of
+# `p3_Pa`; twice loses presses of `p1_Pa`, `p2_Pa` and `p3_Pa`.
 _BRUSH = 0.03
 # Below this share it is one if the next larger hump is so many times higher. Half of
 # the share, or twice the times, takes 9 humps of the soft skin at 0.5 N for pushes;
@@ -41,7 +39,6 @@ _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
 # tests last 50 ms. Half or twice changes none of them, and no real recording.
 _BRIEFER = 10.0
 # Share of the width by which feet of one push may lie elsewhere: the usual smoothing.
-# At half three heights of `p0_Pa` move where it is cut; at twice none.
 _SAME_PUSH = 0.1
 # Times that pushes are joined, and parted, by their own course: an end for what would
 # go on for ever. Half or twice as many change no real recording.

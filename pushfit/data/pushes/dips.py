@@ -18,14 +18,12 @@ from pushfit.data.pushes.noise import SignalNoise
 # dip counts as a push in `test_returns_from_dips_are_no_pushes`; half changes nothing.
 _STRETCH = 30.0
 # Sensors undershoot after a release by a few percent of a push; what falls below rest
-# by more than this share of the highest push is no undershoot. Half or twice changes no
-# test of dips and no real recording.
+# by more than this share of the highest push is no undershoot.
 _DIP = 0.25
 # Beside such a dip lower ones are dips as well, beyond this share of it. It came with
 # cuts anywhere of the barometer, whose p0 has dips; half or twice changes no whole one.
 _LESSER = 0.4
-# Time at either end of a recording that stands for rest, too short for a push [s]; half
-# or twice changes no test of dips and no real recording.
+# Time at either end of a recording that stands for rest, too short for a push [s].
 _END = 0.2
 # Noise of the ends of a recording that is no difference of level, once in 16 000
 # [sigma].

@@ -23,30 +23,24 @@ FOOT = 0.05
 # 2.5 %. By a fifth, one push too many is found in `trial2`.
 WIDTH_PER_SMOOTHING = 10.0
 # The signal is on its way before it passes the foot: by a ninth of the way to half
-# height on a straight flank, by more on a curved one. Half of this moves heights of
-# `trial2` by up to 2.5 sd; twice, those of `short_dropouts` by 34.
+# height on a straight flank, by more on a curved one; `trial2` shows it.
 _GUARD = 0.35
 # A rest is looked at for this share of the width, at most for so long [s]: an old
-# baseline is no better than a fresh one, and the next push may be near. Half of either
-# moves nearly all heights of the soft skin at 0.5 N, by up to 2 sd.
+# baseline is no better than a fresh one, and the next push may be near.
 _SPAN, LONGEST = 0.6, 1.0
-# But for so many samples at least. Of 5 heights of `short_dropouts` half of them moves
-# three, by up to 2.6 sd; twice as many move all, by up to 34.
+# But for so many samples at least: half or twice moves heights of `short_dropouts`.
 _FEWEST = 8
 # What is lower than this share of a push is rest to it, found or not. At half, wiggles
 # move 8 of 18 heights of the soft skin at 0.5 N; at twice, low pushes become rests.
 _WIGGLE = 0.1
 # So it rises beside a neighbour: by more than a foot, which is counted from the mean of
-# a rest instead of its lowest. With half of it 7 more heights move where recordings are
-# cut at six places, with twice 2 more.
+# a rest instead of its lowest. Seen where recordings are cut.
 _RISES = 0.07
 # Sensors recover after a release, a BioTac for about a second: this share of the width,
-# up to that of `LONGEST`, is left out of the rest. Half moves heights of `p1_Pa` by up
-# to 1.3 sd, twice those of `trial2` by up to 2.5.
+# up to that of `LONGEST`, is left out of the rest. Half moves `p1_Pa`, twice `trial2`.
 _SETTLING = 0.4
-# Less of a rest than this share of what is wanted shows no level. At half, errors of
-# triangles of five times their noise grow from 0.23 to 0.26 σ; at twice, a whole push
-# of `testing_step` counts as cut.
+# Less of a rest than this share of what is wanted shows no level. At twice, a whole
+# push of `testing_step` counts as cut.
 LEAST = 0.25
 # Stands for 0 below a fraction, or as a width, where two times are one [s]: a
 # nanosecond, the finest unit that a column of time may have. Not tuned.

@@ -26,14 +26,12 @@ _BEYOND_NOISE = 9.0
 # A rest of fewer bins of the trace shows no wander; at the ends it may be but the edge
 # of one. With twelve inside one of 5 pushes of `short_dropouts` is lost.
 _FEWEST_BINS, _FEWEST_AT_ENDS = 6, 15
-# Humps of this share of the largest are pushes beyond doubt. Half or twice changes no
-# real recording.
+# Humps of this share of the largest are pushes beyond doubt.
 _LARGE = 0.25
 # Width of the densest third of a normal distribution [σ].
 _NORMAL_THIRD = 0.861
 # Means of counts are often equal on paper. Rounding them to this share of the noise
-# keeps an offset or a unit, which round otherwise, from breaking the ties. Half or
-# twice moves no real height.
+# keeps an offset or a unit, which round otherwise, from breaking the ties.
 _GRAIN = 1e-3
 
 

@@ -24,23 +24,19 @@ _DIP_BINS = 3
 # feet. Half or twice changes nothing.
 _FOOTLESS = 0.2
 # A level is held if the signal stays within the first share of the smaller hump of it
-# for the second share of that hump's width. A sine does so for 0.41 of it only. Half or
-# twice of either changes nothing.
+# for the second share of that hump's width. A sine does so for 0.41 of it only.
 _LEVEL, _HELD = 0.15, 0.6
 # From the first to the last third of that time it moves by less than this share; a
 # flank passes through two thirds of twice `_LEVEL`, which is 0.2.
 _FLAT = 0.1
 # A hump on a step has fallen from its top to this share of it at least; the step is
 # held for so many times as long as the hump, or is a part of a push. At half as long a
-# cut push of `trial2` is not told from one on a step; at 2 a push before a drifting
-# rest counted as cut.
+# cut push of `trial2` is not told from one on a step.
 _FALLEN, _SHELF = 0.7, 1.5
 # A step is short beside the time that its level is held, by this share; a flank is not.
-# Half or twice changes nothing.
 _WAY = 0.3
 # A rest level that is never left is one that is come back to so many times: without it
-# pushes beyond a step of the rest level are lost. With six so are brief ones beyond a
-# step, of which there are four in the tests.
+# pushes beyond a step of the rest level are lost; with six, brief ones.
 _RETURNS = 3
 # Humps lower than this share of the whole are wiggles of a plateau. At half one of the
 # 12 holds of `force_N` is lost; at twice pushes beyond a step are.

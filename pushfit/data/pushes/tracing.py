@@ -38,8 +38,7 @@ ON_STEP = 0.33
 # ones the course is straight. Half or twice as many move no height by 0.1 sd.
 _GRID, _FINE = 240, 17
 # Most rounds of feet and levels, and what is no move any more, in sampling steps. With
-# six, two presses too many are found in `p0_Pa`; with 24, one height of the soft skin
-# at 0.5 N moves by 0.25 sd.
+# six, two presses too many are found in `p0_Pa`.
 _ROUNDS, _SAME = 12, 1e-5
 # Widths around a push that are looked at: its rests take about one to either side.
 _REACH = 2.0
