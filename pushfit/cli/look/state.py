@@ -75,7 +75,8 @@ class Look:
         self.components: tuple[ComponentTrace, ...] = ()
         if peaks.normal is not None:
             whole = recording.between(peaks.begin, peaks.end)
-            unmeasured = dict.fromkeys(part.channels, SignedHeights.of_none())
+            none = dict.fromkeys(("start", "end", "baseline", "height"), np.empty(0))
+            unmeasured = dict.fromkeys(part.channels, SignedHeights(**none))
             self.components = component_traces(whole, part, unmeasured)
         self.notes: tuple[str, ...] = ()
         self.search(signed=bool(peaks.signed))

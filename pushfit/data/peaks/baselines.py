@@ -6,7 +6,7 @@ of `benchmarks.recordings.peak_accuracy`.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int, Real
@@ -29,6 +29,7 @@ from pushfit.data.pushes.feet import (
     likeness,
 )
 from pushfit.data.pushes.noise import SignalNoise
+from pushfit.data.rows import rows_of
 from pushfit.parameters import TINY
 
 # A rest of fewer samples shows no level. With two, heights of `short_dropouts`, whose
@@ -74,11 +75,6 @@ class RestNoise:
     correlation: Float[np.ndarray, " p"]
     quantum: float
 
-    def of(self, rows: Int[np.ndarray, " r"]) -> "RestNoise":
-        """Noise beside some of the pushes."""
-        own = {"sigma": self.sigma[rows], "correlation": self.correlation[rows]}
-        return replace(self, **own)
-
     def of_mean(self, n_samples: Real[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
         """Standard deviations of means of so many samples beside each push [unit]."""
         variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
@@ -122,10 +118,6 @@ class Baselines:
     sd_after: Float[np.ndarray, " p"]
     time_after: Float[np.ndarray, " p"]
     bend: Float[np.ndarray, " p"]
-
-    def of(self, rows: Int[np.ndarray, " r"]) -> "Baselines":
-        """Baselines under some of the pushes."""
-        return Baselines(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def drift(self, when: Float[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
         """Change of the level since `time`, at a time [s] for each push [unit]."""
@@ -364,7 +356,7 @@ def rests_of(
     rows = np.argsort(order)
     beside = _Beside(time, signal, Feet.together([extents[k].feet for k in order]))
     noise = beside.noise()
-    return noise.of(rows), beside.baselines(noise).of(rows)
+    return rows_of(noise, rows), rows_of(beside.baselines(noise), rows)
 
 
 def _filled(

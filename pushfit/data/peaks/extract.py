@@ -28,6 +28,7 @@ from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
+from pushfit.data.rows import rows_of
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import MAX_KEPT, ComponentTrace, Trace, envelope
 from pushfit.data.units import DECIMALS
@@ -243,13 +244,14 @@ class _Look:
             )
             for own, cut in zip(words, forces.is_cut, strict=False):
                 own |= {"saturated"} if cut else set()
-            own_rows = {c: rows[: len(chosen)] for c, rows in forces.columns.items()}
+            rows = slice(len(chosen))
+            own_columns = {c: values[rows] for c, values in forces.columns.items()}
             return _Measured(
-                columns={**own_rows, **times, "flags": _joined(words)},
+                columns={**own_columns, **times, "flags": _joined(words)},
                 components=component_traces(
                     self.whole,
                     self.recording,
-                    {c: rows.first(len(chosen)) for c, rows in forces.signed.items()},
+                    {c: rows_of(own, rows) for c, own in forces.signed.items()},
                 ),
             )
         unit = signal_unit(self.recording, settings)

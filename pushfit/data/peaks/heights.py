@@ -30,6 +30,7 @@ from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
 from pushfit.data.pushes.running_means import RunningMeans
+from pushfit.data.rows import rows_of
 from pushfit.parameters import TINY
 
 Definition = Literal["auto", "apex", "plateau"]
@@ -101,13 +102,9 @@ class _Pushes:
 
     def only(self, rows: Int[np.ndarray, " r"]) -> "_Pushes":
         """Some of the pushes."""
-        return _Pushes(
-            course=self.course,
-            extents=[self.extents[k] for k in rows],
-            profile=self.profile[rows],
-            base=self.base[rows],
-            noise=self.noise.of(rows),
-        )
+        extents = [self.extents[k] for k in rows]
+        noise = rows_of(self.noise, rows)
+        return replace(rows_of(self, rows), extents=extents, noise=noise)
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +285,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
     while todo.size:
         bins, counts = bin_means(pushes.course, windows[todo], N_BINS)
         n = counts.sum(axis=1)
-        per_bin = pushes.noise.of(todo).of_part(n / N_BINS)
+        per_bin = rows_of(pushes.noise, todo).of_part(n / N_BINS)
         fit = fit_apex(bins, per_bin)
         half = np.diff(windows[todo], axis=1)[:, 0] / 2
         middle = windows[todo].mean(axis=1)

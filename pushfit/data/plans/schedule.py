@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 
 from pushfit.atomic import atomic_path
 from pushfit.data.recordings.recognise import RecordingColumns
+from pushfit.data.rows import rows_of
 from pushfit.data.tables.columns import COMMON, Known, Origin, read_columns, read_rows
 from pushfit.data.tables.rules import CHANNELS, check_columns
 from pushfit.data.text.faults import refuse
@@ -94,14 +95,7 @@ class PushSchedule:
 
     def rows(self, index: Int[np.ndarray, " m"]) -> "PushSchedule":
         """Some of the pushes."""
-        return replace(
-            self,
-            theta=self.theta[index],
-            alpha=self.alpha[index],
-            repeat=self.repeat[index],
-            push=self.push[index],
-            time=None if self.time is None else self.time[index],
-        )
+        return rows_of(self, index)
 
     def repeated(self, n_cycles: int) -> "PushSchedule":
         """The schedule run through several times, pushes and repeats counted on.

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, PerPush, are_cut
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.pushes.tracing import thinned_course
+from pushfit.data.rows import rows_of
 
 # Points of a course from foot to foot: some twelve in each averaging time of a
 # triangle. Half or twice as many part no other push of a real recording.
@@ -54,7 +55,7 @@ def join_one(
     is_cut = are_cut(view, feet)
     last = np.where(is_cut[pairs + 1], first, last)
     first = np.where(is_cut[pairs], last, first)
-    left, right = feet.rows(pairs), feet.rows(pairs + 1)
+    left, right = rows_of(feet, pairs), rows_of(feet, pairs + 1)
     tops = top[pairs], top[pairs + 1]
     both = replace(
         left,

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.running_means import View
+from pushfit.data.rows import rows_of
 from pushfit.parameters import TINY
 
 # Level of the foot, where a push begins and ends, as a share of its height. At half one
@@ -125,12 +126,6 @@ class Feet(Generic[OneOrMany]):
         """Time above half of the height [s]."""
         return self.half_down - self.half_up
 
-    def rows(
-        self: "Feet[np.ndarray]", some: Int[np.ndarray, " q"]
-    ) -> "Feet[np.ndarray]":
-        """Courses of some pushes."""
-        return Feet(**{n: getattr(self, n)[some] for n in _NAMES})
-
     def averaging(self: "Feet[np.ndarray]", view: View) -> PerPush:
         """Times to average over: a share of the width, and more to rise from noise [s].
 
@@ -176,7 +171,7 @@ class Feet(Generic[OneOrMany]):
         foot, far = (np.append(at, end)[place] for at in (foot, far))
         room = np.where(is_outer, end, (own + foot) / 2)
         rows = np.flatnonzero(sign * (end - far) <= self.step)
-        risen = self.rows(rows)._risen(view, sign)
+        risen = rows_of(self, rows)._risen(view, sign)
         own, flank, foot = own[rows], flank[rows], foot[rows]
         most = np.maximum(np.abs(risen - own) / 2, flank)
         is_its = sign * (foot - risen) < most
@@ -273,7 +268,8 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     # A level over that of the other rest is one on the way, unless drift leads there
     # or it is held for as long as the push.
     length = np.maximum(feet.end - feet.start, feet.step)
-    drift = _usual_drift(feet.rows(np.flatnonzero(~(is_first | is_last))), length)
+    inner = rows_of(feet, np.flatnonzero(~(is_first | is_last)))
+    drift = _usual_drift(inner, length)
     high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
     is_high &= np.stack([feet.start - time[0], time[-1] - feet.end]) < feet.width

@@ -5,7 +5,7 @@ it was measured without the recording itself. Excluded: drawing it
 (`pushfit.report.figures.recording`).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -29,17 +29,6 @@ class SignedHeights:
     end: Float[np.ndarray, " p"]
     baseline: Float[np.ndarray, " p"]
     height: Float[np.ndarray, " p"]
-
-    @classmethod
-    def of_none(cls) -> "SignedHeights":
-        """Those of no push."""
-        return cls(**{f.name: np.empty(0) for f in fields(cls)})
-
-    def first(self, n: int) -> "SignedHeights":
-        """Those of the first pushes."""
-        return SignedHeights(
-            **{f.name: getattr(self, f.name)[:n] for f in fields(self)}
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
