@@ -33,31 +33,26 @@ def rival_configs(
     Args:
         has_repeats: Whether any direction was pushed in two repeats.
     """
-
-    def with_transition(sharpness: float | str, base: GraspConfig) -> GraspConfig:
-        section = base.transition.model_copy(update={"sharpness": sharpness})
-        return base.model_copy(update={"transition": section})
-
     stated = config.transition.sharpness
-    never = {"C_rr": PositivePrior(fixed=NEVER_ROLLS)}
-    parameters = config.parameters.model_copy(update=never)
+    soft = SOFT_SHARPNESS if stated == "hard" else stated
+    hard = config.with_keys("transition", sharpness="hard")
+    never = PositivePrior(fixed=NEVER_ROLLS)
     configs = {
-        "hard": with_transition("hard", config),
-        "soft": with_transition(SOFT_SHARPNESS if stated == "hard" else stated, config),
-        "no_rolling": with_transition(
-            "hard", config.model_copy(update={"parameters": parameters})
-        ),
+        "hard": hard,
+        "soft": config.with_keys("transition", sharpness=soft),
+        "no_rolling": hard.with_keys("parameters", C_rr=never),
     }
     own = config.by_mechanics()[0].grasp.mechanics
     for rival in config.with_mechanics("auto").by_mechanics():
-        if rival.grasp.mechanics != own:
-            configs[rival.grasp.mechanics] = with_transition("hard", rival)
+        name = rival.grasp.mechanics
+        if name != own:
+            configs[name] = rival.with_keys("transition", sharpness="hard")
     has_effects = has_repeats and config.noise.likelihood == "normal"
     for name, change in NOISES.items():
-        noise = config.noise.model_copy(update=change)
+        rival = config.with_keys("noise", **change)
         is_possible = "repeats" not in change or (
             has_effects and config.noise.repeat_effect[0] in ("alike", "auto")
         )
-        if is_possible and noise != config.noise:
-            configs[name] = config.model_copy(update={"noise": noise})
+        if is_possible and rival.noise != config.noise:
+            configs[name] = rival
     return configs

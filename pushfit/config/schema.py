@@ -321,8 +321,12 @@ class GraspConfig(Section):
 
     def with_mechanics(self, name: str) -> "GraspConfig":
         """The same settings by mechanics of a name, or by "auto"."""
-        grasp = self.grasp.model_copy(update={"mechanics": name})
-        return self.model_copy(update={"grasp": grasp})
+        return self.with_keys("grasp", mechanics=name)
+
+    def with_keys(self, section: str, **keys: object) -> "GraspConfig":
+        """The same settings but for some keys of a section, which are not checked."""
+        own = getattr(self, section).model_copy(update=keys)
+        return self.model_copy(update={section: own})
 
     def why_not(self, name: str) -> str | None:
         """Why mechanics do not apply, and what to do; None where they do."""

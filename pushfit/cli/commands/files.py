@@ -134,8 +134,7 @@ def peaks(
     except DataError as error:
         if plot is not None and error.code == "push_mismatch":
             # Where pushes are missing, a picture is needed most.
-            found = settings.peaks.model_copy(update={"allow_missing": True})
-            settings = settings.model_copy(update={"peaks": found})
+            settings = settings.with_keys("peaks", allow_missing=True)
             table = load_peaks(session, [recording], schedules, config=settings)
             draw_peaks(session, table.traces[0], table, plot=plot)
         raise

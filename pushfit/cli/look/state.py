@@ -244,8 +244,7 @@ class Look:
         update |= {key: windows[key] for key in stated}
         if self.signed != bool(self.config.peaks.signed):
             update["signed"] = self.signed
-        peaks = self.config.peaks.model_copy(update=update)
-        return self.config.model_copy(update={"peaks": peaks})
+        return self.config.with_keys("peaks", **update)
 
     def _windows(self, key: str, chosen: Sequence[bool]) -> tuple[Window, ...]:
         """Windows around some humps, with those of the settings in which none is."""

@@ -76,8 +76,7 @@ class Question:
     def settings(self) -> GraspConfig:
         """Settings with θ_c quoted where it is asked for."""
         azimuth = float(np.degrees(self.reference_alpha))
-        grasp = self.config.grasp.model_copy(update={"reference_alpha_deg": azimuth})
-        return self.config.model_copy(update={"grasp": grasp})
+        return self.config.with_keys("grasp", reference_alpha_deg=azimuth)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

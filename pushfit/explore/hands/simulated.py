@@ -192,9 +192,9 @@ def joints_stated(config: GraspConfig) -> GraspConfig:
     An angle is anywhere within half a step w of what the joints report.
     """
     sd = float(np.degrees(SESSION.angle_resolution) / np.sqrt(12))
-    noise, names = config.noise, ("theta_sd_deg", "alpha_sd_deg")
-    missing = {name: sd for name in names if getattr(noise, name) is None}
-    return config.model_copy(update={"noise": noise.model_copy(update=missing)})
+    names = ("theta_sd_deg", "alpha_sd_deg")
+    missing = {name: sd for name in names if getattr(config.noise, name) is None}
+    return config.with_keys("noise", **missing)
 
 
 def simulated_hand(
