@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from pushfit.fit.results import Identification, Quantity, Verdict
-from pushfit.report.answers import alpha_star_answer, theta_c_answer
+from pushfit.report.answers import ANSWERS
 from pushfit.report.fact_rows import quantity_cells, verdict_word
 from pushfit.report.figures import plot
 from pushfit.report.frames import result_frame
@@ -24,7 +24,7 @@ from pushfit.report.store.folder import write_result_folder
 from pushfit.report.store.output_folder import PARTS, left_out
 from pushfit.report.store.read import read_extra, read_result
 from pushfit.report.store.summary import summary_dict
-from pushfit.report.strings import symbol
+from pushfit.report.strings import symbol, with_unit
 from pushfit.report.text.result import render_text
 
 if TYPE_CHECKING:
@@ -76,12 +76,11 @@ class Value(Quantity):
 
     def __str__(self) -> str:
         """Estimate, interval and unit; without an estimate the range or the verdict."""
-        value, interval, unit, verdict, _ = quantity_cells(self)
+        value, interval, _, verdict, _ = quantity_cells(self)
         if self.estimate is None:
-            ranges = f"{interval}{unit}" if unit == "°" else f"{interval} {unit}"
-            parts = [ranges.strip() if interval else "", verdict]
-            return ", ".join(filter(None, parts)) or value
-        number = f"{value}{unit}" if unit == "°" else f"{value} {unit}".strip()
+            ranges = with_unit(interval, self.unit) if interval else ""
+            return ", ".join(filter(None, [ranges, verdict])) or value
+        number = with_unit(value, self.unit)
         text = f"{number} ({interval})" if interval else number
         is_claimed = self.verdict is not Verdict.PROVISIONAL
         return text if is_claimed else f"{text} {verdict}"
@@ -141,9 +140,7 @@ class Result(Identification):
 
     def summary(self) -> str:
         """The two answers and the warnings, a sentence each."""
-        sentences = [
-            a.sentence for a in (theta_c_answer(self), alpha_star_answer(self))
-        ]
+        sentences = [answer(self).sentence for answer in ANSWERS.values()]
         return "\n".join([*sentences, *(warning.text for warning in self.warnings)])
 
     def to_frame(self) -> pd.DataFrame:
@@ -222,7 +219,7 @@ class Result(Identification):
 
     def __repr__(self) -> str:
         """Both answers in short."""
-        answers = (theta_c_answer(self), alpha_star_answer(self))
+        answers = [answer(self) for answer in ANSWERS.values()]
         said = ", ".join(f"{symbol(a.name)} {a.short}" for a in answers)
         n_used = int(self.used.sum())
         return f"<pushfit result: {said}; {n_used} pushes, {self.status.name.lower()}>"
