@@ -10,6 +10,14 @@ from pydantic import Field, field_validator, model_validator
 from pushfit.config.section import Number, Positive, Probability, Section, setting
 from pushfit.parameters import SensorUnit
 
+Format = Literal[
+    "auto", "native", "rostopic", "plotjuggler", "mcapcsv", "ros2csv", "bag"
+]
+ThetaFrom = Literal["tangential", "normal"]
+Gaps = Literal["error", "split", "interpolate"]
+Tail = Literal["drop", "keep", "error", "salvage"]
+Definition = Literal["auto", "apex", "plateau"]
+
 
 class CalibrationSection(Section):
     """How the samples of one channel convert, and who says so."""
@@ -40,9 +48,9 @@ class CalibrationSection(Section):
 class RecordingSection(Section):
     """How recordings are laid out, where the file itself does not say."""
 
-    format: Literal[
-        "auto", "native", "rostopic", "plotjuggler", "mcapcsv", "ros2csv", "bag"
-    ] = setting("dialect; `pushfit validate` names the one found", default="auto")
+    format: Format = setting(
+        "dialect; `pushfit validate` names the one found", default="auto"
+    )
     columns: tuple[str, ...] = setting(
         "column names in order, for files without a header",
         default=(),
@@ -72,14 +80,12 @@ class RecordingSection(Section):
         "folder of .msg files, for ROS 2 bags that carry no definitions",
         example="src/biotac_sensors",
     )
-    theta_from: Literal["tangential", "normal"] = setting(
+    theta_from: ThetaFrom = setting(
         'what a recorded theta is measured from; "normal": 90 deg - it',
         default="tangential",
     )
-    gaps: Literal["error", "split", "interpolate"] = setting(
-        "what to do where samples are missing", default="error"
-    )
-    tail: Literal["drop", "keep", "error", "salvage"] = setting(
+    gaps: Gaps = setting("what to do where samples are missing", default="error")
+    tail: Tail = setting(
         "what to do with a last line that may have been cut off; salvage "
         "also drops zero bytes, and reads what there is of a cut .mcap file",
         default="drop",
@@ -113,7 +119,7 @@ class PeakSettings(Section):
         "the schedule has theta < 0 and no hump answers to it",
         example=True,
     )
-    height: Literal["auto", "apex", "plateau"] = setting(
+    height: Definition = setting(
         '"apex" (pointed), "plateau" (held) or "auto" (by the shape)', default="auto"
     )
     min_height: Positive | None = setting(

@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 import operator
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, model_validator
 
@@ -29,6 +29,7 @@ from pushfit.config.section import (
 from pushfit.config.sensor import SensorSection
 from pushfit.errors import ConfigError
 from pushfit.mechanics.registry import BUILT_IN, COMPARED, mechanics_named
+from pushfit.parameters import SensorUnit
 
 Estimate = Literal["estimate"]
 Preload = NotNegative | Estimate | None
@@ -128,7 +129,7 @@ class GraspSection(Section):
         return getattr(self, f"preload_{unit}")
 
 
-PRELOAD_UNITS = ("n", "kpa", "counts", "au")
+PRELOAD_UNITS = get_args(SensorUnit)
 
 
 class ReachSection(Section):

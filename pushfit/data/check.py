@@ -16,6 +16,7 @@ from pushfit.data.recordings.recognise import RecordingColumns
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.tables.columns import is_parquet
 from pushfit.data.tables.peak_table import read_table
+from pushfit.data.tables.rules import CHANNELS
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import existing_file, is_bag
@@ -44,7 +45,6 @@ INSTEAD: dict[tuple[FileKind, FileKind], str] = {
     ("table", "settings"): _SETTINGS,
 }
 
-_HEIGHTS = ("height", "height_normal", "height_tangential")
 _PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
 
 
@@ -76,7 +76,7 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     names = find_layout(text, columns=recording_options.get("columns", ())).names
     columns = RecordingColumns(names)
     stems = {*columns.stems}
-    if not stems.isdisjoint(_HEIGHTS):
+    if not stems.isdisjoint(CHANNELS):
         return "table"
     is_signal = bool(columns.measuring("signal"))
     stated = {*recording_options.get("mapping", {}).values()}

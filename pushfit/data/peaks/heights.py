@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from pushfit.config.inputs import Definition
 from pushfit.data.peaks.apex import N_BINS, fit_apex
 from pushfit.data.peaks.apex_or_plateau import (
     MARGIN,
@@ -32,8 +33,6 @@ from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
 from pushfit.data.pushes.running_means import RunningMeans
 from pushfit.data.rows import rows_of
 from pushfit.parameters import TINY
-
-Definition = Literal["auto", "apex", "plateau"]
 
 # Window of the apex: the part of the hump above 1 - depth, deeper the more it takes to
 # see a shape in the noise. With at most 0.5 and two sigma instead of three, half sines

@@ -14,17 +14,17 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Num, Shaped
 
+from pushfit.config.inputs import Format, Gaps, Tail, ThetaFrom
 from pushfit.data.recordings.bags.bag import read_bag
 from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.roles import ColumnRoles, Role, assign_roles
-from pushfit.data.recordings.samples import Gaps, Samples, ThetaFrom, build_recording
+from pushfit.data.recordings.samples import Samples, build_recording
 from pushfit.data.text.csv_reader import MAX_BYTES, Cells, read_cells, row_problems
-from pushfit.data.text.dialects import Format, Layout, find_layout
+from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import Source, existing_file, is_bag, sha256_of
 from pushfit.data.text.foreign import foreign_table
-from pushfit.data.text.scan import Tail
 from pushfit.data.text.textfile import TextFile, open_text
 from pushfit.data.units import UNITS, Calibration, Unit
 from pushfit.errors import DataError

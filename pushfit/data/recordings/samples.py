@@ -7,19 +7,16 @@ of one recording are found before any is raised. Excluded: which column is which
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
+from pushfit.config.inputs import Gaps, ThetaFrom
 from pushfit.data.recordings.records import Recording
 from pushfit.data.text.faults import data_error, problem
 from pushfit.data.text.files import Source
 from pushfit.data.units import Unit, implausible_angles, implausible_signal
 from pushfit.errors import InputProblem, stated
-
-Gaps = Literal["error", "split", "interpolate"]
-ThetaFrom = Literal["tangential", "normal"]
 
 # Faults of one kind that are listed; the others are counted.
 _MAX_LISTED = 10

@@ -18,11 +18,12 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int, Shaped
 
+from pushfit.config.inputs import Tail
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.explain import Kind, missing_tokens, slow_scan
 from pushfit.data.text.faults import data_error, no_rows, refuse, refuse_too_large
 from pushfit.data.text.layout_guess import STAMPS, Stamp
-from pushfit.data.text.scan import Body, Scan, Tail, fast_scan, find_body
+from pushfit.data.text.scan import Body, Scan, fast_scan, find_body
 from pushfit.data.text.textfile import BlockReader, TextFile
 from pushfit.errors import DataError, InputProblem
 

@@ -8,8 +8,8 @@ columns mean for a recording (`pushfit.data.recordings.roles`).
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
+from pushfit.config.inputs import Format
 from pushfit.data.text.ddf import read_preamble
 from pushfit.data.text.faults import data_error, problem, refuse
 from pushfit.data.text.layout_guess import (
@@ -21,10 +21,6 @@ from pushfit.data.text.layout_guess import (
 )
 from pushfit.data.text.textfile import TextFile
 from pushfit.errors import ConfigError, InputProblem
-
-Format = Literal[
-    "auto", "native", "rostopic", "plotjuggler", "mcapcsv", "ros2csv", "bag"
-]
 
 # What a layout is found by, however long the file: preamble, header, first rows. Of
 # wide rows 200 lines are a quarter of a megabyte.

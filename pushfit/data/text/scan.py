@@ -9,16 +9,14 @@ Excluded: the slow pass (`pushfit.data.text.explain`) and parsing
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Int
 
+from pushfit.config.inputs import Tail
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.textfile import TextFile
-
-Tail = Literal["drop", "keep", "error", "salvage"]
 
 # A file without line ends is refused before it fills the memory.
 _MAX_LINE = 1 << 26

@@ -7,7 +7,7 @@ the values (`pushfit.report.store.summary`).
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import Field, TypeAdapter
 from pydantic.fields import FieldInfo
@@ -23,6 +23,7 @@ from pushfit.fit.results import (
     Recipe,
     ResultWarning,
 )
+from pushfit.parameters import SensorUnit
 from pushfit.report.frames import Correlation
 
 SCHEMA = "pushfit.summary/2"
@@ -36,7 +37,7 @@ def _one_of(*words: str) -> FieldInfo:
 
 
 Status = Annotated[str, _one_of(*(status.name.lower() for status in FitStatus))]
-HeightUnit = Annotated[str, _one_of("n", "kpa", "counts", "au")]
+HeightUnit = Annotated[str, _one_of(*get_args(SensorUnit))]
 # By name, which is therefore no part of the entry itself.
 Quantities = Mapping[str, Quantity]
 
