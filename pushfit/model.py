@@ -32,11 +32,6 @@ def forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Forces
 
     Their equations are with those: `linear_forces`, `tilting_forces`.
 
-    Args:
-        params: Parameters, or the combinations that forces depend on.
-        pushes: Directions.
-        grasp: Mechanics, push length, preload, span and sharpness.
-
     Returns:
         F_n with the preload, never negative, and both components of F_pt [N].
 
@@ -84,14 +79,9 @@ def forward(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) -> Chann
 
 
 def push_resistance(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
-    """Force change per push length.
+    """Force change per push length, whatever gain and offset of the sensor.
 
         P_r = (|F_p| - F_0) / S_p
-
-    Args:
-        params: Parameters of the contact.
-        pushes: Directions.
-        grasp: Grasp and sensor; gain and offset play no part.
 
     Returns:
         P_r of every push; negative only where there is a preload [N/m].

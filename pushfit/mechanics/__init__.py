@@ -1,4 +1,5 @@
 """What the model is made of: contacts, equilibria, directions, branch points.
 
-Which mechanics there are, by name, is in `pushfit.mechanics.registry`.
+Units are SI, angles in radians. Which mechanics there are, by name, is in
+`pushfit.mechanics.registry`.
 """

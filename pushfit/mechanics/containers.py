@@ -198,9 +198,6 @@ def support_stiffness(params: Parameters) -> Float[Array, "2 2"]:
 
         K = K_st expm(½ [[e1, e2], [e2, -e1]])
 
-    Args:
-        params: Of these K_st, e1 and e2.
-
     Returns:
         Symmetric positive-definite matrix; K_st times the identity at e = 0 [N/m].
 
@@ -269,9 +266,6 @@ def support(contact: Contact) -> Support:
 
     Without an ellipse K_st = B (1 + s).
 
-    Args:
-        contact: Of these B, f1, f2, L and s.
-
     Returns:
         K_st above B [N/m], C_d [N·m/rad], and e along f, at least as long [-].
 
@@ -310,9 +304,6 @@ def tangential_compliance(springs: Support) -> Float[Array, "2 2"]:
 
         K⁻¹ = expm(-½ [[e1, e2], [e2, -e1]]) / K_st
 
-    Args:
-        springs: Springs that hold the object sideways.
-
     Returns:
         Symmetric positive-definite matrix [m/N].
     """
@@ -327,10 +318,6 @@ def tangential_stiffness(
         B u(α),   u = (cos α, sin α),   B = |B| expm(½ [[f1, f2], [f2, -f1]])
 
     |B| is the number `Contact.B`; without an ellipse the tensor is |B| I.
-
-    Args:
-        contact: Of these B, f1 and f2.
-        azimuth: u, as of `unit_vector` [-].
 
     Returns:
         The x and y components of the force per tangential displacement [N/m].
@@ -347,10 +334,6 @@ def rolling_limits(contact: Contact, support_span: float) -> tuple[Scalar, Scala
     """Largest tangential over normal force that two supports bear without rolling.
 
         C_rr + |AB|/(2L) along the supports,   C_rr across them
-
-    Args:
-        contact: Of these C_rr and L.
-        support_span: |AB|, distance between the supports [m].
 
     Returns:
         The limits along x and along y, the first never the smaller [-].

@@ -50,9 +50,6 @@ def coordinates(params: Parameters) -> Coordinates:
 
         r = K_sn / K_dn,   s = K_st L² / C_d,   A, B and f as of `contact`
 
-    Args:
-        params: Parameters, all but e1 and e2 above 0.
-
     Returns:
         Logs of numbers in SI units, and f [-]; f = 0 without an ellipse. All unbounded.
 
@@ -78,9 +75,6 @@ def parameters(coords: Coordinates) -> Parameters:
         K_sn = A (1 + r),   K_dn = A (1 + 1/r)
 
     The others follow as in `pushfit.mechanics.containers.support`.
-
-    Args:
-        coords: Coordinates, any real numbers: logs of numbers in SI units, and f [-].
 
     Returns:
         Stiffnesses above A and B [N/m], C_rr [-], C_d [N·m/rad] and L [m], all
@@ -119,9 +113,6 @@ def log_volume(coords: Coordinates) -> Scalar:
 
     The six logs alone are mapped without change of volume, so this is 0 at f = 0
     only in the limit s -> 0 and is needed whenever the ellipse is free.
-
-    Args:
-        coords: Of these f1, f2 and ln_s.
 
     Returns:
         Log volume ratio, never negative; 2 ln(1 + s) at f = 0 [-].

@@ -40,11 +40,6 @@ def searched_critical_angle(
 
     With two supports |F_x| - |AB|/(2L) F_n or |F_y|, the larger, stands for F_pt.
 
-    Args:
-        params: Parameters, or the combinations that forces depend on.
-        grasp: Mechanics, push length, preload and span.
-        alpha: Azimuth of the push [rad].
-
     Returns:
         θ_c in (-π/2, π/2]; NaN where the contact never rolls [rad].
 
@@ -74,16 +69,11 @@ def searched_critical_friction(
     grasp: Grasp,
     direction: tuple[Float[Array, "*n"], Float[Array, "*n"]],
 ) -> Float[Array, "*n"]:
-    """Rolling friction with which a push in a given direction just does not roll.
+    """Rolling friction with which a push along (θ, α) just does not roll.
 
         C_rr = F_pt / F_n,   F_pt without rolling
 
     With two supports |F_x| - |AB|/(2L) F_n or |F_y|, the larger, stands for F_pt.
-
-    Args:
-        params: Parameters; their C_rr plays no part.
-        grasp: Mechanics, push length, preload and span.
-        direction: θ and α of the push [rad].
 
     Returns:
         C_rr, not negative; NaN where the push loses contact [-].

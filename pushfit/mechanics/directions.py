@@ -58,11 +58,8 @@ def soft_axis(params: Parameters) -> Scalar:
 
         α = (π + atan2(e2, e1)) / 2   modulo π
 
-    Args:
-        params: Parameters; at e = 0 no direction is soft and the angle is arbitrary.
-
     Returns:
-        Azimuth in [0, π) [rad].
+        Azimuth in [0, π), arbitrary where e = 0 [rad].
     """
     return _half_turn((jnp.pi + jnp.arctan2(params.e2, params.e1)) / 2)
 

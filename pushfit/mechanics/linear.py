@@ -40,11 +40,6 @@ def linear_forces(params: Parameters | Contact, pushes: Pushes, grasp: Grasp) ->
     With `Grasp.support_span` the limit is a box: C_rr F_n across the supports and
     (C_rr + |AB|/(2L)) F_n along them, taken per component.
 
-    Args:
-        params: Parameters, or the combinations that forces depend on.
-        pushes: Directions.
-        grasp: Push length, preload, span and sharpness.
-
     Returns:
         Forces of every push; F_n is never negative [N]. Without a preload all pushes
         are in contact, with one those whose F_0 + A S_p sin θ is not negative.
@@ -87,10 +82,7 @@ def limited_tangential(
     With two supports each component has the limit of its axis, `rolling_limits`.
 
     Args:
-        group: B and C_rr; with two supports also L.
-        grasp: Span and sharpness.
         displacement: d, tangential displacement of each push [m].
-        azimuth: u, its direction, as of `unit_vector` [-].
         normal: F_n, not negative, which sets the limit [N].
 
     Returns:
@@ -123,11 +115,6 @@ def linear_critical_angle(
     The first term is the paper's, the second moves it by the preload. With two supports
     it is the larger of the angles about the two axes: below it one of them rolls.
 
-    Args:
-        params: Parameters, or the combinations that forces depend on.
-        grasp: Span, preload and, where there is a preload, push length.
-        alpha: Azimuth of the push [rad].
-
     Returns:
         θ_c in (-π/2, π/2]; π/2 in the frictionless limit; NaN where the contact never
         rolls because C_rr F_0 > S_p R [rad].
@@ -150,13 +137,9 @@ def implied_tilt(params: Parameters, pushes: Pushes, grasp: Grasp) -> Vector:
 
         γ = |S_pt - K⁻¹ F_pt| / L,   S_pt = S_p cos θ u(α)
 
-    Unrolled it bends the contact, T = C_d γ; rolled it is larger, by what the object
-    has rolled. Above about 2° the push is too large for linear mechanics.
-
-    Args:
-        params: Parameters; K is the stiffness tensor of their support.
-        pushes: Directions.
-        grasp: Push length, preload, span and sharpness.
+    K is that of `support_stiffness`. Unrolled it bends the contact, T = C_d γ; rolled
+    it is larger, by what the object has rolled. Above about 2° the push is too large
+    for linear mechanics.
 
     Returns:
         γ of every push, not negative [rad].
@@ -180,11 +163,6 @@ def critical_B(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:
 
     u_e is u(α) without an ellipse. With two supports it is the smaller of the B of the
     two axes, with |u_e| one component and C_rr the limit of that axis.
-
-    Args:
-        group: Contact combinations; their B plays no part.
-        grasp: Push length, preload and span.
-        direction: θ and α of the push [rad].
 
     Returns:
         B, not positive where no spring is soft enough [N/m].
@@ -212,11 +190,6 @@ def critical_C_rr(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar
 
     Without a preload it has no bound towards θ = 0, and no slope there.
 
-    Args:
-        group: Contact combinations; their C_rr plays no part.
-        grasp: Push length, preload and span.
-        direction: θ and α of the push [rad].
-
     Returns:
         C_rr, negative where the push has lost contact, q < 0 [-].
 
@@ -241,11 +214,6 @@ def critical_A(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:
 
     It has no bound towards θ = 0, and no slope there.
 
-    Args:
-        group: Contact combinations; their A plays no part.
-        grasp: Push length and preload.
-        direction: θ and α of the push [rad].
-
     Returns:
         A, not positive where no spring makes the push tie [N/m].
 
@@ -261,12 +229,7 @@ def critical_A(group: Contact, grasp: Grasp, direction: PushAngles) -> Scalar:
 def is_upper_tie(group: Contact, grasp: Grasp, theta: Scalar) -> Bool[Array, ""]:
     """Whether a tie at an elevation is θ_c: not beyond lift-off, nor the lower one.
 
-        F_0/S_p + A sin θ > 0,   A + F_0/S_p sin θ ≥ 0
-
-    Args:
-        group: A alone matters.
-        grasp: Push length and preload.
-        theta: θ at which unrolled force and rolling limit are equal [rad].
+    F_0/S_p + A sin θ > 0,   A + F_0/S_p sin θ ≥ 0
     """
     A, F = group.A, grasp.preload / grasp.push_length
     sine = jnp.sin(theta)

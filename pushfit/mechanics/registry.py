@@ -89,7 +89,7 @@ BUILT_IN = MappingProxyType(
         "tilting": Mechanics(
             title="tilting mechanics",
             summary="for pushes of millimetres, needs push.length_mm and parameters.L",
-            forces=Deferred("pushfit.mechanics.tilting.forces:tilting_forces"),
+            forces=Deferred("pushfit.mechanics.tilting.two_supports:tilting_forces"),
             needs={
                 "push.length_known": "the tilt depends on the push length; set "
                 "push.length_mm",

@@ -60,11 +60,6 @@ def tilting_critical_angle(
     `displacement`. With two supports θ_c is the larger of the angles at which
     C_d γ |n_i| = c_i L N about either axis.
 
-    Args:
-        params: Parameters, or the combinations that forces depend on.
-        grasp: Push length, preload, span and tip radius.
-        alpha: Azimuth of the push [rad].
-
     Returns:
         θ_c in (-π/2, π/2], the paper's for S_p / L → 0; NaN where the contact never
         rolls [rad].
@@ -86,18 +81,13 @@ def critical_friction(
     grasp: Grasp,
     direction: tuple[Float[Array, "*n"], Float[Array, "*n"]],
 ) -> Float[Array, "*n"]:
-    """Rolling friction with which a push in a given direction just does not roll.
+    """Rolling friction with which a push along (θ, α) just does not roll.
 
         C_rr = C_d γ / (L N),   γ the tilt without rolling
 
     With two supports neither axis may roll, and along them the span bears its share:
 
         C_rr = max(C_d γ |n_x| / (L N) - |AB|/(2L), C_d γ |n_y| / (L N))
-
-    Args:
-        params: Parameters; their C_rr plays no part.
-        grasp: Push length, preload, span and tip radius.
-        direction: θ and α of the push [rad].
 
     Returns:
         C_rr, not negative; NaN where the push loses contact [-].

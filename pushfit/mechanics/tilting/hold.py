@@ -70,16 +70,12 @@ class Tilt(eqx.Module):
 
 
 def tilted(hold: Hold, angle: Vector) -> Tilt:
-    """The tilt of an angle, with displacements and arms of the push.
+    """The tilt of an angle, at most 1.5 in size, with displacements and arms.
 
         X = L sin γ + ρ (sin γ - γ cos γ),   X' = L cos γ + ρ γ sin γ
         Z = L (1 - cos γ) + ρ (1 - cos γ - γ sin γ),   Z' = L sin γ - ρ γ cos γ
 
     Points, ρ = 0, have L sin γ, L cos γ, L (1 - cos γ) and L sin γ.
-
-    Args:
-        hold: Of these L and ρ.
-        angle: γ, at most 1.5 in size [rad].
 
     Returns:
         X and Z as `aside` and `below` [m], X'/L and Z'/L as `lift` and `tip` [-].
@@ -114,14 +110,7 @@ def make_hold(
     elevation: Float[Array, "2 n"],
     azimuth: Float[Array, "2 n"],
 ) -> Hold:
-    """What the equilibrium of every push needs.
-
-    Args:
-        group: Combinations, from which the springs are found by `support`.
-        grasp: Push length, preload and tip radius; ρ is twice the radius.
-        elevation: (cos θ, sin θ) [-].
-        azimuth: (cos α, sin α) [-].
-    """
+    """What the equilibrium of every push needs, its angles as (cos, sin)."""
     springs = support(group)
     tensor = tangential_compliance(springs)
     cosine, sin = elevation

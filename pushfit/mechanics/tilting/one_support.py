@@ -59,11 +59,6 @@ def one_support_forces(
     forces, see `equilibrium`. Without an ellipse n = u and K = K_st; without a preload
     pushes of small θ lose contact.
 
-    Args:
-        params: Parameters, or the combinations that forces depend on.
-        pushes: Directions.
-        grasp: Push length, preload, tip radius and sharpness.
-
     Returns:
         Forces of every push, in the frame that does not tilt; F_n is never negative
         [N]. Negative F_t, where the support pulls an object back that would lean
@@ -94,10 +89,6 @@ def equilibrium(hold: Hold, sharpness: Sharpness) -> tuple[Vector, Vector]:
 
     The two are `elastic_force` and `rolling_force`, each at the tilt of its own at
     which the push has its length; γ is the tilt at which F_t has it.
-
-    Args:
-        hold: Springs, friction and pushes.
-        sharpness: p of `softmin`; infinity is the hard switch [-].
 
     Returns:
         γ in [0, MAX_TILT] [rad] and F_t along the lean [N]; F_t is negative where the
@@ -155,9 +146,6 @@ def unrolled_tilt(hold: Hold) -> Vector:
     """Tilt at which the deformed contact balances the forces: nothing rolls.
 
         F_t X' + F_n Z' = C_d γ
-
-    Args:
-        hold: Springs and pushes; its C_rr plays no part.
 
     Returns:
         γ of every push in [0, MAX_TILT] [rad].
@@ -246,10 +234,6 @@ def pressed_force(hold: Hold, tilt: Tilt) -> Vector:
 
         F_0 + A (S_p sin θ - Z)
 
-    Args:
-        hold: Springs and pushes.
-        tilt: Of this Z, `below`.
-
     Returns:
         F_n with the preload; negative where contact is lost [N].
 
@@ -263,10 +247,6 @@ def elastic_force(hold: Hold, tilt: Tilt) -> Vector:
     """Tangential force at which the deformed contact balances the moments.
 
         F_t = (C_d γ - F_n Z') / X'
-
-    Args:
-        hold: Springs and pushes.
-        tilt: γ, X' = L `lift` and Z' = L `tip`.
 
     Returns:
         F_t along the lean, of either sign [N].
@@ -288,10 +268,6 @@ def rolling_force(hold: Hold, tilt: Tilt) -> Vector:
     This is F_n tan(φ - γ): the resultant leans by φ from the normal of the tilted face,
     tan φ = C_rr + ργ/L with ρ the radii of both tips, 0 for points.
 
-    Args:
-        hold: C_rr, the springs of F_n, and the pushes; ρ is its `rolling_length`.
-        tilt: γ, X' = L `lift` and Z' = L `tip`.
-
     Returns:
         F_t along the lean [N]; negative where γ > φ, 0 where contact is lost.
 
@@ -307,11 +283,6 @@ def displacement(hold: Hold, force: Vector, tilt: Tilt) -> Vector:
     """How far a push must go along its azimuth for a force and a tilt along one line.
 
         S_p cos θ u = (F_t K⁻¹ + X) n,   |n| = 1
-
-    Args:
-        hold: Compliance of the support and azimuths u.
-        force: F_t, of either sign [N].
-        tilt: Of this X, `aside`.
 
     Returns:
         S_p cos θ; F_t / K_st + X without an ellipse [m].
@@ -332,11 +303,6 @@ def lean_direction(hold: Hold, force: Vector, tilt: Tilt) -> tuple[Vector, Vecto
     """Direction n in which the object leans.
 
         (F_t K⁻¹ + X) n = S_p cos θ u,   |n| = 1
-
-    Args:
-        hold: Compliance of the support and azimuths u.
-        force: F_t, of either sign [N].
-        tilt: Of this X, `aside`.
 
     Returns:
         Components along and across the supports; those of u without an ellipse [-].

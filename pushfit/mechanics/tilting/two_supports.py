@@ -51,7 +51,7 @@ from pushfit.mechanics.numerics import (
     softclip,
 )
 from pushfit.mechanics.tilting.hold import Hold, make_hold
-from pushfit.mechanics.tilting.one_support import MAX_TILT
+from pushfit.mechanics.tilting.one_support import MAX_TILT, one_support_forces
 
 # Relative step at which the search ends; the step after it leaves the square of that.
 RTOL = 1e-7
@@ -101,6 +101,21 @@ class Lean(eqx.Module):
     across: Vector
 
 
+def tilting_forces(
+    params: Parameters | Contact, pushes: Pushes, grasp: Grasp
+) -> Forces:
+    """Contact forces of pushes that tilt an object, on one support or on two.
+
+    Those of `one_support_forces` or of `two_support_forces`, by what the grasp states.
+
+    Returns:
+        Forces of every push, in the frame that does not tilt [N].
+    """
+    is_single = grasp.support_span is None
+    solve = one_support_forces if is_single else two_support_forces
+    return solve(params, pushes, grasp)
+
+
 def two_support_forces(
     params: Parameters | Contact, pushes: Pushes, grasp: Grasp
 ) -> Forces:
@@ -110,11 +125,6 @@ def two_support_forces(
 
     at the lean q = γ n that both axes bear, see `balanced_lean`; X and Z are those of
     `tilted`, for points L sin γ and L (1 - cos γ).
-
-    Args:
-        params: Parameters, or the combinations that forces depend on.
-        pushes: Directions.
-        grasp: Push length, preload, tip radius and sharpness; states the span.
 
     Returns:
         Forces of every push, in the frame that does not tilt; F_n is never negative
@@ -143,17 +153,11 @@ def make_frame(
     elevation: Float[Array, "2 n"],
     azimuth: Float[Array, "2 n"],
 ) -> Frame:
-    """What the equilibrium of every push needs.
+    """What the equilibrium of every push needs, its angles as (cos, sin).
 
         c_x = C_rr + |AB| / (2 L),   c_y = C_rr,   w_i = 1 / (1 + L² K_ii / C_d)
 
     K_ii is here the inverse of the compliance of the support along axis i [N/m].
-
-    Args:
-        group: Combinations that forces depend on.
-        grasp: Push length, preload and tip radius; states the span.
-        elevation: (cos θ, sin θ) [-].
-        azimuth: (cos α, sin α) [-].
 
     Returns:
         Springs, limits c_i of at least C_rr and shares w_i in (0, 1).
@@ -171,7 +175,7 @@ def make_frame(
 
 
 def leaned(frame: Frame, lean: PlaneVectors) -> Lean:
-    """Forces and moments of pushes after which the object leans by q.
+    """Forces and moments of pushes after which the object leans by q, |q| ≤ 1.5.
 
         Q_i = F_t · ∂(X n)/∂q_i + F_n Z' n_i,   N = F_n cos γ - F_t · n sin γ
 
@@ -182,10 +186,6 @@ def leaned(frame: Frame, lean: PlaneVectors) -> Lean:
         Z = L γ² `below`,   Z' = L γ `tip`
 
     `tip` is thus `Tilt.tip` / γ; X' is L times `Tilt.lift`.
-
-    Args:
-        frame: Springs and pushes.
-        lean: q_x and q_y, |q| = γ at most 1.5 [rad].
 
     Returns:
         F_n, negative where contact is lost, while Q_i and N have it at 0 there; F_t
@@ -231,11 +231,6 @@ def unbalanced(frame: Frame, lean: PlaneVectors, sharpness: Sharpness) -> PlaneV
         (Q_i - softmin(|E_i|, c_i L N) sign E_i) / L
         E_i = w_i Q_i + (1 - w_i) C_d q_i
 
-    Args:
-        frame: Springs, limits, shares and pushes.
-        lean: q_x and q_y [rad].
-        sharpness: p of the soft transition; infinity is the hard switch [-].
-
     Returns:
         About y (index x) and about x (index y); 0 in equilibrium [N].
 
@@ -276,10 +271,6 @@ def balanced_lean(
 
     Newton steps, each shortened until it lowers what is not borne. The last of them
     leaves q as it is and gives it the derivatives of the implicit function theorem.
-
-    Args:
-        frame: Springs, limits, shares and pushes.
-        sharpness: p of the soft transition; infinity is the hard switch [-].
 
     Returns:
         q_x and q_y to about 1e-15 of their size [rad], and whether they were found;
