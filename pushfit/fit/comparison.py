@@ -258,9 +258,6 @@ def push_densities(
 def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:
     """Scores with their distance from the best, by each criterion.
 
-    Args:
-        scores: Models, not yet compared.
-
     Returns:
         The same; a model without a number of its own gets no distance, nor does one
         that has no other to be compared with.

@@ -178,9 +178,6 @@ def coverage_study(
 def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulation:
     """Tables of the same pushes from truths drawn from the priors.
 
-    Args:
-        fitted: A table with its noise settled.
-
     Returns:
         Tables, each with the unit, channels and stated standard deviations of the
         original; pushes that lift the finger off are flagged `lost_contact`.

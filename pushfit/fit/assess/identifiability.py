@@ -37,7 +37,6 @@ def identifiability(
         J = ∂ residuals / ∂ (logs of the free parameters) = U S Vᵀ
 
     Args:
-        problem: Problem with weighted residuals.
         samples: Posterior draws; J is taken at their medians.
         prior_samples: Draws from the prior, which give the prior spread along V.
 

@@ -94,11 +94,7 @@ def _noise(
 def noise_at(
     problem: Problem, draws: Mapping[str, Float[np.ndarray, " m"]]
 ) -> Float[np.ndarray, "m c n"]:
-    """Standard deviations of the heights at each draw, those of padding 1 [table unit].
-
-    Args:
-        draws: Draws by name; those of noise that is sampled among them.
-    """
+    """Standard deviations of heights at each draw, 1 for padding [table unit]."""
     sd, known = np.asarray(problem.sd), np.asarray(problem.reference_sigma)
     n = next(iter(draws.values())).size
     sampled = [draws.get(f"sigma_{channel}") for channel in problem.channels]

@@ -75,9 +75,6 @@ def angle_error_shifts(
     """Standard deviations by which errors of θ, and of α, move posterior means [deg].
 
     Errors of a direction are those of all its repeats and channels.
-
-    Args:
-        names: Angles that may move.
     """
     problem, n = setup.problem, found.posterior.log_prob.size
     rows = np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int)

@@ -63,9 +63,6 @@ class Violation:
 def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violation, ...]:
     """Alternatives to the assumptions of a fit, the most telling first.
 
-    Args:
-        setup: Problem, its noise settled.
-
     Returns:
         All that were tested; none where hardly a residual is free, where the
         residuals are those of no normal noise, or of rounding.

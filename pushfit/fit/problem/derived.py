@@ -32,8 +32,6 @@ def samples_mapping(
     """Every reported quantity at each point.
 
     Args:
-        problem: Problem whose coordinates the points are in.
-        x_samples: Points, in the order of `problem.names`.
         reference_alpha: Azimuth at which θ_c is taken [rad].
         reach: Lowest and highest azimuth for α* [rad].
 
@@ -61,11 +59,7 @@ def critical_angle_at(
     y: Float[Array, " q"],
     reference_alpha: Float[Array, ""],
 ) -> Float[Array, ""]:
-    """θ_c at data coordinates; NaN where the contact never rolls [rad].
-
-    Args:
-        reference_alpha: Azimuth of θ_c [rad].
-    """
+    """θ_c at data coordinates; NaN where the contact never rolls [rad]."""
     state = problem.data_state(y)
     grasp = state.grasp(problem.grasp)
     return critical_angle(state.params, grasp, reference_alpha)
@@ -216,13 +210,9 @@ def unwrapped(
 def contraction(
     posterior: Float[np.ndarray, " n"], prior: Float[np.ndarray, " m"]
 ) -> float:
-    """Share of the prior variance that the data removed.
+    """Share of the prior variance that the data removed, on the scale of the prior.
 
         1 - var_posterior / var_prior
-
-    Args:
-        posterior: Draws on the scale of the prior.
-        prior: Draws from the prior on the same scale.
 
     Returns:
         At most 1; negative where the data contradict the prior.

@@ -36,11 +36,7 @@ N_TOGETHER = 64
 def predict_points(
     problem: Problem, points: Float[np.ndarray, "k q"], pushes: Pushes
 ) -> Channels:
-    """What sensors report at data coordinates, by point and push.
-
-    Args:
-        pushes: Directions, of the problem or not.
-    """
+    """What sensors report at data coordinates, by point and push."""
 
     def states(rows: Int[np.ndarray, " m"]) -> ModelPoint[Contact]:
         return _of_points(problem.of_data, points[rows])
@@ -55,7 +51,6 @@ def predict_draws(
 
     Args:
         samples: Values of all that is unknown by name.
-        pushes: Directions, of the problem or not.
     """
     names = (*Parameters.__dataclass_fields__, *OF_GRASP)
     known = {name: samples[name] for name in names if name in samples}

@@ -229,14 +229,7 @@ class Problem(eqx.Module):
         return jnp.where(jnp.isnan(value), -jnp.inf, value)
 
     def state(self, x: Float[Array, " p"]) -> ModelPoint[Parameters]:
-        """The point that a vector of sampling coordinates names.
-
-        Args:
-            x: Values in the order of `names`.
-
-        Returns:
-            Parameters, preload, noise, volume ratio and sharpness.
-        """
+        """The point of sampling coordinates in the order of `names`."""
         z = dict(zip(self.names, x, strict=True))
         K_sn, K_dn = _normal_pair(z, self.fixed)
         K_st, C_d, L, e1, e2, volume = _tangential_group(z, self.fixed)
@@ -252,14 +245,7 @@ class Problem(eqx.Module):
         )
 
     def data_state(self, y: Float[Array, " q"]) -> ModelPoint[Contact]:
-        """The point that a vector of data coordinates names; its sigma is 0.
-
-        Args:
-            y: Values in the order of `data_names`.
-
-        Returns:
-            Contact combinations, preload and sharpness.
-        """
+        """The point of coordinates in the order of `data_names`; its sigma is 0."""
         w = dict(zip(self.data_names, y, strict=True))
         group = data_point(w, self.fixed, self.grasp)
         preload = jnp.exp(w["ln_F_0"]) if "ln_F_0" in w else self.grasp.preload

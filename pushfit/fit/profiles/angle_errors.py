@@ -53,9 +53,5 @@ def angle_slopes(
 
 
 def steepness(slopes: Float[np.ndarray, "2 2 c n"]) -> Float[np.ndarray, "2 c n"]:
-    """What errors of θ and α make heights scatter by, per error [table unit/rad].
-
-    Args:
-        slopes: Those of `angle_slopes`.
-    """
+    """What errors of θ and α make heights scatter by, per error [table unit/rad]."""
     return np.sqrt(np.mean(slopes**2, axis=1))

@@ -145,11 +145,7 @@ def fit_result(
 
 
 def searched(setup: Setup, reference_alpha: float | None = None) -> Setup:
-    """The setup with best fits along its leading quantity, unless it has them.
-
-    Args:
-        reference_alpha: Azimuth of θ_c [rad]; see `search_curve`.
-    """
+    """The setup with best fits along its leading quantity, unless it has them."""
     problem, found = setup.problem, setup.search
     is_own = found is not None and np.array_equal(found.observed, problem.observed)
     if is_own or not problem.data_names:
@@ -175,12 +171,7 @@ def restarted(
     starts: Float[np.ndarray, "k q"],
     max_rounds: int = MAX_ROUNDS,
 ) -> Optima:
-    """Minima reached from each start, the minimiser restarted while that helps.
-
-    Args:
-        minimiser: Points, sums of squares and success from starts.
-        max_rounds: Times that it begins, at most.
-    """
+    """Minima reached from each start, the minimiser restarted while that helps."""
     points = np.asarray(starts)
     costs = np.full(len(points), np.inf)
     is_done = np.zeros(len(points), dtype=bool)
@@ -204,9 +195,6 @@ def restarted(
 
 def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     """The setup searched, its weights those of the best fit that they lead to.
-
-    Args:
-        reference_alpha: Azimuth of θ_c [rad]; see `search_curve`.
 
     Returns:
         Unchanged where sigma was given or pooled and nothing adds to it. A sampled one

@@ -52,7 +52,6 @@ def likelihood_profiles(
     was estimated.
 
     Args:
-        setup: Problem with its noise weights settled.
         reference_alpha: Azimuth of θ_c [rad].
         reach: Lowest and highest azimuth for α* [rad].
         wanted: Names of the quantities, as `imposable` names them; None for all.
@@ -149,11 +148,7 @@ def _with_crossings(
     along: Callable[[Float[np.ndarray, " g"]], tuple[Curve, Fits]],
     level: float,
 ) -> Curve:
-    """A curve with more values where it crosses a level in one steep step.
-
-    Args:
-        along: Best fits along a range of values.
-    """
+    """A curve with more values where it crosses a level in one steep step."""
     delta, values = curve.chi_square - np.min(curve.chi_square), curve.values
     for i in np.flatnonzero(np.diff(delta <= level)):
         if level * STEEP < np.max(delta[i : i + 2]) < np.inf:

@@ -256,7 +256,6 @@ def with_noise_of(problem: Problem, predicted: Float[np.ndarray, "c n"]) -> Prob
     """The problem with sigma of each channel estimated from the errors of a fit.
 
     Args:
-        problem: Problem whose noise is sampled.
         predicted: Heights of the fit [table unit].
     """
     mask, sd = np.asarray(problem.mask), np.asarray(problem.sd)

@@ -344,9 +344,6 @@ def loaded_ahead(analysis: str) -> Iterator[bool]:
     """Load what an analysis used the last time, while it has other things to do.
 
     Its context is whether one of that name ended before, so that programs are kept.
-
-    Args:
-        analysis: Name of it.
     """
     folder, before = programs_folder(), set(_used)
     content = None if folder is None else _read(_mark(folder, analysis))
@@ -388,8 +385,6 @@ def in_chunks(
 
     Args:
         function: Function of `size` points at a time.
-        x: Points, as many as there are.
-        size: Rows per call.
     """
     n = len(x)
     padded = np.concatenate([x, np.repeat(x[-1:], -n % size, axis=0)])

@@ -82,9 +82,7 @@ def advance(
     """Steps of emcee from given points.
 
     Args:
-        log_prob: Log density of many points.
         start: Walkers; left as they are.
-        random: Source of randomness; its state moves on.
         log_prob_start: Log density of `start`, where it is known.
     """
     sampler = emcee.EnsembleSampler(

@@ -30,14 +30,12 @@ DISAGREEMENT_LEVEL = 1e-6
 # R-hat needs far fewer steps than are kept; ranking is what costs.
 MAX_RHAT_STEPS = 200
 
+# Quantities by step, ensemble and walker.
 Traces = Mapping[str, Float[np.ndarray, "t e w"]]
 
 
 def autocorr_time(trace: Float[np.ndarray, "t e w"]) -> float:
     """Integrated autocorrelation time, averaged over all walkers [steps].
-
-    Args:
-        trace: One quantity by step, ensemble and walker.
 
     Returns:
         At least about 1; NaN if a walker never moves.
@@ -61,9 +59,6 @@ def nested_rhat(trace: Float[np.ndarray, "t e w"]) -> float:
 
         sqrt(1 + between ensembles / within ensembles)
 
-    Args:
-        trace: One quantity by step, ensemble and walker.
-
     Returns:
         1 for identical ensembles, larger where they disagree in centre or width; NaN
         if nothing varies.
@@ -85,10 +80,6 @@ def nested_rhat(trace: Float[np.ndarray, "t e w"]) -> float:
 
 def disagreement(trace: Float[np.ndarray, "t e w"], autocorr_time: float) -> float:
     """Chance that ensemble means differ this much if the chain is what it seems.
-
-    Args:
-        trace: One quantity by step, ensemble and walker.
-        autocorr_time: Of the quantity [steps].
 
     Returns:
         p-value of Σ (m_e - m)² / (variance / ESS per ensemble) against chi-square.

@@ -34,6 +34,7 @@ MAX_STAGES = 500
 # Prior draws tried for each mode.
 N_MODE_DRAWS = 128
 
+# Log prior and log likelihood of points.
 LogDensities = Callable[
     [np.ndarray], tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]
 ]
@@ -49,9 +50,6 @@ def starting_points(
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "k p"]:
     """Independent ensembles of points that resemble draws from the posterior.
-
-    Args:
-        log_densities: Log prior and log likelihood of points.
 
     Returns:
         Points, one ensemble after the other; the first of each are at the modes.

@@ -103,7 +103,6 @@ def draw(target: Target, sheet: Sheet, uniform: Float[Array, " d"]) -> Draw:
     """One draw.
 
     Args:
-        sheet: Where its mass is.
         uniform: As many numbers in (0, 1) as `n_uniforms` says.
     """
     numbers, roles = Uniforms(uniform), target.roles

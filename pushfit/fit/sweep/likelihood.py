@@ -1,8 +1,9 @@
 """Sampled noise, integrated out on a grid: likelihood, weights and draws of ln σ.
 
 Given the predictions every σ is known by one number per channel, so that neither the
-search nor the other draws need it as a coordinate of their own. Excluded: the
-likelihood at points that state the noise (`pushfit.fit.problem.problem`).
+search nor the other draws need it as a coordinate of their own. A difference is a
+prediction less the mean height [table unit]. Excluded: the likelihood at points that
+state the noise (`pushfit.fit.problem.problem`).
 """
 
 import math
@@ -71,7 +72,6 @@ def channel_log_likelihood(
     """Log density of the heights of a channel.
 
     Args:
-        difference: Prediction less mean height [table unit].
         variance: Squared scale of the noise of each row [table unit²].
     """
     problem, count = pooled.problem, pooled.count[channel]
@@ -122,7 +122,6 @@ def log_likelihood(
     """Log likelihood with every sampled noise given.
 
     Args:
-        difference: Predictions less mean heights [table unit].
         ln_sigma: Sampled noise by "ln_sigma_<channel>" [ln table unit].
     """
     total = pooled.problem.log_determinant
@@ -168,11 +167,7 @@ def sigma_density(
 
 
 def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:
-    """Log likelihood of predictions, and the weights of their squares.
-
-    Args:
-        difference: Predictions less mean heights [table unit].
-    """
+    """Log likelihood of predictions, and the weights of their squares."""
     total, weights = pooled.problem.log_determinant, []
     for channel in range(len(pooled.problem.channels)):
         own = difference[channel]

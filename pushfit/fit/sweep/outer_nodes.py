@@ -105,9 +105,7 @@ def next_round(
     """The search at nodes that are placed anew, some of them free to slide to minima.
 
     Args:
-        target: What was least at the nodes.
         nodes: Ascending.
-        placing: Where they are wanted.
         is_final: Whether no other round follows it: what slides may halt halfway, above
             the nodes that it passes.
     """
@@ -148,7 +146,6 @@ def tempered(
     """Cumulative shares of nodes that a density places.
 
     Args:
-        u: Nodes, ascending.
         tempers: Powers of the density, and the share of the nodes that each places.
     """
     total = jnp.zeros(u.size)

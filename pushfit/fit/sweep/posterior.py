@@ -115,7 +115,6 @@ def sweep_posterior(
     """Draws from the posterior of a table, and its evidence.
 
     Args:
-        setup: Problem with its noise weights settled.
         reference_alpha: Azimuth of θ_c [rad].
         reach: Lowest and highest azimuth for α* [rad].
 
@@ -235,12 +234,7 @@ def _spread(
 
 
 def _drawn(batch: Callable[[], Draw], enough: float) -> WeightedDraws:
-    """Batches of draws, until so many effective ones are among them.
-
-    Args:
-        batch: Makes another one.
-        enough: Effective draws that are wanted.
-    """
+    """Batches of draws, until so many effective ones are among them."""
     parts: list[Draw] = []
     while True:
         parts.append(batch())

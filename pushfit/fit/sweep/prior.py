@@ -82,12 +82,7 @@ class _Question:
 
 
 def make_target(problem: Problem, reference_alpha: float) -> Target:
-    """A problem made ready for the sweep.
-
-    Args:
-        problem: Problem with its noise weights settled.
-        reference_alpha: Azimuth of θ_c [rad].
-    """
+    """A problem made ready for the sweep."""
     roles = roles_of(problem)
     unit, scale, force = _in_own_units(problem)
     shape = _shape(_Question(unit, reference_alpha))
@@ -121,11 +116,7 @@ def make_target(problem: Problem, reference_alpha: float) -> Target:
 def prior_points(
     problem: Problem, reference_alpha: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "n p"]:
-    """Draws from the prior, in sampling coordinates.
-
-    Args:
-        reference_alpha: Azimuth of θ_c [rad].
-    """
+    """Draws from the prior, in sampling coordinates."""
     unit, scale, force = _in_own_units(problem)
     draws = dict(_shape(_Question(unit, reference_alpha)).draws)
     for name, shift in (("ln_A", scale), ("ln_B", scale), ("ln_F_0", force)):

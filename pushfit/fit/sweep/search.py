@@ -84,7 +84,6 @@ def in_rounds(
     All share one evaluation, which is what takes long to compile and to load.
 
     Args:
-        numbers: For each round.
         onward: What is kept of a round, given its numbers and ends, and the next one.
 
     Returns:

@@ -44,9 +44,6 @@ class Prior(eqx.Module):
     def log_prob(self, u: Float[Array, "*s"]) -> Float[Array, "*s"]:
         """Normalised log density of u, the log of a positive parameter or its value.
 
-        Args:
-            u: Where to evaluate [ln unit, or unit for e1 and e2].
-
         Returns:
             Log density; -inf outside the bounds of a uniform prior.
         """
@@ -89,11 +86,7 @@ class Prior(eqx.Module):
 
 @compiled
 def log_prior_at(prior: Prior, u: Float[Array, " n"]) -> Float[Array, " n"]:
-    """`Prior.log_prob` as one program, for callers that are not compiled.
-
-    Args:
-        u: Where to evaluate [ln unit, or unit for e1 and e2].
-    """
+    """`Prior.log_prob` as one program, for callers that are not compiled."""
     return prior.log_prob(u)
 
 

@@ -122,9 +122,6 @@ def tabulate(density: LogDensity) -> TabulatedDensity:
 def tabulated(density: LogDensity) -> LogDensity:
     """The same density, read from a table.
 
-    Args:
-        density: Density that is slow to evaluate.
-
     Returns:
         Density with the ends of the table.
     """

@@ -42,11 +42,7 @@ class Pooled(eqx.Module):
 
 
 def pool_repeats(problem: Problem) -> Pooled:
-    """Pool the rows of a problem.
-
-    Args:
-        problem: Problem with its noise weights settled.
-    """
+    """Pool the rows of a problem."""
     used = np.any(np.asarray(problem.mask), axis=0)
     observed = np.asarray(problem.observed)[:, used]
     sd = np.asarray(problem.sd)[:, used]
