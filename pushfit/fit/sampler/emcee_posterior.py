@@ -35,14 +35,13 @@ from pushfit.mechanics.directions import critical_angle
 from pushfit.model import as_float
 
 # Share of the steps that move along differences; the others propose from the mixture.
-# The autocorrelation time of θ_c at shares 0.75, 0.5, 0.25 and 0.1 is 8.6, 5.5, 4.0 and
-# 3.2 steps for a bimodal table, and 22 at 1 (`benchmarks.inference.emcee_mixing`); with
-# an ellipse a smaller share may leave a walker in a corner.
+# A smaller one has a shorter autocorrelation time of θ_c
+# (`benchmarks.inference.emcee_mixing`), but with an ellipse may leave a walker in a
+# corner.
 DIFFERENCE_SHARE = 0.25
 # Starting points of each ensemble are 2 to the power of the coordinates and this, up to
 # a limit. On the bent valley of an azimuth sweep a region that ends with 12 % of the
-# posterior holds 0.3 % on the way from the prior: 256 points in eight coordinates lost
-# it with three seeds of three, 4096 kept it with five of five.
+# posterior holds 0.3 % on the way from the prior: 256 points lose it.
 LOG2_POINTS, MAX_POINTS = 4, 4096
 # Steps of the first trial, from whose second half the mixture is fitted again, and the
 # number of points used. A trial in which half the walkers accept less than GOOD_SHARE

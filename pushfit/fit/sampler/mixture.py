@@ -11,9 +11,8 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-# From 4 to 32 components and 4 to 10 degrees of freedom acceptance hardly changes (0.5
-# to 0.6 in six dimensions, 0.4 in eight), but more components cover the bent corners
-# that a walker would leave only slowly, and heavy tails the rest.
+# Acceptance hardly depends on either, but more components cover the bent corners that a
+# walker would leave only slowly, and heavy tails the rest.
 N_COMPONENTS = 16
 DEGREES_OF_FREEDOM = 5.0
 # Weight of one component as wide as all points together: no region is cut off.

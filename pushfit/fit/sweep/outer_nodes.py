@@ -2,9 +2,7 @@
 
 Each round moves the nodes to quantiles of what the last one found, tempered so that
 the tails keep some, and follows every low valley to its bottom. Neighbours hand each
-other their conditional modes. Excluded: the inner coordinate. What constants do was
-seen in draws by the sweep alone for eight tables of the kind `paper` of the tests'
-registry, of which a median share of 0.48 counts.
+other their conditional modes. Excluded: the inner coordinate.
 """
 
 import itertools
@@ -28,27 +26,22 @@ from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, Target
 from pushfit.model import Scalar
 from pushfit.parameters import TINY
 
-# Nodes along u, local minima that are followed, rounds, and steps of each round. With
-# 32 nodes or two steps a share of 0.47 counts, and the worst log evidence moves by 0.02
-# and 0.07; three rounds are as good here.
+# Nodes along u, local minima that are followed, rounds, and steps of each round: with
+# half of the nodes or two steps the log evidences of some tables move.
 N_NODES, N_MODES, N_ROUNDS, N_STEPS = 64, 4, 6, 5
 # Standard deviations of the prior that are swept: 2e-9 of it lies beyond.
 REACH = 6.0
 # Powers of the density, and the share of the nodes that each places: the first resolves
-# what is there, the others keep valleys in sight whose bottom was not met yet. By the
-# first alone a share of 0.44 of the draws counts.
+# what is there, the others keep valleys in sight whose bottom was not met yet.
 TEMPERS = ((1.0, 0.5), (0.2, 0.3), (0.02, 0.2))
 # Starts of a node from those around it: the nearest lower one, and three along ridges.
 N_NEAR = 4
-# A node is lower than another by more than this, in units of the log density. Not
-# tuned: with 1.0 a share of 0.13 of the worst table counts instead of 0.024, and as
-# many of the others.
+# A node is lower than another by more than this, in units of the log density.
 MARGIN = 0.1
 # Longest move along a ridge from one node to the next, as of a step of the search [log
-# units]. Half changes no share by 0.01.
+# units].
 MAX_MOVE = 1.5
-# First guesses: ln C_rr in standard deviations from its prior mean, and ellipses. The
-# mean alone does as well in these tables.
+# First guesses: ln C_rr in standard deviations from its prior mean, and ellipses.
 INNER_GUESSES = (-2.0, 0.0, 2.0)
 SHAPES = ((0.0, 0.0), (1.2, 0.0), (-1.2, 0.0), (0.0, 1.2), (0.0, -1.2))
 # Least and largest factor on the stiffness of a guess that brings it to the heights:

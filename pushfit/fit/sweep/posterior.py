@@ -39,21 +39,20 @@ MAX_CALLS = 4
 # to be trusted. The second is the limit of Vehtari et al. (2024), arXiv:1507.02646.
 TOO_FEW, MAX_PARETO_K = 400.0, 0.7
 # Weights with a heavier tail have no variance, and draws that took a second call to be
-# enough may lack a region: a mixture is tried. Without it log evidences were off by 0.1
-# and 0.3 where their errors said 0.015.
+# enough may lack a region: a mixture is tried. Without it log evidences may be off by
+# many of their errors.
 HEAVY_PARETO_K = 0.5
 # Times that a mixture is fitted to the draws where they are not to be trusted yet.
 MAX_REFINEMENTS = 3
-# Its components, the draws that it is fitted to, of which twice as many were as good a
-# proposal in twice the time, and how many effective ones are enough for that.
+# Its components, the draws that it is fitted to, and how many effective ones are enough
+# for that.
 N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 4096, 500.0
 # Power of the weights that these are drawn by: a fit to a few of them leaves out tails.
 FITTED_POWER = 0.5
 # Another is fitted to them after so many steps of emcee in the posterior to this power,
 # half of them by the first: it fills far tails, where the sweep had few draws or none.
-# Without it standard deviations of two_supports 3 and tilting 0 of
-# `benchmarks.inference.agreement --tables 5` were too small by 0.16 and 0.12; alone it
-# leaves a third of the effective draws of wide posteriors.
+# Without it standard deviations may be too small (`benchmarks.inference.agreement`);
+# alone it leaves a third of the effective draws of wide posteriors.
 N_STEPS, SPREADING_POWER = 12, 0.5
 # Densities of one call: half the walkers move at a time.
 N_ROWS = N_FITTED // 2

@@ -1,8 +1,6 @@
 """Conditional modes: damped Gauss-Newton steps with some coordinates held.
 
-Excluded: the grid of them, and their masses (`pushfit.fit.sweep.sheet`). What constants
-do was seen in draws by the sweep alone for eight tables of the kind `paper` of the
-tests' registry, of which a median share of 0.48 counts.
+Excluded: the grid of them, and their masses (`pushfit.fit.sweep.sheet`).
 """
 
 from collections.abc import Callable
@@ -18,11 +16,10 @@ from pushfit.fit.sweep.target import Expansion
 from pushfit.model import Scalar
 from pushfit.parameters import TINY
 
-# Longest step of a coordinate, in logs: beyond it the expansion says nothing. At half a
-# share of 0.47 counts.
+# Longest step of a coordinate, in logs: beyond it the expansion says nothing.
 MAX_STEP = 1.5
-# Damping at first, and its factors after a step that helps and one that does not: not
-# tuned. With 0.1 at first, or 0.5 in place of 0.2, the share stays at 0.48.
+# Damping at first, and its factors after a step that helps and one that does not: with
+# others as many draws count.
 DAMPING, EASE, TIGHTEN = 1e-3, 0.2, 5.0
 
 N = TypeVar("N")

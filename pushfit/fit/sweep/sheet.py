@@ -3,10 +3,8 @@
 At every outer node the inner coordinate is followed from its conditional mode to both
 ends of its prior, in steps that grow like sinh: a peak of width 1e-3 and a tail as wide
 as the prior share a few nodes. The other coordinates are Gaussian around their mode
-there; where ln s is drawn from its prior, once for each stratum of it. What constants
-do was seen in draws by the sweep alone for eight tables of the kind `paper` of the
-tests' registry, of which a median share of 0.48 counts. Excluded: placing the outer
-nodes (`pushfit.fit.sweep.outer_nodes`).
+there; where ln s is drawn from its prior, once for each stratum of it. Excluded:
+placing the outer nodes (`pushfit.fit.sweep.outer_nodes`).
 """
 
 import equinox as eqx
@@ -39,20 +37,18 @@ from pushfit.fit.sweep.target import Expansion, Target
 from pushfit.model import Scalar
 
 # Nodes to each side of the conditional mode, and steps from one to the next: fewer are
-# faster in proportion. With one step a share of 0.47 counts.
+# faster in proportion.
 N_SIDE, N_STEPS = 8, 3
-# Innermost distance of the nodes, about, in conditional standard deviations. At half
-# and at twice shares of 0.47 and 0.49 count, and the worst log evidences move by 0.06
-# and 0.02.
+# Innermost distance of the nodes, about, in conditional standard deviations: at half of
+# it the log evidences of some tables move.
 STRETCH = 0.7
 # Equally probable parts of the prior of ln s given B: an integral over them takes so
 # many factorisations. Not tuned further.
 N_STRATA = 8
-# Furthest that the inner coordinate follows the ridge between nodes, in its own sd. At
-# a quarter a share of 0.46 counts; four times as far gains nothing.
+# Furthest that the inner coordinate follows the ridge between nodes, in its own sd: at
+# a quarter fewer draws count.
 FOLLOWED = 2.0
-# Longest move of the others from one inner node to the next, in logs. Half or twice
-# changes no share by 0.01.
+# Longest move of the others from one inner node to the next, in logs.
 MAX_MOVE = 1.0
 
 
