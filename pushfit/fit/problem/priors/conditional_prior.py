@@ -15,7 +15,7 @@ import scipy
 from jaxtyping import Array, Float
 
 from pushfit.fit.problem.priors.distributions import Prior
-from pushfit.fit.problem.priors.quadrature import draw_from_nodes, gauss_legendre
+from pushfit.fit.problem.priors.quadrature import draw_from_nodes
 from pushfit.fit.problem.priors.tabulated_density import (
     LogDensity,
     Values,
@@ -111,7 +111,7 @@ class Pair(abc.ABC):
                 value, log_slope = self.solve(whole, fixed, is_first)
                 return free.log_prob(value) + log_slope
         _, log_joint, half = self._joint(whole)
-        return gauss_legendre(log_joint, WEIGHTS, half)
+        return scipy.special.logsumexp(log_joint, b=WEIGHTS, axis=-1) + np.log(half)
 
     def _joint(
         self, whole: Values

@@ -1,11 +1,9 @@
-"""Integrals over Gauss nodes, and draws from densities known at nodes.
+"""Draws from densities whose logs are known at nodes.
 
-Everything works on logs of densities: posteriors span hundreds of e-folds. Excluded:
-what is integrated.
+Excluded: what they are densities of.
 """
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 from pushfit.parameters import TINY
@@ -16,15 +14,6 @@ DEPTH = 700.0
 # A log density that rises by less over a segment is flat there: expm1(x)/x is 0/0.
 # Drawn numbers alone follow, no derivatives, so that no series is needed.
 FLAT = 1e-9
-
-
-def gauss_legendre(
-    log_f: Float[np.ndarray, "... m"],
-    weights: Float[np.ndarray, " m"],
-    half_width: Float[np.ndarray, "..."],
-) -> Float[np.ndarray, "..."]:
-    """Log integral of exp(log_f) given at Gauss nodes of intervals."""
-    return scipy.special.logsumexp(log_f, b=weights, axis=-1) + np.log(half_width)
 
 
 def draw_from_nodes(
