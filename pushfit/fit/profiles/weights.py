@@ -75,12 +75,13 @@ def uneven_noise(
     shares = np.array([noise.height_share, *noise.angle_sd])
     is_open = np.isnan(shares)
     if np.any(is_open):
+        mask = np.asarray(problem.mask)
         known = np.nan_to_num(shares)[:, None, None] * sizes
+        even = with_known_noise(problem, _root_sum(known))
         wanted = [w & is_open for w in (IS_HEIGHT, ~IS_HEIGHT) if np.any(w & is_open)]
-        found = likeliest_shares(
-            with_known_noise(problem, _root_sum(known)),
-            predicted,
-            np.stack([_root_sum(sizes[rows]) for rows in wanted]),
+        found, _ = likeliest_shares(
+            Errors.of_fit(even, predicted[mask]),
+            np.stack([_root_sum(sizes[rows])[mask] for rows in wanted]),
             is_sampled=noise.kind == "sampled",
         )
         for rows, share in zip(wanted, found, strict=True):
@@ -91,30 +92,6 @@ def uneven_noise(
 def _root_sum(parts: Float[np.ndarray, "k c n"]) -> Float[np.ndarray, "c n"]:
     """Parts in quadrature."""
     return np.sqrt(np.sum(parts**2, axis=0))
-
-
-def likeliest_shares(
-    problem: Problem,
-    predicted: Float[np.ndarray, "c n"],
-    sizes: Float[np.ndarray, "k c n"],
-    *,
-    is_sampled: bool,
-) -> Float[np.ndarray, " k"]:
-    """The most likely noise in proportion to sizes, as shares of them.
-
-        variance = sd² + sigma² + Σ share² size²
-
-    Each share is that of all channels; squared errors count n / (n - p)-fold for what
-    the fit took of them.
-
-    Args:
-        predicted: Heights of the fit [table unit].
-        sizes: What noise is in proportion to, such as the heights [table unit].
-        is_sampled: Whether each channel has a sigma beside its sd.
-    """
-    mask = np.asarray(problem.mask)
-    errors = Errors.of_fit(problem, predicted[mask])
-    return _likeliest(errors, sizes[:, mask], is_sampled=is_sampled)[0]
 
 
 def share_gain(
@@ -204,22 +181,32 @@ class Errors:
 
 def _gain(errors: Errors, size: Float[np.ndarray, " m"]) -> float:
     """Log ratio of the largest likelihoods, with and without a share of a size."""
-    _, with_share = _likeliest(errors, size[None], is_sampled=True)
-    _, without = _likeliest(errors, size[None], is_sampled=True, most=0.0)
+    _, with_share = likeliest_shares(errors, size[None], is_sampled=True)
+    _, without = likeliest_shares(errors, size[None], is_sampled=True, most=0.0)
     return with_share - without
 
 
-def _likeliest(
+def likeliest_shares(
     errors: Errors,
     sizes: Float[np.ndarray, "k m"],
     *,
     is_sampled: bool,
     most: float = MOST,
 ) -> tuple[Float[np.ndarray, " k"], float]:
-    """The shares of `likeliest_shares`, and the log likelihood up to a constant.
+    """The most likely noise in proportion to sizes, as shares of them.
+
+        variance = sd² + sigma² + Σ share² size²
+
+    Each share is that of all channels; squared errors count n / (n - p)-fold for what
+    the fit took of them.
 
     Args:
+        sizes: What noise is in proportion to, such as the heights [table unit].
+        is_sampled: Whether each channel has a sigma beside its sd.
         most: Largest variance in proportion, in mean squares of the errors.
+
+    Returns:
+        The shares, and the log likelihood up to a constant.
     """
     squares, count = errors.squares, errors.count
     columns = list(sizes**2)

@@ -10,7 +10,12 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.identify.fitted import MIN_SHARE_GAIN, fit_table
 from pushfit.fit.problem.setup import build_problem
-from pushfit.fit.profiles.weights import likeliest_shares, share_gain, tail_gain
+from pushfit.fit.profiles.weights import (
+    Errors,
+    likeliest_shares,
+    share_gain,
+    tail_gain,
+)
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
@@ -75,7 +80,8 @@ def test_half_of_all_tables_without_a_share_show_none():
     for _ in range(N_DRAWN):
         noise = np.where(mask, 0.05 * rng.standard_normal(mask.shape), 0.0)
         drawn = replace(problem, observed=predicted + noise)
-        (share,) = likeliest_shares(drawn, predicted, predicted[None], is_sampled=True)
+        errors = Errors.of_fit(drawn, predicted[mask])
+        (share,), _ = likeliest_shares(errors, predicted[mask][None], is_sampled=True)
         found.append(share)
     low, high = stats.binom.interval(0.999, N_DRAWN, 0.5)
     assert low <= np.sum(np.array(found) < NONE) <= high
