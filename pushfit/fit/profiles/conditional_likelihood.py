@@ -16,13 +16,12 @@ from jaxtyping import Array, Bool, Float, Int
 from pushfit.fit.problem.derived import critical_angle_at
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import with_slopes
+from pushfit.fit.sweep.outer_nodes import SCALES
 from pushfit.fit.sweep.target import IMPOSSIBLE, Expansion, finite
 from pushfit.mechanics.numerics import norm2
 from pushfit.model import Scalar
 from pushfit.parameters import TINY
 
-# Least factor on forces by which a guess is brought to the heights, and the largest.
-SCALES = (1e-3, 1e3)
 # Least information on any coordinate: steps stay finite where heights say nothing.
 LEAST_INFORMATION = 1e-6
 # Size of the least ellipse whose axis is turned: that of a circle has no log.

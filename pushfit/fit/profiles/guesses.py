@@ -11,12 +11,11 @@ from jaxtyping import Float
 
 from pushfit.fit.problem.constraint_terms import held_values
 from pushfit.fit.problem.problem import Problem
+from pushfit.fit.sweep.outer_nodes import SHAPES
 from pushfit.mechanics.containers import contact
 
 # C_rr, or B/A where C_rr follows from θ_c: their basins are decades wide.
 RATIOS = np.log([0.03, 0.3, 3.0])
-# Ellipses (f1, f2): a circle, and one of each way to lie. Not tuned further.
-SHAPES = ((0.0, 0.0), (1.2, 0.0), (-1.2, 0.0), (0.0, 1.2), (0.0, -1.2))
 # F_0 as a share of the largest force: small, and most of it.
 LN_F_0 = (-2.0, -0.3)
 # s = K_st L²/C_d where it stands for B: the finger shears, does both, or bends.

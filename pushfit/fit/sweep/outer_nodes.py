@@ -41,7 +41,8 @@ MARGIN = 0.1
 # Longest move along a ridge from one node to the next, as of a step of the search [log
 # units].
 MAX_MOVE = 1.5
-# First guesses: ln C_rr in standard deviations from its prior mean, and ellipses.
+# First guesses: ln C_rr in standard deviations from its prior mean, and ellipses: a
+# circle, and one of each way to lie.
 INNER_GUESSES = (-2.0, 0.0, 2.0)
 SHAPES = ((0.0, 0.0), (1.2, 0.0), (-1.2, 0.0), (0.0, 1.2), (0.0, -1.2))
 # Least and largest factor on the stiffness of a guess that brings it to the heights:
