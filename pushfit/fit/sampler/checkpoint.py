@@ -74,8 +74,6 @@ def save_checkpoint(
         contents: dict[str, Any] = dict(arrays)
         contents[HEADER] = np.array(json.dumps(_header(question)))
         np.savez(file, **contents)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def load_checkpoint(path: Path, *, question: str) -> dict[str, np.ndarray] | None:
