@@ -29,7 +29,7 @@ from pushfit.fit.sampler.chains import Densities, Run, keep_run, resume
 from pushfit.fit.sampler.checkpoint import fingerprint
 from pushfit.fit.sampler.diagnostics import MIN_AUTOCORR_TIMES, diagnose
 from pushfit.fit.sampler.mixture import fit_mixture
-from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
+from pushfit.fit.sampler.moves import both_moves
 from pushfit.fit.sampler.starts import starting_points
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import as_float
@@ -207,10 +207,7 @@ def _start(
 
 def _moves(run: Run, budget: Budget) -> list[tuple[Move, float]]:
     """Moves of the chain and their shares."""
-    return [
-        (DifferenceMove(budget.n_ensembles), DIFFERENCE_SHARE),
-        (IndependenceMove(run.mixture), 1 - DIFFERENCE_SHARE),
-    ]
+    return both_moves(budget.n_ensembles, run.mixture, DIFFERENCE_SHARE)
 
 
 def _look(

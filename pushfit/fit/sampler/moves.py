@@ -87,6 +87,14 @@ class IndependenceMove(MHMove):
         return q, self.mixture.log_density(x) - self.mixture.log_density(q)
 
 
+def both_moves(
+    n_ensembles: int, mixture: Mixture, share: float = 0.5
+) -> list[tuple[Move, float]]:
+    """Differences for a share of the steps, and the mixture for the others."""
+    difference, independence = DifferenceMove(n_ensembles), IndependenceMove(mixture)
+    return [(difference, share), (independence, 1 - share)]
+
+
 def _random_pairs(
     random: np.random.RandomState, shape: tuple[int, int], rows: Int[np.ndarray, "e h"]
 ) -> Int[np.ndarray, "2 e m"]:

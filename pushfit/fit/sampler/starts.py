@@ -17,7 +17,7 @@ from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import FitResult
 from pushfit.fit.sampler.chains import advance
 from pushfit.fit.sampler.mixture import fit_mixture
-from pushfit.fit.sampler.moves import DifferenceMove, IndependenceMove
+from pushfit.fit.sampler.moves import both_moves
 from pushfit.model import as_float
 from pushfit.parameters import PARAMETERS, POSITIVE
 
@@ -113,7 +113,7 @@ def _cool(
         cloud = points[_resample(groups, step, random)]
         # One proposal for all: a region that one ensemble has found, the others reach.
         mixture = fit_mixture(rng.permutation(cloud)[:N_MIXTURE_POINTS], rng)
-        moves = [(DifferenceMove(n_ensembles), 0.5), (IndependenceMove(mixture), 0.5)]
+        moves = both_moves(n_ensembles, mixture)
         power = beta
 
         def log_prob(

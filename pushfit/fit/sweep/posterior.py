@@ -217,16 +217,13 @@ def _spread(
     """Draws of a posterior, moved to where a power of it has its mass."""
     # Slow to load, and not every table needs them.
     from pushfit.fit.sampler.chains import advance  # noqa: PLC0415
-    from pushfit.fit.sampler.moves import (  # noqa: PLC0415
-        DifferenceMove,
-        IndependenceMove,
-    )
+    from pushfit.fit.sampler.moves import both_moves  # noqa: PLC0415
 
     chain, _ = advance(
         lambda x: SPREADING_POWER * log_prob(x),
         x,
         N_STEPS,
-        moves=[(DifferenceMove(1), 0.5), (IndependenceMove(mixture), 0.5)],
+        moves=both_moves(1, mixture),
         random=random,
     )
     return chain[-1]
