@@ -15,7 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Num
 
 from pushfit.fit.problem.data_coordinates import data_point
 from pushfit.fit.problem.priors.distributions import Prior
@@ -258,6 +258,13 @@ def bucket(n: int) -> int:
     """Padded length for n rows: 2^k or 3 2^k, so that few programs serve all tables."""
     power = 1 << max(n - 1, 0).bit_length()
     return max(SMALLEST_BUCKET, power * 3 // 4 if n <= power * 3 // 4 else power)
+
+
+def padded(values: Num[np.ndarray, "*s n"], fill: float) -> Num[np.ndarray, "*s m"]:
+    """The rows, and as many more as their `bucket` takes."""
+    n = values.shape[-1]
+    ends = np.full((*values.shape[:-1], bucket(n) - n), fill, dtype=values.dtype)
+    return np.concatenate([values, ends], axis=-1)
 
 
 def grasp_with(grasp: Grasp, values: Mapping[str, Scalar]) -> Grasp:

@@ -7,10 +7,11 @@ densities (`pushfit.fit.problem.problem`).
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
@@ -25,10 +26,10 @@ from pushfit.fit.problem.priors.distributions import (
     default_priors,
     priors_from_config,
 )
-from pushfit.fit.problem.problem import Problem, bucket
+from pushfit.fit.problem.problem import Problem, padded
 from pushfit.fit.problem.uninformative import check_informative
 from pushfit.fit.results.fits_along import FitsAlong
-from pushfit.model import Grasp, Pushes, as_float
+from pushfit.model import Pushes, as_float
 from pushfit.parameters import SIGNED
 
 # Groups of pushes that have something in common come in multiples of this: one compiled
@@ -106,9 +107,18 @@ def build_problem(table: PeakTable, config: GraspConfig) -> Setup:
         for name in table.channels:
             median = SIGMA_SHARE * float(np.max(np.abs(table.heights(name)[used])))
             priors[f"sigma_{name}"] = Prior("lognormal", median, SIGMA_SD_LOG)
-    problem = _assemble(table, used, noise, grasp, priors, fixed, config)
+    problem = Problem(
+        **_rows(table, noise),
+        grasp=grasp,
+        priors=priors,
+        fixed={name: as_float(value) for name, value in fixed.items()},
+        channels=table.channels,
+        names=sampling_names(priors, fixed),
+        data_names=data_names(priors, fixed, grasp),
+        likelihood="student_t" if config.noise.likelihood == "student_t" else "normal",
+    )
     return Setup(
-        problem=problem,
+        problem=with_constraints(problem),
         noise=noise,
         rows=tuple(int(i) for i in used),
         is_calibrated=calibrated,
@@ -148,48 +158,28 @@ def sampling_names(
     return tuple(names)
 
 
-def _assemble(
-    table: PeakTable,
-    used: Int[np.ndarray, " u"],
-    noise: Noise,
-    grasp: Grasp,
-    priors: Mapping[str, Prior],
-    fixed: Mapping[str, float],
-    config: GraspConfig,
-) -> Problem:
-    """Pad the rows to their bucket and put everything together."""
-    padding = bucket(used.size) - used.size
-
-    def padded(
-        values: Float[np.ndarray, "*s n"], fill: float
-    ) -> Float[np.ndarray, "*s m"]:
-        ends = np.full((*values.shape[:-1], padding), fill)
-        return np.concatenate([values[..., used], ends], axis=-1)
+def _rows(table: PeakTable, noise: Noise) -> dict[str, Any]:
+    """Fields of a problem that have an entry for every row, padded to their bucket."""
+    used = table.is_used
 
     def stacked(
         values: Mapping[str, Float[np.ndarray, "*s n"]], fill: float
     ) -> Float[np.ndarray, "c *s m"]:
-        return np.stack([padded(values[name], fill) for name in table.channels])
+        rows = np.stack([values[name][..., used] for name in table.channels])
+        return padded(rows, fill)
 
     shared = None
     if noise.shared:
         shared = stacked(noise.shared, 0.0)
-        shared = np.pad(shared, ((0, 0), (0, -shared.shape[1] % GROUPS), (0, 0)))
-    heights = {name: table.heights(name) for name in table.channels}
-    row_mask = np.arange(used.size + padding) < used.size
-    problem = Problem(
-        pushes=Pushes(padded(table.theta, 0.5), padded(table.alpha, 0.0)),
-        observed=stacked(heights, 0.0),
-        sd=stacked(noise.sd, 0.0),
-        reference_sigma=stacked(noise.sigma, 1.0),
-        mask=jnp.asarray(np.tile(row_mask, (len(table.channels), 1)), dtype=bool),
-        grasp=grasp,
-        priors=priors,
-        fixed={name: as_float(value) for name, value in fixed.items()},
-        channels=table.channels,
-        names=sampling_names(priors, fixed),
-        data_names=data_names(priors, fixed, grasp),
-        likelihood="student_t" if config.noise.likelihood == "student_t" else "normal",
-        shared=None if shared is None else as_float(shared),
-    )
-    return with_constraints(problem)
+        n_more = -shared.shape[1] % GROUPS
+        shared = as_float(np.pad(shared, ((0, 0), (0, n_more), (0, 0))))
+    theta, alpha = table.theta[used], table.alpha[used]
+    mask = padded(np.ones((len(table.channels), theta.size)), 0.0) > 0
+    return {
+        "pushes": Pushes(padded(theta, 0.5), padded(alpha, 0.0)),
+        "observed": stacked({c: table.heights(c) for c in table.channels}, 0.0),
+        "sd": stacked(noise.sd, 0.0),
+        "reference_sigma": stacked(noise.sigma, 1.0),
+        "mask": jnp.asarray(mask),
+        "shared": shared,
+    }

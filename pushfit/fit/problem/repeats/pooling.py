@@ -13,9 +13,9 @@ from dataclasses import replace
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Num
+from jaxtyping import Array, Float, Int
 
-from pushfit.fit.problem.problem import Problem, bucket
+from pushfit.fit.problem.problem import Problem, padded
 from pushfit.model import Pushes, as_float
 from pushfit.parameters import TINY
 
@@ -64,12 +64,6 @@ def pool_repeats(problem: Problem) -> Pooled:
     mean = np.stack([np.bincount(group, row, minlength=n) / count for row in observed])
     scatter = (observed - mean[:, group]) ** 2
     scatter = np.stack([np.bincount(group, row, minlength=n) for row in scatter])
-
-    def padded(values: Num[np.ndarray, "*s n"], fill: float) -> Num[np.ndarray, "*s m"]:
-        n = values.shape[-1]
-        shape = (*values.shape[:-1], bucket(n) - n)
-        ends = np.full(shape, fill, dtype=values.dtype)
-        return np.concatenate([values, ends], axis=-1)
 
     pushes = Pushes(padded(theta, 0.5), padded(alpha, 0.0))
     repeats = np.arange(pushes.theta.size)[:, None] == direction
