@@ -217,7 +217,8 @@ class Likelihood(eqx.Module):
         state, direction = self.problem.data_state(z), (angle, self.reference_alpha)
         tie = self.problem.grasp.law.ties[pivot]
         value = tie(state.params, state.grasp(self.problem.grasp), direction)
-        return _safe_log(jnp.where(jnp.isnan(value), 0.0, value))
+        value = jnp.where(jnp.isnan(value), 0.0, value)
+        return jnp.log(jnp.maximum(value, SMALLEST_PIVOT))
 
 
 def imposable(problem: Problem) -> tuple[str, ...]:
@@ -237,8 +238,3 @@ def pivot_name(problem: Problem) -> str | None:
     """Data coordinate that θ_c replaces; None where nothing is free to move it."""
     ties = problem.grasp.law.ties
     return next((name for name in ties if name in problem.data_names), None)
-
-
-def _safe_log(value: Scalar) -> Scalar:
-    """Log that stays finite on the wrong side, where `is_possible` rejects."""
-    return jnp.log(jnp.maximum(value, SMALLEST_PIVOT))

@@ -128,19 +128,15 @@ def _curves(
         else:
             curve, _ = along(first_values(problem, name, at_modes))
         # Most modes but the best lie above the profile; the better ones are part of it.
-        for value, point, cost in zip(at_modes, modes, costs, strict=True):
+        for k, (value, cost) in enumerate(zip(at_modes, costs, strict=True)):
             around = np.interp(value, curve.values, curve.chi_square)
             if np.isfinite(value) and not cost > around:
-                curve = curve.joined(_of_one(value, point, cost))
+                at = slice(k, k + 1)
+                curve = curve.joined(
+                    Curve(values=at_modes[at], points=modes[at], chi_square=costs[at])
+                )
         curves[name] = _with_crossings(curve, along, level)
     return curves
-
-
-def _of_one(value: float, point: Float[np.ndarray, " q"], cost: float) -> Curve:
-    """A curve of a single fit."""
-    return Curve(
-        values=np.array([value]), points=point[None], chi_square=np.array([cost])
-    )
 
 
 def _with_crossings(

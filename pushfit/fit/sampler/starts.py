@@ -139,7 +139,9 @@ def _largest_step(groups: Float[np.ndarray, "e n"], rest: float) -> float:
     """Largest step in β that leaves `KEPT_SHARE` effective points to each ensemble."""
 
     def is_kept(step: float) -> bool:
-        return bool(np.all(_effective_share(_weights(groups, step)) >= KEPT_SHARE))
+        # Kish's effective number of points over their number.
+        squares = np.sum(_weights(groups, step) ** 2, axis=1)
+        return bool(np.all(1 / (squares * groups.shape[1]) >= KEPT_SHARE))
 
     if is_kept(rest):
         return rest
@@ -157,11 +159,6 @@ def _weights(groups: Float[np.ndarray, "e n"], step: float) -> Float[np.ndarray,
     """Weights within each ensemble for a step in β."""
     weights = np.exp(step * (groups - np.max(groups, axis=1, keepdims=True)))
     return weights / np.sum(weights, axis=1, keepdims=True)
-
-
-def _effective_share(weights: Float[np.ndarray, "e n"]) -> Float[np.ndarray, " e"]:
-    """Effective number of points over their number (Kish)."""
-    return 1 / (np.sum(weights**2, axis=1) * weights.shape[1])
 
 
 def _resample(

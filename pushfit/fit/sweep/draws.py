@@ -22,8 +22,8 @@ from pushfit.fit.sweep.cholesky import (
     solve,
     squared_length,
 )
-from pushfit.fit.sweep.likelihood import sigma_density
-from pushfit.fit.sweep.segments import draw_segment
+from pushfit.fit.sweep.likelihood import sigma_nodes
+from pushfit.fit.sweep.segments import draw_segment, make_segments
 from pushfit.fit.sweep.sheet import (
     N_STRATA,
     Sheet,
@@ -250,8 +250,8 @@ def _noise(
     if not target.roles.sigmas:
         return log_q
     for channel, name in enumerate(target.pooled.problem.channels):
-        nodes, density = sigma_density(target.pooled, channel, difference[channel])
-        drawn = draw_segment(density, numbers.one())
+        nodes, level = sigma_nodes(target.pooled, channel, difference[channel])
+        drawn = draw_segment(make_segments(nodes, level), numbers.one())
         gap = nodes[drawn.segment + 1] - nodes[drawn.segment]
         z[f"ln_sigma_{name}"] = nodes[drawn.segment] + drawn.share * gap
         log_q = log_q + drawn.log_density

@@ -16,7 +16,6 @@ from jaxtyping import Array, Float, Int
 
 from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.problem.repeats.pooling import Pooled
-from pushfit.fit.sweep.segments import Segments, make_segments
 from pushfit.model import Scalar
 
 # Nodes of ln σ: with a stretch by asinh from 1/sqrt(n) to the range of the prior they
@@ -156,14 +155,6 @@ def sigma_nodes(
     ln_sigma = centre + width * jnp.sinh(stretch * share)
     level = log_likelihood_of_sigma(pooled, channel, difference, ln_sigma)
     return ln_sigma, level + prior.log_prob(ln_sigma)
-
-
-def sigma_density(
-    pooled: Pooled, channel: int, difference: Float[Array, " n"]
-) -> tuple[Float[Array, " k"], Segments]:
-    """Nodes of ln σ and the unnormalised posterior over them."""
-    ln_sigma, level = sigma_nodes(pooled, channel, difference)
-    return ln_sigma, make_segments(ln_sigma, level)
 
 
 def noise_terms(pooled: Pooled, difference: Float[Array, "c n"]) -> NoiseTerms:

@@ -205,7 +205,7 @@ def _upright(hold: Hold) -> tuple[Scalar, Vector, Vector]:
     """Mean compliance [m/N], F_n before any tilt, and what γ² takes of it [N]."""
     pressed = positive_part(hold.preload + hold.A * hold.into)
     sinking = jnp.where(pressed > 0, hold.A * hold.L / 2, 0.0)
-    return _mean_compliance(hold), pressed, sinking
+    return (hold.compliance[0] + hold.compliance[2]) / 2, pressed, sinking
 
 
 def _righting(hold: Hold, pressed: Vector) -> Vector:
@@ -326,11 +326,6 @@ def _solved_lean(
     xx, yy = xx + tilt.aside, yy + tilt.aside
     u_x, u_y = hold.azimuth
     return (yy * u_x - xy * u_y, xx * u_y - xy * u_x), xx * yy - xy * xy, xx + yy
-
-
-def _mean_compliance(hold: Hold) -> Scalar:
-    """Of the support over all azimuths [m/N]."""
-    return (hold.compliance[0] + hold.compliance[2]) / 2
 
 
 def _bracket(hold: Hold) -> tuple[Vector, Vector]:
