@@ -57,7 +57,8 @@ class Survey:
     def ranked(self, *, after: Collection[Direction]) -> Int[np.ndarray, " m"]:
         """The same, but for some directions that come last [rad]."""
         rows = self.ranks
-        is_last = [_is_among(self.theta[k], self.alpha[k], after) for k in rows]
+        directions = np.stack([self.theta[rows], self.alpha[rows]], axis=1).tolist()
+        is_last = [_is_among(theta, alpha, after) for theta, alpha in directions]
         return rows[np.argsort(is_last, kind="stable")]
 
 
