@@ -50,6 +50,17 @@ def read_settings(layout: SettingsOptions, **peaks: Any) -> "GraspConfig":
     return read_config(layout.config, profile=layout.profile, changes=changes)
 
 
+def warn_of_unread(session: CommandSession, config: Path | None, *inputs: Path) -> None:
+    """Say so where settings lie beside the inputs and no option names any."""
+    if config is None:
+        beside = [path.parent / "grasp.toml" for path in inputs]
+        found = next((path for path in beside if path.is_file()), None)
+        if found is not None:
+            session.warn(
+                f"{found} is not read; give --config {found} if it belongs here"
+            )
+
+
 def _window(text: str, option: str) -> tuple[float, float]:
     first, _, last = text.partition(":")
     try:

@@ -333,3 +333,17 @@ def test_a_counter_is_never_proposed_as_a_pressure(capsys):
     log = EXAMPLE.parent / "logs" / "rostopic.csv"
     assert main(["validate", str(log)]) == 3
     assert "--map pressure=field.bt_data0.pdc_data" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["fit", "compare", "next"])
+@pytest.mark.parametrize("is_named", [False, True])
+def test_settings_beside_a_table_are_not_passed_over_in_silence(
+    command, is_named, tmp_path, capsys
+):
+    table, settings = tmp_path / "peaks.csv", tmp_path / "grasp.toml"
+    table.write_text("theta_deg,alpha_deg,height_n\n10,0,none\n")
+    settings.write_text("[push]\nlength_mm = 5\n")
+    named = ["--config", str(settings)] if is_named else []
+    assert main([command, str(table), *named]) == 3
+    said = " ".join(capsys.readouterr().err.split())
+    assert ("grasp.toml is not read; give --config" in said) is not is_named

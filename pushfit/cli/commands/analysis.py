@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from pushfit.cli import options
 from pushfit.cli.background import aside
-from pushfit.cli.inputs import load_peaks, load_table, read_settings
+from pushfit.cli.inputs import (
+    load_peaks,
+    load_table,
+    read_settings,
+    warn_of_unread,
+)
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
@@ -33,6 +38,7 @@ def identify(
     wanted: options.Analysis,
 ) -> int:
     """From recordings of pushes to theta_c and alpha*."""
+    warn_of_unread(session, layout.config, *recordings)
     settings = read_settings(layout, invert=invert)
     load = partial(load_peaks, session, recordings, schedules or [], config=settings)
     return analyse(
@@ -55,6 +61,7 @@ def fit(
     """From a table of peaks to theta_c and alpha*."""
     from pushfit.config import read_config
 
+    warn_of_unread(session, config, table)
     settings = read_config(config)
     load = partial(load_table, table, settings)
     return analyse(session, load, settings, wanted, table=str(table))

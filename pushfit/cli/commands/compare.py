@@ -4,7 +4,7 @@ Excluded: the models compared (`pushfit.fit.comparison`).
 """
 
 from pushfit.cli import options
-from pushfit.cli.inputs import load_table
+from pushfit.cli.inputs import load_table, warn_of_unread
 from pushfit.cli.session import CommandSession
 from pushfit.errors import FitError
 
@@ -23,6 +23,7 @@ def compare(
     from pushfit.fit.results import FitStatus
     from pushfit.report.text.comparison import comparison_dict, comparison_text
 
+    warn_of_unread(session, config, table)
     settings = read_config(config)
     peaks = load_table(table, settings)
     with session.progress() as progress:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from pushfit.cli import options
+from pushfit.cli.inputs import warn_of_unread
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
@@ -139,6 +140,8 @@ def next(
     from pushfit.fit.identify.progress import Stages, posterior_stage, stages_of
     from pushfit.fit.programs.compile import loaded_ahead
 
+    if table is not None:
+        warn_of_unread(session, asked.config, table)
     settings = read_config(asked.config)
     own = [] if table is None else map(posterior_stage, settings.by_mechanics())
     names = [*own, "next push", *["picture"] * (plot is not None)]
