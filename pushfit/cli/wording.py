@@ -7,7 +7,6 @@ arguments (`pushfit.errors`).
 """
 
 import ast
-import json
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -45,13 +44,15 @@ def flags_of(parameters: Sequence[Parameter]) -> dict[str, str]:
 
 def _translated(quoted: re.Match[str], flags: Mapping[str, str]) -> str:
     """Arguments in backticks as options, or as they are where one is neither."""
+    from pushfit.config.file import as_toml
+
     options, keys = [], []
     for argument, *value in _arguments(quoted[1]):
         name = _setting(argument)
         if name in flags:
             options += [shlex.join([flags[name], *one]) for one in _values(*value)]
         elif section := _section(name):
-            keys.append(" = ".join([f"{section}.{name}", *map(_toml, value)]))
+            keys.append(" = ".join([f"{section}.{name}", *map(as_toml, value)]))
         else:
             return quoted[0]
     return " and ".join(filter(None, [" ".join(options), *keys])) or quoted[0]
@@ -95,11 +96,3 @@ def _section(name: str) -> str | None:
 
     sections = {"peaks": PeakSettings, "recording": RecordingSection}
     return next((own for own, of in sections.items() if name in of.model_fields), None)
-
-
-def _toml(value: object) -> str:
-    """A value as grasp.toml has it."""
-    if isinstance(value, dict):
-        pairs = [f"{key} = {_toml(one)}" for key, one in value.items()]
-        return f"{{ {', '.join(pairs)} }}"
-    return json.dumps(value, ensure_ascii=False)

@@ -164,7 +164,7 @@ def template(config: GraspConfig | None = None) -> str:
             value = field.examples[0] if field.examples else field.default
             is_example = field.examples and key not in own
             value = own.get(key, value)
-            lines.append(f"{'#' if is_example else ''}{key} = {_as_toml(value)}")
+            lines.append(f"{'#' if is_example else ''}{key} = {as_toml(value)}")
         lines.append("")
     return "\n".join(lines)
 
@@ -199,7 +199,7 @@ def problems(
         by_key.setdefault(_key_in_file(detail["loc"], content), []).append(detail)
     for key, details in by_key.items():
         found = _value_at(key, content)
-        value = None if isinstance(found, Mapping | None) else _as_toml(found)
+        value = None if isinstance(found, Mapping | None) else as_toml(found)
         name = ".".join(key)
         shown = name if value is None else f"{name} = {value}"
         rule = " or ".join(dict.fromkeys(_rule(d, key, found, model) for d in details))
@@ -273,15 +273,16 @@ def _section_of(annotation: object) -> type[BaseModel]:
     return next(a for a in candidates if isinstance(a, type) and issubclass(a, Section))
 
 
-def _as_toml(value: object) -> str:
+def as_toml(value: object) -> str:
+    """A value as grasp.toml has it."""
     match value:
         case str() | bool():
             return json.dumps(value, ensure_ascii=False)
         case Mapping():
-            pairs = (f"{_key(key)} = {_as_toml(item)}" for key, item in value.items())
+            pairs = (f"{_key(key)} = {as_toml(item)}" for key, item in value.items())
             return f"{{ {', '.join(pairs)} }}"
         case list() | tuple():
-            return f"[{', '.join(_as_toml(item) for item in value)}]"
+            return f"[{', '.join(as_toml(item) for item in value)}]"
         case _:
             return str(value)
 
@@ -289,4 +290,4 @@ def _as_toml(value: object) -> str:
 def _key(name: object) -> str:
     """A key as TOML writes it; names of channels may hold anything."""
     text = str(name)
-    return text if re.fullmatch(r"[A-Za-z0-9_-]+", text) else _as_toml(text)
+    return text if re.fullmatch(r"[A-Za-z0-9_-]+", text) else as_toml(text)

@@ -51,6 +51,7 @@ def test_the_library_knows_no_options():
             stated(mapping={"force": "AI1 (V)"}, units={"force": "n"}),
             "--map 'force=AI1 (V)' and recording.unit = { force = \"n\" }",
         ),
+        (stated(units={"AI1 (V)": "n"}), 'recording.unit = { "AI1 (V)" = "n" }'),
         (stated(columns=["a_s", "..."]), 'recording.columns = ["a_s", "..."]'),
         (stated(exclude=[(1.0, 2.5)]), "peaks.exclude = [[1.0, 2.5]]"),
         (stated(invert=True), "peaks.invert = true"),

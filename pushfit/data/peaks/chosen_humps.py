@@ -20,7 +20,7 @@ from pushfit.data.pushes.found_humps import FoundHumps, is_in
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.recordings.records import Recording
-from pushfit.errors import DataError
+from pushfit.errors import DataError, counted
 
 DEFAULTS = PeakSettings()
 # Share of a dip below which a hump is what noise makes of a filled signal.
@@ -166,7 +166,8 @@ def no_pushes(
             code="no_pushes",
         )
     if n_dips:
-        what = f"the signal falls from rest {n_dips} times and never rises above it"
+        what = f"the signal falls from rest {counted(n_dips, 'time')} and never rises "
+        what += "above it"
     elif spread == 0.0:
         what = f"the signal is {signal[0]:g} {unit} throughout, no variation"
     else:

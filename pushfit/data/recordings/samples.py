@@ -225,7 +225,7 @@ def _check_values(findings: _Findings, trust_units: bool) -> None:
             findings.add(
                 "sentinel",
                 f"{rows.size} samples such as {found} ({findings.places(rows)}) stand "
-                f"for missing ones; state missing=[...] with their text",
+                f"for missing ones; state {stated(missing=['...'])} with their text",
                 at=int(rows[0]),
                 column=name,
                 value=found,
@@ -255,7 +255,8 @@ def _check_elevation(
     if not rows.size:
         return
     found = f"{np.rad2deg(theta[rows[0]]):.6g}"
-    hint = ', or state theta_from="normal"' if theta_from == "tangential" else ""
+    is_open = theta_from == "tangential"
+    hint = f", or state {stated(theta_from='normal')}" if is_open else ""
     findings.add(
         "angle_out_of_range",
         f"the elevation {found}° is outside [-90°, 90°] in {rows.size} samples "
@@ -307,8 +308,8 @@ def _fill_gaps(
     elif gaps == "error":
         findings.add(
             "missing_samples",
-            f'{found}; state gaps="split" to keep the gaps, or gaps="interpolate" to '
-            "fill short ones",
+            f"{found}; state {stated(gaps='split')} to keep the gaps, or "
+            f"{stated(gaps='interpolate')} to fill short ones",
             at=int(rows[0]),
             column=name,
         )

@@ -17,6 +17,7 @@ from pushfit.config.inputs import Tail
 from pushfit.data.text.dialects import Layout
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.textfile import TextFile
+from pushfit.errors import stated
 
 # A file without line ends is refused before it fills the memory.
 _MAX_LINE = 1 << 26
@@ -126,7 +127,7 @@ def _refuse_nul(text: TextFile, first: int, tail: Tail) -> None:
         remedy = (
             "data follow them, so the file is damaged: copy it again"
             if inside
-            else 'nothing follows them: tail="salvage" drops them'
+            else f"nothing follows them: {stated(tail='salvage')} drops them"
         )
         raise refuse(
             "nul_bytes",

@@ -23,7 +23,7 @@ from pushfit.data.text.files import (
     refuse_other_types,
     sha256_of,
 )
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, stated
 
 # Bytes that are read at once: files may be larger than the memory.
 BLOCK = 1 << 22
@@ -111,7 +111,8 @@ class TextFile:
             raise refuse(
                 "bad_encoding",
                 f"byte {position - pending + error.start} is not {self.encoding}; "
-                'name the encoding, such as encoding="latin-1", or save it as UTF-8',
+                f"name the encoding, such as {stated(encoding='latin-1')}, or save it "
+                "as UTF-8",
                 path=self.path,
             ) from error
 
@@ -234,7 +235,8 @@ def _encoding_of(start: bytes, path: str) -> str:
             name = "utf-16-le" if sample[1::2].count(0) else "utf-16-be"
             raise refuse(
                 "bad_encoding",
-                f"looks like UTF-16 without a byte-order mark; state encoding={name!r}",
+                "looks like UTF-16 without a byte-order mark; state "
+                f"{stated(encoding=name)}",
                 path=path,
             )
     return "utf-8"

@@ -61,7 +61,7 @@ REFUSED = {
         GOOD.encode() + bytes(100),
         {},
         "nul_bytes",
-        [f"byte {len(GOOD)}", 'tail="salvage"'],
+        [f"byte {len(GOOD)}", "tail='salvage'"],
     ),
     "zero_bytes_inside": (
         GOOD.replace("1.25", "1\0").encode(),
@@ -227,7 +227,7 @@ REFUSED = {
         GOOD + "0.03,\n0.04,nan\n",
         {},
         "missing_samples",
-        ["line 5", "2 of 5 samples", "lines 5, 6", 'gaps="split"', "interpolate"],
+        ["line 5", "2 of 5 samples", "lines 5, 6", "gaps='split'", "interpolate"],
     ),
     "all_samples_missing": ("t_s,p_n\n0,\n1,\n", {}, "no_samples", ["column p"]),
     "infinite": (GOOD + "0.03,-inf\n", {}, "not_finite", ["line 5", "'-inf'"]),
@@ -292,7 +292,7 @@ REFUSED = {
         "time_s,p_n,theta_deg\n0,1,45\n1,1,97\n",
         {},
         "angle_out_of_range",
-        ["line 3", "97°", "[-90°, 90°]", 'theta_from="normal"'],
+        ["line 3", "97°", "[-90°, 90°]", "theta_from='normal'"],
     ),
     "sentinel": (
         GOOD + "0.03,-3.697314E28\n",

@@ -34,7 +34,7 @@ from pushfit.data.recordings.samples import Samples
 from pushfit.data.text.faults import refuse, refuse_too_large
 from pushfit.data.text.files import FileStamp, Source, sha256_of
 from pushfit.data.units import UNITS
-from pushfit.errors import ConfigError, installed_by
+from pushfit.errors import ConfigError, installed_by, stated
 
 
 @dataclass(slots=True, kw_only=True)
@@ -148,7 +148,7 @@ def _library_errors(path: str) -> Iterator[None]:
             "bad_bag",
             f"the bag cannot be read ({type(error).__name__}: {error}); if it was "
             "cut short, try `rosbag reindex`, `ros2 bag reindex` or, for a .mcap file "
-            'itself, tail="salvage"',
+            f"itself, {stated(tail='salvage')}",
             path=path,
         ) from error
 
@@ -162,7 +162,7 @@ def _messages(
         raise refuse(
             "no_definition",
             f"the bag carries no definition of {', '.join(sorted(unknown))}; state the "
-            'folder of its package, as in definitions="src/biotac_sensors"',
+            f"folder of its package, as in {stated(definitions='src/biotac_sensors')}",
             path=path,
         )
     with _library_errors(path):

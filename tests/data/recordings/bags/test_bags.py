@@ -371,7 +371,7 @@ def test_a_cut_bag_is_refused_whatever_the_library_raises(kind, share, tmp_path)
 def test_a_damaged_bag_names_the_repair(tmp_path):
     path = tmp_path / "push.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + bytes(40))
-    with pytest.raises(DataError, match='tail="salvage"') as caught:
+    with pytest.raises(DataError, match="tail='salvage'") as caught:
         read_recording(path)
     assert caught.value.code == "bad_bag"
 
@@ -387,7 +387,7 @@ def test_the_first_messages_of_a_cut_mcap_can_be_salvaged(share, tmp_path):
     whole = file.read_bytes()
     cut = whole[: int(len(whole) * share)]
     file.write_bytes(cut)
-    with pytest.raises(DataError, match='tail="salvage"'):
+    with pytest.raises(DataError, match="tail='salvage'"):
         read_recording(file)
     recording = read_recording(file, tail="salvage")
     force = recording.channels["force_z"]
