@@ -11,8 +11,11 @@ import pytest
 
 import pushfit
 from pushfit import workflow
+from pushfit.batch.run import identify_batch
 from pushfit.config import as_config
+from pushfit.data.tables.peak_table import read_table
 from pushfit.errors import ConfigError, ConvergenceError, DataError
+from pushfit.fit.comparison import compare_models
 from pushfit.fit.coverage import coverage_study
 from pushfit.fit.results import FitStatus, Identification, Recipe
 from pushfit.fit.sweep import posterior as sweep
@@ -95,9 +98,22 @@ def test_settings_in_the_place_of_a_schedule_are_known_by_their_name(table):
         pushfit.identify(table, "grasp.toml")
 
 
-def test_a_seed_below_0_is_refused_before_anything_is_fitted(table):
+@pytest.mark.parametrize(
+    "begin",
+    [
+        lambda table, out: pushfit.identify(table, seed=-1),
+        lambda table, out: identify_batch(SWEEP, out, seed=-1),
+        lambda table, out: compare_models(read_table(table), config(), seed=-1),
+        lambda table, out: coverage_study(
+            read_table(table), config(), n_tables=1, seed=-1
+        ),
+    ],
+    ids=["identify", "batch", "compare", "coverage"],
+)
+def test_a_seed_below_0_is_refused_before_anything_is_fitted(begin, table, tmp_path):
     with pytest.raises(ConfigError, match=r"seed = -1: .* 0 or above"):
-        pushfit.identify(table, seed=-1)
+        begin(table, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_every_function_for_users_has_the_same_seed():

@@ -26,7 +26,7 @@ from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.workers import Work, Workers
-from pushfit.errors import DataError
+from pushfit.errors import DataError, check_seed
 from pushfit.fit.identify.identify_many import identify_many
 from pushfit.fit.identify.progress import Progress
 
@@ -99,9 +99,10 @@ def identify_batch(
 
     Raises:
         ConfigError: The batch as a whole cannot be done: a missing file, a wrong
-            common setting, a folder that is not a batch's.
+            common setting, a seed below 0, a folder that is not a batch's.
         DataError: There is nothing to identify.
     """
+    check_seed(seed)
     folder = Path(out)
     inputs = [inputs] if isinstance(inputs, (str, Path)) else inputs
     found = find_inputs(inputs, out=folder)

@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from pushfit.config import GraspConfig
 from pushfit.config.rivals import rival_configs
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import check_seed
 from pushfit.fit.assess.model_checking import goodness_of_fit
 from pushfit.fit.identify.beside import Beside
 from pushfit.fit.identify.by_mechanics import fitted_by_leading
@@ -193,11 +194,13 @@ def compare_models(
 
     Raises:
         DataError: If no usable push is left.
-        ConfigError: If the configuration does not fit the table.
+        ConfigError: If the configuration does not fit the table, or the seed is below
+            0.
         FitError: If no start gives finite residuals or a finite density, the solver
             stopped at its step limit, or nothing is free.
         ConvergenceError: If the posterior density is infinite at some point.
     """
+    check_seed(seed)
     # Other noise is one of the models, not what all of them have.
     plain = with_plain_noise(config)
     if progress is not None:

@@ -16,7 +16,7 @@ from scipy import stats
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import ConfigError, DataError, FitError
+from pushfit.errors import ConfigError, DataError, FitError, check_seed
 from pushfit.fit.identify.fitted import Fitted, fit_table, reach_of
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.derived import (
@@ -128,11 +128,12 @@ def coverage_study(
         progress: Called with a stage and the share of it that is done.
 
     Raises:
-        ConfigError: If nothing is left to infer.
+        ConfigError: If nothing is left to infer, or the seed is below 0.
         DataError: If no usable push is left.
         FitError: If no start gives finite residuals, or the solver stopped at its step
             limit.
     """
+    check_seed(seed)
     fitted = fit_table(table, config)
     problem = fitted.setup.problem
     if not problem.names:
