@@ -84,7 +84,7 @@ def _ceiling(
     def is_flat(k: int, end: float) -> bool:
         return _piles_up(tops[k], end, float(bands[k]), _MIN_SAMPLES)
 
-    is_lower = is_narrow & (sigma > 0) & ~near(bands)
+    is_lower = (sigma > 0) & ~near(bands)
     lower = [is_flat(k, float(highest[k])) for k in np.flatnonzero(is_lower).tolist()]
     # Where most lower pushes have flat tops, these are their shape and no limit.
     if np.mean(lower or [0.0]) <= _MOST:

@@ -51,6 +51,6 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
     return (
         f"no grasp gives all of these heights: push {number} (θ = {theta:.1f}°, α = "
         f"{alpha:.1f}°) is farthest, by {np.max(size):.0f} standard deviations; look "
-        "at it, and begin another exploration with the other pushes attached, or with "
-        "a larger sigma if heights scatter more"
+        "at it, and begin again with the other pushes, or with a larger sigma if "
+        "heights scatter more"
     )

@@ -9,7 +9,7 @@ from scipy import stats
 
 from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import extract_peaks, find_pushes
+from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule
@@ -322,6 +322,20 @@ def test_a_noisy_ceiling_is_recognised():
     assert flagged == [False] * 4 + [True] * 4
 
 
+def test_short_holds_end_at_no_ceiling_where_lower_ones_are_as_flat():
+    """Holds of a second at 20 Hz are read at their apex, as too few for a plateau."""
+    rng, period = np.random.default_rng(1), 4.0
+    heights = np.array([6.0, 9.5, 11.5, 8.0, 10.5, 9.0])
+    time = np.arange(0.0, period * (heights.size + 1), 0.05)
+    flanks = 3.0 * (1.0 - np.abs(time[:, None] - period * np.arange(1, 7)))
+    course = np.sum(heights * np.clip(flanks, 0.0, 1.0), axis=1)
+    noisy = course + 0.02 * rng.standard_normal(time.size)
+    recording = Recording(time=time, channels={"p": noisy}, units={"p": "n"})
+    frame = measure_pushes(recording).frame
+    assert frame["definition"].tolist() == ["apex"] * heights.size
+    assert not frame["flags"].str.contains("saturated").any()
+
+
 @pytest.mark.parametrize("shape", ["triangle", "sine"])
 def test_natural_tops_are_no_ceiling(shape):
     """Nearly without noise, equal pushes end within a noise of each other."""
@@ -455,9 +469,8 @@ def test_with_signed_settings_dips_are_pushes():
 
 @pytest.mark.parametrize("n_dips", [1, 2, 12])
 def test_an_upside_down_signal_is_refused_with_the_way_out(n_dips):
-    with pytest.raises(
-        DataError, match=rf"falls from rest {n_dips} times.*`invert=True`"
-    ):
+    times = "1 time" if n_dips == 1 else f"{n_dips} times"
+    with pytest.raises(DataError, match=rf"from rest {times} and.*`invert=True`"):
         extract_peaks(mixed_recording([-1] * n_dips))
 
 
