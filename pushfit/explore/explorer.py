@@ -427,8 +427,8 @@ class Explorer:
                 for f in failed
             )
             self.stop(
-                f"{len(failed)} pushes failed in a row: {pushes}; put right what stops "
-                "the finger and go on, or narrow the limits"
+                f"{len(failed)} pushes failed in a row: {pushes}; where the finger "
+                "cannot go, narrow the limits"
             )
 
     def _resume(self, start: Event) -> None:

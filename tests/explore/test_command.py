@@ -192,7 +192,7 @@ def test_failures_leave_a_journal_to_go_on_with(
     words = ["--config", str(grasp), "--truth", str(truth), "--out", str(out)]
     assert main(["explore", "--hand", "simulated", *words, *EXPLORE]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "3 pushes failed in a row: stalled, stalled, stalled" in said
+    assert "3 pushes failed in a row: stalled at θ = " in said
     assert "put it right, and the same command goes on" in said
     assert counted(tmp_path / "run.journal.jsonl", "stopped") == 1
 
