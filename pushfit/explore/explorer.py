@@ -14,8 +14,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
-
 from pushfit.config import Settings, as_config
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
@@ -49,6 +47,7 @@ from pushfit.explore.records import (
     State,
     Suggestion,
     ToldPush,
+    direction_words,
 )
 from pushfit.fit.identify.fitted import reference_azimuth
 
@@ -422,9 +421,7 @@ class Explorer:
         failed = self.history.in_a_row
         if len(failed) >= self.limits.max_failures and self.history.stopped is None:
             pushes = ", ".join(
-                f"{f.reason} at θ = {np.degrees(f.theta):.1f}°, "
-                f"α = {np.degrees(f.alpha):.1f}°"
-                for f in failed
+                f"{f.reason} at {direction_words(f.theta, f.alpha)}" for f in failed
             )
             self.stop(
                 f"{len(failed)} pushes failed in a row: {pushes}; where the finger "

@@ -12,6 +12,11 @@ import numpy as np
 Interval = tuple[float, float]
 
 
+def direction_words(theta: float, alpha: float) -> str:
+    """A direction in words, from radians."""
+    return f"θ = {np.degrees(theta):.1f}°, α = {np.degrees(alpha):.1f}°"
+
+
 class Answer(enum.Enum):
     """Where an exploration stands."""
 
@@ -73,7 +78,7 @@ class Suggestion:
 
     def describe(self) -> str:
         """The push in words."""
-        return f"θ = {self.theta_deg:.1f}°, α = {self.alpha_deg:.1f}°"
+        return direction_words(self.theta, self.alpha)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known, sd_of
-from pushfit.explore.records import ToldPush
+from pushfit.explore.records import ToldPush, direction_words
 
 # Chance of faulting heights that are those of a grasp.
 LEVEL = 1e-3
@@ -47,10 +47,9 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
         return None
     size = np.max(r[:, :, best], axis=1)
     number, row = own[int(np.argmax(size))]
-    theta, alpha = np.degrees(row.theta), np.degrees(row.alpha)
     return (
-        f"no grasp gives all of these heights: push {number} (θ = {theta:.1f}°, α = "
-        f"{alpha:.1f}°) is farthest, by {np.max(size):.0f} standard deviations; look "
-        "at it, and begin again with the other pushes, or with a larger sigma if "
-        "heights scatter more"
+        f"no grasp gives all of these heights: push {number} "
+        f"({direction_words(row.theta, row.alpha)}) is farthest, by {np.max(size):.0f} "
+        "standard deviations; look at it, and begin again with the other pushes, or "
+        "with a larger sigma if heights scatter more"
     )
