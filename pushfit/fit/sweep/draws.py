@@ -23,7 +23,7 @@ from pushfit.fit.sweep.cholesky import (
     squared_length,
 )
 from pushfit.fit.sweep.likelihood import sigma_nodes
-from pushfit.fit.sweep.segments import draw_segment, make_segments
+from pushfit.fit.sweep.segments import draw_segment, with_tails
 from pushfit.fit.sweep.sheet import (
     N_STRATA,
     Sheet,
@@ -251,7 +251,7 @@ def _noise(
         return log_q
     for channel, name in enumerate(target.pooled.problem.channels):
         nodes, level = sigma_nodes(target.pooled, channel, difference[channel])
-        drawn = draw_segment(make_segments(nodes, level), numbers.one())
+        drawn = draw_segment(with_tails(nodes, level), numbers.one())
         gap = nodes[drawn.segment + 1] - nodes[drawn.segment]
         z[f"ln_sigma_{name}"] = nodes[drawn.segment] + drawn.share * gap
         log_q = log_q + drawn.log_density

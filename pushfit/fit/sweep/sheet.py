@@ -32,7 +32,7 @@ from pushfit.fit.sweep.outer_nodes import (
     without_s,
 )
 from pushfit.fit.sweep.search import Round, in_rounds, unknown_expansion
-from pushfit.fit.sweep.segments import Segments, make_segments
+from pushfit.fit.sweep.segments import Segments, make_segments, with_tails
 from pushfit.fit.sweep.target import Expansion, Target
 from pushfit.model import Scalar
 
@@ -78,8 +78,8 @@ class Sheet(eqx.Module):
     """Where the mass of a posterior is.
 
     Args:
-        outer: Density of u.
-        inner: Density of t at each outer node.
+        outer: Density by which u is proposed.
+        inner: That of t at each outer node.
         scale: What t stands for there.
         nodes: Conditional modes, by outer and inner node.
         strata: Share of every stratum of ln s at each of them.
@@ -127,11 +127,11 @@ def make_sheet(target: Target) -> Sheet:
     volumes = jax.vmap(jax.vmap(lambda node: log_volumes(target, node)))(nodes)
     _, log_slope = jax.vmap(scale.at, out_axes=1)(jnp.asarray(T))
     level = logsumexp(volumes, axis=2) + log_slope
-    inner = jax.vmap(lambda values: make_segments(jnp.asarray(T), values))(level)
-    mass = jax.vmap(lambda segments: segments.log_integral)(inner)
+    t = jnp.asarray(T)
+    mass = jax.vmap(lambda values: make_segments(t, values).log_integral)(level)
     return Sheet(
-        outer=make_segments(nodes.y[:, 0, 0], mass),
-        inner=inner,
+        outer=with_tails(nodes.y[:, 0, 0], mass),
+        inner=jax.vmap(lambda values: with_tails(t, values))(level),
         scale=scale,
         nodes=nodes,
         strata=jax.nn.softmax(volumes, axis=2),

@@ -7,7 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from pushfit.fit.sweep.segments import DEPTH, draw_segment, make_segments
+from pushfit.fit.sweep.segments import (
+    DEPTH,
+    TAIL_POWER,
+    TAIL_SHARE,
+    draw_segment,
+    make_segments,
+    with_tails,
+)
 from tests.tolerances import EXACT
 
 NODES = np.array([-1.0, -0.2, 0.0, 1.5, 1.6])
@@ -18,6 +25,9 @@ LOG_DENSITY = np.array([-3.0, 2.0, 2.0 - 1e-13, -40.0, -40.0])
 N, BY_SUM = 200_000, 1e-8
 # Shares are of a total that is summed up to a segment and divided again: 1e3 roundings.
 BY_SHARE = 1e-12
+# Nodes along which both parts of a mixture are nearly straight, and by how much the log
+# of their sum is below its chords.
+N_FINE, CHORD = 2001, 1e-3
 
 
 def density_between(log_density):
@@ -92,3 +102,16 @@ def test_what_is_impossible_at_a_node_is_held_far_below():
     assert np.all(places > NODES[1] + 0.8 * (NODES[2] - NODES[1]))
     slope = jax.grad(lambda y: make_segments(jnp.asarray(NODES), y).log_integral)
     assert np.all(np.isfinite(slope(jnp.asarray(log_density))))
+
+
+def test_tails_are_proposed_by_their_share_at_least():
+    """A mixture is nowhere below a part's share, and little more in the tail."""
+    fine = np.linspace(NODES[0], NODES[-1], N_FINE)
+    log_density = np.interp(fine, NODES, LOG_DENSITY)
+    mixed = with_tails(jnp.asarray(fine), jnp.asarray(log_density))
+    proposed = np.asarray(mixed.log_density - jnp.log(mixed.total[-1]))
+    for power, share in ((1.0, 1 - TAIL_SHARE), (TAIL_POWER, TAIL_SHARE)):
+        part = power * log_density
+        part -= np.log(np.trapezoid(np.exp(part), fine)) - np.log(share)
+        assert np.all(proposed >= part - CHORD)
+    assert proposed[-1] < part[-1] + CHORD
