@@ -7,8 +7,13 @@ exploration goes on. Excluded: what the lines say (`pushfit.explore.journal.even
 
 import json
 import os
+import sys
+import weakref
 from collections.abc import Mapping
 from pathlib import Path
+
+if sys.platform != "win32":  # which has no lock that leaves a file readable
+    import fcntl
 
 from pushfit.atomic import sync
 from pushfit.errors import ConfigError, DataError
@@ -18,31 +23,78 @@ Event = dict[str, object]
 
 
 class Journal:
-    """A file that events are appended to, each forced to disk; None keeps nothing."""
+    """A file that events are appended to, each forced to disk; None keeps nothing.
+
+    No other process has the same file as a journal while an object of this one does.
+    """
 
     def __init__(self, path: Path | None) -> None:
-        """Read what there is; a last line that was cut off never happened."""
+        """Read what there is; a last line that was cut off never happened.
+
+        Raises:
+            ConfigError: It can be no file, or another process writes it.
+            DataError: A line is no event.
+        """
         if path is not None and (path.is_dir() or not path.parent.is_dir()):
             raise ConfigError(
                 f"{path}: a journal is a file in a folder that exists", code="journal"
             )
         self.path = path
         self.events: tuple[Event, ...] = ()
-        if path is not None and path.exists():
+        if path is not None:
+            if not path.exists():
+                path.touch()
+                sync(path.parent)
+            self._lock = _locked(path)
             self.events = _read(path)
 
     def write(self, event: Mapping[str, object]) -> None:
         """Append an event; returns when it is on the disk."""
         if self.path is None:
             return
-        is_new = not self.path.exists()
         line = json.dumps(event, ensure_ascii=False, allow_nan=False)
         with self.path.open("a", encoding="utf-8") as file:
             file.write(line + "\n")
             file.flush()
             os.fsync(file.fileno())
-        if is_new:
-            sync(self.path.parent)
+
+
+class _Lock:
+    """A file that this process alone may write until the lock is collected."""
+
+    def __init__(self, path: Path) -> None:
+        """Take the lock; the system gives it back when the process dies, however."""
+        file = path.open("rb")
+        weakref.finalize(self, file.close)
+        if sys.platform == "win32":
+            return
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise ConfigError(
+                f"{path}: another pushfit is exploring with this journal, and two "
+                "would mix their pushes; wait for its end or end it, or begin another "
+                "journal",
+                code="journal_in_use",
+            ) from error
+        except OSError:  # a file system without locks
+            pass
+
+
+# Of this process, by device and inode: a cell of a notebook that is run again goes on.
+_locks: weakref.WeakValueDictionary[tuple[int, int], _Lock] = (
+    weakref.WeakValueDictionary()
+)
+
+
+def _locked(path: Path) -> _Lock:
+    """The lock of a file, to be kept for as long as it may be written."""
+    status = path.stat()
+    key = status.st_dev, status.st_ino
+    lock = _locks.get(key)
+    if lock is None:
+        _locks[key] = lock = _Lock(path)
+    return lock
 
 
 def _read(path: Path) -> tuple[Event, ...]:
