@@ -34,6 +34,7 @@ from pushfit.explore.journal.events import (
     ABANDONED,
     INTERRUPTED,
     History,
+    check_start,
     event_of,
     start_event,
 )
@@ -75,9 +76,12 @@ class Explorer:
             `height_tangential`.
         unit: Unit of the heights: `n`, `kpa`, `counts` or `au`.
         source: What makes draws from the pushes so far, the question and a seed.
+        hand: What makes the pushes, by name, for a journal to go on with the same one
+            only; None for any.
 
     Raises:
-        ConfigError: The question makes no sense, or the journal asks another one.
+        ConfigError: The question makes no sense, or the journal has another one, or
+            another hand.
         DataError: The journal is damaged.
     """
 
@@ -96,6 +100,7 @@ class Explorer:
         channels: tuple[str, ...] = ("height",),
         unit: str = "n",
         source: BeliefSource = believe,
+        hand: Mapping[str, object] | None = None,
     ) -> None:
         """Begin, or go on where the journal ends."""
         if ask not in ANGLES:
@@ -123,7 +128,7 @@ class Explorer:
         self._survey: Survey | None = None
         self._intervals: Mapping[str, Interval | None] | None = None
         self.journal = Journal(None if journal is None else Path(journal))
-        self._resume(start_event(self.question, self.judge, limits))
+        self._resume(start_event(self.question, self.judge, limits, hand))
 
     def attach(self, table: PeakTable) -> None:
         """Take in pushes that were made before.
@@ -434,13 +439,7 @@ class Explorer:
             self.journal.write(start)
             return
         first, *events = self.journal.events
-        other = [key for key in start if start[key] != first.get(key)]
-        if other:
-            raise ConfigError(
-                f"{self.journal.path}: was begun with another {', '.join(other)}; go "
-                "on with the same question, or begin another journal",
-                code="other_journal",
-            )
+        check_start(first, start, self.journal.path)
         for event in events:
             self._take(event)
         history = self.history

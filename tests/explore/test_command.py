@@ -197,6 +197,32 @@ def test_failures_leave_a_journal_to_go_on_with(
     assert counted(tmp_path / "run.journal.jsonl", "stopped") == 1
 
 
+def test_a_journal_goes_on_with_the_simulated_grasp_that_it_began_with(
+    tmp_path, grasp, truth, monkeypatch, capsys
+):
+    monkeypatch.setattr(SimulatedHand, "push", stalled)
+    words = ["--config", str(grasp), "--truth", str(truth), *EXPLORE]
+    command = ["explore", "--hand", "simulated", *words, "--out", str(tmp_path / "run")]
+    assert main(command) == 2
+    journal = tmp_path / "run.journal.jsonl"
+    before = journal.read_bytes()
+    truth.write_text(TRUTH_FILE.replace("800.0", "900.0"))
+    capsys.readouterr()
+    assert main([*command, "--noise", "0.02"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "hand.noise = 0.01, not 0.02" in said
+    assert "hand.truth.parameters.K_sn.fixed = 800.0, not 900.0" in said
+    assert "go on with the same, or begin another journal" in said
+    assert journal.read_bytes() == before
+    # Of an older journal nobody knows the hand.
+    text = before.decode()
+    start, *rest = text.splitlines(keepends=True)
+    event = {k: v for k, v in json.loads(start).items() if k != "hand"}
+    journal.write_text("".join([json.dumps(event) + "\n", *rest]))
+    assert main(command) == 2
+    assert "going on with" in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.mark.slow
 def test_what_failures_stopped_is_written_and_goes_on(
     tmp_path, grasp, truth, monkeypatch, capsys

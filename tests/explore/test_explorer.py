@@ -126,6 +126,16 @@ def test_a_question_that_makes_no_sense_is_refused_at_once(changes, named):
         explorer(**changes)
 
 
+def test_a_journal_knows_its_hand_again(tmp_path):
+    """JSON has no tuples; a hand that is not named may be any."""
+    path = tmp_path / "run.jsonl"
+    explorer(journal=path, hand={"arm": ("left", 2)})
+    explorer(journal=path, hand={"arm": ("left", 2)})
+    explorer(journal=path)
+    with pytest.raises(ConfigError, match="hand.arm"):
+        explorer(journal=path, hand={"arm": ("left", 3)})
+
+
 @pytest.mark.parametrize("n", [0, -1])
 def test_no_push_is_no_answer_to_a_question_for_one(n):
     with pytest.raises(ConfigError, match="ask for one push or more"):
@@ -475,7 +485,7 @@ def test_killed_at_any_line_the_same_pushes_follow(tmp_path, cut, step):
 def test_a_journal_of_another_question_is_refused(tmp_path):
     path = tmp_path / "run.jsonl"
     explorer(journal=path)
-    with pytest.raises(ConfigError, match="width_deg"):
+    with pytest.raises(ConfigError, match=r"width_deg = 9.0, not 3.0"):
         explorer(journal=path, width_deg=3.0)
 
 

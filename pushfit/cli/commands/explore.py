@@ -92,12 +92,14 @@ class Asked:
         seed: int,
         journal: Path | None = None,
         stages: "Stages | None" = None,
+        hand: dict[str, object] | None = None,
     ) -> "Explorer":
         """What chooses the pushes.
 
         Args:
             channels: Those of a table that was made before.
             stages: Hears what is done until something is believed.
+            hand: What the journal is to be gone on with.
         """
         from pushfit.explore.belief.from_fit import believe
         from pushfit.explore.explorer import Explorer
@@ -116,6 +118,7 @@ class Asked:
             journal=journal,
             seed=seed,
             source=partial(believe, stages=stages),
+            hand=hand,
         )
 
 
@@ -216,6 +219,7 @@ def explore(
     warn_of_missing(session, *PARTS)
     settings = read_config(asked.config)
     simulated = None
+    made_by: dict[str, object] = {"kind": hand}
     if hand == "ros":
         from pushfit.explore.hands.ros.hand import RosHand
 
@@ -227,8 +231,11 @@ def explore(
         from pushfit.explore.hands.simulated import joints_stated, simulated_hand
 
         settings = joints_stated(settings)
+        held = read_config(truth or example_folder() / "truth.toml")
+        made_by |= {"noise": noise, "scatter": scatter}
+        made_by["truth"] = held.model_dump(mode="json", exclude_none=True)
         finger = simulated = simulated_hand(
-            read_config(truth or example_folder() / "truth.toml"),
+            held,
             theta_deg=asked.theta,
             unit=unit,
             noise=noise,
@@ -243,6 +250,7 @@ def explore(
         unit=unit,
         journal=journal,
         seed=seed,
+        hand=made_by,
     )
     say_kept(
         f"what was pushed is kept in {journal}; the same command goes on", once=journal

@@ -4,12 +4,17 @@ Excluded: how lines get on disk (`pushfit.explore.journal.file`).
 """
 
 import functools
+import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 from pydantic import TypeAdapter
 
+from pushfit.data.text.faults import listed
+from pushfit.errors import ConfigError
 from pushfit.explore.belief.belief import Question
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.hands.protocol import PushStatus
@@ -25,6 +30,8 @@ INTERRUPTED = "interrupted"
 ABANDONED = "abandoned"
 # Reasons of pushes that were never made, or that died with the process.
 NOT_MADE = frozenset({INTERRUPTED, PushStatus.OUT_OF_REACH.value, ABANDONED})
+# Differences that are named, and letters of a value where these are too many.
+MOST_SHOWN, LONG, SHORT = 4, 40, 12
 
 
 @functools.cache
@@ -95,8 +102,13 @@ class History:
         return own + sum(f.reason not in NOT_MADE for f in self.failures)
 
 
-def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
-    """First line of a journal: the question."""
+def start_event(
+    question: Question,
+    judge: Judge,
+    limits: Limits,
+    hand: Mapping[str, object] | None,
+) -> Event:
+    """First line of a journal: the question, and who is to make the pushes."""
     return {
         "event": "start",
         "schema": SCHEMA,
@@ -110,7 +122,49 @@ def start_event(question: Question, judge: Judge, limits: Limits) -> Event:
         "unit": question.unit,
         "config": question.config.digest(),
         "limits": limits.model_dump(mode="json"),
+        "hand": hand,
     }
+
+
+def check_start(begun: Event, now: Event, path: Path | None) -> None:
+    """Refuse to go on with a journal by another question, or by another hand.
+
+    Args:
+        begun: First line of the journal.
+        now: What it would be.
+
+    Raises:
+        ConfigError: They differ, other than that one of them names no hand.
+    """
+    now = json.loads(json.dumps(now))  # tuples are lists in a journal
+    any_hand = {"hand": None} if None in (begun.get("hand"), now["hand"]) else {}
+    old, new = (dict(_leaves(event | any_hand)) for event in (begun, now))
+    other = [
+        f"{key} = {_brief(old.get(key))}, not {_brief(new.get(key))}"
+        for key in {**new, **old}
+        if new.get(key) != old.get(key)
+    ]
+    if other:
+        raise ConfigError(
+            f"{path}: was begun with {listed(other, MOST_SHOWN)}; go on with the same, "
+            "or begin another journal",
+            code="other_journal",
+        )
+
+
+def _leaves(value: object, name: str = "") -> Iterator[tuple[str, object]]:
+    """What is in an event, with keys as `limits.force`."""
+    if not isinstance(value, Mapping):
+        yield name, value
+        return
+    for key, part in value.items():
+        yield from _leaves(part, f"{name}.{key}" if name else key)
+
+
+def _brief(value: object) -> str:
+    """A value as JSON, but for most of a digest."""
+    text = json.dumps(value)
+    return text if len(text) < LONG else f"{text[:SHORT]}…"
 
 
 def event_of(word: str, record: object, **more: object) -> Event:
