@@ -176,9 +176,8 @@ class Explorer:
             return ()
         found = self._suggestions(n)
         if not found:
-            reasons = self.survey().refusals
-            why = "; ".join(f"{k} candidates {reason}" for reason, k in reasons.items())
-            self.stop(f"no push is within the limits: {why}")
+            # A journal keeps to its limits.
+            self.stop(self.survey().why_none, is_over=True)
             return ()
         pending = history.pending
         if pending is None:

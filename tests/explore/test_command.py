@@ -95,6 +95,14 @@ def test_a_simulated_sensor_is_mounted_as_the_settings_say(grasp, tmp_path, caps
     assert "normal = '-Fn' is no channel of the simulated sensor" in said
 
 
+@pytest.mark.parametrize("command", ["next", "explore --hand simulated --out run"])
+def test_a_budget_of_no_push_is_refused(command, capsys):
+    assert main([*command.split(), "--budget", "0"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "--budget" in said
+    assert "greater than or equal to 1" in said
+
+
 def test_next_keeps_to_the_box_of_the_file(grasp, capsys):
     """z = 5 mm sin θ within 2.6 mm: θ up to 31.3°."""
     box = "workspace_mm = [[-5.0, 5.0], [-5.0, 5.0], [0.0, 2.6]]"

@@ -1,6 +1,7 @@
 """The course of an exploration: what is asked, told, kept, and when it ends."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -117,6 +118,7 @@ def test_a_push_that_is_refused_is_not_taken_in(tmp_path, changes):
         ({"unit": "lbf"}, "lbf"),
         ({"seed": -1}, "seed = -1"),
         ({"budget": -1}, "budget -1"),
+        ({"budget": 0}, "the budget 1 push or more"),
         ({"journal": "."}, "a journal is a file"),
         ({"journal": "missing/one.jsonl"}, "folder that exists"),
     ],
@@ -132,7 +134,7 @@ def test_a_journal_knows_its_hand_again(tmp_path):
     explorer(journal=path, hand={"arm": ("left", 2)})
     explorer(journal=path, hand={"arm": ("left", 2)})
     explorer(journal=path)
-    with pytest.raises(ConfigError, match="hand.arm"):
+    with pytest.raises(ConfigError, match=r"hand\.arm"):
         explorer(journal=path, hand={"arm": ("left", 3)})
 
 
@@ -442,10 +444,24 @@ def test_first_pushes_are_short_while_the_stiffness_is_unknown():
     assert own.table.n_pushes == sum(s.length_share == 1 for s in asked)
 
 
-def test_a_refusal_is_explained():
+def test_a_refusal_is_explained_and_its_remedy_is_one():
     own = explorer(limits=Limits(force=1e-4))
     assert own.ask() == ()
-    assert "might exceed the force limit" in own.state.sentence
+    assert "might exceed the force limit of 0.0001" in own.state.sentence
+    (least,) = re.findall(r"give a force limit of (\S+) or more", own.state.sentence)
+    assert explorer(limits=Limits(force=float(least))).ask()
+    assert not explorer(limits=Limits(force=0.9 * float(least))).ask()
+    # The journal keeps to its limits, so nothing is there to go on with.
+    own.go_on()
+    assert own.state.answer is Answer.STOPPED
+
+
+def test_a_box_without_a_push_is_explained():
+    thousandth = (-1e-3, 1e-3)
+    own = explorer(limits=Limits(workspace_mm=(thousandth,) * 3, force=1e-4))
+    assert own.ask() == ()
+    assert "17 candidates out of the workspace" in own.state.sentence
+    assert own.state.sentence.endswith("; widen them")
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ class Asked:
         float,
         typer.Option(metavar="DEG", help="Width that decides: 6 is ± 3 degrees."),
     ] = 6.0
-    budget: Annotated[int, typer.Option(min=0, help="Pushes that may be made.")] = 60
+    budget: Annotated[int, typer.Option(min=1, help="Pushes that may be made.")] = 60
     sigma: Annotated[
         float | None,
         typer.Option(

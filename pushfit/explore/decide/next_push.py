@@ -38,6 +38,8 @@ class Survey:
         is_allowed: Whether each may be asked for.
         gains: Expected information about the asked angles; 0 where not allowed [nat].
         refusals: How many candidates each reason rules out.
+        least_limit: Where none is allowed, the force limit that would allow one; None
+            where none would [N, or the unit of uncalibrated heights].
     """
 
     theta: Float[np.ndarray, " k"]
@@ -47,6 +49,19 @@ class Survey:
     is_allowed: Bool[np.ndarray, " k"]
     gains: Float[np.ndarray, " k"]
     refusals: Mapping[str, int]
+    least_limit: float | None
+
+    @property
+    def why_none(self) -> str:
+        """Why no candidate is allowed, and what would allow one, as a clause."""
+        why = "; ".join(f"{k} candidates {name}" for name, k in self.refusals.items())
+        step = "widen them"
+        if self.least_limit is not None:
+            step = (
+                f"give a force limit of {_rounded_up(self.least_limit)} or more, for "
+                f"pushes of {self.length_share:.0%} of the length"
+            )
+        return f"no push is within the limits: {why}; {step}"
 
     @property
     def ranks(self) -> Int[np.ndarray, " m"]:
@@ -93,12 +108,12 @@ class Surveyor:
             reference_alpha=self.question.reference_alpha,
         )
         theta, alpha = directions.T
-        refusals: dict[str, int] = {}
         for share in SHARES:
             predicted = self._predict(belief, theta, alpha, share=share)
-            is_allowed, refusals = self._screen(
+            refused = self._screen(
                 belief, directions, predicted, share=share, abandoned=abandoned
             )
+            is_allowed = ~np.any(list(refused.values()), axis=0)
             if np.any(is_allowed):
                 break
         gains = np.zeros(theta.size)
@@ -115,7 +130,10 @@ class Surveyor:
             predicted=predicted,
             is_allowed=is_allowed,
             gains=gains,
-            refusals=refusals,
+            refusals={why: int(np.sum(m)) for why, m in refused.items() if np.any(m)},
+            least_limit=None
+            if rows.size
+            else _least_limit(predicted, belief.weights, refused),
         )
 
     def allows(self, belief: Belief, theta: float, alpha: float) -> bool:
@@ -157,9 +175,8 @@ class Surveyor:
         *,
         share: float,
         abandoned: Collection[Direction],
-    ) -> tuple[Bool[np.ndarray, " k"], dict[str, int]]:
-        """Which candidates may be asked for, and why the others may not."""
-        is_out = self._is_out(directions, share * float(belief.grasp.push_length))
+    ) -> dict[str, Bool[np.ndarray, " k"]]:
+        """Which candidates each reason rules out."""
         weights, nowhere = belief.weights, np.zeros(len(directions), dtype=bool)
         lifts_off, is_strong = nowhere, nowhere
         if not np.all(predicted.in_contact):
@@ -167,16 +184,15 @@ class Surveyor:
         limit = self.limits.force
         if limit is not None:
             is_strong = (predicted.force > limit) @ weights > TOLERATED
-        gone = np.array([_is_among(t, a, abandoned) for t, a in directions.tolist()])
-        reasons = {
-            "out of the workspace": is_out,
+        gone = [_is_among(t, a, abandoned) for t, a in directions.tolist()]
+        return {
+            "out of the workspace": self._is_out(
+                directions, share * float(belief.grasp.push_length)
+            ),
             "might lift the finger off": lifts_off,
             f"{FORCE} of {limit or 0:g}": is_strong,
-            "abandoned": gone,
+            "abandoned": np.array(gone),
         }
-        is_allowed = ~(is_out | lifts_off | is_strong | gone)
-        counts = {why: int(np.sum(which)) for why, which in reasons.items()}
-        return is_allowed, {why: n for why, n in counts.items() if n}
 
 
 def suggestion(
@@ -284,3 +300,20 @@ def _q99(force: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]) -> fl
     order = np.argsort(force)
     above = np.searchsorted(np.cumsum(weights[order]), 1 - TOLERATED)
     return float(force[order[min(int(above), order.size - 1)]])
+
+
+def _least_limit(
+    predicted: Predicted,
+    weights: Float[np.ndarray, " n"],
+    refused: Mapping[str, Bool[np.ndarray, " k"]],
+) -> float | None:
+    """The least force limit under which a candidate would be allowed, if one would."""
+    others = [which for why, which in refused.items() if not why.startswith(FORCE)]
+    rows = np.flatnonzero(~np.any(others, axis=0))
+    return min((_q99(predicted.force[row], weights) for row in rows), default=None)
+
+
+def _rounded_up(value: float) -> str:
+    """A positive number with two digits, and not below it."""
+    unit = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return f"{np.ceil(value / unit) * unit:.2g}"

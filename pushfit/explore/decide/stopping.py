@@ -72,11 +72,11 @@ class Judge:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        if not (0 < self.width < 180 and 0 < self.prob < 1 and self.budget >= 0):
+        if not (0 < self.width < 180 and 0 < self.prob < 1 and self.budget > 0):
             raise ConfigError(
                 f"width {self.width:g}°, probability {self.prob:g} and budget "
                 f"{self.budget}: the width must be within 0 and 180°, the probability "
-                "within 0 and 1, the budget not below 0",
+                "within 0 and 1, the budget 1 push or more",
                 code="ask",
             )
 
