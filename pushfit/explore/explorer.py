@@ -24,6 +24,7 @@ from pushfit.explore.belief.tables import (
     by_channel,
     check_sensor,
     check_told,
+    number_of,
     table_of,
     told_rows,
 )
@@ -34,6 +35,7 @@ from pushfit.explore.journal.events import (
     ABANDONED,
     INTERRUPTED,
     History,
+    check_events,
     check_start,
     event_of,
     start_event,
@@ -213,8 +215,8 @@ class Explorer:
         """
         asked = self.history.pending
         row = ToldPush(
-            theta=float(theta),
-            alpha=float(alpha),
+            theta=number_of("theta", theta),
+            alpha=number_of("alpha", alpha),
             heights=by_channel(heights, self.question.channels),
             sd=None if sd is None else by_channel(sd, self.question.channels),
             length_share=1.0 if asked is None else asked.length_share,
@@ -384,7 +386,7 @@ class Explorer:
             case "asked" | "state":
                 return
             case "attached":
-                alpha = float(event["reference_alpha"])  # pyright: ignore
+                alpha = self.history.reference_alpha
                 self.question = replace(self.question, reference_alpha=alpha)
                 self._surveyor = Surveyor(self.question, self.limits)
                 self._belief = None
@@ -439,6 +441,7 @@ class Explorer:
             return
         first, *events = self.journal.events
         check_start(first, start, self.journal.path)
+        check_events(self.journal, self.question)
         for event in events:
             self._take(event)
         history = self.history

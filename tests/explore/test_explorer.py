@@ -2,7 +2,10 @@
 
 import json
 import re
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +33,14 @@ from tests.tolerances import EXACT
 
 WIDTH = 9.0  # what is asked for, ± 4.5° [deg]
 FORCE = 2.5  # what no push may exceed [N]
+
+
+# A line of a journal, but for its heights.
+TOLD = (
+    '{"event": "told", "number": 1, "theta": 0.5, "alpha": 1.5, "heights": %s, '
+    '"sd": null, "length_share": 1.0, "flags": "", "is_attached": false, '
+    '"purpose": null}'
+)
 
 
 def explorer(**changes):
@@ -106,6 +117,55 @@ def test_a_push_that_is_refused_is_not_taken_in(tmp_path, changes):
     assert path.read_bytes() == before
     own.tell(**push)
     assert len(explorer(journal=path, channels=("height",)).history.told) == 1
+
+
+# As a user's script does, without the checks of types that tests have.
+NO_NUMBERS = """\
+from pushfit.errors import DataError
+from pushfit.explore.explorer import Explorer
+from tests.explore.worlds import importance
+
+own = Explorer(None, sigma=0.05, source=importance)
+push = {"theta": 0.5, "alpha": 1.5, "heights": 1.0}
+for changes in (
+    {"heights": None},
+    {"heights": float("nan")},
+    {"heights": "no height"},
+    {"heights": [1.0, 2.0]},
+    {"heights": {"height": None}},
+    {"theta": None},
+    {"alpha": "across"},
+    {"sd": {"height": "small"}},
+):
+    try:
+        own.tell(**(push | changes))
+    except DataError as error:
+        print(error)
+print(len(own.history.told))
+"""
+
+
+def test_what_is_no_number_is_refused_where_it_is_told():
+    found = subprocess.run(
+        [sys.executable, "-c", NO_NUMBERS],
+        capture_output=True,
+        text=True,
+        cwd=Path(__file__).parents[2],
+    )
+    assert found.returncode == 0, found.stderr
+    *said, n_told = found.stdout.splitlines()
+    assert n_told == "0"
+    assert [line.partition(" is ")[0] for line in said] == [
+        "height = None",
+        "height = nan",
+        "height = 'no height'",
+        "height = [1.0, 2.0]",
+        "height = None",
+        "theta = None",
+        "alpha = 'across'",
+        "height = 'small'",
+    ]
+    assert all(line.endswith("a push without a height by `fail()`") for line in said)
 
 
 @pytest.mark.parametrize(
@@ -512,3 +572,44 @@ def test_a_damaged_journal_is_refused(tmp_path):
     path.write_text("\n".join([lines[0], "{no json", *lines[1:]]) + "\n")
     with pytest.raises(DataError, match="line 2"):
         explorer(journal=path)
+
+
+@pytest.mark.parametrize(
+    ("line", "damaged", "what"),
+    [
+        (1, '{"event": "told"}', "no start"),
+        (2, "[1, 2]", "no event"),
+        (2, '{"word": "asked"}', "no event"),
+        (2, '{"event": "aksed"}', "no event is called 'aksed'"),
+        (2, '{"event": "drawn"}', "'n' is missing"),
+        (2, '{"event": "drawn", "n": "two"}', "integer"),
+        (2, '{"event": "attached", "rows": []}', "'reference_alpha' is missing"),
+        (3, '{"event": "told", "theta": 0.5}', "alpha: Field required"),
+        (3, '{"event": "told", "theta": 0.5, "alpha": "x"}', "alpha: Input should be"),
+        (3, TOLD % '{"force": 1.0}', "numbers for force were told"),
+        (3, TOLD % '{"height": NaN}', "height = nan is no finite number"),
+        (3, "\udcff", "utf-8"),
+    ],
+)
+def test_a_damaged_event_is_named_by_its_line(tmp_path, line, damaged, what):
+    path = tmp_path / "run.jsonl"
+    own = explorer(journal=path, channels=("height",))
+    (push,) = own.ask()
+    own.tell(push.theta, push.alpha, 1.0)
+    lines = path.read_text().splitlines()
+    lines[line - 1] = damaged
+    path.write_bytes("\n".join([*lines, ""]).encode(errors="surrogateescape"))
+    with pytest.raises(DataError) as refused:
+        explorer(journal=path, channels=("height",))
+    said = str(refused.value)
+    assert said.startswith(f"{path}, line {line}: ")
+    assert what in said
+    assert said.endswith("keep the lines before it, restore it, or begin another")
+
+
+def test_a_journal_of_any_letters_is_read_again(tmp_path):
+    """Some separate lines for Python and for no editor."""
+    path = tmp_path / "run.jsonl"
+    own = explorer(journal=path)
+    own.fail(own.ask()[0], "stalled\u2028again")
+    assert explorer(journal=path).history == own.history

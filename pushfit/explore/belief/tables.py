@@ -106,23 +106,35 @@ def by_channel(
         values: By channel, or that of the only one.
 
     Raises:
-        DataError: A channel is missing or too many, or a number is not finite.
+        DataError: A channel is missing or too many, or a number is none.
     """
     given = values if isinstance(values, Mapping) else {channels[0]: values}
     if set(given) != set(channels):
         raise DataError(
-            f"numbers for {', '.join(sorted(given))} were told; the exploration has "
-            f"{', '.join(channels)}",
+            f"numbers for {', '.join(sorted(map(str, given)))} were told; the "
+            f"exploration has {', '.join(channels)}",
             code="other_sensor",
         )
-    found = {name: float(given[name]) for name in channels}
-    if not all(np.isfinite(value) for value in found.values()):
+    return {name: number_of(name, given[name]) for name in channels}
+
+
+def number_of(name: str, value: object) -> float:
+    """A number that was told, as a plain float.
+
+    Raises:
+        DataError: It is none, or not finite.
+    """
+    try:
+        number = float(value)  # pyright: ignore
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if not np.isfinite(number):
         raise DataError(
-            f"a number of {found} is not finite; a push without a height is to be told "
-            "by fail()",
+            f"{name} = {value!r} is no finite number; tell what was measured, and a "
+            "push without a height by `fail()`",
             code="no_height",
         )
-    return found
+    return number
 
 
 def sd_of(row: ToldPush, question: Question) -> Float[np.ndarray, " c"] | None:

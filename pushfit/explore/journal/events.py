@@ -8,17 +8,18 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from pushfit.data.text.faults import listed
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, DataError
 from pushfit.explore.belief.belief import Question
+from pushfit.explore.belief.tables import by_channel, check_told
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.hands.protocol import PushStatus
-from pushfit.explore.journal.file import SCHEMA, Event
+from pushfit.explore.journal.file import SCHEMA, Event, Journal, damaged
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Failure, State, Suggestion, ToldPush
 
@@ -53,6 +54,8 @@ class History:
         stopped: Why it was ended from outside, if it was.
         is_over: Whether that cannot be put right.
         in_a_row: Pushes that failed since the last that gave a height.
+        reference_alpha: Azimuth that attached pushes ask θ_c at, if there are any
+            [rad].
     """
 
     told: list[ToldPush] = field(default_factory=list)
@@ -63,12 +66,15 @@ class History:
     stopped: str | None = None
     is_over: bool = False
     in_a_row: list[Failure] = field(default_factory=list)
+    reference_alpha: float | None = None
 
     def take(self, event: Event) -> None:
         """Go on by one event."""
         match event["event"]:
             case "attached":
                 self.told += _adapter(list[ToldPush]).validate_python(event["rows"])
+                alpha = _adapter(float).validate_python(event["reference_alpha"])
+                self.reference_alpha = alpha
             case "asked":
                 self.pending = _suggestion_of(event)
             case "told":
@@ -82,10 +88,10 @@ class History:
                 if failure.reason != INTERRUPTED:  # no fault of the hand
                     self.in_a_row.append(failure)
             case "moved":
-                first = cast(int, event["first"])
+                first = _adapter(int).validate_python(event["first"])
                 self.told[first:] = [row.flagged(MOVED) for row in self.told[first:]]
             case "drawn":
-                self.n_drawn = cast(int, event["n"])
+                self.n_drawn = _adapter(int).validate_python(event["n"])
             case "state":
                 self.course.append(_adapter(State).validate_python(event))
             case "stopped":
@@ -94,6 +100,8 @@ class History:
             case "resumed":
                 self.stopped = None
                 self.in_a_row.clear()
+            case word:
+                raise ValueError(f"no event is called {word!r}")
 
     @property
     def n_made(self) -> int:
@@ -126,6 +134,30 @@ def start_event(
     }
 
 
+def check_events(journal: Journal, question: Question) -> None:
+    """Refuse a journal with an event that this exploration could not have written.
+
+    Raises:
+        DataError: Which line it is.
+    """
+    history = History()
+    for number, event in enumerate(journal.events[1:], start=2):
+        n_told = len(history.told)
+        try:
+            history.take(event)
+            for row in history.told[n_told:]:
+                by_channel(row.heights, question.channels)
+                check_told(row, question)
+        except KeyError as error:
+            raise damaged(journal.path, number, f"{error} is missing") from error
+        except ValidationError as error:
+            (wrong, *_) = error.errors()
+            what = ": ".join([*map(str, wrong["loc"]), wrong["msg"]])
+            raise damaged(journal.path, number, what) from error
+        except (DataError, TypeError, ValueError) as error:
+            raise damaged(journal.path, number, str(error)) from error
+
+
 def check_start(begun: Event, now: Event, path: Path | None) -> None:
     """Refuse to go on with a journal by another question, or by another hand.
 
@@ -135,7 +167,10 @@ def check_start(begun: Event, now: Event, path: Path | None) -> None:
 
     Raises:
         ConfigError: They differ, other than that one of them names no hand.
+        DataError: The journal begins with another event.
     """
+    if begun["event"] != now["event"]:
+        raise damaged(path, 1, "no start of an exploration")
     now = json.loads(json.dumps(now))  # tuples are lists in a journal
     any_hand = {"hand": None} if None in (begun.get("hand"), now["hand"]) else {}
     old, new = (dict(_leaves(event | any_hand)) for event in (begun, now))

@@ -105,15 +105,26 @@ def _read(path: Path) -> tuple[Event, ...]:
         with path.open("r+b") as file:
             file.truncate(len(whole))
             os.fsync(file.fileno())
-    events = []
-    for number, line in enumerate(whole.decode("utf-8").splitlines(), start=1):
-        try:
-            event = json.loads(line)
-        except json.JSONDecodeError as error:
-            raise DataError(
-                f"{path}, line {number}: no JSON ({error.msg}); a journal is only ever "
-                "appended to: restore it, or begin another",
-                code="journal_damaged",
-            ) from error
-        events.append(event)
-    return tuple(events)
+    return tuple(
+        _event(path, number, line)
+        for number, line in enumerate(whole.split(b"\n")[:-1], start=1)
+    )
+
+
+def _event(path: Path, number: int, line: bytes) -> Event:
+    try:
+        event = json.loads(line.decode("utf-8"))
+    except ValueError as error:
+        raise damaged(path, number, f"no JSON ({error})") from error
+    if not isinstance(event, dict) or not isinstance(event.get("event"), str):
+        raise damaged(path, number, 'no event, which is {"event": "told", ...}')
+    return event
+
+
+def damaged(path: Path | None, number: int, what: str) -> DataError:
+    """That a line of a journal is not as it was written, and how to go on."""
+    return DataError(
+        f"{path}, line {number}: {what}; a journal is only ever appended to: keep the "
+        "lines before it, restore it, or begin another",
+        code="journal_damaged",
+    )
