@@ -28,7 +28,7 @@ from pushfit.explore.belief.tables import (
     table_of,
     told_rows,
 )
-from pushfit.explore.decide.misfit import misfit
+from pushfit.explore.decide.misfit import misfit, other_unit
 from pushfit.explore.decide.next_push import Survey, Surveyor, repetition, suggestion
 from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.journal.events import (
@@ -44,13 +44,13 @@ from pushfit.explore.journal.file import Event, Journal
 from pushfit.explore.limits import Limits
 from pushfit.explore.overview import Overview
 from pushfit.explore.records import (
+    FINDINGS,
     Answer,
     Failure,
     Interval,
     State,
     Suggestion,
     ToldPush,
-    direction_words,
 )
 from pushfit.fit.identify.fitted import reference_azimuth
 
@@ -405,7 +405,10 @@ class Explorer:
         decided is decided on fresh draws.
         """
         told, history = self.history.told, self.history
-        if history.n_drawn < len(told) and (
+        slip = other_unit(told, self.question) if history.stopped is None else None
+        if slip is not None:
+            self.stop(slip, is_over=True)
+        elif history.n_drawn < len(told) and (
             history.n_drawn == 0
             or self.belief.is_guess
             or self.belief.effective_share < KEPT_SHARE
@@ -417,22 +420,17 @@ class Explorer:
             if moved is not None:
                 self._record({"event": "moved", "first": moved.first})
                 self.stop(moved.sentence, is_over=True)
-            elif not self.judge.undecided(self.belief, self._known()):
+            elif self.state.answer in FINDINGS:
                 fault = misfit(told, self.belief, self.question)
                 if fault is not None:
                     self.stop(fault, is_over=True)
         self._record(event_of("state", self.state))
 
     def _stop_after_failures(self) -> None:
-        failed = self.history.in_a_row
-        if len(failed) >= self.limits.max_failures and self.history.stopped is None:
-            pushes = ", ".join(
-                f"{f.reason} at {direction_words(f.theta, f.alpha)}" for f in failed
-            )
-            self.stop(
-                f"{len(failed)} pushes failed in a row: {pushes}; where the finger "
-                "cannot go, narrow the limits"
-            )
+        history = self.history
+        n_failed = len(history.in_a_row)
+        if n_failed >= self.limits.max_failures and history.stopped is None:
+            self.stop(history.failures_in_words)
 
     def _resume(self, start: Event) -> None:
         """Begin the journal, or live again through what it tells."""

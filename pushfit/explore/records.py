@@ -28,6 +28,10 @@ class Answer(enum.Enum):
     STOPPED = "stopped"
 
 
+# Answers that rest on all heights told.
+FINDINGS = (Answer.DECIDED, Answer.CANNOT, Answer.UNLIKELY)
+
+
 class Purpose(enum.Enum):
     """Why a push is suggested; the value is the word in journals."""
 

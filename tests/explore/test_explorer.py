@@ -300,6 +300,51 @@ def test_one_wrong_height_decides_nothing(factor, is_wrong):
     assert (own.state.answer is Answer.DECIDED) is not is_wrong
 
 
+@pytest.mark.parametrize("channels", [("height",), COMPONENTS])
+@pytest.mark.parametrize(("factor", "word"), [(1e3, "large"), (1e-3, "small")])
+def test_a_height_in_another_unit_is_named(channels, factor, word):
+    """Told, or in a table made before; no draws are made from it."""
+    own = explorer(channels=channels)
+    for number in range(4):
+        (push,) = own.ask()
+        heights = feel(push, number, channels=channels)
+        if number == 3:
+            heights = {c: factor * h for c, h in heights.items()}
+        own.tell(push.theta, push.alpha, heights)
+    wrong = heights[channels[0]]
+    for told in (own, explorer(channels=channels)):
+        if not told.history.told:
+            told.attach(own.table)
+        said = told.state.sentence
+        assert told.state.answer is Answer.STOPPED
+        assert said.startswith(f"push 4 ({push.describe()}): {channels[0]}_n = ")
+        assert f"{wrong:g} is about 1000 times too {word} beside the others" in said
+        assert said.endswith("correct it, or leave the push out, and begin again")
+        assert told.history.n_drawn < 4
+
+
+def test_what_cannot_be_decided_for_a_wrong_height_is_said():
+    """The draws that such a height leaves forecast nothing."""
+    rng = np.random.default_rng(1)
+    table = simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians([5.0, 10.0]),
+        alpha=np.pi / 2,
+        repeats=6,
+        noise=SIGMA,
+        rng=rng,
+        channels=COMPONENTS,
+    )
+    normal = table.heights("height_normal").copy()
+    normal[3] *= 10
+    wrong = type(table).from_frame(table.frame.assign(height_normal_n=normal))
+    own = explorer(limits=Limits(theta_deg=(5.0, 10.0)))
+    own.attach(wrong)
+    assert own.state.answer is Answer.STOPPED
+    assert "no grasp gives all of these heights: push 4 " in own.state.sentence
+
+
 def test_a_push_beyond_the_limits_is_not_asked_for_again():
     """The strongest push is the reference; the finger went too far with it."""
     limits = Limits(theta_deg=(5.0, 60.0), reference_every=3, reference_first=3)

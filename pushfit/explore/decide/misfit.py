@@ -10,13 +10,32 @@ import numpy as np
 import scipy
 
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
+from pushfit.data.text.faults import listed
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.predict import predict
-from pushfit.explore.belief.tables import noise_is_known, sd_of
+from pushfit.explore.belief.tables import noise_is_known, sd_of, table_of
 from pushfit.explore.records import ToldPush, direction_words
+from pushfit.fit.assess.table_checks import unit_slips
 
 # Chance of faulting heights that are those of a grasp.
 LEVEL = 1e-3
+
+
+def other_unit(told: Sequence[ToldPush], question: Question) -> str | None:
+    """Which heights seem to be in another unit, and what to do; None where none do.
+
+    No belief is asked, as such a height leaves none.
+    """
+    rows = [(n, row) for n, row in enumerate(told, start=1) if not row.is_short]
+    table = table_of(told, question)
+    words = [
+        f"push {number} ({direction_words(row.theta, row.alpha)}): {found}"
+        for i, found in ({} if table is None else unit_slips(table)).items()
+        for number, row in [rows[i]]
+    ]
+    if not words:
+        return None
+    return f"{listed(words)}; correct it, or leave the push out, and begin again"
 
 
 def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str | None:

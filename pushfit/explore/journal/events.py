@@ -21,7 +21,13 @@ from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.hands.protocol import PushStatus
 from pushfit.explore.journal.file import SCHEMA, Event, Journal, damaged
 from pushfit.explore.limits import Limits
-from pushfit.explore.records import Failure, State, Suggestion, ToldPush
+from pushfit.explore.records import (
+    Failure,
+    State,
+    Suggestion,
+    ToldPush,
+    direction_words,
+)
 
 # Flag of pushes that another object may have felt.
 MOVED = "moved"
@@ -108,6 +114,18 @@ class History:
         """Pushes that the hand of this exploration has made and come back from."""
         own = sum(not row.is_attached for row in self.told)
         return own + sum(f.reason not in NOT_MADE for f in self.failures)
+
+    @property
+    def failures_in_words(self) -> str:
+        """Pushes that failed since the last height, and what to do, as a clause."""
+        failed = self.in_a_row
+        pushes = ", ".join(
+            f"{f.reason} at {direction_words(f.theta, f.alpha)}" for f in failed
+        )
+        return (
+            f"{len(failed)} pushes failed in a row: {pushes}; where the finger cannot "
+            "go, narrow the limits"
+        )
 
 
 def start_event(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
@@ -26,6 +26,12 @@ LATER = 0.5
 AT_TOP, MORE = 4, 2
 # Directions whose repeats agree to the digit by chance at most.
 FEW_TWINS = 3
+# A slip of a unit, as mN among N: about 1000 times the median of all heights, and how
+# far beyond all others. These differ by a factor of 12 from 5° to 85°, as sines do,
+# unless noise hides them [decades]. Fewer heights do not say which of them is wrong.
+SLIP, NEARLY, APART, FEW_HEIGHTS = 3.0, 1.0, 1.5, 3
+# Nearer to the surface or its normal a height may be small by itself [deg].
+EDGE = 4.0
 
 
 def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
@@ -55,6 +61,11 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
             code="pushes_excluded", text=f"left out of the fit: {names}"
         )
     yield from _equal_heights(table)
+    for row, words in unit_slips(table).items():
+        yield ResultWarning(
+            code="other_unit",
+            text=f"{label(table, row)}: {words}; correct it, or leave the push out",
+        )
     yield from _at_limit(table)
     yield from _copied_rows(table)
     yield from _drift(table)
@@ -90,6 +101,47 @@ def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:
                 "pushes, whatever the direction; look whether the sensor was "
                 "connected and not saturated, and whether the column is the right one",
             )
+
+
+def unit_slips(table: PeakTable) -> dict[int, str]:
+    """Pushes that look as if they were told in another unit than the others.
+
+    One height that is too large is enough. One that is too small may be noise, so all
+    of a push have to be.
+
+    Returns:
+        What their heights are beside the others, by row of the table.
+    """
+    rows = np.flatnonzero(table.is_used)
+    if rows.size < FEW_HEIGHTS:
+        return {}
+    heights = np.stack([table.heights(channel)[rows] for channel in table.channels])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        typical = np.median(np.abs(heights), axis=1, keepdims=True)
+        size = np.log10(np.abs(heights) / typical)
+    large, small = (np.stack([_is_slip(row) for row in s * size]) for s in (1, -1))
+    # Of both signs they pass through 0, and no push may be there by itself.
+    has_one_sign = np.ptp(np.sign(heights), axis=1, keepdims=True) == 0
+    is_inside = np.abs(np.degrees(np.abs(table.theta[rows])) - 45) < 45 - EDGE
+    small &= np.all(small & has_one_sign & is_inside, axis=0)
+    words = {
+        int(rows[i]): f"{table.channels[c]}_{table.unit} = {heights[c, i]:g} is about "
+        f"1000 times too {'large' if large[c, i] else 'small'} beside the others, as "
+        "if in another unit"
+        for c, i in np.argwhere(large | small)[::-1].tolist()
+    }
+    return dict(sorted(words.items()))
+
+
+def _is_slip(size: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Which sizes are those of a slip, if they are apart from all others.
+
+    Args:
+        size: Heights over their median [decades].
+    """
+    is_slip = np.abs(size - SLIP) < NEARLY
+    rest = np.max(size[~is_slip], initial=-np.inf)
+    return is_slip & (np.min(size[is_slip], initial=np.inf) > rest + APART)
 
 
 def _at_limit(table: PeakTable) -> Iterator[ResultWarning]:

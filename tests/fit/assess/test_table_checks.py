@@ -70,6 +70,49 @@ def test_a_preload_that_is_not_stated_is_an_assumption_that_is_said(text, is_sai
     assert ("preload_unknown" in codes(table, settings)) is is_said
 
 
+@pytest.mark.parametrize(
+    ("factor", "word"),
+    [(1e3, "large"), (1e-3, "small"), (30.0, None), (1.0, None), (1 / 30, None)],
+)
+@pytest.mark.parametrize("case", sorted(CASES))
+@pytest.mark.parametrize("rows", [[3], [0, 7]])
+def test_heights_in_another_unit_are_named(case, factor, word, rows):
+    table = case_table(CASES[case], noise=0.02)
+    heights = table.heights("height").copy()
+    heights[rows] *= factor
+    said = [
+        warning.text
+        for warning in table_warnings(with_heights(table, heights), config())
+        if warning.code == "other_unit"
+    ]
+    assert len(said) == (len(rows) if word else 0)
+    for row, text in zip(rows, said, strict=False):
+        assert text.startswith(f"push {row + 1} (θ = ")
+        assert f"height_n = {heights[row]:g} is about 1000 times too {word}" in text
+        assert text.endswith("correct it, or leave the push out")
+
+
+@pytest.mark.parametrize(
+    ("channel", "theta_deg", "heights"),
+    [
+        ("height_normal", [0.0, 30.0, 60.0], [0.001, 0.5, 0.9]),
+        ("height_tangential", [30.0, 60.0, 90.0], [0.9, 0.5, 0.001]),
+        # A finger that pulls back from a preload.
+        ("height", [-30.0, -10.0, 10.0, 40.0], [-0.5, 0.001, 0.6, 0.9]),
+    ],
+)
+def test_a_height_that_vanishes_by_itself_is_in_no_other_unit(
+    channel, theta_deg, heights
+):
+    table = PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.full(len(theta_deg), np.pi / 2),
+        heights={channel: np.array(heights)},
+        unit="n",
+    )
+    assert "other_unit" not in codes(table)
+
+
 @pytest.mark.parametrize(("limit", "is_said"), [(1.5, True), (9.0, False)])
 def test_heights_that_stop_at_a_largest_one_are_said(limit, is_said):
     table = case_table(CASES["firm"], noise=0.02)
