@@ -518,13 +518,29 @@ def test_the_first_push_is_repeated_and_says_when_the_object_has_moved():
     own = explorer(width_deg=1.0, budget=60, limits=Limits(reference_every=4))
     asked = run(own, n=5)
     assert asked[4].purpose is Purpose.REFERENCE
-    # The strongest push so far shows most of a change.
-    assert asked[4].theta == max(s.theta for s in asked[:4])
+    # The strongest push so far shows most of a change; the last one shows none.
+    assert asked[4].theta == max(s.theta for s in asked[:3])
     assert own.state.answer is Answer.DECIDING
     run(own, n=4)
     softer = Parameters(K_sn=500, K_dn=1200, K_st=400, C_rr=0.3, C_d=0.5, L=0.04)
     run(own, n=1, params=softer)
     assert own.state.answer is Answer.STOPPED
+    assert "the object has moved" in own.state.sentence
+
+
+def test_a_slip_before_the_last_push_is_seen():
+    """That push is the strongest, and to repeat it would say that nothing moved."""
+    own = explorer(width_deg=0.1, limits=Limits(reference_every=4))
+    softer = Parameters(K_sn=500, K_dn=1200, K_st=400, C_rr=0.3, C_d=0.5, L=0.04)
+    for theta_deg in (30.0, 20.0, 25.0, 85.0):
+        (push,) = own.ask()
+        push = replace(push, theta=np.radians(theta_deg))
+        params = softer if theta_deg == 85.0 else TRUTH
+        own.tell(push.theta, push.alpha, feel(push, int(theta_deg), params=params))
+    (push,) = own.ask()
+    assert push.purpose is Purpose.REFERENCE
+    np.testing.assert_allclose(push.theta_deg, 30.0, rtol=EXACT)
+    own.tell(push.theta, push.alpha, feel(push, 5, params=softer))
     assert "the object has moved" in own.state.sentence
 
 

@@ -71,8 +71,8 @@ def reference_due(told: Sequence[ToldPush], limits: Limits) -> ToldPush | None:
 def reference_rows(told: Sequence[ToldPush]) -> list[ToldPush]:
     """The push that others are held against, and its repetitions so far.
 
-    It is the strongest of those before the first repetition: that one shows most of a
-    change.
+    It is the strongest of those before the first repetition, as that shows most of a
+    change, but not the one just before, since which nothing can have happened.
 
     Args:
         told: Pushes in order, at least one of them of full length and its own.
@@ -80,5 +80,5 @@ def reference_rows(told: Sequence[ToldPush]) -> list[ToldPush]:
     own = [row for row in told if not row.is_short and not row.is_attached]
     again = [row for row in own if row.purpose == Purpose.REFERENCE.value]
     before = own[: own.index(again[0])] if again else own
-    strongest = max(before, key=lambda row: max(row.heights.values()))
+    strongest = max(before[:-1] or before, key=lambda row: max(row.heights.values()))
     return [strongest, *again]
