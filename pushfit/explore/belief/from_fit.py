@@ -27,6 +27,7 @@ from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.setup import Setup, build_problem, n_azimuths
 from pushfit.fit.profiles.least_squares import settle_noise
+from pushfit.fit.programs.folder import keep_programs
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.sweep.posterior import sweep_posterior
 from pushfit.model import Grasp
@@ -52,13 +53,16 @@ def believe(
     by, and those lead that would lead its identification.
 
     Args:
-        stages: Hears which mechanics draws are made by.
+        stages: Hears which mechanics draws are made by. Without, the log says where
+            programs are kept that a first call compiles for minutes.
 
     Returns:
         `N_DRAWS` draws of the posterior, or of the prior without a usable push.
     """
     if table is None or not np.any(table.is_used):
         return _prior_belief(question, seed)
+    if stages is None:  # a caller in Python, who sees no progress
+        keep_programs()
     table = _with_open_direction(table, question)
     settings, _ = prepared(table, question.settings)
     first, *others = settings.by_mechanics()

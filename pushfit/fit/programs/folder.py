@@ -1,9 +1,10 @@
 """Where compiled programs are kept between runs, so that later runs start faster.
 
 Whoever can write there can run code as the user, so the folder belongs to the user
-alone. The command line and `pushfit.identify` turn it on, for themselves and the
-processes they start, and say so (`-v`, and a line of the log); PUSHFIT_CACHE=off turns
-it off. Excluded: what is kept there (`pushfit.fit.programs.compile`).
+alone. The command line, `pushfit.identify` and `pushfit.Explorer` turn it on, for
+themselves and the processes they start, and say so (`-v`, and a line of the log);
+PUSHFIT_CACHE=off turns it off. Excluded: what is kept there
+(`pushfit.fit.programs.compile`).
 """
 
 import logging
@@ -54,7 +55,8 @@ def keep_programs() -> None:
     is_seen = is_new and programs_folder() is not None
     logging.getLogger(__name__).log(
         logging.WARNING if is_seen else logging.INFO,
-        "compiled programs for later calls: %s; %s=off in the environment keeps none",
+        "compiled programs for later calls: %s (a first call compiles them, for "
+        "minutes); %s=off in the environment keeps none",
         where,
         SWITCH,
     )

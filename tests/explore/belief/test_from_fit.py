@@ -10,12 +10,15 @@ import pytest
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.explore.belief import from_fit
 from pushfit.explore.belief.belief import Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.fit.assess.tilt_check import do_draws_tilt
 from pushfit.fit.identify.identify_table import identify_table
+from pushfit.fit.identify.progress import Stages
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.programs import compile as programs
+from pushfit.fit.programs import folder
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.sweep.prior import make_target
 from pushfit.mechanics.directions import critical_angle
@@ -223,3 +226,34 @@ def test_redraws_compile_nothing_and_keep_nothing(pushes, monkeypatch):
     names = [function.__name__ for function, _ in made]
     assert (names.count("_sheet"), names.count("_draws")) == (1, 1)
     assert n_live[1:] == n_live[:-1]
+
+
+def table_of_two():
+    return PeakTable.from_arrays(
+        theta=np.radians([20.0, 65.0]),
+        alpha=np.full(2, np.pi / 2),
+        heights=dict.fromkeys(COMPONENTS, np.array([0.7, 1.5])),
+        unit="n",
+    )
+
+
+@pytest.mark.parametrize("stages", [None, Stages(())])
+def test_python_hears_of_minutes_of_compiling_as_commands_do(
+    monkeypatch, tmp_path, caplog, stages
+):
+    """Before the first draws, and the programs are kept for later ones."""
+    monkeypatch.delenv(folder.SWITCH)
+    # Set, so that what is set is taken back.
+    monkeypatch.setenv(folder.PROGRAMS, "")
+    monkeypatch.setattr(folder, "cache_folder", lambda: tmp_path / "compiled")
+
+    def never(*_):
+        raise InterruptedError
+
+    monkeypatch.setattr(from_fit, "_drawn", never)
+    with pytest.raises(InterruptedError):
+        believe(table_of_two(), question(5.0, "linear"), 0, stages=stages)
+    said = [record.message for record in caplog.records]
+    assert len(said) == (1 if stages is None else 0)
+    assert all("minutes" in text and str(tmp_path) in text for text in said)
+    assert (folder.programs_folder() is not None) is (stages is None)
