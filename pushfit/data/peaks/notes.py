@@ -27,7 +27,12 @@ def extraction_notes(
     notes = [definition] if definition else []
     notes += paired.notes()
     notes += _flag_notes(frame)
-    cautions = [*mixed, *_left_out(paired, unit), *paired.cautions(unit)]
+    cautions = [
+        *mixed,
+        *_rests(paired, frame),
+        *_left_out(paired, unit),
+        *paired.cautions(unit),
+    ]
     return tuple(notes), tuple(cautions)
 
 
@@ -48,6 +53,23 @@ def _definitions(frame: pd.DataFrame) -> tuple[str, list[str]]:
         f"mixed definitions: {n_held} of {len(stated)} heights are plateaus, the "
         'others apexes; state peaks.height = "apex" or "plateau" before they are '
         "compared in a fit"
+    ]
+
+
+def _rests(paired: Paired, frame: pd.DataFrame) -> list[str]:
+    """Pushes measured from before a level that they hold, where others are not."""
+    shown = [k for k, is_missing in enumerate(paired.is_missing) if not is_missing]
+    held = [k for k in shown if paired.chosen[k].contact]
+    if len(held) in (0, len(shown)):
+        return []
+    shares = [100 * paired.chosen[k].contact for k in held]
+    pushes = listed([str(frame["push"].iloc[k]) for k in held])
+    return [
+        f"mixed rests: a level of {min(shares):.0f} to {max(shares):.0f} % of the "
+        f"height is held on the way up by push {pushes}, measured from the rest before "
+        "it; the others are measured from the level that they rise from. "
+        "If a finger touches first, let it touch as lightly before all pushes, or "
+        f"leave these out, as by {stated(exclude=[paired.chosen[held[0]].window])}"
     ]
 
 

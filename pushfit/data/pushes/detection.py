@@ -13,10 +13,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.doubles import join_one, part_doubles
-from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING, Feet, are_cut
+from pushfit.data.pushes.feet import GUARD, LEAST, WIDTH_PER_SMOOTHING, Feet, are_cut
 from pushfit.data.pushes.hump_search import search_humps
 from pushfit.data.pushes.running_means import View
 from pushfit.data.pushes.tracing import trace_feet
+from pushfit.parameters import TINY
 
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
 # From twice as much, feet of `short_dropouts` and `p0_Pa` are found elsewhere.
@@ -40,6 +41,13 @@ _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
 _BRIEFER = 10.0
 # Share of the width by which feet of one push may lie elsewhere: the usual smoothing.
 _SAME_PUSH = 0.1
+# A level that is held before a push is its rest up to this share of the height, and
+# named up to twice that: a finger that touches first. At half, a touch of 0.9 N is in
+# some heights of 5 to 15 N and not in others; twice changes no real recording.
+_LIGHT = 0.2
+# Of the level its two halves may differ by so much, and the way to it takes so much of
+# its time. Half or twice either changes no real recording.
+_UNLEVEL, _ON_THE_WAY = 0.25, 0.25
 # Times that pushes are joined, and parted, by their own course: an end for what would
 # go on for ever. Half or twice as many change no real recording.
 _MOST_ONE, _MOST_TWO = 8, 2
@@ -57,6 +65,8 @@ class Extent:
             it may be no push.
         is_cut: Whether the signal begins or ends inside the push.
         is_low: Whether it is lower than the smallest push asked for.
+        contact: Level that it holds on the way up, below which its rest is, as a share
+            of its height; 0 where there is none.
         sign: 1 where the signal rises from rest, -1 where it falls.
     """
 
@@ -66,6 +76,7 @@ class Extent:
     is_brush: bool
     is_cut: bool
     is_low: bool = False
+    contact: float = 0.0
     sign: int = 1
 
     @property
@@ -129,7 +140,8 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     heights = feet.height[is_push & ~is_jerk]
     smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
     is_brush = (feet.height < smallest) | is_jerk
-    feet = _from_within(view, feet).where(~is_cut, feet)
+    within, contact = _from_within(view, feet)
+    feet = within.where(~is_cut, feet)
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
     last = np.maximum(last, first + 1)
@@ -141,6 +153,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
             is_brush=bool(is_brush[k]),
             is_cut=bool(is_cut[k]),
             is_low=bool(is_low[k]),
+            contact=0.0 if is_cut[k] else float(contact[k]),
         )
         for k, own in enumerate(feet.apart())
         if is_push[k]
@@ -172,25 +185,67 @@ def _resolved(
     return feet, whose
 
 
-def _from_within(view: View, feet: Feet[np.ndarray]) -> Feet[np.ndarray]:
+def _from_within(
+    view: View, feet: Feet[np.ndarray]
+) -> tuple[Feet[np.ndarray], Float[np.ndarray, " p"]]:
     """Feet that pushes reach from half of their heights, if they are the same pushes.
 
     Where the course beside a push is not clear of noise, or has a bump, feet found in
     turns with the levels of the rests may lie in several places, by where the search
     began. Half of the height is passed in the same place whatever else there is.
+
+    Returns:
+        Feet, and the level that each push holds on the way up all the same, as a share
+        of its height; 0 for none.
     """
     within = replace(
         feet, start=feet.half_up, end=feet.half_down, moved=np.zeros_like(feet.moved)
     )
     found = trace_feet(view, within)
-    off = np.max(
+    off = np.abs(
         [
-            np.abs(getattr(found, name) - getattr(feet, name))
+            getattr(found, name) - getattr(feet, name)
             for name in ("start", "half_up", "half_down", "end")
-        ],
-        axis=0,
+        ]
     )
-    return found.where(off <= _SAME_PUSH * feet.width, feet)
+    is_same = off <= _SAME_PUSH * feet.width
+    # A finger that touches lightly, and waits, is at rest: if a push began before that
+    # where the touch is more than a foot, heights would jump among those that stand on
+    # the same one.
+    before, after = (_held_beside(view, feet, found, sign) for sign in (-1, 1))
+    is_same[0] |= before <= _LIGHT
+    is_same[3] |= (before <= _LIGHT) & (after <= _LIGHT)
+    is_found = np.logical_and.reduce(is_same)
+    is_named = ~is_found & (before <= 2 * _LIGHT)
+    return found.where(is_found, feet), np.where(is_named, before, 0.0)
+
+
+def _held_beside(
+    view: View, feet: Feet[np.ndarray], within: Feet[np.ndarray], sign: int
+) -> Float[np.ndarray, " p"]:
+    """Levels between two feet before pushes (-1) or after them (1), over those beyond.
+
+    Args:
+        within: Feet on the level, if there is one.
+
+    Returns:
+        Shares of the heights; infinite where the course keeps to no level.
+    """
+    beyond, outer, inner, half = (
+        (feet.before, feet.start, within.start, within.half_up)
+        if sign < 0
+        else (feet.after(), feet.end, within.end, within.half_down)
+    )
+    inner = inner + GUARD * (inner - half)
+    shares = np.array([_ON_THE_WAY, (1 + _ON_THE_WAY) / 2, 1.0])[:, None]
+    parts = outer + shares * (inner - outer)
+    far, near = (
+        view.course.mean(*np.sort(ends, axis=0)) for ends in (parts[:2], parts[1:])
+    )
+    level = near - view.course.mean(*beyond)
+    is_long = sign * (outer - inner) >= LEAST * within.span
+    is_held = is_long & (np.abs(near - far) <= _UNLEVEL * level)
+    return np.where(is_held, level / np.maximum(feet.height, TINY), np.inf)
 
 
 def _are_trends(

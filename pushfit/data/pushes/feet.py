@@ -25,7 +25,7 @@ FOOT = 0.05
 WIDTH_PER_SMOOTHING = 10.0
 # The signal is on its way before it passes the foot: by a ninth of the way to half
 # height on a straight flank, by more on a curved one; `trial2` shows it.
-_GUARD = 0.35
+GUARD = 0.35
 # A rest is looked at for this share of the width, at most for so long [s]: an old
 # baseline is no better than a fresh one, and the next push may be near.
 _SPAN, LONGEST = 0.6, 1.0
@@ -215,7 +215,7 @@ class Feet(Generic[OneOrMany]):
         """Stretches whose level is the rest before the pushes, in their room [s]."""
         # In a short rest a part of it has to do.
         room = self.start - self.lowest
-        last = self.start - np.minimum(_GUARD * (self.half_up - self.start), room / 2)
+        last = self.start - np.minimum(GUARD * (self.half_up - self.start), room / 2)
         return np.minimum(np.maximum(last - self.span, self.lowest), last), last
 
     def after(
@@ -226,7 +226,7 @@ class Feet(Generic[OneOrMany]):
         Args:
             waited: Share of a short room that sensors may take to recover.
         """
-        wait = np.maximum(_GUARD * (self.end - self.half_down), self.settling)
+        wait = np.maximum(GUARD * (self.end - self.half_down), self.settling)
         first = self.end + np.minimum(wait, waited * (self.highest - self.end))
         return first, np.maximum(np.minimum(first + self.span, self.highest), first)
 

@@ -24,6 +24,8 @@ HEIGHT, PERIOD = 100.0, 4.0
 REACHED, PLAIN_SD, SPIKED_SD = 2.0, 3e-3, 0.1
 # What is left of a dip that is bounded adds 7 % at most; unbounded, sds are ninefold.
 SAME_SD = 0.1
+# A rest is that of a touch and no other if it is off by less than half of it.
+ITS_OWN = 0.5
 # A cubic has slopes at the ends of the chord; rests show them a little beyond.
 BENT = 0.5
 
@@ -160,3 +162,39 @@ def test_a_low_push_in_a_short_rest_is_no_level_of_a_high_one(held, rest):
         assert len(high) == 4
         pulls = (high["height_n"] - HEIGHT) / high["height_sd_n"]
         assert np.abs(pulls).max() < MAX_Z
+
+
+def touched(touch, heights, *, seconds):
+    """Triangles and holds on a light touch before and after each; noise of a 200th."""
+    time = np.arange(0.0, 8.0 * len(heights) + 2.0, 0.01)
+    y = 20 + np.random.default_rng(RNG).normal(0, 0.05, time.size)
+    for k, height in enumerate(heights):
+        since = np.abs(time - 8.0 * k - 4.0)
+        y += height * np.clip(1 - since, 0, 0.5 if k % 2 else 1)
+        y += touch * np.clip((1 + seconds - since) / 0.02, 0, 1)
+    return Recording(time=time, channels={"p": y}, units={"p": "n"})
+
+
+@pytest.mark.parametrize("touch", [0.3, 0.7, 1.2])
+def test_pushes_on_one_light_touch_are_all_measured_from_it(touch):
+    """It is 1 to 18 % of their heights; a foot is 5 %, and was before it or after."""
+    heights = np.array([5.0, 30.0, 7.0, 26.0, 9.0, 22.0, 12.0, 18.0, 14.0])
+    heights[0] = max(heights[0], touch / 0.18)
+    found = measure_pushes(touched(touch, heights, seconds=1.0))
+    levels = heights / [1 + k % 2 for k in range(len(heights))]
+    pulls = (found.frame["height_n"] - levels) / found.frame["height_sd_n"]
+    assert np.abs(pulls).max() < MAX_Z
+    assert np.abs(found.frame["baseline_n"] - 20 - touch).max() < ITS_OWN * touch
+    assert not any("mixed rests" in caution for caution in found.cautions)
+
+
+def test_pushes_on_a_firm_touch_are_named_where_others_are_measured_from_it():
+    """By up to 15 % of what they reach; 22 and 25 % of those, more of smoothed ones."""
+    recording = touched(2.0, [20.0, 30.0, 7.0, 26.0, 6.0, 22.0], seconds=1.0)
+    found = measure_pushes(recording)
+    (caution,) = (c for c in found.cautions if c.startswith("mixed rests"))
+    assert "23 to 26 % of the height" in caution
+    assert "push 3, 5" in caution
+    assert "exclude=[(17.97," in caution
+    base = found.frame["baseline_n"].round()
+    assert base.tolist() == [22, 22, 20, 22, 20, 22]
