@@ -4,7 +4,7 @@ Excluded: pushes held at a level (`pushfit.data.peaks.apex_or_plateau`). Half or
 of a constant changes no test, and no flag of `benchmarks.recordings.real_recordings`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -71,23 +71,19 @@ def _ceiling(
     def near(band: float | Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
         return highest > largest - band
 
-    for top in (tops[k] for k in np.flatnonzero(highest == largest).tolist()):
-        n_at = np.count_nonzero(top >= largest)
-        if n_at < _MIN_SAMPLES:
-            continue
-        just_below = np.isin(top, np.unique(top)[-4:-1])
-        if n_at > 2 * np.count_nonzero(just_below):
-            return largest
     bands = _BAND_SIGMAS * sigma
     is_narrow = bands <= _MAX_BAND * np.array(heights)
 
     def is_flat(k: int, end: float) -> bool:
         return _piles_up(tops[k], end, float(bands[k]), _MIN_SAMPLES)
 
-    is_lower = (sigma > 0) & ~near(bands)
-    lower = [is_flat(k, float(highest[k])) for k in np.flatnonzero(is_lower).tolist()]
+    ends = np.flatnonzero(highest == largest).tolist()
     # Where most lower pushes have flat tops, these are their shape and no limit.
-    if np.mean(lower or [0.0]) <= _MOST:
+    lower = np.flatnonzero(~near(bands)).tolist()
+    if len(ends) > 1 or not _are_most(_is_at_one(tops[k]) for k in lower):
+        if any(_is_at_one(tops[k]) for k in ends):
+            return largest
+    if not _are_most(sigma[k] == 0 or is_flat(k, float(highest[k])) for k in lower):
         for k in np.flatnonzero(is_narrow & near(bands)).tolist():
             if is_flat(k, largest):
                 return largest - float(bands[k])
@@ -98,6 +94,18 @@ def _ceiling(
         if len(at_end) >= _MIN_PUSHES:
             return largest - band
     return np.inf
+
+
+def _are_most(found: Iterable[bool]) -> bool:
+    """Whether it is so of more than a share of the pushes."""
+    return float(np.mean([*found] or [0.0])) > _MOST
+
+
+def _is_at_one(top: Float[np.ndarray, " n"]) -> bool:
+    """Whether far more readings are the largest than the three next to it."""
+    n_at = np.count_nonzero(top >= top.max(initial=-np.inf))
+    just_below = np.isin(top, np.unique(top)[-4:-1])
+    return bool(n_at >= _MIN_SAMPLES and n_at > 2 * np.count_nonzero(just_below))
 
 
 def _piles_up(

@@ -336,6 +336,34 @@ def test_short_holds_end_at_no_ceiling_where_lower_ones_are_as_flat():
     assert not frame["flags"].str.contains("saturated").any()
 
 
+def holds(heights, *, half, noise):
+    """Pushes of 2 `half` seconds from foot to foot, flanks of 0.25 s, at 100 Hz."""
+    time = np.arange(0.0, 4.0 * (heights.size + 1), 0.01)
+    since = np.abs(time[:, None] - 4.0 * np.arange(1, heights.size + 1))
+    course = np.sum(heights * np.clip(4.0 * (half - since), 0.0, 1.0), axis=1)
+    return time, course + noise * np.random.default_rng(1).standard_normal(time.size)
+
+
+def test_a_hold_with_a_gap_ends_at_no_ceiling():
+    """What is left of the highest is too little for a plateau: a flat apex."""
+    time, y = holds(np.array([6.0, 9.5, 11.5, 8.0, 10.5, 9.0]), half=0.5, noise=0.05)
+    keep = np.abs(time - 11.85) > 0.2
+    recording = Recording(time=time[keep], channels={"p": y[keep]}, units={"p": "n"})
+    frame = measure_pushes(recording).frame
+    assert frame["flags"].tolist() == ["", "", "gap", "", "", ""]
+
+
+def test_holds_in_coarse_digits_end_at_no_ceiling_where_lower_ones_are_as_flat():
+    """But where two end at the same reading that may be the limit."""
+    heights = np.array([6.0, 9.5, 11.5, 8.0, 10.5, 9.0])
+    time, y = holds(heights, half=1.0, noise=0.01)
+    recording = Recording(time=time, channels={"p": y.round(1)}, units={"p": "n"})
+    assert not any(measure_pushes(recording).frame["flags"])
+    cut = dataclasses.replace(recording, channels={"p": np.minimum(y.round(1), 10.2)})
+    flags = measure_pushes(cut).frame["flags"]
+    assert flags.tolist() == ["", "", "saturated", "", "saturated", ""]
+
+
 @pytest.mark.parametrize("shape", ["triangle", "sine"])
 def test_natural_tops_are_no_ceiling(shape):
     """Nearly without noise, equal pushes end within a noise of each other."""
