@@ -13,6 +13,7 @@ from jaxtyping import Float, Int, Shaped
 
 from pushfit.config.inputs import Gaps, ThetaFrom
 from pushfit.data.recordings.records import Recording
+from pushfit.data.recordings.sentinels import NO_READING, sentinel_of
 from pushfit.data.text.faults import data_error, problem
 from pushfit.data.text.files import Source
 from pushfit.data.units import Unit, implausible_angles, implausible_signal
@@ -33,8 +34,6 @@ _LONG_STEP = 10.0
 # Steps that are looked at at once, half a megabyte; and as many that show the usual
 # one.
 _SOME_STEPS = 1 << 16
-# What is larger is no reading of any unit, but what stands for one.
-_SENTINEL = 1e20
 # Between neighbours further apart than this many usual steps a push may hide.
 _MAX_FILLED_STEPS = 5.0
 # Angles are recorded with few decimals, so a right angle may be passed by rounding.
@@ -218,14 +217,22 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
 def _check_values(findings: _Findings, trust_units: bool) -> None:
     """Find sentinels, and samples that cannot be in their unit."""
     for name, (values, unit) in findings.samples.channels.items():
-        # Extremes first: a copy of every channel would cost more than reading it.
-        if max(np.fmax.reduce(values), -np.fmin.reduce(values)) > _SENTINEL:
-            rows = np.flatnonzero(np.abs(values) > _SENTINEL)
-            found = f"{values[rows[0]]:g}"
+        code = sentinel_of(values)
+        if code is not None:
+            rows = np.flatnonzero(values == code)
+            found = f"{code:g}" if float(f"{code:g}") == code else repr(code)
+            text = (
+                f"{rows.size} samples of {found} ({findings.places(rows)}), far from "
+                "all others, stand for missing ones"
+            )
+            may_be = abs(code) <= NO_READING
+            if may_be and trust_units:
+                findings.notes.append(f"{name}: {text}; taken as readings as told")
+                continue
+            told = f", or {stated(trust_units=True)} if they are readings"
             findings.add(
                 "sentinel",
-                f"{rows.size} samples such as {found} ({findings.places(rows)}) stand "
-                f"for missing ones; state {stated(missing=['...'])} with their text",
+                f"{text}; state {stated(missing=[found])}{told if may_be else ''}",
                 at=int(rows[0]),
                 column=name,
                 value=found,

@@ -5,8 +5,10 @@ Excluded: what is read, if need be with a note (`test_recording`).
 
 import gzip
 
+import numpy as np
 import pytest
 
+from pushfit.data.recordings.recording import read_recording
 from pushfit.data.text import csv_reader
 from pushfit.errors import ConfigError, DataError
 from tests.data.recordings.makers import GOOD, refusal
@@ -298,9 +300,57 @@ REFUSED = {
         GOOD + "0.03,-3.697314E28\n",
         {},
         "sentinel",
-        ["line 5", "-3.69731e+28", "missing=["],
+        ["line 5", "-3.697314e+28", "missing=["],
     ),
 }
+PRESSED = [round(abs(k % 40 - 20) * 0.371, 3) for k in range(200)]
+
+
+def coded(code, rows, *, pressed=PRESSED):
+    """A recording of forces, with a code in some rows."""
+    cells = {k: code for k in rows}
+    lines = (f"{k / 100:g},{cells.get(k, force)}\n" for k, force in enumerate(pressed))
+    return "time_s,force_n\n" + "".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [("-999", "-999"), ("9999.00", "9999"), ("-32768", "-32768"), ("1e30", "1e+30")],
+)
+def test_a_code_for_missing_samples_is_refused_and_how_to_have_it_missing(
+    code, found, write
+):
+    path = write(coded(code, [17, 18, 90]))
+    (problem,) = refusal(path).problems
+    assert (problem.code, problem.column, problem.line) == ("sentinel", "force", 19)
+    assert f"3 samples of {found} (lines 19, 20, 92)" in problem.message
+    assert f"`missing=['{found}']`" in problem.message
+    signal = read_recording(path, missing=[found], gaps="split").channels["force"]
+    assert np.flatnonzero(np.isnan(signal)).tolist() == [17, 18, 90]
+
+
+def test_a_code_is_a_reading_if_told_but_not_beyond_any_unit(write):
+    told = read_recording(write(coded("-999", [17])), trust_units=True)
+    assert any("taken as readings as told" in note for note in told.notes)
+    assert told.channels["force"].min() == -999
+    error = refusal(write(coded("1e30", [17])), trust_units=True)
+    assert "trust_units" not in str(error)
+
+
+def test_a_number_far_from_all_others_is_a_code_only_if_it_comes_again(write):
+    assert refusal(write(coded("-12345", [3, 4]))).code == "sentinel"
+    assert read_recording(write(coded("-12345", [3]))).time.size == len(PRESSED)
+    # Of many samples a few are looked at first.
+    error = refusal(write(coded("-12345", [3, 8001], pressed=PRESSED * 100)))
+    assert "2 samples of -12345 (lines 5, 8003)" in str(error)
+
+
+@pytest.mark.parametrize("top", [999, 4095, 9999, 32767])
+def test_the_end_of_a_sensor_is_no_code(top, write):
+    """Readings pile up there, and lie on the way as well."""
+    counts = [min(round(top / 5 * force), top) for force in PRESSED]
+    text = coded(str(top), [], pressed=counts).replace("force_n", "pdc_counts")
+    assert read_recording(write(text)).channels["pdc"].max() == top
 
 
 @pytest.mark.parametrize("case", REFUSED)
