@@ -21,9 +21,10 @@ from pushfit.errors import InputProblem, stated
 
 # Faults of one kind that are listed; the others are counted.
 _MAX_LISTED = 10
-# Tactile sensors sample at 10 Hz to 10 kHz: a step a hundred times shorter than that,
-# or ten thousand times longer, is one in another unit of time.
+# Tactile sensors sample at 10 Hz to 10 kHz: a step a hundred times shorter, or ten
+# thousand times longer, is in another unit; one three, or ten, may be, if of many.
 _MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
+_SLOW_S, _FAST_S, _MANY = 1.0, 3e-5, 100
 # Since 1970: the year 5138. Of milliseconds that are taken for seconds it is 1973.
 _LATEST_S = 1e11
 # A step is irregular when it is off the median by more than this share of it: rounded
@@ -70,11 +71,12 @@ class Samples:
 
 @dataclass(slots=True, kw_only=True)
 class _Findings:
-    """Problems and notes about one recording."""
+    """Problems, notes and cautions about one recording."""
 
     samples: Samples
     problems: list[InputProblem] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    cautions: list[str] = field(default_factory=list)
 
     def add(self, code: str, text: str, *, at: int | None = None, **cell: str) -> None:
         """Note a problem, perhaps at one sample."""
@@ -138,6 +140,7 @@ def build_recording(
         alpha=series.get("alpha"),
         sources=samples.sources,
         notes=tuple(findings.notes),
+        cautions=tuple(findings.cautions),
     )
 
 
@@ -178,6 +181,12 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
             "implausible_time",
             f"times of {before[0]:.3g} s are of no date if they are in {unit}; state "
             "their true unit, perhaps ms",
+        )
+    elif len(time) >= _MANY and not _FAST_S <= usual < _SLOW_S and usual > 0:
+        other = "ms" if usual >= _SLOW_S else "s"
+        findings.cautions.append(
+            f"the usual step of {usual:g} s is that of no tactile sensor; if times are "
+            f"in {other} and not in {unit}, name their column so, as time_{other}"
         )
     # Some at a time: to copy all steps costs more than to see that they are even.
     parts = [time[k : k + _SOME_STEPS + 1] for k in range(0, len(after), _SOME_STEPS)]

@@ -345,6 +345,18 @@ def test_a_number_far_from_all_others_is_a_code_only_if_it_comes_again(write):
     assert "2 samples of -12345 (lines 5, 8003)" in str(error)
 
 
+@pytest.mark.parametrize(
+    ("name", "step", "told"),
+    [("s", 10, "time_ms"), ("s", 1, "time_ms"), ("ms", 0.01, "time_s"), ("s", 0.1, "")],
+)
+def test_times_in_another_unit_are_told_of(name, step, told, write):
+    """Samples at 100 Hz and 1 kHz in milliseconds, and in seconds; those at 10 Hz."""
+    rows = (f"{k * step:g},{force}\n" for k, force in enumerate(PRESSED))
+    cautions = read_recording(write(f"time_{name},force_n\n" + "".join(rows))).cautions
+    assert len(cautions) == (told != "")
+    assert all(f"as {told}" in caution for caution in cautions)
+
+
 @pytest.mark.parametrize("top", [999, 4095, 9999, 32767])
 def test_the_end_of_a_sensor_is_no_code(top, write):
     """Readings pile up there, and lie on the way as well."""
