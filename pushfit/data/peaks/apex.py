@@ -109,7 +109,11 @@ def bases(
     return np.ascontiguousarray(q.transpose(0, 2, 1)), triangle
 
 
-def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) -> Apex:
+def fit_apex(
+    bins: Float[np.ndarray, "n bins"],
+    noise: Float[np.ndarray, " n"],
+    chord: Float[np.ndarray, " n"] | float = 0.0,
+) -> Apex:
     """Estimate the top of each hump by itself.
 
         height = Σ_g w_g h_g,   w_g ∝ π(r_g) |fall_g / det R_g| exp(-SSE_g / 2σ²)
@@ -121,6 +125,8 @@ def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) 
     Args:
         bins: Means of the samples in `N_BINS` equal parts of each window.
         noise: Standard deviation σ of a bin.
+        chord: Half of the length, on the window [-1, 1], of straight lines between
+            samples, which hide √(chord² + r²) - r of each s.
     """
     bank = _bank()
     centre = bins.mean(axis=1, keepdims=True)
@@ -154,7 +160,9 @@ def fit_apex(bins: Float[np.ndarray, "n bins"], noise: Float[np.ndarray, " n"]) 
     is_near = np.abs(middles - at[:, None]) <= _NEAR
     missed = np.max(np.abs(y - shown), axis=1, where=is_near, initial=0.0)
     missed *= np.clip(misfit / _BEYOND_CHANCE - 1, 0.0, 1.0)
-    sd = np.sqrt((weights * spread).sum(axis=1) + missed**2)
+    half = np.broadcast_to(chord, len(bins))[:, None]
+    hidden = (weights * s * (np.hypot(half, bank.r) - bank.r)).sum(axis=1)
+    sd = np.sqrt((weights * spread).sum(axis=1) + missed**2 + hidden**2)
     return Apex(
         height=np.where(found, height + centre[:, 0], np.nan),
         sd=np.where(found, sd, np.nan),

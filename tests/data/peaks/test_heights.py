@@ -198,3 +198,18 @@ def test_pushes_on_a_firm_touch_are_named_where_others_are_measured_from_it():
     assert "exclude=[(17.97," in caution
     base = found.frame["baseline_n"].round()
     assert base.tolist() == [22, 22, 20, 22, 20, 22]
+
+
+@pytest.mark.parametrize("moment", np.linspace(0.0, 1.0, 5, endpoint=False))
+def test_the_sd_of_a_tip_holds_what_lies_between_few_samples(moment):
+    """Triangles of 8 to 24 samples from foot to foot, at 500 times their noise."""
+    halves = np.array([4.3, 6.2, 8.0, 10.1, 12.4])
+    tops = 60.0 * np.arange(1, 6) + moment
+    time = np.arange(0.0, 360.0)
+    y = 10 * np.clip(1 - np.abs(time[:, None] - tops) / halves, 0, None).sum(axis=1)
+    y += np.random.default_rng(RNG).normal(0, 0.02, time.size)
+    recording = Recording(time=time / 20, channels={"p": y}, units={"p": "n"})
+    frame = measure_pushes(recording).frame
+    assert frame["definition"].tolist() == ["apex"] * 5
+    pulls = (frame["height_n"] - 10) / frame["height_sd_n"]
+    assert np.abs(pulls).max() < MAX_Z
