@@ -46,7 +46,7 @@ HEAVY_PARETO_K = 0.5
 MAX_REFINEMENTS = 3
 # Its components, the draws that it is fitted to, and how many effective ones are enough
 # for that.
-N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 4096, 500.0
+N_COMPONENTS, N_FITTED, ENOUGH_TO_FIT = 8, 2048, 500.0
 # Power of the weights that these are drawn by: a fit to a few of them leaves out tails.
 FITTED_POWER = 0.5
 # Another is fitted to them after so many steps of emcee in the posterior to this power,
