@@ -48,6 +48,8 @@ SAME = 1e-9
 SPREAD = 0.09
 # Weights alone miss the sd of a far tail by 3.3 %, draws that are drawn anew by 0.9 %.
 FAR_TAIL = 0.02
+# Tables with truths from the priors, and how many may have heavy weights.
+N_PLAIN, FEW_HEAVY = 24, 2
 # Repeats that are pooled, and rows whose logs are taken together; the others are slow.
 QUICK = ("plain", "student_sampled")
 
@@ -258,6 +260,21 @@ def test_uneven_draws_are_drawn_anew(n_draws, ess, pareto_k, is_even, monkeypatc
     monkeypatch.setattr(engine, "_refined", lambda target, found, rng: anew)
     target = make_target(KINDS["plain"].setup(0).problem, ALPHA)
     assert engine.weighted_draws(target, seed=0) is (swept if is_even else anew)
+
+
+@pytest.mark.slow
+def test_tables_of_one_sweep_seldom_need_a_mixture():
+    """Tails that are proposed too rarely have heavy weights: 7 of 24 without a share.
+
+    Truths are drawn from the priors; with one, none of the 24 has.
+    """
+    heavy = 0
+    for setup, _ in prior_problems("plain", N_PLAIN, np.random.default_rng(5)):
+        target = make_target(setup.problem, ALPHA)
+        found = engine._swept(target, np.random.default_rng(1))
+        assert found.ess > engine.ENOUGH
+        heavy += found.pareto_k > engine.HEAVY_PARETO_K
+    assert heavy <= FEW_HEAVY
 
 
 def test_a_far_tail_keeps_its_part_when_draws_are_drawn_anew(monkeypatch):
