@@ -79,7 +79,7 @@ def _ceiling(
 
     ends = np.flatnonzero(highest == largest).tolist()
     # Where most lower pushes have flat tops, these are their shape and no limit.
-    lower = np.flatnonzero(~near(bands)).tolist()
+    lower = np.flatnonzero((highest < largest) & ~near(bands)).tolist()
     if len(ends) > 1 or not _are_most(_is_at_one(tops[k]) for k in lower):
         if any(_is_at_one(tops[k]) for k in ends):
             return largest

@@ -364,6 +364,15 @@ def test_holds_in_coarse_digits_end_at_no_ceiling_where_lower_ones_are_as_flat()
     assert flags.tolist() == ["", "", "saturated", "", "saturated", ""]
 
 
+def test_a_hold_by_itself_is_cut_where_its_readings_are_at_one():
+    """As an exploration measures it: no push is lower."""
+    time, y = holds(np.array([11.5]), half=1.0, noise=0.05)
+    whole = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    cut = dataclasses.replace(whole, channels={"p": np.minimum(y, 11.48)})
+    flags = [measure_pushes(one).frame["flags"].tolist() for one in (whole, cut)]
+    assert flags == [[""], ["saturated"]]
+
+
 @pytest.mark.parametrize("shape", ["triangle", "sine"])
 def test_natural_tops_are_no_ceiling(shape):
     """Nearly without noise, equal pushes end within a noise of each other."""
