@@ -11,6 +11,8 @@ from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
 
 PERIOD = 3.5
+# Sequences by hand, and the share of them that is paired; the rest is refused.
+N_BY_HAND, MOST = 50, 0.85
 
 
 @pytest.mark.parametrize("n_cases", [50, pytest.param(10_000, marks=pytest.mark.slow)])
@@ -18,6 +20,26 @@ def test_no_subset_of_a_regular_plan_is_paired_wrong_silently(n_cases):
     verdicts = count(n_cases)
     assert verdicts["wrong"] == 0
     assert verdicts["right"] > 0.3 * n_cases
+
+
+@pytest.mark.parametrize("scatter", [0.1, 0.2])
+def test_as_many_as_planned_by_hand_are_paired_in_order(scatter):
+    """Gaps of a hand scatter by so much; a rhythm found among them is chance."""
+    rng = np.random.default_rng(0)
+    n_in_order = 0
+    for _ in range(N_BY_HAND):
+        gaps = PERIOD * np.exp(scatter * rng.standard_normal(9))
+        times = 3.0 + np.append(0.0, np.cumsum(gaps))
+        found = align(
+            times,
+            [False] * 10,
+            n_planned=10,
+            planned_times=None,
+            span=(0.0, times[-1] + 3.0),
+        )
+        in_order = np.array_equal(found.hump, np.arange(10))
+        n_in_order += in_order and found.other is None
+    assert n_in_order >= MOST * N_BY_HAND
 
 
 @pytest.mark.parametrize("lost", range(1, 7))
