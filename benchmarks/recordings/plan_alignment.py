@@ -3,7 +3,8 @@
 A regular plan of 12 is recorded with any subset of its pushes missing and up to five
 bumps between them that are no pushes. The times between pushes scatter by two percent;
 the recording begins and ends up to two periods beside them. Printed are the shares
-assigned right and refused; what is assigned wrong without a word must be none.
+assigned right and refused; what is assigned wrong without a word must be none. Then the
+same of whole plans by hand, all pushes there, for gaps that scatter by several shares.
 """
 
 import argparse
@@ -19,6 +20,8 @@ N_PLANNED = 12
 PERIOD, SCATTER = 3.5, 0.02
 # Bumps at most, and periods before the first push and after the last.
 MAX_EXTRA, MAX_LEAD = 5, 2.0
+# Scatter of the gaps between pushes by hand.
+BY_HAND = (0.1, 0.2, 0.3)
 
 
 def case(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, tuple]:
@@ -65,13 +68,34 @@ def count(n_cases: int, seed: int = 0) -> Counter[str]:
     return verdicts
 
 
+def count_by_hand(n_cases: int, scatter: float, seed: int = 0) -> Counter[str]:
+    """Verdicts of whole plans, by the scatter of the logs of their gaps."""
+    rng = np.random.default_rng(seed)
+    verdicts: Counter[str] = Counter()
+    for _ in range(n_cases):
+        gaps = PERIOD * np.exp(scatter * rng.standard_normal(N_PLANNED - 1))
+        times = np.append(0.0, np.cumsum(gaps))
+        found = align(
+            times,
+            [False] * N_PLANNED,
+            n_planned=N_PLANNED,
+            planned_times=None,
+            span=(-PERIOD, times[-1] + PERIOD),
+        )
+        verdicts[verdict(found, np.arange(N_PLANNED))] += 1
+    return verdicts
+
+
 def main() -> None:
     """Print the shares."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--cases", type=int, default=10_000)
-    verdicts = count(parser.parse_args().cases)
-    for name, n in sorted(verdicts.items()):
-        print(f"{name:8} {n:6d}  {n / verdicts.total():.1%}")
+    n_cases = parser.parse_args().cases
+    found = {"regular": count(n_cases)}
+    found |= {f"by hand, {s:.0%}": count_by_hand(n_cases // 10, s) for s in BY_HAND}
+    for plans, verdicts in found.items():
+        for name, n in sorted(verdicts.items()):
+            print(f"{plans:14} {name:8} {n:6d}  {n / verdicts.total():.1%}")
 
 
 if __name__ == "__main__":

@@ -323,19 +323,23 @@ def test_a_height_in_another_unit_is_named(channels, factor, word):
         assert told.history.n_drawn < 4
 
 
-def test_what_cannot_be_decided_for_a_wrong_height_is_said():
-    """The draws that such a height leaves forecast nothing."""
-    rng = np.random.default_rng(1)
-    table = simulate_table(
+def hopeless_table():
+    """Twelve pushes to 10°, which cannot tell a θ_c above."""
+    return simulate_table(
         TRUTH,
         Grasp(push_length=0.005),
         theta=np.radians([5.0, 10.0]),
         alpha=np.pi / 2,
         repeats=6,
         noise=SIGMA,
-        rng=rng,
+        rng=np.random.default_rng(1),
         channels=COMPONENTS,
     )
+
+
+def test_what_cannot_be_decided_for_a_wrong_height_is_said():
+    """The draws that such a height leaves forecast nothing."""
+    table = hopeless_table()
     normal = table.heights("height_normal").copy()
     normal[3] *= 10
     wrong = type(table).from_frame(table.frame.assign(height_normal_n=normal))
@@ -498,19 +502,8 @@ def test_of_two_hills_the_own_one_is_left(truth):
 
 def test_a_table_that_is_hopeless_needs_no_further_push():
     """Twelve pushes to 10° made before: nothing was looked at in between."""
-    rng = np.random.default_rng(1)
-    table = simulate_table(
-        TRUTH,
-        Grasp(push_length=0.005),
-        theta=np.radians([5.0, 10.0]),
-        alpha=np.pi / 2,
-        repeats=6,
-        noise=SIGMA,
-        rng=rng,
-        channels=COMPONENTS,
-    )
     own = explorer(limits=Limits(theta_deg=(5.0, 10.0)))
-    own.attach(table)
+    own.attach(hopeless_table())
     assert own.state.answer is Answer.CANNOT
 
 

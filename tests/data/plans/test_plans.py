@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.recordings.plan_alignment import count
+from benchmarks.recordings.plan_alignment import count, count_by_hand
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error
 from pushfit.data.plans.schedule import PushSchedule
@@ -12,7 +12,7 @@ from pushfit.data.pushes.feet import Feet
 
 PERIOD = 3.5
 # Sequences by hand, and the share of them that is paired; the rest is refused.
-N_BY_HAND, MOST = 50, 0.85
+N_BY_HAND, MOST = 50, 0.75
 
 
 @pytest.mark.parametrize("n_cases", [50, pytest.param(10_000, marks=pytest.mark.slow)])
@@ -24,22 +24,10 @@ def test_no_subset_of_a_regular_plan_is_paired_wrong_silently(n_cases):
 
 @pytest.mark.parametrize("scatter", [0.1, 0.2])
 def test_as_many_as_planned_by_hand_are_paired_in_order(scatter):
-    """Gaps of a hand scatter by so much; a rhythm found among them is chance."""
-    rng = np.random.default_rng(0)
-    n_in_order = 0
-    for _ in range(N_BY_HAND):
-        gaps = PERIOD * np.exp(scatter * rng.standard_normal(9))
-        times = 3.0 + np.append(0.0, np.cumsum(gaps))
-        found = align(
-            times,
-            [False] * 10,
-            n_planned=10,
-            planned_times=None,
-            span=(0.0, times[-1] + 3.0),
-        )
-        in_order = np.array_equal(found.hump, np.arange(10))
-        n_in_order += in_order and found.other is None
-    assert n_in_order >= MOST * N_BY_HAND
+    """A rhythm found among gaps of a hand is chance."""
+    verdicts = count_by_hand(N_BY_HAND, scatter)
+    assert verdicts["wrong"] == 0
+    assert verdicts["right"] >= MOST * N_BY_HAND
 
 
 @pytest.mark.parametrize("lost", range(1, 7))
