@@ -229,11 +229,12 @@ def angle_rows(identification: Identification) -> list[tuple[str, str]]:
             text += f"; likelihood alone: {ranges}"
         rows.append((symbol(answer.name), text))
     if len(identification.by_mechanics) > 1:
-        rows += [_mechanics_row(answer) for answer in identification.by_mechanics]
+        unit = identification.table.unit
+        rows += [_mechanics_row(one, unit) for one in identification.by_mechanics]
     return rows
 
 
-def _mechanics_row(answer: MechanicsAnswer) -> tuple[str, str]:
+def _mechanics_row(answer: MechanicsAnswer, unit: str) -> tuple[str, str]:
     theta_c = answer.theta_c
     ranges = [format_range(*piece, "deg") for piece in pieces_for(theta_c)]
     text = join_or(ranges) or UNQUOTED
@@ -242,7 +243,10 @@ def _mechanics_row(answer: MechanicsAnswer) -> tuple[str, str]:
     if theta_c.estimate is not None and theta_c.interval is not None:
         number, interval = format_estimate(theta_c.estimate, theta_c.interval, "deg")
         text = f"{number} ({interval})"
-    parts = [text, f"chi-square {format_number(answer.chi_square)}"]
+    parts = [text]
+    if answer.rms_residual is not None:
+        off = with_unit(format_number(answer.rms_residual), unit)
+        parts.append(f"heights off by {off}, rms")
     if answer.log_evidence is not None:
         parts.append(f"ln evidence {answer.log_evidence:z.1f}")
     title = mechanics_named(answer.mechanics).title

@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
@@ -147,6 +149,9 @@ def mechanics_answer(
     """What stands beside the other mechanics."""
     best, wanted = fitted.fit.modes[0], fitted.config.report.wanted_width_deg
     is_trusted = posterior.status is FitStatus.OK
+    problem = fitted.setup.problem
+    observed = np.asarray(problem.observed)[np.asarray(problem.mask)]
+    rms_residual = float(np.sqrt(np.mean((observed - fitted.fit.predicted) ** 2)))
     return MechanicsAnswer(
         mechanics=fitted.mechanics,
         theta_c=within_verdict(theta_c, wanted_width_deg=wanted)
@@ -156,6 +161,7 @@ def mechanics_answer(
         chi_square=best.chi_square,
         log_evidence=posterior.log_evidence,
         log_evidence_error=posterior.log_evidence_error,
+        rms_residual=rms_residual,
     )
 
 

@@ -34,6 +34,8 @@ class MechanicsAnswer:
         log_evidence: Log marginal likelihood; None where it is not known, or is not of
             the same pushes and noise as that of the leading mechanics.
         log_evidence_error: Its standard error.
+        rms_residual: Root mean square of heights less those of the best fit, whatever
+            noise they have by it; None in results of earlier versions [height unit].
     """
 
     mechanics: str
@@ -42,6 +44,7 @@ class MechanicsAnswer:
     chi_square: float
     log_evidence: float | None
     log_evidence_error: float | None
+    rms_residual: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

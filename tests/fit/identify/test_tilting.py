@@ -281,6 +281,11 @@ def test_the_mechanics_that_lead_are_those_of_the_push(push_length, leading):
     low, high = both.theta_c.interval
     assert low < true_angle(grasp=grasp) < high
     assert "large_tilt" not in {warning.code for warning in both.warnings}
+    if leading == "linear":
+        # Every height has the same noise, and L no residual: χ² = n (rms / σ)².
+        first = both.by_mechanics[0]
+        rms_residual = noise * np.sqrt(first.chi_square / both.fit.n_data)
+        assert first.rms_residual == pytest.approx(rms_residual, rel=EXACT)
     for answer in both.by_mechanics:
         text_of_one = f'{text}[grasp]\nmechanics = "{answer.mechanics}"\n'
         settings = parse_config(text_of_one, path="grasp.toml")

@@ -76,14 +76,15 @@ def test_what_numerics_stopped_short_of_has_no_verdict_of_the_data(not_converged
 
 
 def test_what_both_mechanics_say_stands_side_by_side(make_identification):
-    linear = make_answer("linear", best=44.0, log_evidence=None, chi_square=61.25)
+    linear = make_answer("linear", best=44.0, log_evidence=None, rms_residual=0.1734)
     both = (make_answer("tilting", log_evidence=-12.34), linear)
     text = render_text(make_identification(by_mechanics=both), width=120)
     lines = text.splitlines()
-    first, second = (line for line in lines if "chi-square" in line and "θ_c" in line)
+    first, second = (line for line in lines if "heights off by" in line)
     assert "tilting" in first
     assert "40.0° (38.0° to 42.0°)" in first
     assert "ln evidence -12.3" in first
+    assert "heights off by 0.173 N, rms" in second
     assert "linear mechanics" in second
     assert "44.0° (42.0° to 46.0°)" in second
     assert "evidence" not in second
