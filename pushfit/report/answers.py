@@ -255,13 +255,14 @@ def _with_remarks(answer: AnswerText, remarks: list[str]) -> AnswerText:
 
 
 def _with_caution(answer: AnswerText, identification: Identification) -> AnswerText:
-    """Answer that says first if the model does not describe the data."""
+    """Answer that says first if the model does not describe the data as they are."""
     if identification.goodness_of_fit.is_adequate:
         return answer
     sentence = answer.sentence[0].lower() + answer.sentence[1:]
     return replace(
         answer,
-        sentence=f"Not to be relied on, because the model does not fit: {sentence}",
+        sentence=f"Not to be relied on, because the model does not fit this "
+        f"table as it is: {sentence}",
     )
 
 

@@ -3,7 +3,8 @@
 No number from numerics that are not to be trusted, no interval around what is not
 determined, no stiffness without a push length, no interval of zero width, and no angle
 called determined whose interval is wider than the user wants it. Where the model does
-not describe the heights, what it makes of them is provisional: without intervals.
+not describe the heights, or the table cannot be right, what it makes of them is
+provisional: without intervals.
 Excluded: the verdicts themselves (`pushfit.fit.assess.verdicts`).
 """
 

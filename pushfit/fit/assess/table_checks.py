@@ -15,6 +15,8 @@ from pushfit.errors import counted
 from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.results import ResultWarning
 
+# Codes of tables that cannot be right, however well the model describes them.
+WRONG = frozenset({"equal_heights", "other_unit"})
 # Of the spread of push numbers, what lies within directions where their repeats were
 # made one after another; of whole sweeps it is most.
 IN_A_ROW = 0.1

@@ -21,7 +21,7 @@ from pushfit.fit.assess.model_free import model_free_direction
 from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.sensitivity import angle_error_warnings
-from pushfit.fit.assess.table_checks import follows_elevation
+from pushfit.fit.assess.table_checks import WRONG, follows_elevation
 from pushfit.fit.assess.tilt_check import implied_tilt_deg, tilt_warning
 from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.violations import violation_warnings
@@ -145,11 +145,15 @@ def _conclude(
         contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
     )
     is_strange = not goodness.is_adequate or improbable(fitted.config, posterior)
-    reading = other_reading(fitted, seed=seed) if is_strange else None
-    if reading is not None and goodness.is_adequate:
-        sentence = (
-            f"{goodness.sentence[:-1]}, but far better if the table is read otherwise."
-        )
+    is_wrong = any(warning.code in WRONG for warning in fitted.warnings)
+    reading = None
+    if is_strange and not is_wrong:
+        reading = other_reading(fitted, seed=seed)
+    if goodness.is_adequate and (is_wrong or reading is not None):
+        but = "the table cannot be right"
+        if reading is not None:
+            but = "far better if the table is read otherwise"
+        sentence = f"{goodness.sentence[:-1]}, but {but}."
         goodness = replace(goodness, is_adequate=False, sentence=sentence)
     found = Identification(
         table=fitted.table,

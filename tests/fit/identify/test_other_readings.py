@@ -48,6 +48,17 @@ def test_elevations_from_the_normal_are_found_where_the_model_fits_all_the_same(
     assert found.theta_c.sets == ()
 
 
+def test_what_a_table_tells_that_cannot_be_right_is_provisional():
+    """Equal heights are those of a contact with A C_rr = B, without any noise."""
+    table = case_table(CASES["firm"], noise=0.02, seed=1)
+    table = replace(table, frame=table.frame.assign(height_n=1.5))
+    found = identify_table(table, config(), seed=1, is_brief=True)
+    assert found.goodness_of_fit.sentence.endswith("but the table cannot be right.")
+    for quantity in (found.theta_c, *found.combinations):
+        assert quantity.interval is None
+        assert quantity.verdict.value in ("provisional", "not_determined", "assumed")
+
+
 def test_channels_that_are_exchanged_are_named():
     table = case_table(CASES["firm"], noise=0.03, seed=1, channels=BOTH)
     warning = other_reading(fit_table(exchanged(table), config()), seed=1)
