@@ -1,7 +1,8 @@
 """What the items of a batch have in common: one row for each quantity.
 
 All items of the batch are one population; equal content counts once. A and B are
-pooled where their units agree. Excluded: the statistics
+pooled where their units agree. What may not have an interval of its own lends none to
+the others: provisional items are left out. Excluded: the statistics
 (`pushfit.fit.population.pooling`).
 """
 
@@ -29,6 +30,7 @@ COLUMNS = (
     "effective_draws",
     "outliers",
     "not_usable",
+    "provisional",
     "warnings",
 )
 
@@ -83,6 +85,7 @@ def _rows(
     """Rows of one quantity, one for each unit."""
     groups: dict[str, list[ItemDraws]] = {}
     n_all: dict[str, int] = {}
+    provisional: dict[str, list[str]] = {}
     for item in items:
         finished = find(item.key)
         if finished is None:
@@ -91,6 +94,9 @@ def _rows(
         if unit.endswith("_unit"):
             unit = str(finished.values.get(unit) or "")
         n_all[unit] = n_all.get(unit, 0) + 1
+        if is_provisional(finished.values):
+            provisional.setdefault(unit, []).append(item.name)
+            continue
         draws = finished.draws.get(pooled.column)
         log_prior = finished.draws.get(f"{LOG_PRIOR}{pooled.column}")
         if draws is not None and log_prior is not None:
@@ -100,11 +106,30 @@ def _rows(
     for unit, group in sorted(groups.items()):
         found = pool(group, scale=pooled.scale)
         if found is not None:
-            rows.append(_row(pooled.quantity, unit, found=found, n_all=n_all[unit]))
+            row = _row(
+                pooled.quantity,
+                unit,
+                found=found,
+                n_all=n_all[unit],
+                provisional=provisional.get(unit, ()),
+            )
+            rows.append(row)
     return rows
 
 
-def _row(quantity: str, unit: str, *, found: Population, n_all: int) -> Row:
+def is_provisional(row: Row) -> bool:
+    """Whether the model does not describe an item, or its table cannot be right."""
+    return "model_inadequate" in str(row.get("warnings")).split(";")
+
+
+def _row(
+    quantity: str,
+    unit: str,
+    *,
+    found: Population,
+    n_all: int,
+    provisional: Sequence[str],
+) -> Row:
     cells: tuple[Cell, ...] = (
         quantity,
         unit,
@@ -117,6 +142,7 @@ def _row(quantity: str, unit: str, *, found: Population, n_all: int) -> Row:
         round(found.effective_draws),
         ";".join(found.outliers),
         ";".join(found.not_usable),
+        ";".join(provisional),
         "grid_edge" if found.is_edge_reached else "",
     )
     return dict(zip(COLUMNS, cells, strict=True))

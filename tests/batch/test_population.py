@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ Z = stats.norm.ppf((np.arange(400) + 0.5) / 400)
 UNITS = {"d": "hPa/m"}
 
 
-def identify(tables, config, *, seeds, engine):
-    """Items alike but for one; d has another unit."""
+def identify(tables, config, *, seeds, engine, far="theta_c_not_determined"):
+    """Items alike but for one, with its warnings; d has another unit."""
     found = []
     for table in tables:
         name = table.sources[0].path.rpartition("/")[2].removesuffix(".csv")
@@ -29,6 +30,8 @@ def identify(tables, config, *, seeds, engine):
         draws |= {f"log_prior_{column}": np.zeros(400) for column in draws}
         unit = UNITS.get(name, "N/m")
         values = {"status": "ok", "theta_c_deg": 30.0, "A_unit": unit}
+        if name == "far":
+            values["warnings"] = far
         found.append(ItemResult(values=values, draws=draws))
     return found
 
@@ -60,6 +63,18 @@ def test_items_of_one_unit_are_one_population(runs, tmp_path):
     assert (A["quantity"], A["unit"], A["n_items"]) == ("ln_A", "N/m", "4")
     assert angle["outliers"] == "runs/far.csv"
     assert float(A["mean_low"]) < 6 + (0 + 1 + 2 + 4) / 40 < float(A["mean_high"])
+
+
+def test_what_has_no_interval_of_its_own_is_not_pooled(runs, tmp_path):
+    """Without `far`, θ_c is 30° to 33°: the mean of these, and nothing outlying."""
+    wrong = partial(identify, far="equal_heights;model_inadequate")
+    found = identify_batch(["runs"], "out", identify=wrong)
+    angle, A = found.population
+    for row in (angle, A):
+        assert (row["n_left_out"], row["provisional"]) == (1, "runs/far.csv")
+        assert row["outliers"] == ""
+    assert angle["mean_low"] < 31.5 < angle["mean_high"] < 40
+    assert 'note">runs/far.csv</td>' in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_the_page_shows_the_population_and_every_item(runs, tmp_path):

@@ -87,10 +87,13 @@ def report(session: CommandSession, found: "Batch", *, is_json: bool) -> int:
     if len(found.failures) > N_SHOWN:
         n_more = len(found.failures) - N_SHOWN
         session.complain(f"and {n_more} more; failures.csv lists all")
+    from pushfit.batch.population import is_provisional
     from pushfit.data.text.faults import listed
     from pushfit.report.strings import printable
 
-    facts = counts(found)
+    provisional = [str(row["item"]) for row in found.rows if is_provisional(row)]
+    facts = {**counts(found), "provisional": len(provisional)}
+    names = {"left_out": found.left_out, "provisional": provisional}
     if is_json:
         status = "some_failed" if found.failures else "ok"
         files = [str(path) for path in found.files]
@@ -99,7 +102,7 @@ def report(session: CommandSession, found: "Batch", *, is_json: bool) -> int:
         )
         return code
     for name, number in facts.items():
-        which = f" ({listed(found.left_out)})" if name == "left_out" and number else ""
+        which = f" ({listed(names[name])})" if name in names and number else ""
         print(printable(f"{name:<12} {number}{which}"))
     for path in found.files:
         session.wrote(path)

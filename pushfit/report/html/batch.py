@@ -98,8 +98,8 @@ def render_batch(
             without `_deg`, and `<name>_unit`. Columns and cells may be missing.
         population: One row per quantity: `quantity`, `unit`, `mean`, `mean_low`,
             `mean_high`, `spread`, `spread_low`, `spread_high`, `n_items`, and
-            `outliers` and `not_usable`, names of items joined by ";". With an upper
-            end alone a number is below it.
+            `outliers`, `not_usable` and `provisional`, names of items joined by
+            ";". With an upper end alone a number is below it.
 
     Raises:
         ConfigError: Jinja2 is not installed.
@@ -239,6 +239,7 @@ def _population_row(row: Record) -> dict[str, object]:
         "n_items": "" if n_items is None else f"{n_items:.0f}",
         "outliers": _word(row, "outliers").replace(";", ", "),
         "not_usable": _word(row, "not_usable").replace(";", ", "),
+        "provisional": _word(row, "provisional").replace(";", ", "),
     }
 
 
