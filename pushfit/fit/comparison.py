@@ -20,8 +20,9 @@ from jaxtyping import Array, Float
 from pushfit.config import GraspConfig
 from pushfit.config.rivals import rival_configs
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.errors import check_seed
+from pushfit.errors import DataError, check_seed
 from pushfit.fit.assess.model_checking import goodness_of_fit
+from pushfit.fit.assess.table_checks import WRONG, table_warnings
 from pushfit.fit.identify.beside import Beside
 from pushfit.fit.identify.by_mechanics import fitted_by_leading
 from pushfit.fit.identify.fitted import Fitted, Listener, draw_posterior
@@ -193,7 +194,7 @@ def compare_models(
         Scores; without evidence where the sweep handed a model to emcee.
 
     Raises:
-        DataError: If no usable push is left.
+        DataError: If no usable push is left, or the table cannot be right.
         ConfigError: If the configuration does not fit the table, or the seed is below
             0.
         FitError: If no start gives finite residuals or a finite density, the solver
@@ -201,6 +202,11 @@ def compare_models(
         ConvergenceError: If the posterior density is infinite at some point.
     """
     check_seed(seed)
+    for warning in table_warnings(table, config):
+        if warning.code in WRONG:
+            raise DataError(
+                f"no models are compared: {warning.text}", code=warning.code
+            )
     # Other noise is one of the models, not what all of them have.
     plain = with_plain_noise(config)
     if progress is not None:

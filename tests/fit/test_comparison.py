@@ -12,6 +12,7 @@ from pushfit.config.rivals import (
     SOFT_SHARPNESS,
     rival_configs,
 )
+from pushfit.errors import DataError
 from pushfit.fit import comparison
 from pushfit.fit.comparison import (
     compare_models,
@@ -173,6 +174,15 @@ def test_without_rolling_the_tangential_force_is_elastic_at_every_elevation():
     expected = case.B * PUSH * np.cos(table.theta)
     found = np.asarray(channels.height_tangential)[: table.n_pushes]
     np.testing.assert_allclose(found, expected, rtol=EXACT)
+
+
+def test_a_table_that_cannot_be_right_is_refused(monkeypatch):
+    """At once: equal heights kept emcee busy for minutes."""
+    monkeypatch.setattr(comparison, "fitted_by_leading", None)
+    table = case_table(CASES["firm"])
+    stuck = type(table).from_frame(table.frame.assign(height_n=1.5))
+    with pytest.raises(DataError, match=r"height_n is 1\.5 in all 51 pushes"):
+        compare_models(stuck, config())
 
 
 @pytest.mark.slow
