@@ -43,6 +43,8 @@ SOFT = 4.0
 MIN_FREEDOM, MIN_FOR_KURTOSIS = 3, 20
 # What is smaller, against the whole, is rounding.
 ROUNDING = 1e-9
+# Decimals that heights may be stated to, beyond which they are not rounded.
+MOST_DECIMALS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +76,13 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
         return ()
     mask = np.asarray(problem.mask)
     heights = np.asarray(problem.observed)[mask]
-    residuals = (heights - fit.predicted) / fit.sigma
+    channel, _ = np.nonzero(mask)
+    errors = heights - fit.predicted
+    if all(
+        _is_rounding(heights[channel == c], errors[channel == c]) for c in {*channel}
+    ):
+        return ()
+    residuals = errors / fit.sigma
     # Rows of the Jacobian beyond the data are what is known beforehand.
     basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
     free = residuals - basis @ (basis.T @ residuals)
@@ -88,7 +96,6 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     if all(v is None or not v.p_value < LEVEL for v in found):
         found.append(_heavy_tailed(free))
     if not setup.noise.shared:
-        channel, _ = np.nonzero(mask)
         for index, name in enumerate(problem.channels):
             change = np.where(channel == index, 1 / fit.sigma, 0.0)
             column = f"{name}_{table.unit}"
@@ -101,6 +108,16 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
         found.append(_soft(free, basis, (softened - fit.predicted) / fit.sigma))
     kept = [v for v in found if v is not None and np.isfinite(v.p_value)]
     return tuple(sorted(kept, key=lambda v: v.p_value))
+
+
+def _is_rounding(
+    heights: Float[np.ndarray, " n"], errors: Float[np.ndarray, " n"]
+) -> bool:
+    """Whether errors are below the decimal that all heights of a channel stop at."""
+    for decimals in range(MOST_DECIMALS + 1):
+        if np.allclose(heights, heights.round(decimals), rtol=ROUNDING, atol=0):
+            return bool(np.sqrt(np.mean(errors**2)) < 10.0**-decimals)
+    return False
 
 
 def violation_warnings(

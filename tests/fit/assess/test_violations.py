@@ -16,7 +16,7 @@ from pushfit.fit.assess.violations import (
     violations,
 )
 from pushfit.fit.identify.fitted import fit_table
-from tests.fit.tables import config
+from tests.fit.tables import case_table, config
 from tests.problems import CASES
 
 NOISE = 0.01
@@ -182,3 +182,14 @@ def test_heights_are_tall_in_units_of_the_noise_of_their_component(share, is_nam
     each = [violations(one.table, one.setup, one.fit) for one in fitted]
     named = [found[0].code for found in each if found[0].p_value < LEVEL]
     assert (named.count("looks_proportional") > N_TABLES / 2) is is_named
+
+
+@pytest.mark.parametrize(("noise", "is_said"), [(1e-4, False), (NOISE, True)])
+def test_residuals_of_rounding_show_nothing(noise, is_said):
+    """Repeats that round apart do so anywhere; those of this seed where θ is steep."""
+    table = case_table(CASES["firm"], noise=noise, seed=4)
+    rounded = table.heights("height").round(3)
+    table = PeakTable.from_frame(table.frame.assign(height_n=rounded))
+    fitted = fit_table(table, config())
+    assert bool(fitted.shown) is is_said
+    assert "angle_errors" not in {warning.code for warning in fitted.warnings}
