@@ -58,6 +58,13 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
         summary = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         fault = getattr(error, "strerror", None) or error
+        if (Path(folder) / "batch.sqlite").exists():
+            raise DataError(
+                f"{folder}: is the folder of a batch, and its page is report.html; "
+                "name the result of an item in items/, which `pushfit batch --folders` "
+                "writes",
+                code="not_a_result",
+            ) from error
         raise DataError(
             f"{folder}: not a result, because {path.name} cannot be read "
             f"({fault}); name the folder of a result",

@@ -217,6 +217,14 @@ def test_the_page_of_an_explored_grasp_is_made_again_with_its_picture(
     assert capsys.readouterr().out == page
 
 
+def test_the_folder_of_a_batch_is_known_as_one(tmp_path, capsys):
+    (tmp_path / "batch.sqlite").touch()
+    assert main(["report", str(tmp_path)]) == 3
+    said = capsys.readouterr().err
+    assert "is the folder of a batch, and its page is report.html" in said
+    assert "items/" in said
+
+
 def test_a_folder_that_is_no_result_exits_as_rejected_input(tmp_path, capsys):
     page = tmp_path / "report.html"
     assert main(["report", str(tmp_path), "-o", str(page)]) == 3
