@@ -25,9 +25,12 @@ def merge_tables(tables: Sequence[PeakTable]) -> PeakTable:
         One table with the columns that all have; a single one as it is.
 
     Raises:
-        DataError: Units or channels differ (`mixed_units`), or two tables come from
-            one recording (`duplicate_recording`).
+        DataError: There is no table (`no_tables`), units or channels differ
+            (`mixed_units`), or two tables come from one recording
+            (`duplicate_recording`).
     """
+    if not tables:
+        raise DataError("no tables to merge; give one or more", code="no_tables")
     if len(tables) == 1:
         return tables[0]
     _refuse_duplicates(tables)

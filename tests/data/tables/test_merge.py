@@ -24,6 +24,11 @@ def table(
     return replace(made, sources=(Source(path=name, sha256=f"{name}{n}", dialect="x"),))
 
 
+def test_no_tables_are_refused():
+    with pytest.raises(DataError, match="give one or more"):
+        merge_tables([])
+
+
 def test_pushes_keep_their_order_and_are_numbered_through():
     merged = merge_tables([table("a", 3), table("b", 2)])
     assert merged.frame["push"].tolist() == [1, 2, 3, 4, 5]
