@@ -325,4 +325,6 @@ def _to_resolution(
     angle: Float[np.ndarray, " n"], session: Session
 ) -> Float[np.ndarray, " n"]:
     """Angle as the joints report it."""
-    return np.rint(angle / session.angle_resolution) * session.angle_resolution
+    steps = np.rint(angle / session.angle_resolution)
+    # Not -0.0, which would be printed.
+    return steps * session.angle_resolution + 0.0

@@ -11,6 +11,7 @@ from pushfit.data.simulate import (
     BIOTAC,
     THETA_SWEEP,
     Session,
+    _to_resolution,
     simulate_recording,
     simulate_table,
     write_recording,
@@ -136,3 +137,10 @@ def test_a_written_recording_holds_the_same_numbers(tmp_path):
     assert list(again) == ["time_s", "pressure_counts", "theta_deg", "alpha_deg"]
     pressure = made.recording.channels["pressure"]
     np.testing.assert_array_equal(again["pressure_counts"], pressure)
+
+
+def test_a_joint_at_zero_reports_no_negative_zero():
+    """Half of all joints err to below 0."""
+    resolution = Session().angle_resolution
+    reported = _to_resolution(np.array([-0.4, 0.4]) * resolution, Session())
+    assert not np.signbit(reported).any()
