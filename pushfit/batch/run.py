@@ -166,6 +166,9 @@ def _compute(
     """Results of items into the store, chunk by chunk; failures by key."""
     failed: dict[str, ItemFailure] = {}
     n_done = 0
+    if items:
+        # The first chunk takes longest: it compiles.
+        report("identifying", 0.0)
     # Closed at once when interrupted, so that no worker outlives this process.
     with contextlib.closing(workers.work_on(work, workers.chunks(items))) as ended:
         for chunk, outcomes in ended:

@@ -54,6 +54,13 @@ def test_every_item_has_one_row_sorted_by_name(runs):
     assert (found.n_computed, found.n_kept, found.failures) == (3, 0, ())
 
 
+def test_a_batch_says_that_it_begins(runs):
+    told = []
+    run("runs", progress=lambda *stage: told.append(stage))
+    assert told[0] == ("identifying", 0.0)
+    assert told[1][1] > 0
+
+
 def test_one_input_needs_no_list(runs):
     found = identify_batch("runs/a.csv", "out", identify=fake.identify)
     assert (found.n_computed, found.failures) == (1, ())
