@@ -420,7 +420,8 @@ class Explorer:
             if moved is not None:
                 self._record({"event": "moved", "first": moved.first})
                 self.stop(moved.sentence, is_over=True)
-            elif self.state.answer in FINDINGS:
+            elif self.state.answer in FINDINGS or all(r.is_attached for r in told):
+                # Of pushes of its own the next reference says whether a slip came.
                 fault = misfit(told, self.belief, self.question)
                 if fault is not None:
                     self.stop(fault, is_over=True)

@@ -63,6 +63,28 @@ def test_next_ranks_pushes_after_a_table(tmp_path, grasp, capsys):
     assert plot.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.parametrize(("factor", "code"), [(1.0, 0), (1.3, 3)])
+def test_one_height_that_no_grasp_gives_is_said(factor, code, tmp_path, grasp, capsys):
+    """Also where nothing is decided: 0.1° never is."""
+    table = simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians([10.0, 25.0, 40.0, 55.0, 70.0, 82.0]),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=0.01,
+        rng=np.random.default_rng(1),
+        channels=COMPONENTS,
+    )
+    frame = table.frame.copy()
+    frame.loc[1, [f"{name}_n" for name in COMPONENTS]] *= factor
+    write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
+    words = [str(tmp_path / "peaks.csv"), "--config", str(grasp), "--sigma", "0.01"]
+    assert main(["next", *words, "--width", "0.1"]) == code
+    said = capsys.readouterr().out
+    assert ("no grasp gives all of these heights: push 2 " in said) is (code == 3)
+
+
 def test_next_plans_the_first_push_of_all(grasp, capsys):
     assert main(["next", "--config", str(grasp), "--sigma", "0.05"]) == 0
     out = capsys.readouterr().out

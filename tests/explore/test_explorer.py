@@ -409,6 +409,7 @@ def test_a_budget_ends_it():
     own = explorer(width_deg=0.5, budget=3)
     assert len(run(own)) == 3
     assert own.state.answer is Answer.OUT_OF_BUDGET
+    assert own.state.sentence.endswith("a width above 0.5°, would go on.")
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from pushfit.cli.inputs import warn_of_unread
 from pushfit.cli.output import refuse_picture, warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
-from pushfit.errors import ConfigError, FitError
+from pushfit.errors import ConfigError, DataError, FitError
 from pushfit.parameters import SensorUnit
 from pushfit.report.store.output_folder import PARTS
 
@@ -152,6 +152,7 @@ def next(
     with session.progress() as progress:
         with loaded_ahead(analysis) as is_compiled:
             from pushfit.data.tables.peak_table import read_table
+            from pushfit.explore.records import Answer
             from pushfit.report.text.exploration import next_dict, next_text
 
             made = None if table is None else read_table(table)
@@ -166,6 +167,7 @@ def next(
             if made is not None:
                 explorer.attach(made)
             stages.begin("next push")
+            is_rejected = explorer.state.answer is Answer.STOPPED
             suggestions = explorer.ask(n)
         if plot is not None:
             stages.begin("picture")
@@ -179,7 +181,11 @@ def next(
         session.print_json(next_dict(explorer, suggestions))
     else:
         print(next_text(explorer, suggestions))
-    return 0
+    if is_rejected:
+        return DataError.exit_code
+    # By limits that allow no push.
+    is_stopped = explorer.state.answer is Answer.STOPPED
+    return ConfigError.exit_code if is_stopped else 0
 
 
 def explore(

@@ -276,7 +276,10 @@ class Judge:
                     f"{_percent(state.p_unlimited)}. Known after {n}: {known}."
                 )
             case Answer.OUT_OF_BUDGET:
-                text = f"no pushes are left, and {names} is not decided: {known}."
+                text = (
+                    f"no pushes are left, and {names} is not decided: {known}. A "
+                    f"larger budget, or a width above {self.width:g}°, would go on."
+                )
             case _:
                 chance = ""
                 if state.p_budget is not None:
