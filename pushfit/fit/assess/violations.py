@@ -45,6 +45,8 @@ MIN_FREEDOM, MIN_FOR_KURTOSIS = 3, 20
 ROUNDING = 1e-9
 # Decimals that heights may be stated to, beyond which they are not rounded.
 MOST_DECIMALS = 6
+# Errors of rounding scatter by 0.29 of the last decimal; noise has more.
+ROUNDED = 0.33
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,10 +115,10 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
 def _is_rounding(
     heights: Float[np.ndarray, " n"], errors: Float[np.ndarray, " n"]
 ) -> bool:
-    """Whether errors are below the decimal that all heights of a channel stop at."""
+    """Whether errors are those of the decimal that all heights of a channel stop at."""
     for decimals in range(MOST_DECIMALS + 1):
         if np.allclose(heights, heights.round(decimals), rtol=ROUNDING, atol=0):
-            return bool(np.sqrt(np.mean(errors**2)) < 10.0**-decimals)
+            return bool(np.std(errors) < ROUNDED * 10.0**-decimals)
     return False
 
 
