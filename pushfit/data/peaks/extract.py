@@ -95,7 +95,7 @@ def extract_peaks(
             **measured.columns,
         }
     )
-    notes, cautions = extraction_notes(paired, frame)
+    notes, cautions = extraction_notes(paired, frame, settings)
     cautions = (*recording.cautions, *cautions, *turns)
     sources = recording.sources
     if schedule is not None and schedule.source is not None:
@@ -120,7 +120,7 @@ def measure_pushes(
     push = np.arange(1, len(paired.chosen) + 1)
     measured = look.measured(paired)
     frame = pd.DataFrame({"push": push, **measured.columns})
-    notes, cautions = extraction_notes(paired, frame)
+    notes, cautions = extraction_notes(paired, frame, settings)
     cautions = (*look.recording.cautions, *cautions)
     return Heights(
         frame=frame,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.plans.pairing import Paired
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
@@ -15,7 +16,7 @@ from pushfit.errors import stated
 
 
 def extraction_notes(
-    paired: Paired, frame: pd.DataFrame
+    paired: Paired, frame: pd.DataFrame, settings: PeakSettings
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Tell what was taken for granted, and what the user should not overlook.
 
@@ -26,8 +27,10 @@ def extraction_notes(
     unit = next(c for c in map(str, frame) if c.startswith("height")).rpartition("_")[2]
     notes = [definition] if definition else []
     notes += paired.notes()
-    notes += _flag_notes(frame)
+    flagged = _flagged(frame)
+    notes += [f"{flag}: push {pushes}" for flag, pushes in flagged.items()]
     cautions = [
+        *_limits(flagged.get("saturated"), settings),
         *mixed,
         *_rests(paired, frame),
         *_left_out(paired, unit),
@@ -105,14 +108,22 @@ def _times(extents: Sequence[Extent], unit: str) -> str:
     return f"at {listed(humps)}"
 
 
-def _flag_notes(frame: pd.DataFrame) -> list[str]:
-    """One note per flag, with the pushes that have it."""
-    notes = []
-    for flag in sorted({w for cell in frame["flags"] for w in cell.split(";") if w}):
-        pushes = [
-            str(push)
-            for push, cell in zip(frame["push"], frame["flags"], strict=True)
-            if flag in cell.split(";")
-        ]
-        notes.append(f"{flag}: push {listed(pushes)}")
-    return notes
+def _flagged(frame: pd.DataFrame) -> dict[str, str]:
+    """The pushes that have each flag."""
+    cells = [set(filter(None, cell.split(";"))) for cell in frame["flags"]]
+    return {
+        flag: listed(
+            [str(p) for p, own in zip(frame["push"], cells, strict=True) if flag in own]
+        )
+        for flag in sorted(set().union(*cells))
+    }
+
+
+def _limits(pushes: str | None, settings: PeakSettings) -> list[str]:
+    """Where a sensor is taken to end that nobody has stated."""
+    if pushes is None or settings.limit is not None:
+        return []
+    return [
+        f"readings pile up at the top of push {pushes}, flagged saturated and left out "
+        "of a fit; if the sensor does not end there, state `limit`"
+    ]

@@ -19,6 +19,9 @@ _MIN_SAMPLES = 3
 _BAND_SIGMAS, _MAX_BAND = 4.0, 0.02
 # Of the lower pushes.
 _MOST = 0.5
+# So much calmer than lower holds the only one at its limit is. Eight normal samples are
+# by chance once in 300 (chi-square, 7 degrees).
+_CALMER = 3.0
 # Its limit may also creep. Several pointed pushes that end within one of these shares
 # of the height, each with so many readings there, end at a limit.
 _BANDS, _MIN_NEAR, _MIN_PUSHES = (0.001, 0.002, 0.004, 0.008), 6, 2
@@ -78,15 +81,29 @@ def _ceiling(
         return _piles_up(tops[k], end, float(bands[k]), _MIN_SAMPLES)
 
     ends = np.flatnonzero(highest == largest).tolist()
-    # Where most lower pushes have flat tops, these are their shape and no limit.
     lower = np.flatnonzero((highest < largest) & ~near(bands)).tolist()
-    if len(ends) > 1 or not _are_most(_is_at_one(tops[k]) for k in lower):
-        if any(_is_at_one(tops[k]) for k in ends):
-            return largest
-    if not _are_most(sigma[k] == 0 or is_flat(k, float(highest[k])) for k in lower):
-        for k in np.flatnonzero(is_narrow & near(bands)).tolist():
-            if is_flat(k, largest):
-                return largest - float(bands[k])
+
+    def is_shape(at_end: Sequence[int], flat: Sequence[bool]) -> bool:
+        """Whether flat tops are the shape of pushes and no limit.
+
+        So it is where most lower ones have them, or any where one push is at the end,
+        unless that is far calmer: a limit cuts noise as well.
+        """
+        if len(at_end) > 1 or not any(flat):
+            return _are_most(flat)
+        alike = [k for k, is_so in zip(lower, flat, strict=True) if is_so]
+        own, *others = (_spread(tops[k], float(bands[k])) for k in (*at_end, *alike))
+        return _CALMER * own >= min(others)
+
+    if any(_is_at_one(tops[k]) for k in ends) and (
+        len(ends) > 1 or not is_shape(ends, [_is_at_one(tops[k]) for k in lower])
+    ):
+        return largest
+    at_end = np.flatnonzero(is_narrow & near(bands)).tolist()
+    cut = [k for k in at_end if is_flat(k, largest)]
+    flat = [bool(sigma[k] == 0) or is_flat(k, float(highest[k])) for k in lower]
+    if cut and not is_shape(cut, flat):
+        return largest - float(bands[cut[0]])
     for share in _BANDS:
         band = share * max(heights)
         pointed = np.flatnonzero((sigma > 0) & near(band)).tolist()
@@ -99,6 +116,12 @@ def _ceiling(
 def _are_most(found: Iterable[bool]) -> bool:
     """Whether it is so of more than a share of the pushes."""
     return float(np.mean([*found] or [0.0])) > _MOST
+
+
+def _spread(top: Float[np.ndarray, " n"], band: float) -> float:
+    """Between the quarters of the readings within a band below the largest."""
+    near = top[top >= top.max(initial=-np.inf) - band]
+    return float(np.ptp(np.quantile(near, [0.25, 0.75])))
 
 
 def _is_at_one(top: Float[np.ndarray, " n"]) -> bool:

@@ -80,6 +80,26 @@ def test_heights_of_a_biotac_like_sweep_are_the_true_ones(shape):
     assert np.abs(pulls(table, made)).max() < MAX_PULL
 
 
+@pytest.mark.parametrize("decimals", [None, 1])
+def test_the_highest_hold_among_pointed_pushes_is_cut_where_its_noise_is(decimals):
+    """Two cut at one level are, too; a warning names them, and where to say more."""
+    heights = np.array([6.0, 9.5, 11.5, 8.0, 10.5, 9.0])
+    time, y = holds(heights, half=1.0, noise=0.02 if decimals is None else 0.06)
+    since = np.abs(time[:, None] - 4.0 * np.arange(1, 7))[:, 1::2]
+    y -= heights[1::2] @ np.clip(4.0 * (1.0 - since), 0.0, 1.0).T
+    y += heights[1::2] @ np.clip(1.0 - since, 0.0, 1.0).T
+    for limit, cut in ((np.inf, []), (10.8, [3]), (9.2, [2, 3, 5])):
+        readings = np.minimum(y, limit)
+        readings = readings if decimals is None else readings.round(decimals)
+        recording = Recording(time=time, channels={"p": readings}, units={"p": "n"})
+        found = measure_pushes(recording)
+        flagged = found.frame["flags"].str.contains("saturated")
+        assert found.frame["push"][flagged].tolist() == cut
+        said = [own for own in found.cautions if "`limit`" in own]
+        assert len(said) == bool(cut)
+        assert all(f"push {', '.join(map(str, cut))}," in own for own in said)
+
+
 @pytest.mark.parametrize("shape", ["triangle", "sine"])
 def test_heights_without_noise_are_the_true_ones(shape):
     """Equal readings at the top of the highest plateau are those of a limit."""
@@ -221,7 +241,7 @@ def test_only_heights_for_a_fit_are_told_to_be_mixed():
         extents=(), course=RunningMeans.of(np.arange(3.0), np.zeros(3))
     )
     paired = pair(nothing, None, PeakSettings(), span=(0.0, 2.0))
-    notes, cautions = extraction_notes(paired, frame)
+    notes, cautions = extraction_notes(paired, frame, PeakSettings())
     assert "heights are those of the apex of each push" in notes
     assert not cautions
 
