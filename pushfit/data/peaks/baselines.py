@@ -51,8 +51,9 @@ _LEAST_JUDGED = 1 / 8
 _BEYOND = 3.0
 # Mean square of so many parts over that of noise.
 _BY_CHANCE = 1 + _BEYOND * (2 / N_PARTS) ** 0.5
-# The farthest of a wave is so many times as far off as half of it. At half, pulls grow
-# from 1.5 to 6.1 where the waves are short; twice takes 0.17 from them.
+# The farthest of a wave is so many times as far off as the half beside the push. At two
+# thirds, pulls on slow waves grow from 1.9 to 2.3. Of the smaller half of all parts
+# they were 13 where four lay on the line by chance.
 _FARTHEST = 3.0
 # A cubic between two levels keeps off the line by this share of the time between them,
 # times the difference of its slopes there.
@@ -82,7 +83,7 @@ class RestNoise:
         is_fine = self.sigma < self.quantum / 2
         return np.sqrt(variance + np.where(is_fine, self.quantum**2 / 12, 0.0))
 
-    def of_part(self, n_samples: Real[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+    def of_part(self, n_samples: Real[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
         """Standard deviations of means of neighbouring samples [unit].
 
         Without correlation, which a few rests show badly: what is slower than a part of
@@ -141,13 +142,17 @@ class _Off:
     """How far parts of the rests beside pushes keep off their lines.
 
     Args:
-        variance: Beyond that by noise [unit²].
+        square: Mean square [unit²].
+        chance: That by noise [unit²].
+        seen: Length of the rest [s].
         tilt: As far as they lie on another line, its slope against theirs [unit/s].
         tilt_variance: By noise; infinite where there are too few samples.
         weight: 1, or 0 there.
     """
 
-    variance: PerPush
+    square: PerPush
+    chance: PerPush
+    seen: PerPush
     tilt: PerPush
     tilt_variance: PerPush
     weight: PerPush
@@ -238,31 +243,46 @@ class _Beside:
     ) -> Baselines:
         """Rest levels whose sd hold that rests wave, and bend under the pushes.
 
-        As far as means of their parts are off the line by more than noise. Rests that
-        are tilted against it bend between them, as a cubic would.
+        As far as means of their parts are off the line by more than noise, and farther
+        between rests that are far apart. Rests that are tilted against it bend between
+        them, as a cubic would.
 
         Args:
             own: 1 where the level is that of the rest before the push, else 0.
             trust: How far the rest after it shows a drift.
         """
         rests = self.windows(self.feet.span)
-        before, after = (self._off(base, noise, rest) for rest in rests)
+        before, after = (
+            self._off(base, noise, rest, side)
+            for rest, side in zip(rests, (-1, 1), strict=True)
+        )
         weights = before.weight * own, after.weight * np.where(own > 0, trust, 1.0)
-        sums = weights[0] * before.variance + weights[1] * after.variance
-        waves = sums / np.maximum(weights[0] + weights[1], 1.0)
+        n_rests = weights[0] + weights[1]
+        sums = sum(
+            weight * np.stack([rest.square, rest.chance, rest.seen])
+            for weight, rest in zip(weights, (before, after), strict=True)
+        )
+        square, chance, seen = sums / np.maximum(n_rests, TINY)
+        waves = np.minimum(n_rests, 1.0) * np.maximum(square - _BY_CHANCE * chance, 0.0)
         tilt = (after.tilt - before.tilt) ** 2
         tilt -= _BEYOND**2 * (after.tilt_variance + before.tilt_variance)
-        between = (base.time_after - base.time) / _CUBIC
-        bend = np.nan_to_num(own * np.maximum(tilt, 0.0) * between**2)
+        between = np.nan_to_num(own * (base.time_after - base.time))
+        bend = np.maximum(tilt, 0.0) * (between / _CUBIC) ** 2
+        # By the time itself as a walk, and not at all as short waves: between the two.
+        longer = np.sqrt(np.maximum(between / np.maximum(seen, SHORTEST), 1.0))
         return replace(
             base,
             sd=np.sqrt(base.sd**2 + waves),
             sd_after=np.sqrt(base.sd_after**2 + waves),
-            bend=np.sqrt(waves + bend),
+            bend=np.sqrt(waves * longer + bend),
         )
 
     def _off(
-        self, base: Baselines, noise: RestNoise, windows: Int[np.ndarray, "p 2"]
+        self,
+        base: Baselines,
+        noise: RestNoise,
+        windows: Int[np.ndarray, "p 2"],
+        side: int,
     ) -> _Off:
         """How far the rests before or after pushes keep off their lines."""
         # Fewer samples than parts show nothing.
@@ -271,11 +291,11 @@ class _Beside:
         when, _ = part_means(self.time, windows)
         off = np.where(is_shown, means - base.level - base.drift(when), 0.0)
         # What is beyond the half beside the push may be something else, as a dip.
-        half = N_PARTS // 2 - 1
-        farthest = _FARTHEST * np.partition(np.abs(off), half, axis=0)[half]
+        near = off[N_PARTS // 2 :] if side < 0 else off[: N_PARTS // 2]
+        farthest = _FARTHEST * np.sqrt((near**2).mean(axis=0))
         off = np.clip(off, -farthest, farthest)
-        chance = noise.of_mean(n) ** 2
-        excess = (off**2).mean(axis=0) - _BY_CHANCE * chance.mean(axis=0)
+        # Without correlation, which would hold the waves themselves.
+        chance = noise.of_part(n) ** 2
         since = when - when.mean(axis=0)
         squares = np.maximum((since**2).sum(axis=0), SHORTEST**2)
         slopes = since / squares
@@ -283,7 +303,9 @@ class _Beside:
         # A wave is no tilt: what leads to another level lies on a line.
         line = tilt**2 * squares / np.maximum(off.var(axis=0) * N_PARTS, TINY)
         return _Off(
-            variance=np.maximum(excess, 0.0),
+            square=(off**2).mean(axis=0),
+            chance=chance.mean(axis=0),
+            seen=np.ptp(when, axis=0) * N_PARTS / (N_PARTS - 1),
             tilt=tilt * np.sqrt(np.minimum(line, 1.0)),
             tilt_variance=np.where(is_shown, (slopes**2 * chance).sum(axis=0), np.inf),
             weight=is_shown.astype(float),

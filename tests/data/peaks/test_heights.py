@@ -18,6 +18,8 @@ ROUNDED, MOVED = 1e-2, 0.02
 # Some waves are at a crest in all that is seen of them, and a few pushes may be off by
 # more; where rests tell nothing of waves, pulls scatter by 5 to 9.
 WAVING = 2.0
+# Pulls are 0.8 to 1.5; where noise of means was taken to hold the wander, 1.8 to 3.3.
+WANDERING = 1.7
 HEIGHT, PERIOD = 100.0, 4.0
 # Sds that reach the largest part of a top of noise 1e-3, and how large they are with a
 # spike of 0.1 and without.
@@ -118,6 +120,26 @@ def test_where_the_level_waves_sds_say_so(wave_length):
         level = 0.02 * HEIGHT * np.sin(phase) + 0.2 * rng.standard_normal(time.size)
         pulls.extend(pulls_of(time, triangles(time, 6) + level, np.full(6, HEIGHT)))
     assert np.sqrt(np.mean(np.square(pulls))) < WAVING
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0])
+@pytest.mark.parametrize("seconds", [1.5, 4.0])
+def test_where_the_level_wanders_sds_of_holds_say_so(seconds, power):
+    """Noise of 1/f, or a walk of 1/f² within 3 s, of 2 % of the height in sd."""
+    time = np.arange(0.0, 10 * (seconds + 2) + 2, 0.01)
+    since = time[:, None] - 2 - seconds / 2 - (seconds + 2) * np.arange(10)
+    course = np.clip(2 - 4 * np.abs(since) / seconds, 0, 1).sum(axis=1)
+    frequency = np.maximum(np.fft.rfftfreq(time.size, 0.01), (power == 1.0) / 3)
+    frequency[0] = frequency[1]
+    pulls = []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        waves = rng.standard_normal((2, frequency.size)) / frequency**power
+        wander = np.fft.irfft(waves[0] + 1j * waves[1], time.size)
+        wander *= 0.02 * HEIGHT / wander.std()
+        y = HEIGHT * course + wander + 0.5 * rng.standard_normal(time.size)
+        pulls.extend(pulls_of(time, y, np.full(10, HEIGHT)))
+    assert np.sqrt(np.mean(np.square(pulls))) < WANDERING
 
 
 def test_where_the_level_bends_sds_are_how_far_it_is_off_the_line():
