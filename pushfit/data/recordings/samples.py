@@ -115,7 +115,7 @@ def build_recording(
     findings = _Findings(samples=samples, notes=list(samples.notes))
     time = _seconds(samples.time, samples.time_unit)
     _check_clock(time, findings)
-    _check_values(findings, trust_units)
+    _check_values(findings, trust_units, gaps)
     if findings.problems:
         raise data_error(findings.problems)
     series = {
@@ -223,7 +223,7 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
         _note_irregular_steps(time, step, usual, findings)
 
 
-def _check_values(findings: _Findings, trust_units: bool) -> None:
+def _check_values(findings: _Findings, trust_units: bool, gaps: Gaps) -> None:
     """Find sentinels, and samples that cannot be in their unit."""
     for name, (values, unit) in findings.samples.channels.items():
         code = sentinel_of(values)
@@ -238,10 +238,14 @@ def _check_values(findings: _Findings, trust_units: bool) -> None:
             if may_be and trust_units:
                 findings.notes.append(f"{name}: {text}; taken as readings as told")
                 continue
-            told = f", or {stated(trust_units=True)} if they are readings"
+            told = f"state {stated(missing=[found])}"
+            if gaps == "error":
+                told += f" and {stated(gaps='split')} to keep the gaps"
+            if may_be:
+                told += f", or {stated(trust_units=True)} if they are readings"
             findings.add(
                 "sentinel",
-                f"{text}; state {stated(missing=[found])}{told if may_be else ''}",
+                f"{text}; {told}",
                 at=int(rows[0]),
                 column=name,
                 value=found,

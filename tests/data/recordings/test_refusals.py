@@ -324,7 +324,8 @@ def test_a_code_for_missing_samples_is_refused_and_how_to_have_it_missing(
     (problem,) = refusal(path).problems
     assert (problem.code, problem.column, problem.line) == ("sentinel", "force", 19)
     assert f"3 samples of {found} (lines 19, 20, 92)" in problem.message
-    assert f"`missing=['{found}']`" in problem.message
+    assert f"`missing=['{found}']` and `gaps='split'`" in problem.message
+    assert "gaps=" not in str(refusal(path, gaps="interpolate"))
     signal = read_recording(path, missing=[found], gaps="split").channels["force"]
     assert np.flatnonzero(np.isnan(signal)).tolist() == [17, 18, 90]
 
