@@ -16,6 +16,8 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+from pushfit.errors import ConfigError
+
 # Descriptors of a process: replacing the file behind one would leave the process, or
 # the shell that opened it, with a file that has no name any more.
 _DESCRIPTOR = re.compile(r"/dev/(fd/\d+|std(in|out|err))|/proc/[^/]+/fd/\d+")
@@ -56,6 +58,25 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         sync(temporary)
         os.replace(temporary, target)
         sync(target.parent)
+
+
+def check_parent(path: str | Path) -> None:
+    """Refuse a name under which nothing can be written.
+
+    Raises:
+        ConfigError: Its folder does not exist (`no_output_folder`).
+    """
+    parent = followed(Path(path)).parent
+    if not parent.is_dir():
+        raise ConfigError(
+            f"{path}: the folder {parent} does not exist; create it first",
+            code="no_output_folder",
+        )
+
+
+def followed(path: Path) -> Path:
+    """What a name stands for: itself, or what a link leads to."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def is_stream(path: str | Path) -> bool:

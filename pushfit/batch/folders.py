@@ -9,9 +9,10 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+from pushfit.atomic import followed
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import ConfigError
-from pushfit.report.store.output_folder import check_place, followed
+from pushfit.report.store.output_folder import check_place
 
 STORE = "batch.sqlite"
 RESULTS, FAILURES, PARQUET = "results.csv", "failures.csv", "results.parquet"

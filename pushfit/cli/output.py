@@ -5,7 +5,7 @@ Excluded: the files of a result (`pushfit.report.store.folder`).
 
 from pathlib import Path
 
-from pushfit.atomic import atomic_path, is_stream
+from pushfit.atomic import atomic_path, check_parent, is_stream
 from pushfit.cli.session import CommandSession
 from pushfit.errors import ConfigError
 from pushfit.report.picture_file import picture_format
@@ -37,11 +37,7 @@ def refuse_existing(path: Path, *, force: bool) -> None:
             f"{path}: exists already; name another, or replace it with --force",
             code="output_exists",
         )
-    if not path.resolve().parent.is_dir():
-        raise ConfigError(
-            f"{path}: the folder {path.parent} does not exist; create it first",
-            code="no_output_folder",
-        )
+    check_parent(path)
 
 
 def refuse_picture(path: Path | None, *, force: bool) -> None:

@@ -152,7 +152,6 @@ def next(
     with session.progress() as progress:
         with loaded_ahead(analysis) as is_compiled:
             from pushfit.data.tables.peak_table import read_table
-            from pushfit.explore.records import Answer
             from pushfit.report.text.exploration import next_dict, next_text
 
             made = None if table is None else read_table(table)
@@ -167,7 +166,7 @@ def next(
             if made is not None:
                 explorer.attach(made)
             stages.begin("next push")
-            is_rejected = explorer.state.answer is Answer.STOPPED
+            is_rejected = explorer.history.stopped is not None
             suggestions = explorer.ask(n)
         if plot is not None:
             stages.begin("picture")
@@ -181,11 +180,10 @@ def next(
         session.print_json(next_dict(explorer, suggestions))
     else:
         print(next_text(explorer, suggestions))
-    if is_rejected:
-        return DataError.exit_code
-    # By limits that allow no push.
-    is_stopped = explorer.state.answer is Answer.STOPPED
-    return ConfigError.exit_code if is_stopped else 0
+    if explorer.history.stopped is None:
+        return 0
+    # By its heights, or by limits that allow no push.
+    return DataError.exit_code if is_rejected else ConfigError.exit_code
 
 
 def explore(

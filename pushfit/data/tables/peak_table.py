@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 
-from pushfit.atomic import atomic_path
+from pushfit.atomic import atomic_path, check_parent
 from pushfit.data.tables.columns import Origin, is_parquet, no_parquet, read_rows
 from pushfit.data.tables.rules import (
     CHANNELS,
@@ -277,8 +277,10 @@ def write_table(table: PeakTable, path: str | Path) -> None:
         path: File, replaced if it is there; `.parquet` or `.pq` for Parquet.
 
     Raises:
-        ConfigError: Parquet is asked for and its library is not installed.
+        ConfigError: Parquet is asked for and its library is not installed, or the
+            folder of the file does not exist.
     """
+    check_parent(path)
     with atomic_path(path) as temporary:
         if not is_parquet(path):
             table.frame.to_csv(temporary, index=False, lineterminator="\n")

@@ -7,7 +7,6 @@ name and said so. Excluded: what the arrays mean.
 
 import hashlib
 import json
-import os
 import warnings
 import zipfile
 from collections.abc import Mapping
@@ -18,7 +17,7 @@ import jax
 import numpy as np
 
 import pushfit
-from pushfit.atomic import atomic_path, is_stream, spare_name
+from pushfit.atomic import atomic_path, check_parent, is_stream, spare_name
 from pushfit.errors import ConfigError
 
 # Raised whenever the meaning of the arrays changes.
@@ -42,12 +41,7 @@ def check_checkpoint(path: Path) -> None:
             "name a file for `checkpoint`",
             code="checkpoint_place",
         )
-    parent = Path(os.path.realpath(path)).parent
-    if not parent.is_dir():
-        raise ConfigError(
-            f"{path}: the folder {parent} does not exist; create it first",
-            code="checkpoint_place",
-        )
+    check_parent(path)
 
 
 def fingerprint(*trees: object) -> str:

@@ -15,13 +15,13 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
-from pushfit.atomic import sync, unfinished, whole
+from pushfit.atomic import followed, sync, unfinished, whole
 from pushfit.data.tables.peak_table import write_table
 from pushfit.fit.results import Identification
 from pushfit.report.figures import figure_files
 from pushfit.report.html.result import NOTHING, is_shown, render_html
 from pushfit.report.store.archive import posterior_tree
-from pushfit.report.store.output_folder import check_target, followed
+from pushfit.report.store.output_folder import check_target
 from pushfit.report.store.summary import summary_dict
 from pushfit.report.text.result import render_text
 

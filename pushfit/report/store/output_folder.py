@@ -3,12 +3,11 @@
 Excluded: writing them (`pushfit.report.store.folder`).
 """
 
-import os
 from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
-from pushfit.atomic import is_stream
+from pushfit.atomic import check_parent, is_stream
 from pushfit.errors import ConfigError, installed_by
 
 # How a grasp was explored, which no result makes anew: what was told, and its picture.
@@ -96,17 +95,7 @@ def check_place(out: Path) -> None:
         raise ConfigError(
             f"{out}: not the name of a folder; name one to create", code="output_name"
         )
-    parent = followed(out).parent
-    if not parent.is_dir():
-        raise ConfigError(
-            f"{out}: the folder {parent} does not exist; create it first",
-            code="output_parent",
-        )
-
-
-def followed(out: Path) -> Path:
-    """The folder that a name stands for: itself, or what a link leads to."""
-    return Path(os.path.realpath(out)) if out.is_symlink() else out
+    check_parent(out)
 
 
 def _strange_content(out: Path) -> str:

@@ -10,7 +10,7 @@ from pushfit.atomic import atomic_path
 from pushfit.data.check import file_kind
 from pushfit.data.recordings.recording import Source
 from pushfit.data.tables.peak_table import PeakTable, read_table, write_table
-from pushfit.errors import DataError
+from pushfit.errors import ConfigError, DataError
 from tests.tolerances import EXACT
 
 GOOD = "theta_deg,alpha_deg,height_n\n15,90,1.0\n30,90,2.0\n15,90,1.2\n"
@@ -250,6 +250,14 @@ def test_angles_that_came_in_degrees_are_written_as_they_came(tmp_path):
     assert first.startswith("1,-60.0,30.0,")
     again = read_table(tmp_path / "peaks.csv")
     np.testing.assert_array_equal(again.frame["theta_deg"], theta_deg)
+
+
+@pytest.mark.parametrize("name", ["peaks.csv", "peaks.parquet"])
+def test_a_table_in_a_folder_that_is_not_there_says_what_to_create(
+    full_table, tmp_path, name
+):
+    with pytest.raises(ConfigError, match="missing does not exist; create it"):
+        write_table(full_table, tmp_path / "missing" / name)
 
 
 @pytest.mark.parametrize("name", ["peaks.csv", "peaks.parquet", "peaks.pq"])
