@@ -85,6 +85,12 @@ def test_one_height_that_no_grasp_gives_is_said(factor, code, tmp_path, grasp, c
     assert ("no grasp gives all of these heights: push 2 " in said) is (code == 3)
 
 
+def test_limits_that_allow_no_push_have_an_exit_code(grasp, capsys):
+    words = ["--config", str(grasp), "--sigma", "0.05", "--max-force", "1e-6"]
+    assert main(["next", *words]) == 2
+    assert "give a force limit of 0.05 or more" in capsys.readouterr().out
+
+
 def test_next_plans_the_first_push_of_all(grasp, capsys):
     assert main(["next", "--config", str(grasp), "--sigma", "0.05"]) == 0
     out = capsys.readouterr().out
