@@ -146,6 +146,7 @@ def make_answer(
     best: float | None = 40.0,
     width: float | None = 4.0,
     log_evidence: float | None = -10.0,
+    chi_square: float = 50.0,
     rms_residual: float = 0.02,
 ) -> MechanicsAnswer:
     """What one of the mechanics says: an interval of some width about the best fit."""
@@ -155,7 +156,7 @@ def make_answer(
         mechanics=mechanics,
         theta_c=make_angle("theta_c", best, interval=interval),
         best_fit_deg=best,
-        chi_square=50.0,
+        chi_square=chi_square,
         log_evidence=log_evidence,
         log_evidence_error=None if log_evidence is None else 0.1,
         rms_residual=rms_residual,
