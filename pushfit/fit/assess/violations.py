@@ -45,7 +45,7 @@ MIN_FREEDOM, MIN_FOR_KURTOSIS = 3, 20
 ROUNDING = 1e-9
 # Decimals that heights may be stated to, beyond which they are not rounded.
 MOST_DECIMALS = 6
-# Errors of rounding scatter by 0.29 of the last decimal; noise has more.
+# Errors of rounding have an rms of 0.29 of the last decimal; noise has more.
 ROUNDED = 0.33
 
 
@@ -118,7 +118,8 @@ def _is_rounding(
     """Whether errors are those of the decimal that all heights of a channel stop at."""
     for decimals in range(MOST_DECIMALS + 1):
         if np.allclose(heights, heights.round(decimals), rtol=ROUNDING, atol=0):
-            return bool(np.std(errors) < ROUNDED * 10.0**-decimals)
+            rms = np.sqrt(np.mean(errors**2))
+            return bool(rms < ROUNDED * 10.0**-decimals)
     return False
 
 
