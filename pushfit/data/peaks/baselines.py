@@ -38,8 +38,8 @@ _FEWEST = 3
 # Share of a short rest that a sensor may take to recover. With half of it held pushes
 # of fifty times their noise are read too high by 0.19 instead of 0.08 σ.
 _WAITED = 2 / 3
-# How many sd a rest may move that has settled. At half 5 of 6 heights of `p1_Pa` move,
-# by up to 1.1 sd; at twice all of `p1_Pa` and `p3_Pa`, by up to 0.8.
+# How many sd rests may move besides drift. At half two heights of `trial2` move by up
+# to 1.4 sd; at twice holds on touches of 1.2 s and 2 to 6 % are off by up to 23 sd.
 _UNSETTLED = 4.0
 # So many sd may parts of a rest differ by. At half chance makes steps.
 _UNLIKE = 3.0
@@ -204,8 +204,9 @@ class _Beside:
         """Rest levels under pushes, each by its own rests.
 
         The rest before a push is its baseline. That after it tells of drift, unless it
-        is off by more than drift can be, or has not settled: then the grasp or the
-        sensor has changed under the push, and what lies between is doubt.
+        is off by more than drift can be, or either moves otherwise: then the grasp or
+        the sensor has changed under the push, or a finger that touched has left, and
+        what lies between is doubt.
         """
         feet, (windows, windows_after) = self.feet, self.windows()
         height = np.maximum(feet.height, TINY)
@@ -221,7 +222,9 @@ class _Beside:
         early = np.maximum(feet.settling - (first - feet.end), 0.0)
         waited = likeness(early, feet.settling / 2)
         small = likeness(level_after - level, SHIFT * height)
-        calm = likeness(self._unsettled(windows_after, rate, noise), _UNSETTLED)
+        rests = self.windows(feet.span)
+        moves = np.hypot(*(self._unsettled(own, rate, noise) for own in rests))
+        calm = likeness(moves, _UNSETTLED)
         trust = np.where(only_after, 0.0, waited * small * calm)
         own_when = np.where(only_after, when_after, when)
         unseen = only_after & np.isnan(when_after)
@@ -348,7 +351,7 @@ class _Beside:
         rate: Float[np.ndarray, " p"],
         noise: RestNoise,
     ) -> Float[np.ndarray, " p"]:
-        """How far the rests after pushes move besides their drift [sd]."""
+        """How far rests move besides their drift [sd]."""
         time, signal = self.time, self.signal
         moved, n = np.zeros((2, len(windows)))
         for k, (first, last) in enumerate(windows.tolist()):

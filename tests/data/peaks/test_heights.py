@@ -28,6 +28,9 @@ REACHED, PLAIN_SD, SPIKED_SD = 2.0, 3e-3, 0.1
 SAME_SD = 0.1
 # A rest is that of a touch and no other if it is off by less than half of it.
 ITS_OWN = 0.5
+# And where it shows clearly: 7 % of a touch of ten times the noise. Taken for drift,
+# half of it had been lost.
+CLEARLY_ITS_OWN = 0.15
 # A cubic has slopes at the ends of the chord; rests show them a little beyond.
 BENT = 0.5
 
@@ -208,6 +211,25 @@ def test_pushes_on_one_light_touch_are_all_measured_from_it(touch):
     assert np.abs(pulls).max() < MAX_Z
     assert np.abs(found.frame["baseline_n"] - 20 - touch).max() < ITS_OWN * touch
     assert not any("mixed rests" in caution for caution in found.cautions)
+
+
+@pytest.mark.parametrize(("share", "seconds"), [(0.02, 0.8), (0.02, 1.2), (0.04, 0.8)])
+def test_a_light_touch_that_is_left_at_once_is_no_drift(share, seconds):
+    """Holds on a touch that begins in the room of the push, or before it."""
+    time = np.arange(0.0, 38.0, 0.01)
+    y = HEIGHT / 500 * np.random.default_rng(RNG).standard_normal(time.size)
+    for start in np.arange(2.0, 38.0, 6.0):
+        since = time - start
+        push = np.clip(2 - np.abs(since - 2), 0, 1)
+        touch = share * np.clip((since + seconds) / 0.02, 0, 1) * (since < 2)
+        y += HEIGHT * np.maximum(push, touch)
+    frame = measure_pushes(
+        Recording(time=time, channels={"p": y}, units={"p": "n"})
+    ).frame
+    pulls = (frame["height_n"] - (1 - share) * HEIGHT) / frame["height_sd_n"]
+    assert np.abs(pulls).max() < MAX_Z
+    off = frame["baseline_n"] / (share * HEIGHT) - 1
+    assert np.abs(off).max() < CLEARLY_ITS_OWN
 
 
 def test_pushes_on_a_firm_touch_are_named_where_others_are_measured_from_it():
