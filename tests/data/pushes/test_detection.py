@@ -85,22 +85,23 @@ def test_two_tops_over_a_valley_that_is_no_rest_are_one_push():
 
 
 @pytest.mark.parametrize(
-    ("after", "slope", "end"), [(2.0, 2.0, 8), (12.0, 0.0, 8), (40.0, 0.0, 4.52)]
+    ("drift", "after", "end"), [(1.0, 0.0, 8), (0.0, 12.0, 8), (0.0, 40.0, 4.52)]
 )
-def test_a_little_change_of_rest_under_a_push_is_drift_and_a_large_one_a_step(
-    after, slope, end
+def test_a_change_of_rest_under_a_push_that_goes_on_is_drift_and_another_a_step(
+    drift, after, end
 ):
-    """The rest under the top is half way to that after a drift, unmoved by a step.
+    """The rest under the top is on the line of a drift [1/s], unmoved by a step.
 
     A step shows as a rest that stays where it is, or, where little of it is seen, by
     its size.
     """
     time, y = course((0, 0), *push(2.0, after=after), (end, after))
+    y = y + drift * time
     extents = found(time, y)
     height = measure_heights(time, y, extents, definition="apex", limit=None)[0]
-    # The top lies 100 above the rest before; half of the drift has passed by then.
-    np.testing.assert_allclose(height.height, 100.0 - slope / 2, rtol=0, atol=LEVEL)
-    np.testing.assert_allclose(height.baseline, slope / 2, rtol=0, atol=LEVEL)
+    np.testing.assert_allclose(height.height, 100.0, rtol=0, atol=LEVEL)
+    level = drift * time[np.argmax(y)]
+    np.testing.assert_allclose(height.baseline, level, rtol=0, atol=LEVEL)
 
 
 def test_brief_pushes_with_brief_rests_are_told_apart():
