@@ -85,6 +85,31 @@ def test_one_height_that_no_grasp_gives_is_said(factor, code, tmp_path, grasp, c
     assert ("no grasp gives all of these heights: push 2 " in said) is (code == 3)
 
 
+@pytest.mark.parametrize(("factor", "code"), [(1.0, 0), (1.3, 3)])
+def test_one_height_unlike_the_others_is_said_without_a_noise(
+    factor, code, tmp_path, grasp, capsys
+):
+    """One in 1000 tables is faulted falsely; this one is off by 16 times its noise."""
+    table = simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians(np.linspace(10.0, 80.0, 8)),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=0.02,
+        rng=np.random.default_rng(1),
+    )
+    frame = table.frame.copy()
+    frame.loc[5, "height_n"] *= factor
+    write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
+    words = [str(tmp_path / "peaks.csv"), "--config", str(grasp), "--width", "0.1"]
+    assert main(["next", *words]) == code
+    said = " ".join(capsys.readouterr().out.split())
+    height = f"{frame['height_n'][5]:.3g}"
+    words = f"push 6 (θ = 60.0°, α = 90.0°) has height_n = {height} where the others"
+    assert (f"no grasp gives all of these heights: {words}" in said) is (code == 3)
+
+
 def test_limits_that_allow_no_push_have_an_exit_code(grasp, capsys):
     words = ["--config", str(grasp), "--sigma", "0.05", "--max-force", "1e-6"]
     assert main(["next", *words]) == 2

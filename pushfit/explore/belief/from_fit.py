@@ -1,10 +1,11 @@
 """Beliefs from the inference: draws of the posterior, or of the prior to begin with.
 
-`believe` is the only contact of this package with the engines of `pushfit.fit`.
+`believe` and `left_out` are the only contact of this package with the engines of
+`pushfit.fit`.
 Excluded: what one more push changes (`pushfit.explore.belief.learning`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,9 @@ from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
+from pushfit.explore.belief.tables import table_of
+from pushfit.explore.records import ToldPush
+from pushfit.fit.assess.leave_one_out import LeftOut, unpredicted
 from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
 from pushfit.fit.identify.fitted import (
     draw_posterior,
@@ -75,6 +79,26 @@ def believe(
         if do_draws_tilt(drawn.posterior, other.posterior, prob=settings.report.prob):
             drawn = other
     return belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
+
+
+def left_out(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut, ...]:
+    """Pushes that the others do not predict, whatever the mechanics.
+
+    Args:
+        told: Pushes of full length, none of them flagged; the rows of what is found.
+    """
+    table = table_of(told, question)
+    if table is None:
+        return ()
+    settings, _ = prepared(table, question.settings)
+    found: tuple[LeftOut, ...] = ()
+    for one in settings.by_mechanics():
+        alpha = reference_azimuth(table, one)
+        setup = settle_noise(build_problem(table, one), alpha)
+        found = unpredicted(setup, reference_alpha=alpha)
+        if not found:
+            break
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

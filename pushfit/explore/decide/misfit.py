@@ -12,6 +12,7 @@ import scipy
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.data.text.faults import listed
 from pushfit.explore.belief.belief import Belief, Question
+from pushfit.explore.belief.from_fit import left_out
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known, sd_of, table_of
 from pushfit.explore.records import ToldPush, direction_words
@@ -42,16 +43,18 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
     """What no draw explains, and what to do, as a clause; None where one does.
 
     Chi-square of the draw that is nearest to all heights, as if nothing had been fitted
-    to them. Noise that is learned explains everything, and heavy tails do.
+    to them. Noise that is learned explains everything, so each push is held against
+    the scatter of the others then; heavy tails explain everything, too.
     """
     own = [
         (number, row)
         for number, row in enumerate(told, start=1)
         if not row.is_short and not EXCLUDING_FLAGS & set(row.flags.split(";"))
     ]
-    is_normal = belief.likelihood == "normal" and noise_is_known(told, question)
-    if not own or belief.is_guess or not is_normal:
+    if not own or belief.is_guess or belief.likelihood != "normal":
         return None
+    if not noise_is_known(told, question):
+        return _unlike_the_others(own, question)
     residuals = []
     for _, row in own:
         found = predict(belief, np.array([row.theta]), np.array([row.alpha]))
@@ -71,4 +74,26 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
         f"({direction_words(row.theta, row.alpha)}) is farthest, by {np.max(size):.0f} "
         "standard deviations; look at it, and begin again with the other pushes, or "
         "with a larger sigma if heights scatter more"
+    )
+
+
+def _unlike_the_others(
+    own: Sequence[tuple[int, ToldPush]], question: Question
+) -> str | None:
+    """Which push the others do not predict, by the scatter that they show."""
+    found = left_out([row for _, row in own], question)
+    if not found:
+        return None
+    worst = found[0]
+    number, row = own[worst.row]
+    others = ""
+    if len(found) > 1:
+        names = listed([f"push {own[one.row][0]}" for one in found[1:]])
+        others = f" (or it is {names})"
+    return (
+        f"no grasp gives all of these heights: push {number} "
+        f"({direction_words(row.theta, row.alpha)}) has {worst.channel}_"
+        f"{question.unit} = {worst.height:.3g} where the others give "
+        f"{worst.predicted:.3g}, by far more than they scatter{others}; look at it, "
+        "correct it, or leave it out, and begin again"
     )

@@ -1,0 +1,76 @@
+"""A wrong height among heights whose noise nobody states."""
+
+import numpy as np
+import pytest
+
+from pushfit.data.simulate import simulate_table
+from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.leave_one_out import LEVEL, WORTH, LeftOut, unpredicted
+from pushfit.fit.problem.setup import build_problem
+from pushfit.fit.profiles.least_squares import settle_noise
+from tests.fit.tables import config
+from tests.problems import CASES
+
+ALPHA = np.pi / 2
+# Of the tallest height.
+NOISE = 0.005
+# Of what the others predict: four times their noise.
+NEAR = 4 * NOISE
+
+
+def judged(table: PeakTable) -> tuple[LeftOut, ...]:
+    setup = settle_noise(build_problem(table, config()), ALPHA)
+    return unpredicted(setup, reference_alpha=ALPHA)
+
+
+def pushes(n: int, *, wrong: int | None = None, factor: float = 1.3) -> PeakTable:
+    """Pushes from 10° to 80°, one height of them wrong."""
+    case = CASES["firm"]
+    theta = np.radians(np.linspace(10.0, 80.0, n))
+    rng = np.random.default_rng(3)
+    clean = simulate_table(
+        case.params,
+        case.grasp,
+        theta=theta,
+        alpha=ALPHA,
+        repeats=1,
+        noise=0.0,
+        rng=rng,
+    ).heights("height")
+    heights = clean + NOISE * np.max(clean) * rng.standard_normal(n)
+    if wrong is not None:
+        heights[wrong] = factor * clean[wrong]
+    return PeakTable.from_arrays(
+        theta=theta, alpha=np.full(n, ALPHA), heights={"height": heights}, unit="n"
+    )
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3])
+@pytest.mark.parametrize("wrong", [3, 6])
+def test_the_push_that_is_off_is_named_with_what_the_others_give(wrong, factor):
+    """None at an end, which a kink of the model before it may explain."""
+    table = pushes(10, wrong=wrong, factor=factor)
+    found = judged(table)[0]
+    height = table.heights("height")[wrong]
+    assert (found.row, found.channel, found.height) == (wrong, "height", height)
+    np.testing.assert_allclose(found.predicted, height / factor, rtol=NEAR)
+    assert found.p_value < LEVEL
+
+
+def test_heights_that_are_right_are_not_faulted():
+    assert judged(pushes(10)) == ()
+
+
+def test_what_is_off_by_less_than_matters_is_left_alone():
+    """Heights to the last digit would fault a model that is a little off."""
+    table = pushes(10)
+    clean = judged(table)
+    heights = table.heights("height").copy()
+    heights[9] += WORTH / 2 * np.max(heights)
+    off = table.frame.assign(height_n=heights)
+    assert judged(PeakTable.from_frame(off)) == clean == ()
+
+
+def test_too_few_pushes_say_nothing_of_one():
+    """Three unknowns and a kink go through five heights of six."""
+    assert judged(pushes(6, wrong=3)) == ()
