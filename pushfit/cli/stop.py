@@ -15,6 +15,7 @@ import socket
 import sys
 import threading
 from collections.abc import Iterator
+from multiprocessing import util
 from pathlib import Path
 
 from pushfit.atomic import discard_unfinished
@@ -90,6 +91,8 @@ def _end(number: signal.Signals) -> None:
     """Leave nothing half written, and nobody at work, and go."""
     for child in multiprocessing.active_children():
         child.kill()
+    # Semaphores that were shared with them: else the tracker of multiprocessing warns.
+    util._run_finalizers(0)  # pyright: ignore
     discard_unfinished(patience=PATIENCE)
     # The bar of a terminal hides the cursor.
     start = SHOW_CURSOR if sys.stderr.isatty() else ""

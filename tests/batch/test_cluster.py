@@ -192,4 +192,5 @@ def test_a_batch_that_is_stopped_says_how_to_go_on(number, workers, runs, tmp_pa
     assert process.returncode == 128 + number
     assert "the same command goes on" in said
     assert "Traceback" not in said
+    assert "leaked" not in said
     assert run("out").n_kept >= 2
