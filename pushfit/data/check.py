@@ -21,7 +21,7 @@ from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import existing_file, is_bag
 from pushfit.data.text.foreign import foreign_table
-from pushfit.data.text.textfile import open_text
+from pushfit.data.text.textfile import TextFile, open_text
 from pushfit.errors import InputProblem, PushfitError
 
 FileKind = Literal["recording", "schedule", "table", "settings"]
@@ -44,7 +44,17 @@ INSTEAD: dict[tuple[FileKind, FileKind], str] = {
     ("recording", "settings"): _SETTINGS,
     ("table", "settings"): _SETTINGS,
 }
-
+# First columns of the tables that a batch writes, and what is in them.
+OF_A_BATCH = {
+    ("item", "status"): "the results of a batch, one row for each item",
+    (
+        "item",
+        "stage",
+    ): "the failures of a batch, one row for each of them",
+    ("quantity", "unit"): "what the items of a batch have in common",
+}
+# Of a file, with its first names [bytes].
+_HEAD = 64
 _PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
 
 
@@ -61,7 +71,7 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
 
     Raises:
         ConfigError: If the path cannot be read.
-        DataError: If the file is no table of text.
+        DataError: If the file is no table of text, or one that a batch wrote.
     """
     given = existing_file(path)
     if Path(given).suffix.lower() == ".toml":
@@ -73,6 +83,7 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
     if foreign_table(given, columns=recording_options.get("columns", ())):
         return "recording"
     text = open_text(given, encoding=recording_options.get("encoding"))
+    _refuse_of_a_batch(text)
     names = find_layout(text, columns=recording_options.get("columns", ())).names
     columns = RecordingColumns(names)
     stems = {*columns.stems}
@@ -89,6 +100,20 @@ def file_kind(path: str | Path, **recording_options: Any) -> FileKind:
         # Of a unit that is not known; the reader of tables says so.
         return "table"
     return "schedule" if has_plan and stated.isdisjoint(names) else "recording"
+
+
+def _refuse_of_a_batch(text: TextFile) -> None:
+    """Refuse what `pushfit batch` wrote, which may have no number in it."""
+    first, *_ = text.head(_HEAD).decode(errors="replace").splitlines() or [""]
+    written = OF_A_BATCH.get(tuple(first.split(",")[:2]))
+    if written is not None:
+        raise refuse(
+            "batch_output",
+            f"holds {written}, and no command reads it; open it in a spreadsheet, or "
+            "report.html beside it in a browser. What was measured is in the files "
+            "that `pushfit batch` was given",
+            path=text.path,
+        )
 
 
 def expect_kind(

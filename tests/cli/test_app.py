@@ -228,6 +228,18 @@ def test_simulate_is_reproducible(tmp_path):
     assert main(["validate", str(tmp_path / "one.csv")]) == 0
 
 
+def test_validate_says_what_a_table_shows_that_cannot_be_right(tmp_path, capsys):
+    rows = ["1,30,0,1,2.5", "2,45,0,1,2750", "3,60,0,1,2.75"]
+    table = tmp_path / "peaks.csv"
+    table.write_text("\n".join(["push,theta_deg,alpha_deg,repeat,height_n", *rows]))
+    assert main(["validate", str(table)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "warning push 2 (θ = 45°, α = 0°): height_n = 2750 is about 1000" in said
+    assert main(["validate", "--json", str(table)]) == 0
+    (file,) = json.loads(capsys.readouterr().out)["files"]
+    assert [warning["code"] for warning in file["warnings"]] == ["other_unit"]
+
+
 def test_simulate_does_not_overwrite(tmp_path, capsys):
     target = tmp_path / "there.csv"
     target.write_text("mine")

@@ -5,6 +5,9 @@ import os
 import numpy as np
 import pytest
 
+from pushfit.batch.outputs import REASON
+from pushfit.batch.population import COLUMNS
+from pushfit.batch.rows import ABOUT
 from pushfit.data.check import check_files, expect_kind, file_kind
 from pushfit.data.recordings.recording import read_recording
 from pushfit.errors import DataError
@@ -41,6 +44,23 @@ def write(tmp_path):
 )
 def test_the_columns_tell_what_a_file_is(text, kind, write):
     assert file_kind(write("file.csv", text)) == kind
+
+
+@pytest.mark.parametrize(
+    ("columns", "what"),
+    [
+        (ABOUT, "the results of a batch"),
+        (REASON, "the failures of a batch"),
+        (COLUMNS, "what the items of a batch have in common"),
+    ],
+)
+def test_what_a_batch_wrote_is_called_so(columns, what, write):
+    path = write("file.csv", f"{','.join(columns)}\n{','.join('x' * len(columns))}\n")
+    (problem,) = check_files([path])
+    assert problem.message.startswith(f"{path}: holds {what}")
+    assert "no command reads it; open it in a spreadsheet" in problem.message
+    with pytest.raises(DataError, match=what):
+        expect_kind(path, "table")
 
 
 @pytest.mark.parametrize(

@@ -235,12 +235,16 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
             "sources": [asdict(source) for source in recording.sources],
         }
     if kind == "table":
+        # Which takes as long as JAX does.
+        from pushfit.fit.assess.table_checks import faults_of
+
         table = read_table(path)
         return facts | {
             "pushes": table.n_pushes,
             "used": int(table.is_used.sum()),
             "channels": [f"{name}_{table.unit}" for name in table.channels],
             "notes": list(table.notes),
+            "warnings": [asdict(warning) for warning in faults_of(table)],
             "sources": [asdict(source) for source in table.sources],
         }
     if kind == "settings":
@@ -254,6 +258,8 @@ def as_text(facts: Mapping[str, object]) -> str:
     for name, value in facts.items():
         if name == "notes" and isinstance(value, list):
             lines += [printable(f"{'note':<10} {note}") for note in value]
+        elif name == "warnings" and isinstance(value, list):
+            lines += [printable(f"{'warning':<10} {one['text']}") for one in value]
         elif name != "sources":
             shown = ", ".join(map(str, value)) if isinstance(value, list) else value
             lines.append(printable(f"{name:<10} {shown}"))

@@ -53,6 +53,11 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
             f"grasp.preload_{table.unit}, to 0 where there is none, or to "
             '"estimate"',
         )
+    yield from faults_of(table)
+
+
+def faults_of(table: PeakTable) -> Iterator[ResultWarning]:
+    """What the table says by itself."""
     excluded = np.flatnonzero(~table.is_used)
     if excluded.size:
         names = "; ".join(
