@@ -28,7 +28,11 @@ from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.workers import Work, Workers
 from pushfit.errors import DataError, check_seed
 from pushfit.fit.identify.identify_many import identify_many
-from pushfit.fit.identify.progress import Progress
+from pushfit.fit.identify.progress import Progress, stages_of
+from pushfit.fit.programs.compile import loaded_ahead
+
+# What a first batch begins with, whose first portion takes longest.
+COMPILING = "identifying (the first tables compile programs, which takes minutes)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +132,11 @@ def identify_batch(
         unique = {item.key: item for item in reversed(plan.items)}
         missing = [item for key, item in unique.items() if store.get(key) is None]
         work = partial(identify_chunk, engine=engine, identify=identify)
-        failed = _compute(work, missing, workers, store=store, report=report)
+        failed: dict[str, ItemFailure] = {}
+        if missing:
+            with loaded_ahead("; ".join(stages_of(missing[0].config, engine))) as known:
+                report("identifying" if known else COMPILING, 0.0)
+                failed = _compute(work, missing, workers, store=store, report=report)
         n_failed = len(failed)
         if folders:
             whole = [item for key, item in unique.items() if key not in failed]
@@ -166,9 +174,6 @@ def _compute(
     """Results of items into the store, chunk by chunk; failures by key."""
     failed: dict[str, ItemFailure] = {}
     n_done = 0
-    if items:
-        # The first chunk takes longest: it compiles.
-        report("identifying", 0.0)
     # Closed at once when interrupted, so that no worker outlives this process.
     with contextlib.closing(workers.work_on(work, workers.chunks(items))) as ended:
         for chunk, outcomes in ended:

@@ -45,7 +45,7 @@ INSTEAD: dict[tuple[FileKind, FileKind], str] = {
     ("table", "settings"): _SETTINGS,
 }
 # First columns of the tables that a batch writes, and what is in them.
-OF_A_BATCH = {
+OF_A_BATCH: dict[tuple[str, ...], str] = {
     ("item", "status"): "the results of a batch, one row for each item",
     (
         "item",

@@ -14,6 +14,7 @@ from pushfit.batch.run import identify_batch
 from pushfit.batch.store import open_store
 from pushfit.batch.workers import Workers
 from pushfit.errors import ConfigError, DataError
+from pushfit.fit.programs.folder import PROGRAMS
 from tests.batch import fake
 from tests.batch.makers import HEADER, outputs, read_csv, table_text, write_tables
 
@@ -54,10 +55,18 @@ def test_every_item_has_one_row_sorted_by_name(runs):
     assert (found.n_computed, found.n_kept, found.failures) == (3, 0, ())
 
 
-def test_a_batch_says_that_it_begins(runs):
+def test_a_batch_says_that_it_begins_and_whether_it_compiles(runs, monkeypatch):
+    programs = runs.parent / "programs"
+    programs.mkdir()
+    monkeypatch.setenv(PROGRAMS, str(programs))
     told = []
-    run("runs", progress=lambda *stage: told.append(stage))
-    assert told[0] == ("identifying", 0.0)
+    for out in ("first", "second"):
+        run("runs", out=out, progress=lambda *stage: told.append(stage))
+    starts = [stage for stage, share in told if share == 0.0 and stage != "pooling"]
+    assert starts == [
+        "identifying (the first tables compile programs, which takes minutes)",
+        "identifying",
+    ]
     assert told[1][1] > 0
 
 
