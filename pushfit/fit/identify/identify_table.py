@@ -144,11 +144,14 @@ def _conclude(
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
         contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
     )
-    is_strange = not goodness.is_adequate or improbable(fitted.config, posterior)
+    # Without a stated noise, or repeats, any table is adequate.
+    is_strange = goodness.p_value is None or not goodness.is_adequate
+    is_strange = is_strange or bool(improbable(fitted.config, posterior))
     is_wrong = any(warning.code in WRONG for warning in fitted.warnings)
     reading = None
     if is_strange and not is_wrong:
-        reading = other_reading(fitted, seed=seed)
+        known = {seed: posterior} if posterior.engine == "sweep" else fitted.swept
+        reading = other_reading(replace(fitted, swept=known), seed=seed)
     if goodness.is_adequate and (is_wrong or reading is not None):
         but = "the table cannot be right"
         if reading is not None:

@@ -2,8 +2,9 @@
 
 Elevations are often counted from the normal of a surface, and channels are exchanged by
 a slip; with noise of a few percent the model may still describe what comes out, by
-numbers that no contact has. Asked only where the result looks wrong already. Excluded:
-what a table shows without a fit (`pushfit.fit.assess.table_checks`).
+numbers that no contact has together. Asked where the result looks wrong already, or
+where nothing tells how far heights may be off. Excluded: what a table shows without a
+fit (`pushfit.fit.assess.table_checks`).
 """
 
 from collections.abc import Iterator

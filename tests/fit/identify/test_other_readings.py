@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pushfit.data.simulate import simulate_table
 from pushfit.fit.assess.warnings import improbable
 from pushfit.fit.identify.fitted import fit_table
 from pushfit.fit.identify.identify_table import identify_table
@@ -59,25 +60,47 @@ def test_what_a_table_tells_that_cannot_be_right_is_provisional():
         assert quantity.verdict.value in ("provisional", "not_determined", "assumed")
 
 
+def test_a_misread_table_that_passes_all_checks_is_named():
+    """Without repeats, and with no noise stated, nothing else speaks against it."""
+    case, theta = CASES["firm"], np.radians(np.linspace(10.0, 80.0, 9))
+    table = simulate_table(
+        case.params,
+        case.grasp,
+        theta=theta,
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=COARSE,
+        rng=np.random.default_rng(1),
+    )
+    found = identify_table(
+        misread_by_angle(table), config(), seed=1, engine="sweep", is_brief=True
+    )
+    assert found.goodness_of_fit.p_value is None
+    assert improbable(config(), found.posterior) == ()
+    assert "other_reading" in codes_of(found)
+    assert "but far better" in found.goodness_of_fit.sentence
+
+
 def test_channels_that_are_exchanged_are_named():
     table = case_table(CASES["firm"], noise=0.03, seed=1, channels=BOTH)
-    warning = other_reading(fit_table(exchanged(table), config()), seed=1)
+    fitted = fit_table(exchanged(table), config())
+    warning = other_reading(fitted, seed=1)
     assert "height_normal and height_tangential are exchanged" in warning.text
 
 
 @pytest.mark.parametrize("channels", [("height",), BOTH])
 def test_a_table_that_is_read_as_it_was_made_has_no_other_reading(channels):
     table = case_table(CASES["firm"], noise=COARSE, seed=1, channels=channels)
-    assert other_reading(fit_table(table, config()), seed=1) is None
+    fitted = fit_table(table, config())
+    assert other_reading(fitted, seed=1) is None
 
 
 def test_heights_without_order_have_no_other_reading():
     table = case_table(CASES["firm"], noise=0.03, seed=1)
     heights = np.random.default_rng(0).permutation(table.heights("height"))
     frame = table.frame.assign(height_n=heights)
-    assert (
-        other_reading(fit_table(replace(table, frame=frame), config()), seed=1) is None
-    )
+    fitted = fit_table(replace(table, frame=frame), config())
+    assert other_reading(fitted, seed=1) is None
 
 
 def test_an_elevation_below_the_surface_is_counted_from_no_normal():
