@@ -1,8 +1,7 @@
 """Beliefs from the inference: draws of the posterior, or of the prior to begin with.
 
-`believe` and `left_out` are the only contact of this package with the engines of
-`pushfit.fit`.
-Excluded: what one more push changes (`pushfit.explore.belief.learning`).
+`believe` and `unlike_others` are all that this package asks the engines of
+`pushfit.fit`. Excluded: what one more push changes (`pushfit.explore.belief.learning`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -81,7 +80,7 @@ def believe(
     return belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
 
 
-def left_out(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut, ...]:
+def unlike_others(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut, ...]:
     """Pushes that the others do not predict, whatever the mechanics.
 
     Args:

@@ -12,7 +12,7 @@ import scipy
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.data.text.faults import listed
 from pushfit.explore.belief.belief import Belief, Question
-from pushfit.explore.belief.from_fit import left_out
+from pushfit.explore.belief.from_fit import unlike_others
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known, sd_of, table_of
 from pushfit.explore.records import ToldPush, direction_words
@@ -54,7 +54,7 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
     if not own or belief.is_guess or belief.likelihood != "normal":
         return None
     if not noise_is_known(told, question):
-        return _unlike_the_others(own, question)
+        return _unlike_others(own, question)
     residuals = []
     for _, row in own:
         found = predict(belief, np.array([row.theta]), np.array([row.alpha]))
@@ -77,11 +77,11 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
     )
 
 
-def _unlike_the_others(
+def _unlike_others(
     own: Sequence[tuple[int, ToldPush]], question: Question
 ) -> str | None:
     """Which push the others do not predict, by the scatter that they show."""
-    found = left_out([row for _, row in own], question)
+    found = unlike_others([row for _, row in own], question)
     if not found:
         return None
     worst = found[0]
