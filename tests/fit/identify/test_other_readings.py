@@ -83,32 +83,32 @@ def test_a_misread_table_that_passes_all_checks_is_named():
 
 def test_channels_that_are_exchanged_are_named():
     table = case_table(CASES["firm"], noise=0.03, seed=1, channels=BOTH)
-    fitted = fit_table(exchanged(table), config())
-    warning = other_reading(fitted, seed=1)
+    warning = other_reading(fit_table(exchanged(table), config()), seed=1)
     assert "height_normal and height_tangential are exchanged" in warning.text
 
 
 @pytest.mark.parametrize("channels", [("height",), BOTH])
 def test_a_table_that_is_read_as_it_was_made_has_no_other_reading(channels):
     table = case_table(CASES["firm"], noise=COARSE, seed=1, channels=channels)
-    fitted = fit_table(table, config())
-    assert other_reading(fitted, seed=1) is None
+    assert other_reading(fit_table(table, config()), seed=1) is None
 
 
 def test_heights_without_order_have_no_other_reading():
     table = case_table(CASES["firm"], noise=0.03, seed=1)
     heights = np.random.default_rng(0).permutation(table.heights("height"))
     frame = table.frame.assign(height_n=heights)
-    fitted = fit_table(replace(table, frame=frame), config())
-    assert other_reading(fitted, seed=1) is None
+    assert (
+        other_reading(fit_table(replace(table, frame=frame), config()), seed=1) is None
+    )
 
 
 def test_an_elevation_below_the_surface_is_counted_from_no_normal():
     table = misread_by_angle(case_table(CASES["firm"], noise=COARSE, seed=1))
     frame = table.frame.copy()
     frame.loc[0, "theta_deg"] = -1.0
-    fitted = fit_table(replace(table, frame=frame), config())
-    assert other_reading(fitted, seed=1) is None
+    assert (
+        other_reading(fit_table(replace(table, frame=frame), config()), seed=1) is None
+    )
 
 
 def test_heights_in_a_unit_a_hundredth_of_what_is_stated_are_improbable():
