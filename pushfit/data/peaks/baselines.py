@@ -204,9 +204,8 @@ class _Beside:
         """Rest levels under pushes, each by its own rests.
 
         The rest before a push is its baseline. That after it tells of drift, unless it
-        is off by more than drift can be, or either moves otherwise: then the grasp or
-        the sensor has changed under the push, or a finger that touched has left, and
-        what lies between is doubt.
+        is off by more, or either moves otherwise: then grasp or sensor have changed, or
+        a finger that touched has left, and what lies between is doubt.
         """
         feet, (windows, windows_after) = self.feet, self.windows()
         height = np.maximum(feet.height, TINY)
