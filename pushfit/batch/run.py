@@ -134,7 +134,8 @@ def identify_batch(
         work = partial(identify_chunk, engine=engine, identify=identify)
         failed: dict[str, ItemFailure] = {}
         if missing:
-            with loaded_ahead("; ".join(stages_of(missing[0].config, engine))) as known:
+            stages = "; ".join(stages_of(missing[0].config, engine))
+            with loaded_ahead(stages, is_here=workers.is_here) as known:
                 report("identifying" if known else COMPILING, 0.0)
                 failed = _compute(work, missing, workers, store=store, report=report)
         n_failed = len(failed)

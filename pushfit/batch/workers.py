@@ -79,6 +79,11 @@ class Workers:
                     code="workers",
                 )
 
+    @property
+    def is_here(self) -> bool:
+        """Whether this process does the work itself."""
+        return self.n == 1 and self.scheduler is None and self.time_limit is None
+
     def chunks(self, items: Sequence[Item]) -> list[Chunk]:
         """Portions of items of one configuration, alike in size and so in shape."""
         share = max(math.ceil(len(items) / (SHARES * self.n)), 1)
@@ -108,8 +113,7 @@ class Workers:
             ConfigError: dask is not installed, the scheduler cannot be reached or is
                 lost, or its workers cannot run pushfit.
         """
-        is_here = self.n == 1 and self.scheduler is None
-        if is_here and self.time_limit is None:
+        if self.is_here:
             yield from ((chunk, work(chunk)) for chunk in chunks)
         elif chunks:
             yield from _on_cluster(work, chunks, self)

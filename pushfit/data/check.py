@@ -44,16 +44,14 @@ INSTEAD: dict[tuple[FileKind, FileKind], str] = {
     ("recording", "settings"): _SETTINGS,
     ("table", "settings"): _SETTINGS,
 }
+
 # First columns of the tables that a batch writes, and what is in them.
 OF_A_BATCH: dict[tuple[str, ...], str] = {
     ("item", "status"): "the results of a batch, one row for each item",
-    (
-        "item",
-        "stage",
-    ): "the failures of a batch, one row for each of them",
+    ("item", "stage"): "the failures of a batch, one row for each of them",
     ("quantity", "unit"): "what the items of a batch have in common",
 }
-# Of a file, with its first names [bytes].
+# Bytes of a file that show these.
 _HEAD = 64
 _PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
 

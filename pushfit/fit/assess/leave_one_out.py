@@ -7,7 +7,7 @@ Excluded: heights that are far from the fit by a known noise
 (`pushfit.fit.assess.model_checking`).
 
 References:
-    Cook & Weisberg (1982), Residuals and Influence in Regression, section 2.2.2.
+    Cook & Weisberg (1982), Residuals and Influence in Regression, chapter 2.
 """
 
 from dataclasses import dataclass, replace

@@ -145,8 +145,11 @@ def _conclude(
         contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
     )
     # Without a stated noise, or repeats, any table is adequate.
-    is_strange = goodness.p_value is None or not goodness.is_adequate
-    is_strange = is_strange or bool(improbable(fitted.config, posterior))
+    is_strange = (
+        goodness.p_value is None
+        or not goodness.is_adequate
+        or improbable(fitted.config, posterior)
+    )
     is_wrong = any(warning.code in WRONG for warning in fitted.warnings)
     reading = None
     if is_strange and not is_wrong:

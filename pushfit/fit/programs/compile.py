@@ -340,14 +340,17 @@ def kept(text: str, make: Callable[[], R]) -> R:
 
 
 @contextlib.contextmanager
-def loaded_ahead(analysis: str) -> Iterator[bool]:
+def loaded_ahead(analysis: str, *, is_here: bool = True) -> Iterator[bool]:
     """Load what an analysis used the last time, while it has other things to do.
 
     Its context is whether one of that name ended before, so that programs are kept.
+
+    Args:
+        is_here: Whether this process does the work; nothing is loaded for others.
     """
     folder, before = programs_folder(), set(_used)
     content = None if folder is None else _read(_mark(folder, analysis))
-    if folder is not None and content is not None:
+    if is_here and folder is not None and content is not None:
         paths = [folder / name for name in content.decode().split()]
         _load_ahead([path for path in paths if path.name not in before])
     yield content is not None

@@ -464,6 +464,19 @@ def test_what_an_analysis_used_is_loaded_before_it_is_asked_for(folder, monkeypa
     assert loaded[0] is not threading.main_thread()
 
 
+def test_nothing_is_loaded_ahead_for_the_work_of_others(folder, monkeypatch):
+    monkeypatch.setattr(programs, "_used", {})
+    with programs.loaded_ahead("lines"):
+        counted()[0](LINE, X)
+    monkeypatch.setattr(programs, "_used", {})
+    monkeypatch.setattr(programs, "_ahead", {})
+    with programs.loaded_ahead("lines", is_here=False) as is_kept:
+        assert is_kept
+        assert not programs._ahead
+    with programs.loaded_ahead("lines"):
+        assert len(programs._ahead) == 1
+
+
 def test_a_program_that_cannot_be_loaded_ahead_is_loaded_when_asked_for(
     folder, monkeypatch
 ):
