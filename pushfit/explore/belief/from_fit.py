@@ -13,6 +13,7 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.grasp import is_calibrated, make_grasp
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import FitError
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
 from pushfit.explore.belief.tables import table_of
 from pushfit.explore.records import ToldPush
@@ -29,7 +30,7 @@ from pushfit.fit.identify.progress import Stages, posterior_stage
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.setup import Setup, build_problem, n_azimuths
-from pushfit.fit.profiles.least_squares import settle_noise
+from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs.folder import keep_programs
 from pushfit.fit.results import FitStatus, PosteriorResult
 from pushfit.fit.sweep.posterior import sweep_posterior
@@ -94,7 +95,11 @@ def unlike_others(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut
     for one in settings.by_mechanics():
         alpha = reference_azimuth(table, one)
         setup = settle_noise(build_problem(table, one), alpha)
-        found = unpredicted(setup, reference_alpha=alpha)
+        try:
+            whole = fit_least_squares(setup, reference_alpha=alpha)
+        except FitError:
+            return ()
+        found = unpredicted(setup, whole, reference_alpha=alpha)
         if not found:
             break
     return found

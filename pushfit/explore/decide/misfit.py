@@ -16,6 +16,7 @@ from pushfit.explore.belief.from_fit import unlike_others
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known, sd_of, table_of
 from pushfit.explore.records import ToldPush, direction_words
+from pushfit.fit.assess.leave_one_out import unlike_words
 from pushfit.fit.assess.table_checks import unit_slips
 
 # Chance of faulting heights that are those of a grasp.
@@ -84,16 +85,13 @@ def _unlike_others(
     found = unlike_others([row for _, row in own], question)
     if not found:
         return None
-    worst = found[0]
-    number, row = own[worst.row]
-    others = ""
-    if len(found) > 1:
-        names = listed([f"push {own[one.row][0]}" for one in found[1:]])
-        others = f" (or it is {names})"
+
+    def name(index: int) -> str:
+        number, row = own[index]
+        return f"push {number} ({direction_words(row.theta, row.alpha)})"
+
+    words = unlike_words(found, name, question.unit)
     return (
-        f"no grasp gives all of these heights: push {number} "
-        f"({direction_words(row.theta, row.alpha)}) has {worst.channel}_"
-        f"{question.unit} = {worst.height:.3g} where the others give "
-        f"{worst.predicted:.3g}, by far more than they scatter{others}; look at it, "
-        "correct it, or leave it out, and begin again"
+        f"no grasp gives all of these heights: {words}; look at it, correct it, or "
+        "leave it out, and begin again"
     )

@@ -14,6 +14,7 @@ import scipy
 from jaxtyping import Float, Int, Shaped
 
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.fit.assess.leave_one_out import LeftOut
 from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.problem.noise import Noise
 from pushfit.fit.profiles.profile_sets import profile_set
@@ -61,11 +62,13 @@ def goodness_of_fit(
     seed: int,
     predictive: tuple[PredictiveCheck, ...] = (),
     contradicted: Sequence[str] = (),
+    left_out: Sequence[LeftOut] = (),
 ) -> GoodnessOfFit:
     """Compare the residuals of a fit with noise, with repeats and with each other.
 
     Args:
         contradicted: Letters of the quantities of which priors and heights disagree.
+        left_out: Pushes that the others do not predict.
     """
     rows = np.asarray(fit.row)
     heights = {name: table.heights(name) for name in table.channels}
@@ -80,7 +83,8 @@ def goodness_of_fit(
     pattern = None if is_quiet else _pattern_p_value(table, fit, residuals, seed=seed)
     if is_quiet:
         predictive = tuple(c for c in predictive if c.feature != "pattern")
-    outliers = np.unique(rows[np.abs(residuals) > OUTLIER_SIGMA])
+    far = rows[np.abs(residuals) > OUTLIER_SIGMA]
+    outliers = np.union1d(far, [one.row for one in left_out[:1]]).astype(int)
     failed = _failed(
         p_value, lack_of_fit=lack_of_fit, pattern=pattern, predictive=predictive
     )
@@ -102,7 +106,7 @@ def goodness_of_fit(
         r_squared=r_squared,
         lack_of_fit_p_value=lack_of_fit,
         pattern_p_value=pattern,
-        outliers=tuple(label(table, int(row)) for row in outliers),
+        outliers=tuple(label(table, row) for row in outliers.tolist()),
         is_adequate=not failed,
         sentence=_sentence(failed, r_squared, fit.degrees_of_freedom),
         predictive=predictive,

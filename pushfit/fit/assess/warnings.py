@@ -4,7 +4,8 @@ Excluded: what a table says by itself (`pushfit.fit.assess.table_checks`), and w
 the model describes the heights (`pushfit.fit.assess.model_checking`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 
 import jax
 import numpy as np
@@ -13,6 +14,7 @@ import scipy
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.text.faults import listed
+from pushfit.fit.assess.leave_one_out import LeftOut, unlike_words
 from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.problem.noise import stated_sds
 from pushfit.fit.problem.predictions import predict_points
@@ -86,8 +88,14 @@ def scatter_warning(
     )
 
 
-def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarning]:
-    """What the finished result says."""
+def result_warnings(
+    setup: Setup, found: Identification, left_out: Sequence[LeftOut] = ()
+) -> Iterator[ResultWarning]:
+    """What the finished result says.
+
+    Args:
+        left_out: Pushes that the others do not predict.
+    """
     posterior, goodness = found.posterior, found.goodness_of_fit
     if not goodness.is_adequate:
         yield ResultWarning(code="model_inadequate", text=goodness.sentence)
@@ -106,7 +114,14 @@ def result_warnings(setup: Setup, found: Identification) -> Iterator[ResultWarni
             "known beforehand; look at the units, the push length and how angles are "
             "counted, or state a prior that allows for it",
         )
-    if 0 < len(goodness.outliers) <= FEW_OUTLIERS * np.sum(found.used):
+    if left_out:
+        words = unlike_words(left_out, partial(label, found.table), found.table.unit)
+        yield ResultWarning(
+            code="outliers",
+            text=f"{words}; look at it in the recording, and leave it out if it was "
+            "no push",
+        )
+    elif 0 < len(goodness.outliers) <= FEW_OUTLIERS * np.sum(found.used):
         names = listed(goodness.outliers)
         yield ResultWarning(
             code="outliers",

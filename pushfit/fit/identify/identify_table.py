@@ -16,6 +16,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.advice import measurements
 from pushfit.fit.assess.bands import prediction_bands
 from pushfit.fit.assess.identifiability import identifiability
+from pushfit.fit.assess.leave_one_out import LeftOut, unpredicted
 from pushfit.fit.assess.model_checking import contradicted_quantities, goodness_of_fit
 from pushfit.fit.assess.model_free import model_free_direction
 from pushfit.fit.assess.predictive import predictive_checks
@@ -136,6 +137,9 @@ def _conclude(
         with_sets=not is_brief,
     )
     problem = fitted.setup.problem
+    left_out = unpredicted(
+        fitted.setup, fitted.fit, reference_alpha=fitted.reference_alpha
+    )
     goodness = goodness_of_fit(
         fitted.table,
         fitted.fit,
@@ -143,6 +147,7 @@ def _conclude(
         seed=seed,
         predictive=predictive_checks(fitted.table, fitted.setup, posterior, seed=seed),
         contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
+        left_out=left_out,
     )
     # Without a stated noise, or repeats, any table is adequate.
     is_strange = (
@@ -202,11 +207,15 @@ def _conclude(
         seed=seed,
         versions=environment(),
     )
-    return _with_words(fitted, reported(found), is_brief=is_brief)
+    return _with_words(fitted, reported(found), left_out, is_brief=is_brief)
 
 
 def _with_words(
-    fitted: Fitted, found: Identification, *, is_brief: bool
+    fitted: Fitted,
+    found: Identification,
+    left_out: tuple[LeftOut, ...],
+    *,
+    is_brief: bool,
 ) -> Identification:
     """The result with what its verdicts warn of and call for."""
     setup = fitted.setup
@@ -225,7 +234,7 @@ def _with_words(
         identifiability=told,
         warnings=(
             *found.warnings,
-            *result_warnings(setup, found),
+            *result_warnings(setup, found, left_out),
             *violation_warnings(
                 fitted.shown,
                 is_adequate=found.goodness_of_fit.is_adequate,

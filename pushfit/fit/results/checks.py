@@ -70,7 +70,8 @@ class GoodnessOfFit:
         lack_of_fit_p_value: F test of lack of fit against repeats; None without
             repeats.
         pattern_p_value: Test for residuals that follow neighbours in direction.
-        outliers: Labels of pushes whose residual is beyond 5 sigma.
+        outliers: Labels of pushes whose residual is beyond 5 sigma, and of the one that
+            the others do not predict by their own scatter.
         is_adequate: False if the model does not describe the data.
         sentence: The verdict in words.
         predictive: Posterior predictive checks; empty where draws are not to be

@@ -6,8 +6,9 @@ import pytest
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.leave_one_out import LEVEL, WORTH, LeftOut, unpredicted
+from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
-from pushfit.fit.profiles.least_squares import settle_noise
+from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from tests.fit.tables import config
 from tests.problems import CASES
 
@@ -20,7 +21,8 @@ NEAR = 4 * NOISE
 
 def judged(table: PeakTable) -> tuple[LeftOut, ...]:
     setup = settle_noise(build_problem(table, config()), ALPHA)
-    return unpredicted(setup, reference_alpha=ALPHA)
+    whole = fit_least_squares(setup, reference_alpha=ALPHA)
+    return unpredicted(setup, whole, reference_alpha=ALPHA)
 
 
 def pushes(n: int, *, wrong: int | None = None, factor: float = 1.3) -> PeakTable:
@@ -74,3 +76,12 @@ def test_what_is_off_by_less_than_matters_is_left_alone():
 def test_too_few_pushes_say_nothing_of_one():
     """Three unknowns and a kink go through five heights of six."""
     assert judged(pushes(6, wrong=3)) == ()
+
+
+def test_an_identification_names_the_push_although_its_noise_has_heavy_tails_then():
+    table = pushes(10, wrong=3)
+    found = identify_table(table, config(), seed=0, is_brief=True)
+    (text,) = [w.text for w in found.warnings if w.code == "outliers"]
+    name, height = "push 4 (θ = 33.3333°, α = 90°)", table.heights("height")[3]
+    assert text.startswith(f"{name} has height_n = {height:.3g} where the others give")
+    assert found.goodness_of_fit.outliers == (name,)
