@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pushfit.cli import options
@@ -95,6 +96,15 @@ def test_a_profile_is_written_once_for_a_laboratory(log, tmp_path, capsys):
     found = facts(capsys, log, "--profile", lab)
     assert found["channels"] == ["pressure_kpa"]
     assert any("BioTac Product Manual" in note for note in found["notes"])
+
+
+def test_validate_says_what_should_not_be_overlooked(tmp_path, capsys):
+    times = np.arange(0.0, 4000.0, 20.0)  # in ms, under a name that says s
+    frame = pd.DataFrame({"time_s": times, "force_n": np.sin(times / 1e3)})
+    frame.to_csv(tmp_path / "milliseconds.csv", index=False)
+    assert main(["validate", str(tmp_path / "milliseconds.csv")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "warning the usual step of 20 s is that of no tactile sensor" in said
 
 
 def test_grasp_toml_has_the_last_word_over_a_profile(tmp_path):

@@ -232,6 +232,7 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
             "channels": [f"{name}_{unit}" for name, unit in recording.units.items()],
             "has_angles": all(angle is not None for angle in angles),
             "notes": list(recording.notes),
+            "cautions": list(recording.cautions),
             "sources": [asdict(source) for source in recording.sources],
         }
     if kind == "table":
@@ -256,8 +257,9 @@ def as_text(facts: Mapping[str, object]) -> str:
     """Facts one below the other, as `print` is to show them."""
     lines = []
     for name, value in facts.items():
-        if name == "notes" and isinstance(value, list):
-            lines += [printable(f"{'note':<10} {note}") for note in value]
+        if name in {"notes", "cautions"} and isinstance(value, list):
+            kind = "note" if name == "notes" else "warning"
+            lines += [printable(f"{kind:<10} {note}") for note in value]
         elif name == "warnings" and isinstance(value, list):
             lines += [printable(f"{'warning':<10} {one['text']}") for one in value]
         elif name != "sources":

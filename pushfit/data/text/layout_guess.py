@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pushfit.data.text.faults import STATE_COLUMNS, no_rows, refuse
+from pushfit.data.text.faults import STATE_COLUMNS, listed, no_rows, refuse
 from pushfit.data.units import find_unit
 from pushfit.errors import ConfigError, DataError
 
@@ -239,6 +239,14 @@ def _no_table(
     if len(filled) == 1:
         return no_rows(path)
     row = split_line(lines[filled[1]], delimiter)
+    if len(row) == len(cells) and not any(_is_value(cell, ".") for cell in row):
+        return refuse(
+            "no_table",
+            f"the row has no number below the names on line {first + 1}: "
+            f"{listed([repr(cell) for cell in row])}; export the readings themselves",
+            path=path,
+            line=filled[1] + 1,
+        )
     hint = ""
     if delimiter == "," and len(row) > len(cells):
         hint = (

@@ -84,6 +84,12 @@ REFUSED = {
         "ambiguous_decimal",
         ["line 2", "mixed", "decimal points"],
     ),
+    "words_where_readings_belong": (
+        "time_s,force_n\nearly,low\nlate,high\n",
+        {},
+        "no_table",
+        ["line 2", "no number", "'early', 'low'"],
+    ),
     "an_extra_field_that_is_not_empty": (
         "time_s,force_n\n0,1,\n0.01,2,5\n",
         {},
