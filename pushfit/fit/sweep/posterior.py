@@ -234,11 +234,12 @@ def _drawn(batch: Callable[[], Draw], enough: float) -> WeightedDraws:
     parts: list[Draw] = []
     while True:
         parts.append(batch())
-        draws = jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
-        order = np.argsort(draws.outer, kind="stable")
-        found = _weighed(draws.x[order], draws.log_prob[order], draws.log_weight[order])
-        if found.ess >= enough or len(parts) == MAX_CALLS:
-            return found
+        ess = _ess(np.concatenate([part.log_weight for part in parts]))
+        if ess >= enough or len(parts) == MAX_CALLS:
+            break
+    draws = jax.tree.map(lambda *arrays: np.concatenate(arrays), *parts)
+    order = np.argsort(draws.outer, kind="stable")
+    return _weighed(draws.x[order], draws.log_prob[order], draws.log_weight[order])
 
 
 def _weighed(
