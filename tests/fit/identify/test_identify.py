@@ -209,8 +209,7 @@ def test_components_determine_what_a_magnitude_does_not():
 
 def test_an_unknown_push_length_quotes_no_stiffness():
     table = case_table(CASES["firm"], noise=0.03, seed=1)
-    settings = parse_config("[push]\nlength_known = false\n" + HARD, path="grasp.toml")
-    result = identify_table(table, settings, seed=1, engine="sweep")
+    result = identify_table(table, unequal(), seed=1, engine="sweep")
     assert "push_length_unknown" in warning_codes(result)
     quoted = {q.name: q for q in (*result.parameters, *result.combinations)}
     for name in ("K_sn", "K_dn", "K_st", "C_d", "A", "B"):
