@@ -10,6 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+from jaxtyping import Float
+
 from pushfit.config import read_config
 from pushfit.data.plans.schedule import read_schedule
 from pushfit.data.recordings.recognise import RecordingColumns
@@ -53,6 +56,8 @@ OF_A_BATCH: dict[tuple[str, ...], str] = {
 }
 # Bytes of a file that show these.
 _HEAD = 64
+# Of an angle in degrees, beyond which rounding begins.
+_DECIMALS = 6
 _PLAN = frozenset({"push", "theta", "alpha", "repeat", "time"})
 
 
@@ -128,6 +133,19 @@ def expect_kind(
     found = file_kind(path, **recording_options)
     if found != kind:
         raise refuse("wrong_kind", INSTEAD[kind, found], path=str(path))
+
+
+def directions(
+    theta: Float[np.ndarray, " n"], alpha: Float[np.ndarray, " n"]
+) -> dict[str, object]:
+    """Where pushes go: lowest and highest angle, and how many directions there are."""
+    degrees = np.round(np.degrees([theta, alpha]), _DECIMALS)
+    lowest, highest = degrees.min(axis=1).tolist(), degrees.max(axis=1).tolist()
+    return {
+        "directions": np.unique(degrees, axis=1).shape[1],
+        "theta_deg": [lowest[0], highest[0]],
+        "alpha_deg": [lowest[1], highest[1]],
+    }
 
 
 def check_files(

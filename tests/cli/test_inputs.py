@@ -98,6 +98,15 @@ def test_a_profile_is_written_once_for_a_laboratory(log, tmp_path, capsys):
     assert any("BioTac Product Manual" in note for note in found["notes"])
 
 
+def test_validate_says_where_the_pushes_of_a_plan_go(capsys):
+    found = facts(capsys, EXAMPLE / "theta_schedule.csv")
+    frame = pd.read_csv(EXAMPLE / "theta_schedule.csv")
+    for name in ("theta_deg", "alpha_deg"):
+        assert found[name] == [frame[name].min(), frame[name].max()]
+    n_different = len(frame[["theta_deg", "alpha_deg"]].drop_duplicates())
+    assert (found["pushes"], found["directions"]) == (len(frame), n_different)
+
+
 def test_validate_says_what_should_not_be_overlooked(tmp_path, capsys):
     times = np.arange(0.0, 4000.0, 20.0)  # in ms, under a name that says s
     frame = pd.DataFrame({"time_s": times, "force_n": np.sin(times / 1e3)})

@@ -214,7 +214,7 @@ def simulate(
 
 def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
     """What was recognised in one file."""
-    from pushfit.data.check import file_kind
+    from pushfit.data.check import directions, file_kind
     from pushfit.data.load import reader_options
     from pushfit.data.plans.schedule import read_schedule
     from pushfit.data.recordings.recording import read_recording
@@ -243,6 +243,7 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
         return facts | {
             "pushes": table.n_pushes,
             "used": int(table.is_used.sum()),
+            **directions(table.theta, table.alpha),
             "channels": [f"{name}_{table.unit}" for name in table.channels],
             "notes": list(table.notes),
             "warnings": [asdict(warning) for warning in faults_of(table)],
@@ -250,7 +251,8 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
         }
     if kind == "settings":
         return facts
-    return facts | {"pushes": read_schedule(path).n_pushes}
+    plan = read_schedule(path)
+    return facts | {"pushes": plan.n_pushes, **directions(plan.theta, plan.alpha)}
 
 
 def as_text(facts: Mapping[str, object]) -> str:

@@ -19,7 +19,8 @@ from pushfit.data.pushes.humps import longest_run
 from pushfit.data.pushes.running_means import RunningMeans
 from pushfit.parameters import TINY
 
-# Parts of a push above half its height, for five numbers; two samples in each at least.
+# Parts of a push above half its height, for five numbers. Of as many samples a hold is
+# told from a top; where it took twice as many, short ones were read too high.
 PROFILE_BINS = 32
 # A plateau stays within this share of its height for so long a part of the time above
 # half height, and scatters less than this. Of the recordings tried, held pushes have
@@ -156,7 +157,7 @@ def are_held(
     may_be_low = _may_settle(scaled)
     for k in np.flatnonzero(is_level | may_be_low).tolist():
         # Too few samples show no level.
-        if extents[k].end - extents[k].start >= 2 * PROFILE_BINS:
+        if extents[k].end - extents[k].start >= PROFILE_BINS:
             is_steady = _is_steady(scaled[k])
             held[k] = is_steady and (is_level[k] or _is_low(scaled[k]))
     return held

@@ -23,8 +23,14 @@ from pushfit.data.text.faults import listed
 from pushfit.errors import FitError
 from pushfit.fit.problem.predictions import heights_of, predict_points
 from pushfit.fit.problem.setup import Setup
-from pushfit.fit.profiles.least_squares import RANK_TOLERANCE, fit_least_squares
+from pushfit.fit.profiles.least_squares import (
+    RANK_TOLERANCE,
+    fit_least_squares,
+    polish,
+    settle_noise,
+)
 from pushfit.fit.results import FitResult
+from pushfit.model import as_float
 from pushfit.parameters import TINY
 
 # Chance of faulting one height of a table of which all are right.
@@ -32,6 +38,9 @@ LEVEL = 1e-3
 # The same by a linear problem: of 139 simulated tables a quarter were doubted, and with
 # a wrong height 85 of the 87 that are found.
 DOUBT = 0.2
+# Of 1, what the leverage of a push leaves that alone holds a number of the model: it is
+# met, whatever it is.
+ALONE = 0.2
 # A wrong height bends the fit towards itself, and is still among the farthest from it.
 N_TRIED = 6
 # Fewer degrees of freedom of the others show no scatter: a kink at θ_c, which may be
@@ -75,15 +84,15 @@ def unpredicted(
         reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
 
     Returns:
-        Those of them; none where all are right, the noise is stated or in common, too
-        few pushes are left to show their scatter, or no fit arrives.
+        Those of them; none where all are right, normal noise is stated, too few pushes
+        are left to show their scatter, or no fit arrives.
     """
-    if setup.noise.kind == "given" or setup.noise.shared:
+    if setup.noise.kind == "given" and setup.problem.likelihood == "normal":
         return ()
     columns = np.searchsorted(setup.rows, _doubted(setup, whole))
     try:
         tried = [
-            _without(setup, int(k), whole.chi_square, reference_alpha=reference_alpha)
+            _without(setup, int(k), whole, reference_alpha=reference_alpha)
             for k in columns
         ]
     except FitError:
@@ -112,9 +121,13 @@ def unlike_words(
 
 
 def _doubted(setup: Setup, whole: FitResult) -> Int[np.ndarray, " k"]:
-    """Rows of the heights whose studentised residuals are the largest, a few at most.
+    """Rows of heights that are far off by studentised residuals, or hold their number.
 
     t² = g (degrees of freedom - 1) / (χ² - g)   with g = r² / (1 - leverage)
+
+    Returns:
+        A few at most, the farthest first, and then those without which another number
+        of the model would be free.
     """
     freedom = whole.degrees_of_freedom - 1
     if freedom < MIN_FREEDOM:
@@ -127,38 +140,53 @@ def _doubted(setup: Setup, whole: FitResult) -> Int[np.ndarray, " k"]:
     gain = np.minimum(residuals**2 / alone, whole.chi_square)
     ratio = gain * freedom / np.maximum(whole.chi_square - gain, TINY)
     chance = scipy.special.fdtrc(1, freedom, ratio)
-    order = np.argsort(chance)
-    doubted = order[chance[order] * chance.size < DOUBT]
+    chance[chance * chance.size >= DOUBT] = 1.0
+    order = np.lexsort((alone, chance))
+    doubted = order[(chance < 1.0)[order] | (alone < ALONE)[order]]
     return pd.unique(np.asarray(whole.row)[doubted])[:N_TRIED]
 
 
 def _without(
-    setup: Setup, column: int, chi_square: float, *, reference_alpha: float
+    setup: Setup, column: int, whole: FitResult, *, reference_alpha: float
 ) -> LeftOut | None:
     """What the others say of a push; None where they say nothing that counts.
 
     Args:
         column: Of the problem.
-        chi_square: Of the best fit with the push.
+        whole: The best fit with the push.
     """
-    problem = setup.problem
+    # Tails, and what repeats have in common, may be what explains the push.
+    problem = replace(setup.problem, likelihood="normal", shared=None)
     mask = np.asarray(problem.mask)
     others = mask & (np.arange(mask.shape[1]) != column)
-    alone = replace(
-        setup, problem=replace(problem, mask=jnp.asarray(others)), search=None
+    # A wrong height is most of the noise of its channel, if it is counted.
+    noise = replace(
+        setup.noise, kind="sampled", angle_sd=(0.0, 0.0), height_share=0.0, shared={}
     )
+    rest = replace(problem, mask=jnp.asarray(others))
+    rest_setup = replace(setup, problem=rest, noise=noise, search=None)
+    alone = settle_noise(rest_setup, reference_alpha)
     fit = fit_least_squares(alone, reference_alpha=reference_alpha)
-    if fit.degrees_of_freedom < MIN_FREEDOM:
+    if alone.search is None or fit.degrees_of_freedom < MIN_FREEDOM:
         return None
     own = np.flatnonzero(mask[:, column])
-    gain = (chi_square - fit.chi_square) / own.size
-    ratio = gain * fit.degrees_of_freedom / max(fit.chi_square, np.finfo(float).tiny)
+    sigma = np.array(alone.problem.reference_sigma)
+    sigma[own, column] = [np.median(sigma[c, others[c]]) for c in own]
+    starts = alone.search.valleys.copy()
+    starts[-1] = whole.estimate
+    weighed = replace(problem, reference_sigma=as_float(sigma))
+    with_it, without = (
+        polish(replace(weighed, mask=counted), starts)[1][0]
+        for counted in (problem.mask, rest.mask)
+    )
+    gain = (with_it - without) / own.size
+    ratio = gain * fit.degrees_of_freedom / max(without, TINY)
     chance = scipy.special.fdtrc(own.size, fit.degrees_of_freedom, max(ratio, 0.0))
     found = predict_points(problem, fit.estimate[None], problem.pushes)
     predicted = heights_of(problem, found)[0][own, column]
     observed = np.asarray(problem.observed)
     off = np.abs(observed[own, column] - predicted)
-    worst = int(np.argmax(off))
+    worst = int(np.argmax(off / sigma[own, column]))
     if off[worst] < WORTH * np.max(np.abs(observed[others])):
         return None
     return LeftOut(

@@ -107,7 +107,7 @@ def result_warnings(
             "which would not show an outlier or a wrong model, and intervals take "
             "both for absent; push more directions, or each of them twice",
         )
-    elif names := improbable(found.config, posterior):
+    if names := improbable(found.config, posterior):
         yield ResultWarning(
             code="far_from_prior",
             text=f"{' and '.join(names)} would be so far out once in 1000 by what is "

@@ -229,16 +229,15 @@ def _with_words(
         is_ordered=follows_elevation(fitted.table),
     )
     told = replace(found.identifiability, advice=() if is_brief else advice)
+    # One push that is off may look like anything.
+    shown = () if left_out else fitted.shown
     return replace(
         found,
         identifiability=told,
         warnings=(
             *found.warnings,
             *result_warnings(setup, found, left_out),
-            *violation_warnings(
-                fitted.shown,
-                is_adequate=found.goodness_of_fit.is_adequate,
-            ),
+            *violation_warnings(shown, is_adequate=found.goodness_of_fit.is_adequate),
             *angle_error_warnings(setup, found),
             *([] if tilt is None else [tilt]),
         ),

@@ -36,8 +36,9 @@ class FitStatus(enum.Enum):
     OK = "ok"
     NO_FINITE_START = "no start gave finite residuals; check the heights and the config"
     MAX_STEPS = (
-        "the solver stopped at its step limit; state a number for a preload or a "
-        "sharpness that is estimated, or push at more angles"
+        "the solver stopped at its step limit; look for a height or a direction that "
+        "is wrong, state a number for a preload or a sharpness that is estimated, or "
+        "push at more angles"
     )
     NOT_CONVERGED = (
         "the posterior has not converged; state a number or a narrower prior for a "

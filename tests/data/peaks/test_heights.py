@@ -90,6 +90,21 @@ def test_a_push_that_overshoots_and_is_then_held_is_read_at_its_hold(hold):
     assert np.abs(pulls).max() < MAX_Z
 
 
+@pytest.mark.parametrize(("rate", "seconds"), [(50.0, 1.0), (100.0, 0.6)])
+def test_a_hold_of_few_samples_is_read_at_its_level(rate, seconds):
+    """50 and 60 samples; read at a top of their noise, holds were too high by 0.6."""
+    time = np.arange(0.0, 42 * PERIOD, 1 / rate)
+    y = np.random.default_rng(11).standard_normal(time.size)
+    for start in PERIOD * (np.arange(42) + 0.3):
+        knots = start + np.array([0.0, 0.05, seconds - 0.05, seconds])
+        y += np.interp(time, knots, [0.0, 30.0, 30.0, 0.0])
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    frame = measure_pushes(recording).frame
+    off = frame["height_n"] - 30.0
+    assert len(off) == 42
+    assert abs(off.mean()) < MAX_Z * off.std() / np.sqrt(42)
+
+
 def test_a_rest_of_next_to_nothing_before_a_push_is_no_baseline():
     """The recording begins on the flank, 1 % up: the rest after it is the true one."""
     time = np.arange(2.1, 14.0, 0.01)

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
+from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.leave_one_out import LEVEL, WORTH, LeftOut, unpredicted
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
-from tests.fit.tables import config
+from pushfit.fit.results import Identification
+from tests.fit.tables import HARD, case_table, config
 from tests.problems import CASES
 
 ALPHA = np.pi / 2
@@ -17,6 +19,8 @@ ALPHA = np.pi / 2
 NOISE = 0.005
 # Of what the others predict: four times their noise.
 NEAR = 4 * NOISE
+# Noise of any kind, as by default.
+OPEN = parse_config("[push]\nlength_mm = 5.0\n" + HARD, path="grasp.toml")
 
 
 def judged(table: PeakTable) -> tuple[LeftOut, ...]:
@@ -57,6 +61,51 @@ def test_the_push_that_is_off_is_named_with_what_the_others_give(wrong, factor):
     assert (found.row, found.channel, found.height) == (wrong, "height", height)
     np.testing.assert_allclose(found.predicted, height / factor, rtol=NEAR)
     assert found.p_value < LEVEL
+
+
+def spoiled(table: PeakTable, *, column: str, row: int, factor: float) -> PeakTable:
+    heights = table.frame[column].to_numpy(copy=True)
+    heights[row] *= factor
+    return PeakTable.from_frame(table.frame.assign(**{column: heights}))
+
+
+def several(channels: tuple[str, ...], repeats: int, *, is_stated: bool) -> PeakTable:
+    """Pushes from 8° to 85° with noise of 1 %."""
+    case = CASES["firm"]
+    theta_deg = np.linspace(8.0, 85.0, 12)
+    noise = 2 * NOISE * float(np.max(case_table(case).heights("height")))
+    table = case_table(
+        case, theta_deg=theta_deg, repeats=repeats, channels=channels, noise=noise
+    )
+    stated = [f"{name}_sd_n" for name in channels if not is_stated]
+    return PeakTable.from_frame(table.frame.drop(columns=stated))
+
+
+@pytest.mark.parametrize(
+    ("channels", "repeats", "is_stated", "row", "factor"),
+    [
+        (("height_normal", "height_tangential"), 1, True, 4, 0.1),
+        (("height_normal", "height_tangential"), 1, False, 6, 10.0),
+        (("height",), 3, False, 13, 10.0),
+    ],
+)
+def test_a_slip_is_named_that_is_most_of_the_noise_of_its_channel(
+    channels, repeats, is_stated, row, factor
+):
+    """Or that looks as if noise had tails, or repeats differed as a whole."""
+    table = several(channels, repeats, is_stated=is_stated)
+    wrong = spoiled(table, column=f"{channels[-1]}_n", row=row, factor=factor)
+    clean, found = (
+        [w.text for w in identified(one).warnings if w.code == "outliers"]
+        for one in (table, wrong)
+    )
+    assert clean == []
+    (text,) = found
+    assert f"push {wrong.frame['push'].iloc[row]} " in text
+
+
+def identified(table: PeakTable) -> Identification:
+    return identify_table(table, OPEN, seed=0, is_brief=True)
 
 
 def test_heights_that_are_right_are_not_faulted():
