@@ -342,17 +342,18 @@ def test_a_noisy_ceiling_is_recognised():
     assert flagged == [False] * 4 + [True] * 4
 
 
-def test_short_holds_end_at_no_ceiling_where_lower_ones_are_as_flat():
-    """Holds of a second at 20 Hz are read at their apex, as too few for a plateau."""
+@pytest.mark.parametrize(("step", "definition"), [(0.05, "plateau"), (0.08, "apex")])
+def test_short_holds_end_at_no_ceiling_where_lower_ones_are_as_flat(step, definition):
+    """Holds of a second at 12 Hz are read at their apex, as too few for a plateau."""
     rng, period = np.random.default_rng(1), 4.0
     heights = np.array([6.0, 9.5, 11.5, 8.0, 10.5, 9.0])
-    time = np.arange(0.0, period * (heights.size + 1), 0.05)
+    time = np.arange(0.0, period * (heights.size + 1), step)
     flanks = 3.0 * (1.0 - np.abs(time[:, None] - period * np.arange(1, 7)))
     course = np.sum(heights * np.clip(flanks, 0.0, 1.0), axis=1)
     noisy = course + 0.02 * rng.standard_normal(time.size)
     recording = Recording(time=time, channels={"p": noisy}, units={"p": "n"})
     frame = measure_pushes(recording).frame
-    assert frame["definition"].tolist() == ["apex"] * heights.size
+    assert frame["definition"].tolist() == [definition] * heights.size
     assert not frame["flags"].str.contains("saturated").any()
 
 
