@@ -10,6 +10,7 @@ References:
     Cook & Weisberg (1982), Residuals and Influence in Regression, chapter 2.
 """
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -84,20 +85,18 @@ def unpredicted(
         reference_alpha: Azimuth at which θ_c of a mode is quoted [rad].
 
     Returns:
-        Those of them; none where all are right, normal noise is stated, too few pushes
-        are left to show their scatter, or no fit arrives.
+        Those of them; none where all are right, normal noise is stated, or too few
+        pushes are left to show their scatter.
     """
     if setup.noise.kind == "given" and setup.problem.likelihood == "normal":
         return ()
-    columns = np.searchsorted(setup.rows, _doubted(setup, whole))
-    try:
-        tried = [
-            _without(setup, int(k), whole, reference_alpha=reference_alpha)
-            for k in columns
-        ]
-    except FitError:
-        return ()
-    found = [one for one in tried if one is not None and one.p_value < LEVEL]
+    found = []
+    for column in np.searchsorted(setup.rows, _doubted(setup, whole)).tolist():
+        # Without a push that holds a number there may be no best fit.
+        with contextlib.suppress(FitError):
+            one = _without(setup, column, whole, reference_alpha=reference_alpha)
+            if one is not None and one.p_value < LEVEL:
+                found.append(one)
     return tuple(sorted(found, key=lambda one: one.p_value))
 
 
