@@ -129,7 +129,8 @@ def test_too_few_pushes_say_nothing_of_one():
 
 def test_an_identification_names_the_push_although_its_noise_has_heavy_tails_then():
     table = pushes(10, wrong=3)
-    found = identify_table(table, config(), seed=0, is_brief=True)
+    found = identified(table)
+    assert found.config.noise.likelihood == "student_t"
     (text,) = [w.text for w in found.warnings if w.code == "outliers"]
     name, height = "push 4 (θ = 33.3333°, α = 90°)", table.heights("height")[3]
     assert text.startswith(f"{name} has height_n = {height:.3g} where the others give")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.warnings import (
     bound_warnings,
     result_warnings,
@@ -71,6 +72,19 @@ def test_outliers_come_with_what_to_do():
     )
     (text,) = [w.text for w in warnings if w.code == "outliers"]
     assert text.startswith("more than 5 sigma from the fit: push 8; look at")
+
+
+def test_what_is_far_from_the_prior_is_said_of_a_rejected_model_too():
+    """Millinewtons in a column of newtons may be what it is rejected for."""
+    frame = case_table(CASES["firm"], noise=0.02).frame
+    large = {name: 1e3 * frame[name] for name in ("height_n", "height_sd_n")}
+    table = PeakTable.from_frame(frame.assign(**large))
+    found = identify_table(table, config(), seed=0, engine="sweep")
+    goodness = replace(found.goodness_of_fit, is_adequate=False)
+    warnings = result_warnings(
+        build_problem(table, config()), replace(found, goodness_of_fit=goodness)
+    )
+    assert {"model_inadequate", "far_from_prior"} <= {w.code for w in warnings}
 
 
 @pytest.mark.parametrize(("n", "is_said"), [(12, True), (13, False)])
