@@ -19,8 +19,8 @@ from pushfit.data.pushes.humps import longest_run
 from pushfit.data.pushes.running_means import RunningMeans
 from pushfit.parameters import TINY
 
-# Parts of a push above half its height, for five numbers. Of as many samples a hold is
-# told from a top; where it took twice as many, short ones were read too high.
+# Parts of a push above half its height, for five numbers. With a sample in each a hold
+# is told from a top; where it took two, short ones were read too high.
 PROFILE_BINS = 32
 # A plateau stays within this share of its height for so long a part of the time above
 # half height, and scatters less than this. Of the recordings tried, held pushes have
@@ -156,8 +156,9 @@ def are_held(
     scaled = rise / height[:, None]
     may_be_low = _may_settle(scaled)
     for k in np.flatnonzero(is_level | may_be_low).tolist():
-        # Too few samples show no level.
-        if extents[k].end - extents[k].start >= PROFILE_BINS:
+        # Too few samples show no level, and a line across a gap between few is none.
+        n_samples = extents[k].end - extents[k].start
+        if n_samples >= 2 * PROFILE_BINS or counts[k].min() > 0:
             is_steady = _is_steady(scaled[k])
             held[k] = is_steady and (is_level[k] or _is_low(scaled[k]))
     return held
