@@ -14,8 +14,9 @@ from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.results import FitStatus, PosteriorResult, Verdict
 from pushfit.fit.sweep import posterior as sweep
+from pushfit.model import Grasp
 from tests.fit.tables import case_table, config
-from tests.problems import CASES
+from tests.problems import CASES, PUSH
 
 
 @pytest.mark.parametrize(
@@ -114,3 +115,24 @@ def test_directions_that_disagree_are_said_also_without_an_estimate(estimate):
     warnings = result_warnings(build_problem(table, config()), found)
     (text,) = [w.text for w in warnings if w.code == "alpha_star_disagreement"]
     assert "10° to 30° by the model but in 75° to 85° by a cosine" in text
+
+
+@pytest.mark.parametrize(
+    ("preload", "prior_of_p", "is_said"),
+    [(1.0, 8.0, True), (0.0, 8.0, False), (1.0, 1.5, False)],
+    ids=["preload-not-stated", "as-stated", "soft-by-the-prior"],
+)
+def test_a_transition_that_hides_what_was_not_stated_is_unusually_soft(
+    preload, prior_of_p, is_said
+):
+    """Transitions are hard, and all tables pass as those of soft ones."""
+    case = replace(CASES["firm"], grasp=Grasp(push_length=PUSH, preload=preload))
+    table = case_table(case, noise=0.01, theta_deg=np.linspace(5.0, 85.0, 17))
+    text = f"""[transition]
+sharpness = "auto"
+[parameters.p]
+lognormal = {{ median = {prior_of_p}, sd_log = 1.0 }}
+"""
+    found = identify_table(table, config(text), seed=0, engine="sweep")
+    assert found.goodness_of_fit.is_adequate
+    assert ("unusually_soft" in {w.code for w in found.warnings}) is is_said
