@@ -140,28 +140,38 @@ def test_rows_that_were_copied_are_said_and_single_ones_are_not():
     assert "copied_rows" not in codes(with_heights(twice, heights))
 
 
-def drifting(*, in_a_row: bool) -> PeakTable:
-    """Pushes that lose 0.03 from each to the next; directions before repeats or not."""
+def drifting(*, in_a_row: bool, in_proportion: bool = False) -> PeakTable:
+    """Pushes that lose 0.03, or as much of their height, from each to the next.
+
+    All repeats of a direction come before the next one or not.
+    """
     table = case_table(CASES["firm"], noise=0.02, repeats=3)
     frame = table.frame
     order = frame.sort_values(["theta_deg", "repeat"] if in_a_row else ["repeat"])
     order = order.assign(push=np.arange(1, len(order) + 1))
-    return type(table).from_frame(
-        order.assign(height_n=order["height_n"] - 0.03 * order["push"])
-    )
+    loss = 0.03 * order["push"] * (order["height_n"] / 2 if in_proportion else 1)
+    return type(table).from_frame(order.assign(height_n=order["height_n"] - loss))
 
 
-def test_a_drift_that_repeats_in_a_row_show_is_that_of_least_squares():
-    table = drifting(in_a_row=True)
+@pytest.mark.parametrize("in_proportion", [False, True])
+def test_a_drift_that_repeats_in_a_row_show_is_that_of_least_squares(in_proportion):
+    table = drifting(in_a_row=True, in_proportion=in_proportion)
     (text,) = [
         w.text for w in table_warnings(table, config()) if w.code == "drift_in_repeats"
     ]
     push, direction = table.frame["push"].to_numpy(dtype=float), table.groups
-    dummies = direction[:, None] == np.unique(direction)
-    slope = np.linalg.lstsq(np.c_[push, dummies], table.heights("height"))[0][0]
-    np.testing.assert_allclose(
-        float(text.split(" by ")[1].split()[0]), slope, rtol=DIGITS
+    dummies = (direction[:, None] == np.unique(direction)).astype(float)
+    heights = table.heights("height")
+    means = dummies @ np.linalg.lstsq(dummies, heights)[0]
+    centred = push - dummies @ np.linalg.lstsq(dummies, push)[0]
+    column = (
+        100 * np.linalg.lstsq((centred * means)[:, None], heights - means)[0]
+        if in_proportion
+        else np.linalg.lstsq(np.c_[push, dummies], heights)[0]
     )
+    words = text.split(" by ")[1].split()
+    assert (words[1] == "%") is in_proportion
+    np.testing.assert_allclose(float(words[0]), column[0], rtol=DIGITS)
 
 
 def test_a_drift_is_not_said_without_one_or_where_sweeps_are_repeated():
