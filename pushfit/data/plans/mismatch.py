@@ -32,7 +32,8 @@ def mismatch_error(
     problems = [
         InputProblem(
             code="push_missing",
-            message=f"{push_name(plan, i)} has no hump{_between(pairs, extents, i)}",
+            message=f"{push_name(plan, i)} has no hump{_between(pairs, extents, i)}"
+            + ("" if schedule.time is not None else _else(pairs, i)),
             path=path,
             value=str(plan.push[i]),
         )
@@ -114,6 +115,16 @@ def _between(pairs: Alignment, extents: Sequence[Extent], i: int) -> str:
     if before.size:
         return f" after {extents[before[-1]].t_end:.2f} s"
     return f" before {extents[after[0]].t_start:.2f} s" if after.size else ""
+
+
+def _else(pairs: Alignment, i: int) -> str:
+    """What a rhythm without a gap does not tell, where pushes are missing at an end."""
+    is_found = pairs.hump >= 0
+    if i > 0 and not is_found[i:].any() and is_found[i - 1]:
+        return ", unless an earlier one was not made and all after it are one row off"
+    if i + 1 < len(is_found) and not is_found[: i + 1].any() and is_found[i + 1]:
+        return ", unless a later one was not made and all before it are one row off"
+    return ""
 
 
 def _counts(plan: PushSchedule, pairs: Alignment) -> str:

@@ -1,5 +1,7 @@
 """Plans are paired right or refused: never wrong without a word."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -153,6 +155,7 @@ def test_three_faults_of_a_pairing_are_told_and_the_rest_counted(n_planned, n_fo
     n_missing = n_planned - n_found
     assert message.startswith(f"{n_planned} pushes are planned, {n_found} found: push ")
     assert message.count("has no hump") == min(n_missing, 3)
+    assert message.count("unless an earlier one was not made") == 1
     assert (f"; and {n_missing - 3} more" in message) is (n_missing > 3)
     assert len(message) < 1500
 
@@ -175,3 +178,33 @@ def test_directions_are_called_whole_only_where_there_are_some(theta_deg, said):
     )
     message = str(mismatch_error(schedule, pairs, extents_at(2.0 * np.arange(3.0))))
     assert message.endswith(f"in (a): {said}")
+
+
+@pytest.mark.parametrize(
+    ("hump", "is_timed", "said"),
+    [
+        ([-1, 0, 1, 2], False, "unless a later one was not made"),
+        ([0, 1, 2, -1], False, "unless an earlier one was not made"),
+        ([0, 1, -1, 2], False, None),
+        ([0, 1, 2, -1], True, None),
+    ],
+)
+def test_which_push_was_not_made_is_open_where_no_gap_or_time_tells(
+    hump, is_timed, said
+):
+    """One row too many anywhere in a plan leaves the last one over."""
+    schedule = PushSchedule.in_order(
+        theta=np.radians([10.0, 20.0, 30.0, 40.0]), alpha=np.zeros(4)
+    )
+    if is_timed:
+        schedule = replace(schedule, time=2.0 * np.arange(4.0))
+    pairs = Alignment(
+        hump=np.array(hump),
+        other=None,
+        extra=(),
+        n_cycles=1,
+        expected=np.arange(4.0),
+    )
+    message = str(mismatch_error(schedule, pairs, extents_at(2.0 * np.arange(3.0))))
+    assert ("unless" in message) is (said is not None)
+    assert said is None or said in message
