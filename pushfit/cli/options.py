@@ -121,9 +121,7 @@ class SettingsOptions:
     ] = None
     rate: Annotated[
         float | None,
-        typer.Option(
-            metavar="HZ", help="Samples per second, where no column is a time."
-        ),
+        typer.Option(metavar="HZ", help="Samples per second, in place of a time."),
     ] = None
 
 

@@ -57,7 +57,7 @@ class RecordingSection(Section):
         example=["time_s", "pressure_counts"],
     )
     rate: Positive | None = setting(
-        "samples per second, for recordings without a time [Hz]", example=125.0
+        "samples per second, in place of a column of times [Hz]", example=125.0
     )
     map: dict[str, str] = setting(
         "column of each channel, and of time, theta and alpha",

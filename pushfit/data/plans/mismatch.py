@@ -33,7 +33,7 @@ def mismatch_error(
         InputProblem(
             code="push_missing",
             message=f"{push_name(plan, i)} has no hump{_between(pairs, extents, i)}"
-            + ("" if schedule.time is not None else _else(pairs, i)),
+            + (_else(pairs, i) if schedule.time is None else ""),
             path=path,
             value=str(plan.push[i]),
         )
@@ -120,6 +120,8 @@ def _between(pairs: Alignment, extents: Sequence[Extent], i: int) -> str:
 def _else(pairs: Alignment, i: int) -> str:
     """What a rhythm without a gap does not tell, where pushes are missing at an end."""
     is_found = pairs.hump >= 0
+    if pairs.other is not None:
+        return ""  # both ways are shown
     if i > 0 and not is_found[i:].any() and is_found[i - 1]:
         return ", unless an earlier one was not made and all after it are one row off"
     if i + 1 < len(is_found) and not is_found[: i + 1].any() and is_found[i + 1]:

@@ -68,8 +68,8 @@ def read_recording(
         units: Unit by channel or column name, where the name states none.
         columns: Column names in order, for a file without a header; a last name `...`
             stands for all that follow.
-        rate: Samples per second, for a recording without a time; None where a column
-            or the file itself tells it [Hz].
+        rate: Samples per second, in place of a column of times, unless `mapping` names
+            one; None where a column or the file itself tells it [Hz].
         calibration: Conversion by channel name.
         definitions: Folder of `.msg` files, for ROS 2 bags that carry no definitions.
         theta_from: What a recorded theta is measured from: the tangential plane, or
@@ -108,15 +108,7 @@ def read_recording(
     else:
         text = open_text(given, encoding=encoding)
         layout = find_layout(text, format=format, columns=columns)
-        rate = rate or layout.rate
-        roles = _roles(
-            text,
-            layout,
-            mapping=mapping,
-            units=units,
-            tail=tail,
-            has_rate=rate is not None,
-        )
+        roles = _roles(text, layout, mapping=mapping, units=units, tail=tail, rate=rate)
         cells = read_cells(
             text,
             layout,
@@ -125,7 +117,7 @@ def read_recording(
             missing=missing,
             max_bytes=max_bytes,
         )
-        samples = _samples(text, layout, roles, cells, rate=rate)
+        samples = _samples(text, layout, roles, cells, rate=rate or layout.rate)
     recording = build_recording(
         samples, theta_from=theta_from, gaps=gaps, trust_units=trust_units
     )
@@ -145,9 +137,7 @@ def _foreign_samples(
 ) -> Samples:
     """Sort the columns of a log that is no table by their roles."""
     layout = Layout(writer="native", delimiter=",", decimal=".", names=(*table,))
-    roles = assign_roles(
-        layout, mapping=mapping, units=units, path=path, has_rate=rate is not None
-    )
+    roles = assign_roles(layout, mapping=mapping, units=units, path=path, rate=rate)
     series = list(table.values())
     n = len(series[0])
     clock = roles.clocks[0] if roles.clocks else None
@@ -160,6 +150,7 @@ def _foreign_samples(
         angles={r.name: (series[r.columns[0]], r.unit) for r in roles.angles},
         sources=(Source(path=path, sha256=sha256_of(path), dialect=dialect),),
         notes=(f"recognised {dialect}", *roles.notes),
+        cautions=roles.cautions,
     )
 
 
@@ -170,12 +161,12 @@ def _roles(
     mapping: Mapping[str, str],
     units: Mapping[str, str],
     tail: Tail,
-    has_rate: bool,
+    rate: float | None,
 ) -> ColumnRoles:
     """Give the columns their roles, or list what is wrong with names and rows."""
     try:
         return assign_roles(
-            layout, mapping=mapping, units=units, path=text.path, has_rate=has_rate
+            layout, mapping=mapping, units=units, path=text.path, rate=rate
         )
     except DataError as error:
         # The rows may be wrong as well: the user is to mend all in one go.
@@ -212,7 +203,6 @@ def _samples(
         clock, time = _first_filled_clock(roles, cells)
         unit = clock.unit
         origin = " and ".join(layout.names[i] for i in clock.columns)
-        origin += f", not from the rate of {rate:g}" if rate else ""
     else:
         time, unit = np.arange(cells.scan.n_rows) / (rate or 1.0), UNITS["s"]
         origin = f"the rate of {rate:g} samples a second"
@@ -232,6 +222,7 @@ def _samples(
             *roles.notes,
             *cells.notes,
         ),
+        cautions=roles.cautions,
     )
 
 

@@ -68,12 +68,14 @@ class ColumnRoles:
         channels: Signals.
         angles: Push angles.
         notes: Columns that were ignored, for the user.
+        cautions: Columns that look like what was stated otherwise.
     """
 
     clocks: tuple[Role, ...]
     channels: tuple[Role, ...]
     angles: tuple[Role, ...]
     notes: tuple[str, ...]
+    cautions: tuple[str, ...]
 
 
 class _Columns(RecordingColumns):
@@ -89,7 +91,7 @@ class _Columns(RecordingColumns):
         super().__init__(layout.names, path=path, unit_row=layout.unit_row, units=units)
         self.line = layout.header_line
         self.first_row = layout.first_row
-        self.writer = layout.writer
+        self.writer, self.rate = layout.writer, layout.rate
         self.mapped = {split_unit(key)[0]: (key, name) for key, name in mapping.items()}
         self.problems: list[InputProblem] = []
 
@@ -105,13 +107,14 @@ def assign_roles(
     mapping: Mapping[str, str],
     units: Mapping[str, str],
     path: str,
-    has_rate: bool = False,
+    rate: float | None = None,
 ) -> ColumnRoles:
     """Decide what each column of a recording is for.
 
     Args:
         mapping: Column name by channel, or by `time`, `theta` and `alpha`.
-        has_rate: Whether times follow from a rate where no column is one.
+        rate: Samples per second as the user states them; no column is the time then,
+            unless it is mapped [Hz].
 
     Raises:
         ConfigError: If units contradict each other or are stated for nothing.
@@ -120,7 +123,8 @@ def assign_roles(
     """
     columns = _Columns(layout, mapping, units, path)
     _check_stated_names(columns)
-    clocks = _clocks(columns, has_rate=has_rate)
+    is_counted = rate is not None and "time" not in columns.mapped
+    clocks = [] if is_counted else _clocks(columns)
     taken = {i for clock in clocks for i in clock.columns}
     angles = _angles(columns)
     taken |= {i for angle in angles for i in angle.columns}
@@ -147,6 +151,18 @@ def assign_roles(
         channels=tuple(channels),
         angles=tuple(angles),
         notes=notes,
+        cautions=_beside_rate(columns, rate) if rate and not clocks else (),
+    )
+
+
+def _beside_rate(columns: _Columns, rate: float) -> tuple[str, ...]:
+    """Say so where a column looks like the time that a rate takes the place of."""
+    looks = columns.called(*_CLOCK_STEMS) or columns.measuring("time")
+    names = [columns.names[i] for i in looks]
+    return tuple(
+        f"times follow from the rate that is stated, {rate:g} samples a second, and "
+        f"not from {listed(names)}; state {stated(mapping={'time': name})} for these"
+        for name in names[:1]
     )
 
 
@@ -174,7 +190,7 @@ def _check_stated_names(columns: _Columns) -> None:
             )
 
 
-def _clocks(columns: _Columns, *, has_rate: bool) -> list[Role]:
+def _clocks(columns: _Columns) -> list[Role]:
     """Find the time column by mapping, by dialect, or by its name and unit."""
     if "time" in columns.mapped:
         key, name = columns.mapped["time"]
@@ -194,7 +210,7 @@ def _clocks(columns: _Columns, *, has_rate: bool) -> list[Role]:
         for name, unit in candidates
         if (role := _clock(columns, name, unit, key)) is not None
     ]
-    if not found and not columns.problems and not has_rate:
+    if not found and not columns.problems and columns.rate is None:
         columns.add(
             "no_time",
             f"no time column among {listed(columns.names)}; name one time_s, or state "
@@ -219,7 +235,8 @@ def _clock(
         columns.add(
             "other_date",
             f"{cell!r} is no number, and no date by ISO 8601, such as "
-            "2025-05-03T10:00:00.25; write times so, or as seconds",
+            "2025-05-03T10:00:00.25; write times so, or as seconds, or state the "
+            "samples per second by `rate`",
             column=name,
         )
         return None

@@ -56,6 +56,7 @@ class Samples:
         lines: Gives the line in the file of each row, counted from 0.
         sources: Files behind the samples.
         notes: What the reader said so far.
+        cautions: Of that, what the user should not overlook.
     """
 
     path: str
@@ -67,6 +68,7 @@ class Samples:
     lines: Callable[[Int[np.ndarray, " m"]], Int[np.ndarray, " m"]] | None = None
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
 
 
 @dataclass(slots=True, kw_only=True)
@@ -112,7 +114,9 @@ def build_recording(
     """
     if samples.is_union:
         samples = _without_empty_rows(samples)
-    findings = _Findings(samples=samples, notes=list(samples.notes))
+    findings = _Findings(
+        samples=samples, notes=list(samples.notes), cautions=list(samples.cautions)
+    )
     time = _seconds(samples.time, samples.time_unit)
     _check_clock(time, findings)
     _check_values(findings, trust_units, gaps)
@@ -201,9 +205,8 @@ def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
     if not back.size and wrong.size > len(step) / 2:
         findings.add(
             "coarse_clock",
-            f"{wrong.size} of {time.size} times are those of the row before, since the "
-            "clock is coarser than the samples; take out its column and state "
-            f"{stated(rate=100)}, with the true rate",
+            f"{wrong.size} of {time.size} times are those of the row before: the clock "
+            f"is coarser than the samples; state {stated(rate=100)}, with your rate",
             at=int(wrong[0]) + 1,
         )
         return

@@ -81,10 +81,18 @@ def test_a_row_of_units_may_hold_every_unit_that_a_name_may(write):
     np.testing.assert_array_equal(recording.channels["force"], PRESSURE)
 
 
-def test_a_rate_beside_a_time_is_said_to_be_of_no_use(write):
-    recording = read_recording(write(GOOD), rate=1000.0)
+def test_a_rate_takes_the_place_of_a_column_that_looks_like_the_time(write):
+    coarse = write("time_s,force_n\n0,1\n0,1.5\n0,2\n1,2.5\n")
+    recording = read_recording(coarse, rate=10.0)
+    np.testing.assert_allclose(recording.time, [0.0, 0.1, 0.2, 0.3])
+    (caution,) = recording.cautions
+    assert "10 samples a second, and not from time_s" in caution
+
+
+def test_a_column_that_is_said_to_be_the_time_is_it_beside_a_rate(write):
+    recording = read_recording(write(GOOD), rate=1000.0, mapping={"time": "time_s"})
     assert_good(recording)
-    assert "time from time_s, not from the rate of 1000" in recording.notes[0]
+    assert not recording.cautions
 
 
 def test_a_cut_last_line_is_dropped_with_a_note(write):
