@@ -171,8 +171,12 @@ def _at_limit(table: PeakTable) -> Iterator[ResultWarning]:
 
 
 def _copied_rows(table: PeakTable) -> Iterator[ResultWarning]:
-    """Whether all pushes have a twin of the same direction and the same heights."""
+    """Whether all repeats of a direction have a twin, of the same heights."""
     rows = np.flatnonzero(table.is_used)
+    _, inverse, counts = np.unique(
+        table.groups[rows], return_inverse=True, return_counts=True
+    )
+    rows = rows[counts[inverse] > 1]
     heights = np.stack([table.heights(channel)[rows] for channel in table.channels])
     keys = np.vstack([table.groups[rows], heights])
     found, counts = np.unique(keys, axis=1, return_counts=True)
@@ -180,9 +184,9 @@ def _copied_rows(table: PeakTable) -> Iterator[ResultWarning]:
     if differ and found.shape[1] >= FEW_TWINS and np.min(counts) > 1:
         yield ResultWarning(
             code="copied_rows",
-            text="every push has another one with its direction and the same heights, "
-            "to the last digit; each counts as a measurement of its own, so leave "
-            "out what was copied",
+            text="every push of a direction that was pushed again has another one with "
+            "the same heights, to the last digit; each counts as a measurement of its "
+            "own, so leave out what was copied",
         )
 
 

@@ -126,11 +126,14 @@ def test_whole_numbers_of_a_coarse_sensor_stop_nowhere():
     assert "heights_at_limit" not in codes(rounded)
 
 
-def test_rows_that_were_copied_are_said_and_single_ones_are_not():
+@pytest.mark.parametrize("n_copied", [4, 17])
+def test_rows_that_were_copied_are_said_and_single_ones_are_not(n_copied):
     once = case_table(CASES["firm"], noise=0.02, repeats=1)
+    assert once.n_pushes == 17
+    copies = once.frame[:n_copied].assign(repeat=2)
     twice = type(once).from_frame(
-        pd.concat([once.frame, once.frame.assign(repeat=2)]).assign(
-            push=np.arange(1, 2 * once.n_pushes + 1)
+        pd.concat([once.frame, copies]).assign(
+            push=np.arange(1, once.n_pushes + n_copied + 1)
         )
     )
     assert "copied_rows" in codes(twice)
