@@ -84,7 +84,7 @@ def test_a_row_of_units_may_hold_every_unit_that_a_name_may(write):
 def test_a_rate_takes_the_place_of_a_column_that_looks_like_the_time(write):
     coarse = write("time_s,force_n\n0,1\n0,1.5\n0,2\n1,2.5\n")
     recording = read_recording(coarse, rate=10.0)
-    np.testing.assert_allclose(recording.time, [0.0, 0.1, 0.2, 0.3])
+    np.testing.assert_allclose(recording.time, [0.0, 0.1, 0.2, 0.3], rtol=ROUNDING)
     (caution,) = recording.cautions
     assert "10 samples a second, and not from time_s" in caution
 
