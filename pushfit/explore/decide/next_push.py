@@ -72,9 +72,8 @@ class Survey:
     def ranked(self, *, after: Collection[Direction]) -> Int[np.ndarray, " m"]:
         """The same, but for some directions that come last [rad]."""
         rows = self.ranks
-        directions = np.stack([self.theta[rows], self.alpha[rows]], axis=1).tolist()
-        is_last = [_is_among(theta, alpha, after) for theta, alpha in directions]
-        return rows[np.argsort(is_last, kind="stable")]
+        directions = np.stack([self.theta[rows], self.alpha[rows]], axis=1)
+        return rows[np.argsort(_are_among(directions, after), kind="stable")]
 
 
 class Surveyor:
@@ -184,14 +183,13 @@ class Surveyor:
         limit = self.limits.force
         if limit is not None:
             is_strong = (predicted.force > limit) @ weights > TOLERATED
-        gone = [_is_among(t, a, abandoned) for t, a in directions.tolist()]
         return {
             "out of the workspace": self._is_out(
                 directions, share * float(belief.grasp.push_length)
             ),
             "might lift the finger off": lifts_off,
             f"{FORCE} of {limit or 0:g}": is_strong,
-            "abandoned": np.array(gone),
+            "abandoned": _are_among(directions, abandoned),
         }
 
 
@@ -252,12 +250,12 @@ def repetition(
     )
 
 
-def _is_among(theta: float, alpha: float, directions: Collection[Direction]) -> bool:
-    """Whether a direction is one of some, to a thousandth of a degree."""
-    return any(
-        abs(theta - t) < np.radians(1e-3) and abs(alpha - a) < np.radians(1e-3)
-        for t, a in directions
-    )
+def _are_among(
+    directions: Float[np.ndarray, "k 2"], some: Collection[Direction]
+) -> Bool[np.ndarray, " k"]:
+    """Which directions are one of some, to a thousandth of a degree."""
+    off = np.abs(directions[:, None] - np.reshape(list(some), (1, -1, 2)))
+    return np.any(np.all(off < np.radians(1e-3), axis=2), axis=1)
 
 
 def _gains(
