@@ -20,6 +20,9 @@ length_mm = 5.0
 # normal noise: what chooses between kinds of noise compiles the programs of each.
 HARD = '[transition]\nsharpness = "hard"\n'
 NORMAL = '[noise]\nlikelihood = "normal"\n'
+# Elevations whose three repeats fit the shortest problems: wherever a test does not ask
+# for more pushes, as every length has programs of its own.
+SEVEN_DEG = np.arange(10.0, 83.0, 12.0)
 
 FIXED = {"K_sn": 1200, "K_dn": 600, "K_st": 300, "C_d": 0.24, "L": 0.04}
 # With the truth of the case "paper" for all but C_rr, the tangential height of a push

@@ -17,7 +17,14 @@ from pushfit.fit.identify.by_mechanics import profiles_of
 from pushfit.fit.identify.fitted import fit_table, sweep
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.results import FitStatus, Verdict
-from tests.fit.tables import FRICTION_ONLY, HARD, NORMAL, case_table, config
+from tests.fit.tables import (
+    FRICTION_ONLY,
+    HARD,
+    NORMAL,
+    SEVEN_DEG,
+    case_table,
+    config,
+)
 from tests.problems import CASES
 
 LOW_DEG = np.arange(5.0, 61.0, 5.0)
@@ -25,7 +32,7 @@ LOW_DEG = np.arange(5.0, 61.0, 5.0)
 CONSTANT = "[noise]\nheight_share = 0.0\n"
 # The same, normal or heavy-tailed as the heights have it.
 CHOSEN = CONSTANT + 'likelihood = "auto"\n'
-# 48 degrees of freedom: sigma is known to 10 %; four of them.
+# 18 degrees of freedom: sigma is known to 17 %; more than two of them.
 SIGMA = 0.4
 # 14 of them, without repeats: it is known to 19 %; two and a half of them.
 SIGMA_ONCE = 0.5
@@ -208,7 +215,7 @@ def test_components_determine_what_a_magnitude_does_not():
 
 
 def test_an_unknown_push_length_quotes_no_stiffness():
-    table = case_table(CASES["firm"], noise=0.03, seed=1)
+    table = case_table(CASES["firm"], noise=0.03, seed=1, theta_deg=SEVEN_DEG)
     result = identify_table(table, unequal(), seed=1, engine="sweep")
     assert "push_length_unknown" in warning_codes(result)
     quoted = {q.name: q for q in (*result.parameters, *result.combinations)}
@@ -236,7 +243,7 @@ def test_pushes_that_lift_the_finger_off_are_left_out():
 
 
 def test_standard_deviations_that_repeats_contradict_are_widened():
-    table = case_table(CASES["firm"], noise=0.05, seed=3)
+    table = case_table(CASES["firm"], noise=0.05, seed=3, theta_deg=SEVEN_DEG)
     frame = table.frame.assign(height_sd_n=0.005)
     fitted = fit_table(type(table).from_frame(frame), config())
     assert "sd_contradicted" in {warning.code for warning in fitted.warnings}
@@ -259,19 +266,19 @@ def unequal():
 @pytest.mark.parametrize(("sd", "n_said"), [(0.005, 1), (0.05, 0)])
 def test_scatter_beyond_the_stated_sd_is_said_where_pushes_may_be_unequal(sd, n_said):
     """Noise is sampled there, beside the standard deviations that are stated."""
-    table = case_table(CASES["firm"], noise=0.05, seed=3)
+    table = case_table(CASES["firm"], noise=0.05, seed=3, theta_deg=SEVEN_DEG)
     frame = table.frame.assign(height_sd_n=sd)
     fitted = fit_table(type(table).from_frame(frame), unequal())
     texts = [w.text for w in fitted.warnings if w.code == "scatter_exceeds_sd"]
     assert len(texts) == n_said
-    # By 48 degrees of freedom it is known to 10 %.
+    # By 18 degrees of freedom it is known to 17 %.
     ratios = [float(text.split()[2]) for text in texts]
     np.testing.assert_allclose(ratios, [10.0] * n_said, rtol=SIGMA)
 
 
 @pytest.mark.parametrize("settings", [config(CONSTANT), unequal()])
 def test_standard_deviations_that_are_too_large_are_said_to_be(settings):
-    table = case_table(CASES["firm"], noise=0.03, seed=3)
+    table = case_table(CASES["firm"], noise=0.03, seed=3, theta_deg=SEVEN_DEG)
     frame = table.frame.assign(height_sd_n=0.3)
     found = identify_table(
         type(table).from_frame(frame), settings, seed=1, engine="sweep"

@@ -12,7 +12,7 @@ from pushfit.errors import ConfigError
 from pushfit.fit.identify.fitted import MIN_ANGLE_GAIN, fit_table
 from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
 from pushfit.fit.profiles.weights import repeat_gain
-from tests.fit.tables import case_table, config
+from tests.fit.tables import SEVEN_DEG, case_table, config
 from tests.problems import CASES
 from tests.tolerances import EXACT
 
@@ -88,7 +88,7 @@ def test_angles_without_errors_change_nothing():
 
 def test_repeats_are_no_measure_of_noise_that_differs_by_direction():
     """Noise that is pooled from repeats holds the errors of their angles."""
-    table = case_table(CASES["firm"], noise=0.02)
+    table = case_table(CASES["firm"], noise=0.02, theta_deg=SEVEN_DEG)
     bare = PeakTable.from_frame(table.frame.drop(columns="height_sd_n"))
     fitted = fit_table(bare, config("[noise]\ntheta_sd_deg = 1.0\n"))
     assert fitted.config.noise.sigma == "sampled"
