@@ -287,8 +287,10 @@ def test_standard_deviations_that_are_too_large_are_said_to_be(settings):
 
 
 def test_a_fixed_value_that_the_heights_contradict_is_named():
-    table = case_table(CASES["firm"], noise=0.03)
-    fitted = fit_table(table, config("[parameters.K_sn]\nfixed = 300.0\n"))
+    table = case_table(CASES["firm"], noise=0.03, theta_deg=SEVEN_DEG)
+    fixed = {"K_dn": 300.0, "K_st": 450.0, "C_d": 0.36, "L": 0.04}
+    text = "".join(f"[parameters.{n}]\nfixed = {v}\n" for n, v in fixed.items())
+    fitted = fit_table(table, config(text))
     codes = {warning.code for warning in fitted.warnings}
     assert "fixed_value_contradicted" in codes
 
