@@ -36,6 +36,7 @@ BRUTE_FORCE = 2e-3
 # may be stated: a factor of 1.02.
 ERRORS, SMALL_ERROR = 4, 0.02
 # Differences that are drawn, and standard errors of their mean that one in 16 000
+N_PUSHES = 22
 # leaves.
 N_SUMS, MEAN_ERRORS = 2000, 4
 
@@ -49,7 +50,7 @@ def monte_carlo_error(log_likelihoods):
 
 def test_densities_are_those_of_linear_regression():
     """Without h_i the posterior of C_rr is normal, and so is the prediction of h_i."""
-    theta_deg = np.linspace(2.0, 30.0, 30)
+    theta_deg = np.linspace(2.0, 30.0, N_PUSHES)
     table = case_table(
         CASES["paper"],
         noise=SIGMA,
@@ -68,12 +69,12 @@ def test_densities_are_those_of_linear_regression():
 
     draws = np.random.default_rng(0).normal(*posterior(slice(None)), N_DRAWS)
     problem = setup_of(table, FRICTION_ONLY).problem
-    found = push_densities(problem, {"C_rr": draws}, n_pushes=30)
+    found = push_densities(problem, {"C_rr": draws}, n_pushes=N_PUSHES)
     tolerance = monte_carlo_error(
         stats.norm.logpdf(heights, draws[:, None] * slope, SIGMA)
     )
-    for i in range(30):
-        mean, sd = posterior(np.arange(30) != i)
+    for i in range(N_PUSHES):
+        mean, sd = posterior(np.arange(N_PUSHES) != i)
         spread = np.hypot(SIGMA, slope[i] * sd)
         expected = stats.norm.logpdf(heights[i], slope[i] * mean, spread)
         assert abs(found.elpd[i] - expected) < tolerance[i], i
