@@ -273,7 +273,7 @@ def test_as_many_unknowns_as_heights_bound_nothing():
     table = PeakTable.from_arrays(
         theta=theta, alpha=np.full(3, np.pi / 2), heights={"height": heights}, unit="n"
     )
-    profiles = profiles_of(setup_of(table, "[parameters.L]\nfixed = 0.04\n"))
+    profiles = profiles_of(setup_of(table))
     for name in ("theta_c", "A", "B"):
         assert profiles[name].verdict is Verdict.NOT_DETERMINED
         assert profiles[name].pieces == ((None, None),)
