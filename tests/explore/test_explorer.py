@@ -401,8 +401,9 @@ def test_what_is_over_does_not_go_on(tmp_path):
 
 
 def test_without_a_word_on_the_noise_eight_pushes_are_the_least():
-    own = explorer(width_deg=60.0, sigma=None, limits=Limits(reference_every=0))
-    assert len(run(own)) == 8
+    names, limits = ("height",), Limits(reference_every=0)
+    own = explorer(width_deg=80.0, sigma=None, limits=limits, channels=names)
+    assert len(run(own, channels=names)) == 8
 
 
 def test_a_budget_ends_it():
