@@ -10,7 +10,7 @@ from pushfit.fit.assess.warnings import improbable
 from pushfit.fit.identify.fitted import fit_table
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.other_readings import other_reading
-from tests.fit.tables import case_table, config
+from tests.fit.tables import SEVEN_DEG, case_table, config
 from tests.problems import CASES
 
 BOTH = ("height_normal", "height_tangential")
@@ -82,7 +82,8 @@ def test_a_misread_table_that_passes_all_checks_is_named():
 
 
 def test_channels_that_are_exchanged_are_named():
-    table = case_table(CASES["firm"], noise=0.03, seed=1, channels=BOTH)
+    words = {"channels": BOTH, "theta_deg": SEVEN_DEG}
+    table = case_table(CASES["firm"], noise=0.03, seed=1, **words)
     warning = other_reading(fit_table(exchanged(table), config()), seed=1)
     assert "height_normal and height_tangential are exchanged" in warning.text
 
@@ -94,7 +95,7 @@ def test_a_table_that_is_read_as_it_was_made_has_no_other_reading(channels):
 
 
 def test_heights_without_order_have_no_other_reading():
-    table = case_table(CASES["firm"], noise=0.03, seed=1)
+    table = case_table(CASES["firm"], noise=0.03, seed=1, theta_deg=SEVEN_DEG)
     heights = np.random.default_rng(0).permutation(table.heights("height"))
     frame = table.frame.assign(height_n=heights)
     assert (
