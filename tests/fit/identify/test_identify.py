@@ -504,10 +504,11 @@ def test_noise_stays_constant_where_its_size_is_stated_otherwise(text):
 def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
     """Noise of several sizes has them, too; it is named, and not hidden by them."""
     table, settings = proportional(0), config(CHOSEN + FRICTION_ONLY)
-    student = config(CONSTANT + 'likelihood = "student_t"\n' + FRICTION_ONLY)
-    normal = CONSTANT + 'sigma = "sampled"\nlikelihood = "normal"\n'
-    sampled = config(normal + FRICTION_ONLY)
-    evidence = [sweep(fit_table(table, c), 0).log_evidence for c in (student, sampled)]
+    evidence = []
+    for likelihood in ("student_t", "normal"):
+        text = CONSTANT + f'sigma = "sampled"\nlikelihood = "{likelihood}"\n'
+        fitted = fit_table(table, config(text + FRICTION_ONLY))
+        evidence.append(sweep(fitted, 0).log_evidence)
     assert evidence[0] > evidence[1] + 1
     assert fit_table(table, settings).setup.problem.likelihood == "normal"
     monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
