@@ -23,6 +23,7 @@ from pushfit.fit.profiles.least_squares import (
 )
 from tests.fit.kinds import KINDS
 from tests.fit.tables import (
+    SEVEN_DEG,
     case_table,
     config,
     log_contact,
@@ -41,9 +42,9 @@ SAME_OPTIMUM = 0.01
 # 337 degrees of freedom: sigma is known to 4 %; four of them.
 SIGMA = 0.16
 COMPONENTS = ("height_normal", "height_tangential")
-ISOTROPIC = ("paper", "firm", "soft", "preload", "blind_magnitude")
 # Two elevations at which every azimuth rolls, and two at which none does.
 FOUR_DEG = np.array([15.0, 30.0, 60.0, 80.0])
+ISOTROPIC = ("paper", "firm", "soft", "preload", "blind_magnitude")
 
 
 def table_config(case) -> str:
@@ -266,7 +267,9 @@ def test_padding_changes_nothing():
 def test_a_search_has_the_weights_that_noise_settles_at():
     """Its curve becomes a profile, so that other weights would narrow the set."""
     channels = ("height_normal", "height_tangential")
-    table = case_table(CASES["firm"], noise=0.02, channels=channels)
+    table = case_table(
+        CASES["firm"], noise=0.02, channels=channels, theta_deg=SEVEN_DEG
+    )
     setup = setup_of(table, '[noise]\nsigma = "sampled"\n')
     curve = setup.search.curve
     is_possible = np.isfinite(curve.chi_square)
