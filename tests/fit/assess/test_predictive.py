@@ -17,7 +17,7 @@ from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.problems import CASES, PUSH
 
 SIGMA, PRIOR_MEAN, PRIOR_SD = 0.01, 0.24, 0.01
-THETA_DEG = np.linspace(2.0, 30.0, 30)
+THETA_DEG = np.linspace(2.0, 30.0, 22)
 SLOPE = 400 * PUSH * np.sin(np.radians(THETA_DEG))
 N_DRAWS = 4000
 # Five standard deviations of a share of as many draws, at its widest.
