@@ -89,8 +89,8 @@ def test_a_terminal_gets_a_bar_and_the_first_answer_above_it(monkeypatch, capsys
 def test_a_command_says_theta_c_before_the_posterior(capsys, tmp_path):
     """What is on standard output stays what it was: the report alone."""
     table = tmp_path / "peaks.csv"
-    rows = ["theta_deg,alpha_deg,height_n,height_sd_n"]
-    rows += [f"{5 * i},0,{0.02 * i**1.5:.3f},0.02" for i in range(1, 18)]
+    rows = ["theta_deg,alpha_deg,height_n"]
+    rows += [f"{5 * i},0,{0.02 * i**1.5:.3f}" for i in range(1, 18)]
     table.write_text("\n".join(rows))
     assert main(["fit", str(table)]) == 0
     said, out = capsys.readouterr()[::-1]
