@@ -24,6 +24,7 @@ from pushfit.fit.sweep.prior import make_target
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp
 from tests.explore.worlds import COMPONENTS, TRUTH
+from tests.fit.tables import HARD
 
 # Four standard errors of medians of so many draws.
 MEDIANS = 0.08
@@ -153,10 +154,10 @@ def test_without_a_stated_lever_there_is_nothing_to_tilt_by():
 def test_errors_of_the_joints_are_believed_as_they_are_identified():
     """Elevations of ± 2°: the same posterior, and the next push scatters so, too."""
     made = table(Grasp(push_length=0.005), share=1e-3)
-    own = question(5.0, parameters="[noise]\ntheta_sd_deg = 2.0\n")
+    own = question(5.0, parameters=HARD + "[noise]\ntheta_sd_deg = 2.0\n")
     belief, exact = (
         believe(made, own, 0),
-        believe(made, question(5.0, parameters=""), 0),
+        believe(made, question(5.0, parameters=HARD), 0),
     )
     found = identify_table(made, own.settings, seed=0, engine="sweep", is_brief=True)
     expected = np.quantile(found.posterior.samples["theta_c"], [0.05, 0.95])
