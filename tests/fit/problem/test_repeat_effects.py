@@ -24,13 +24,14 @@ from pushfit.fit.problem.repeats.effects import (
 from pushfit.fit.sweep.prior import make_target
 from pushfit.model import as_float
 from pushfit.parameters import SIX
-from tests.fit.tables import case_table, config
+from tests.fit.tables import SEVEN_DEG, case_table, config
 from tests.problems import CASES
 from tests.tolerances import EXACT, ROUTES
 
 SHIFT = np.array([-0.1, 0.03, 0.07])
 GAIN = np.array([0.96, 1.01, 1.03])
-MEANS = 0.02  # means of 17 heights with noise of 0.02 N; four times their own
+# Means of seven heights with noise of 0.02 N: two and a half times their own.
+MEANS = 0.02
 # F tests of pure noise are uniform; a false alarm once in 10^3.
 N_TABLES, LEVEL = 200, 1e-3
 
@@ -102,17 +103,18 @@ def test_pushes_that_are_left_out_take_no_part():
 
 def test_noise_within_repeats_is_all_that_a_fit_is_left_with():
     """Pooled noise of 0.02 N where repeats lie 0.1 N apart."""
-    table = case_table(CASES["firm"], noise=0.02, seed=1)
+    table = case_table(CASES["firm"], noise=0.02, seed=2, theta_deg=SEVEN_DEG)
     plain = replace(table, frame=table.frame.drop(columns="height_sd_n"))
     moved = changed(plain, SHIFT, np.ones(3))
-    alike = fit_table(moved, config('[noise]\nrepeats = "alike"\n')).fit.sigma[0]
-    fitted = fit_table(moved, config('[noise]\nrepeats = "offset"\n'))
+    pooled = '[noise]\nsigma = "pooled"\n'
+    alike = fit_table(moved, config(f'{pooled}repeats = "alike"\n')).fit.sigma[0]
+    fitted = fit_table(moved, config(f'{pooled}repeats = "offset"\n'))
     own = fitted.fit.sigma[0]
     said = {warning.code: warning.text for warning in fitted.warnings}
     moves = re.findall(r"([+-][\d.]+) \(\d\)", said["repeat_offsets"])
     np.testing.assert_allclose([float(m) for m in moves], SHIFT, atol=MEANS)
     assert alike > 0.07
-    # 34 degrees of freedom: 12 % of the noise, four times.
+    # 12 degrees of freedom: 20 % of the noise, two and a half times.
     assert 0.01 < own < 0.03
 
 
@@ -121,7 +123,7 @@ def test_noise_within_repeats_is_all_that_a_fit_is_left_with():
     [("offset", SHIFT, np.ones(3)), ("gain", np.zeros(3), GAIN)],
 )
 def test_by_default_repeats_have_the_effects_that_they_show(kind, offset, gain):
-    table = case_table(CASES["firm"], noise=0.01, seed=1)
+    table = case_table(CASES["firm"], noise=0.01, seed=1, theta_deg=SEVEN_DEG)
     assert repeat_codes(fit_table(table, config())) == []
     moved = changed(table, offset, gain)
     found = fit_table(moved, config())
@@ -188,7 +190,7 @@ def test_heights_are_as_likely_as_a_normal_distribution_with_what_they_share(
     kind, sigma
 ):
     """Against a dense covariance; by the sweep as well, its repeats not pooled."""
-    clean = case_table(CASES["firm"], noise=0.02, seed=3)
+    clean = case_table(CASES["firm"], noise=0.02, seed=3, theta_deg=SEVEN_DEG)
     plain = replace(clean, frame=clean.frame.drop(columns="height_sd_n"))
     table = changed(plain, SHIFT * (kind == "offset"), GAIN ** (kind == "gain"))
     text = f'[noise]\nrepeats = "{kind}"\nsigma = "{sigma}"\n'
