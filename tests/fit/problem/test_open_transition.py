@@ -27,7 +27,7 @@ from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.sweep.posterior import sweep_posterior
 from pushfit.model import Pushes, as_float
 from tests.fit.kinds import KINDS
-from tests.fit.tables import case_table, config
+from tests.fit.tables import SEVEN_DEG, case_table, config
 from tests.problems import CASES
 from tests.tolerances import EXACT, ROUTES
 
@@ -61,7 +61,7 @@ def at_sharpness(problem: Problem, p: float) -> Problem:
 @pytest.fixture(scope="module")
 def setup() -> Setup:
     """Pushes of a soft contact, p = 6."""
-    table = case_table(CASES["soft"], noise=0.02, seed=3)
+    table = case_table(CASES["soft"], noise=0.02, seed=3, theta_deg=SEVEN_DEG)
     return settle_noise(build_problem(table, config(AUTO)))
 
 
@@ -171,7 +171,7 @@ def held_moments(problem: Problem) -> tuple[float, float]:
 def test_heights_that_say_nothing_of_the_sharpness_leave_its_prior():
     """Where every push rolls the two forces are never near each other."""
     # As many pushes as in the fixture, so that its programs serve.
-    theta_deg = np.linspace(5.0, 30.0, 17)
+    theta_deg = np.linspace(5.0, 30.0, SEVEN_DEG.size)
     table = case_table(CASES["one_sided"], noise=0.02, theta_deg=theta_deg)
     setup = settle_noise(build_problem(table, config(AUTO)))
     fit = fit_least_squares(setup, reference_alpha=ALPHA)
