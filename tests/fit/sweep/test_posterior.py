@@ -16,6 +16,7 @@ from pushfit.fit.identify import identify_table as identify
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.problem import bucket
 from pushfit.fit.problem.repeats.pooling import pool_repeats
+from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.programs import folder as cache
 from pushfit.fit.results import FitStatus
@@ -153,7 +154,8 @@ def test_without_data_the_evidence_is_one_and_draws_follow_the_prior(name):
     [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in KINDS],
 )
 def test_pooled_repeats_have_the_density_of_the_problem(name):
-    problem = KINDS[name].setup(0).problem
+    kind = KINDS[name]
+    problem = build_problem(kind.table(0), config(kind.text)).problem
     pooled = pool_repeats(problem).problem
     directions = np.unique(
         np.stack([problem.pushes.theta, problem.pushes.alpha]), axis=1
