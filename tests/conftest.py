@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import jax
+import jaxtyping
 import pytest
 from hypothesis import settings
 
@@ -35,6 +36,17 @@ os.environ.pop("PUSHFIT_PROGRAMS", None)
 # which would say how busy the machine is. --hypothesis-profile=default tries others.
 settings.register_profile("gate", deadline=None, derandomize=True)
 settings.load_profile("gate")
+
+
+@pytest.fixture(autouse=True)
+def shapes(request, monkeypatch) -> None:
+    """Shapes are checked, which takes two thirds of the time, but where it is enough.
+
+    The tests of a module that is `repeated` go through whole recordings or explorations
+    many times, by functions that other tests call as well.
+    """
+    if request.node.get_closest_marker("repeated"):
+        monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
 
 
 @pytest.fixture

@@ -27,6 +27,8 @@ from tests.explore.faulty import FaultyHand
 from tests.explore.worlds import COMPONENTS, CONFIG, THETA_C, TRUTH, importance
 from tests.tolerances import EXACT
 
+pytestmark = pytest.mark.repeated
+
 # Three standard errors of the sd of a thousand uniform numbers.
 SPREAD = 0.045
 # Four digits of the stiffness by which a reach becomes a force.

@@ -28,6 +28,8 @@ from tests.cli.look.makers import (
 )
 from tests.tolerances import ROUNDING, ROUTES
 
+pytestmark = pytest.mark.repeated
+
 EXAMPLE = Path(__file__).parents[3] / "examples" / "foam_box"
 KEPT = 1e-9  # angles are kept to nine decimals of a degree
 # Each height has a standard deviation of up to 0.14 %; five of their ratio.

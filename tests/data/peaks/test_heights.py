@@ -9,6 +9,8 @@ from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.records import Recording
 from tests.tolerances import MAX_Z
 
+pytestmark = pytest.mark.repeated
+
 RNG = 3
 # A ratio of standard deviations from 300 pushes scatters by 4 %; 15 % is what we claim.
 CALIBRATION = 0.15

@@ -14,6 +14,8 @@ from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
 from tests.tolerances import ROUTES
 
+pytestmark = pytest.mark.repeated
+
 SWEEP = Path(__file__).parents[3] / "examples/foam_box"
 PEAKS = PeakSettings()
 # Pushes alone choose the smoothing that humps are looked for with, so that heights are

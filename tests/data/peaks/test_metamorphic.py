@@ -25,6 +25,8 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.errors import DataError
 
+pytestmark = pytest.mark.repeated
+
 # What rounding and the judgement of the noise may change.
 SAME = 0.1
 # Times since 1970 keep a quarter of a microsecond of steps of 10 ms.

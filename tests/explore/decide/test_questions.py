@@ -32,6 +32,8 @@ from tests.explore.worlds import COMPONENTS, TRUTH_FILE
 from tests.mechanics.test_own_mechanics import EXAMPLE, true_angle
 from tests.tolerances import EXACT
 
+pytestmark = pytest.mark.repeated
+
 # A = 571 and B = 175 N/m at the mean of the ellipse, whose soft axis lies at 65°:
 # e = 1.4 (cos 310°, sin 310°).
 STRETCHED = Parameters(
