@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
+
 from pushfit.config import Settings, as_config
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
@@ -29,8 +31,14 @@ from pushfit.explore.belief.tables import (
     told_rows,
 )
 from pushfit.explore.decide.misfit import misfit, other_unit
-from pushfit.explore.decide.next_push import Survey, Surveyor, repetition, suggestion
-from pushfit.explore.decide.stopping import Judge
+from pushfit.explore.decide.next_push import (
+    Survey,
+    Surveyor,
+    are_among,
+    repetition,
+    suggestion,
+)
+from pushfit.explore.decide.stopping import FEWEST_DRAWS, Judge
 from pushfit.explore.journal.events import (
     ABANDONED,
     INTERRUPTED,
@@ -54,6 +62,10 @@ from pushfit.explore.records import (
 )
 from pushfit.fit.identify.fitted import reference_azimuth
 
+SHORT_ALONE = (
+    "the limits allow short pushes alone, which say no more: too few draws of the "
+    "priors agree with them; give a higher force limit, for whole ones"
+)
 # Below this share of effective draws the engine is asked for fresh ones.
 KEPT_SHARE = 0.2
 
@@ -138,21 +150,25 @@ class Explorer:
         Args:
             table: Their heights, in the unit and channels of this exploration.
 
+        A journal that begins with them has them already.
+
         Raises:
-            DataError: Unit or channels are others, or pushes were told already.
+            DataError: Unit or channels are others, or other pushes were told already.
         """
-        if self.history.told:
+        check_sensor(table, self.question)
+        told, rows = self.history.told, list(told_rows(table))
+        if rows == [row for row in told if row.is_attached]:
+            return  # by the program that goes on with its journal
+        if told:
             raise DataError(
-                f"{len(self.history.told)} pushes are known already; attach a table "
-                "first",
+                f"{len(told)} other pushes are known already; attach a table first",
                 code="attached_late",
             )
-        check_sensor(table, self.question)
         self._record(
             {
                 "event": "attached",
                 "reference_alpha": reference_azimuth(table, self.question.config),
-                "rows": [asdict(row) for row in told_rows(table)],
+                "rows": [asdict(row) for row in rows],
             }
         )
         self._settle()
@@ -334,7 +350,7 @@ class Explorer:
         found = self._surveyor.survey(
             self.belief,
             undecided=self._focus(),
-            abandoned=[(f.theta, f.alpha) for f in self.history.failures if f.is_final],
+            abandoned=self._abandoned,
             is_full=is_full,
         )
         self._survey = self._survey if is_full else found
@@ -352,6 +368,11 @@ class Explorer:
             suggestions=suggestions,
             width=self.judge.width,
         )
+
+    @property
+    def _abandoned(self) -> list[tuple[float, float]]:
+        """Directions that are never asked for again [rad]."""
+        return [(f.theta, f.alpha) for f in self.history.failures if f.is_final]
 
     def _focus(self) -> tuple[str, ...]:
         """The angles that pushes are to tell of."""
@@ -371,6 +392,8 @@ class Explorer:
         failed = [(f.theta, f.alpha) for f in self.history.in_a_row]
         if due is not None and survey.length_share == 1.0 and not failed:
             is_allowed = self._surveyor.allows(belief, due.theta, due.alpha)
+            direction = np.array([[due.theta, due.alpha]])
+            is_allowed &= not are_among(direction, self._abandoned)[0]
             return [repetition(belief, survey, due, target=target, exactly=is_allowed)]
         rows = survey.ranked(after=failed)[:n].tolist()
         return [suggestion(belief, survey, row, target=target) for row in rows]
@@ -415,6 +438,10 @@ class Explorer:
             or not self.judge.undecided(self.belief, self._known())
         ):
             self._record({"event": "drawn", "n": len(told)})
+        belief = self.belief
+        if history.stopped is None and belief.is_guess and belief.ess < FEWEST_DRAWS:
+            if self.survey().length_share < 1:
+                self.stop(SHORT_ALONE, is_over=True)
         if history.stopped is None:
             moved = self.judge.moved(told, self.belief, self.limits)
             if moved is not None:

@@ -144,12 +144,21 @@ class Limits(ExploreSection):
             length: Length of the push [m].
             azimuths: Reach in azimuth [rad].
         """
+        is_reached = self.reach(theta, alpha, azimuths=azimuths)
+        return is_reached and self.holds(theta, alpha, length=length)
+
+    def reach(
+        self, theta: float, alpha: float, *, azimuths: tuple[float, float]
+    ) -> bool:
+        """Whether a direction is one that the finger reaches [rad]."""
         low, high = np.radians(self.theta_deg)
         first, last = azimuths
         past = np.mod(alpha - first + ROUNDING, 2 * np.pi)
         is_within = low - ROUNDING <= theta <= high + ROUNDING
-        if not is_within or past > last - first + 2 * ROUNDING:
-            return False
+        return bool(is_within and past <= last - first + 2 * ROUNDING)
+
+    def holds(self, theta: float, alpha: float, *, length: float) -> bool:
+        """Whether a push of a length [m] ends in the workspace."""
         if self.workspace_mm is None:
             return True
         tip = 1e3 * tip_displacement(theta, alpha, length)

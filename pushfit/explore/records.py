@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pushfit.data.tables.rules import EXCLUDING_FLAGS
+
 Interval = tuple[float, float]
 
 
@@ -138,6 +140,16 @@ class ToldPush:
     def is_short(self) -> bool:
         """Whether it was a probe of the force, shorter than the pushes of a table."""
         return self.length_share < 1.0
+
+    @property
+    def is_left_out(self) -> bool:
+        """Whether a flag says that its height is no evidence."""
+        return bool(EXCLUDING_FLAGS & set(self.flags.split(";")))
+
+    @property
+    def counts(self) -> bool:
+        """Whether a fit has it: a whole push, and not left out."""
+        return not (self.is_short or self.is_left_out)
 
     def flagged(self, word: str) -> "ToldPush":
         """The same with one flag more."""

@@ -14,6 +14,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
 from pushfit.explore.belief.belief import N_DRAWS
+from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.explorer import Explorer
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import Answer, Purpose
@@ -239,7 +240,7 @@ def test_earlier_pushes_are_attached_and_cost_no_budget():
     own.attach(table)
     assert (own.state.n_pushes, own.state.n_left) == (3, 30)
     with pytest.raises(DataError, match="attach a table first"):
-        own.attach(table)
+        own.attach(hopeless_table())
 
 
 def test_a_push_that_nobody_asked_for_counts_as_well():
@@ -267,6 +268,40 @@ def test_a_failed_push_is_asked_again_last_an_abandoned_one_never():
     own.tell(second.theta, second.alpha, feel(second, 0))
     thetas = [s.theta for s in own.ask(100)]
     assert first.theta in thetas[:-1]
+
+
+def test_a_push_that_the_process_does_not_outlive_is_asked_twice(tmp_path):
+    """Once is chance; then other directions come first, three of them at most."""
+    path, asked = tmp_path / "journal.jsonl", []
+    while suggestions := explorer(journal=path).ask():
+        asked.append(suggestions[0].theta)
+    assert asked[0] == asked[1]
+    assert len(set(asked)) == len(asked) - 1 == 3
+    assert "interrupted" in explorer(journal=path).state.sentence
+
+
+def test_a_table_is_attached_again_by_the_program_that_goes_on(tmp_path):
+    path, table = tmp_path / "journal.jsonl", hopeless_table()
+    own = explorer(journal=path)
+    own.attach(table)
+    before = path.read_bytes()
+    again = explorer(journal=path)
+    again.attach(table)
+    assert path.read_bytes() == before
+    assert again.history.told == own.history.told
+    frame = table.frame.assign(height_normal_n=2 * table.frame["height_normal_n"])
+    with pytest.raises(DataError) as error:
+        again.attach(PeakTable.from_frame(frame))
+    assert error.value.code == "attached_late"
+
+
+def test_a_table_beyond_the_azimuths_is_told_from_a_workspace():
+    table = hopeless_table()
+    own = explorer(limits=Limits(theta_deg=(5.0, 85.0)), width_deg=0.1)
+    own.attach(PeakTable.from_frame(table.frame.assign(alpha_deg=270.0)))
+    assert not own.ask()
+    words = "17 candidates beyond the azimuths 0° to 180° of the reach"
+    assert words in own.state.sentence
 
 
 @pytest.mark.parametrize("reason", ["stalled", ""])
@@ -406,11 +441,21 @@ def test_without_a_word_on_the_noise_eight_pushes_are_the_least():
     assert len(run(own, channels=names)) == 8
 
 
+def test_pushes_that_do_not_count_are_none_of_the_eight():
+    own = explorer(width_deg=80.0, sigma=None, limits=Limits(reference_every=0))
+    while suggestions := own.ask():
+        push, number = suggestions[0], len(own.history.told)
+        flags = "saturated" if number % 2 else ""
+        own.tell(push.theta, push.alpha, feel(push, number), flags=flags)
+    assert own.state.answer is Answer.DECIDED
+    assert sum(row.counts for row in own.history.told) == 8
+
+
 def test_a_budget_ends_it():
     own = explorer(width_deg=0.5, budget=3)
     assert len(run(own)) == 3
     assert own.state.answer is Answer.OUT_OF_BUDGET
-    assert own.state.sentence.endswith("a width above 0.5°, would go on.")
+    assert "a width above 0.5°, would go on: by `pushfit next`" in own.state.sentence
 
 
 @pytest.mark.parametrize(
@@ -539,6 +584,31 @@ def test_a_slip_before_the_last_push_is_seen():
     assert "the object has moved" in own.state.sentence
 
 
+def test_a_height_that_does_not_count_shows_no_slip():
+    """A push that was saturated is the tallest, and no measure of the others."""
+    own = explorer(width_deg=0.1, limits=Limits(reference_every=4))
+    for number in range(5):
+        (push,) = own.ask()
+        flags, more = ("saturated", 3.0) if number == 1 else ("", 0.0)
+        heights = {name: h + more for name, h in feel(push, number).items()}
+        own.tell(push.theta, push.alpha, heights, flags=flags)
+    run(own, n=1)
+    assert own.history.told[-1].purpose == Purpose.REFERENCE.value
+    assert own.state.answer is Answer.DECIDING
+
+
+def test_a_reference_that_is_abandoned_is_made_beside_it():
+    own = explorer(width_deg=0.1, limits=Limits(reference_every=4))
+    run(own, n=4)
+    (due,) = own.ask()
+    assert due.purpose is Purpose.REFERENCE
+    own.abandon(due, "saturated")
+    run(own, n=1)
+    (other,) = own.ask()
+    assert other.purpose is Purpose.REFERENCE
+    assert 0 < abs(other.theta_deg - due.theta_deg) < 10.0
+
+
 def test_whether_the_object_moved_is_asked_early_and_then_now_and_then():
     limits = Limits(reference_every=5)
     own = explorer(width_deg=0.1, budget=11, limits=limits)
@@ -546,6 +616,17 @@ def test_whether_the_object_moved_is_asked_early_and_then_now_and_then():
     # After the first four pushes, then after five.
     repeated = [n for n, p in enumerate(purposes, 1) if p is Purpose.REFERENCE]
     assert repeated == [5, 11]
+
+
+def test_short_pushes_alone_decide_nothing():
+    """Draws of the priors that agree with all of them are soon but a few."""
+    limits = Limits(force=0.5, theta_deg=(20.0, 85.0))
+    own = explorer(width_deg=6.0, sigma=0.01, limits=limits, source=believe)
+    asked = run(own, n=30, sigma=0.01)
+    assert {s.purpose for s in asked} == {Purpose.PROBE}
+    assert own.state.answer is Answer.STOPPED
+    assert "give a higher force limit" in own.state.sentence
+    assert own.state.intervals == {"theta_c": None}
 
 
 def test_first_pushes_are_short_while_the_stiffness_is_unknown():

@@ -176,6 +176,8 @@ def next(
             save_figure(exploration_picture(explorer.overview(suggestions)), plot)
     if plot is not None:
         session.wrote(plot)
+    for warning in explorer.belief.warnings:
+        session.warn(f"{warning.text} [{warning.code}]")
     if json:
         session.print_json(next_dict(explorer, suggestions))
     else:
@@ -310,7 +312,8 @@ def _run(
         if history.is_over:
             again = f"remove {journal}, or give another --out"
         raise ConfigError(
-            f"{state.sentence}; without a push there is no result to write; {again}",
+            f"{state.sentence}; without a push of full length there is no result to "
+            f"write; {again}",
             code="no_push",
         )
     if json:

@@ -17,6 +17,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.rules import CHANNELS
 from pushfit.errors import ConfigError
 from pushfit.fit.problem.problem import STUDENT_DOF
+from pushfit.fit.results import ResultWarning
 from pushfit.model import Grasp
 from pushfit.parameters import PARAMETERS, SensorUnit
 
@@ -94,6 +95,7 @@ class Belief:
         grasp: What is known of grasp and sensor.
         likelihood: "normal" or "student_t".
         is_guess: Whether only the priors speak.
+        warnings: What heights and posterior say that an identification would tell.
     """
 
     samples: Mapping[str, Float[np.ndarray, " n"]]
@@ -105,6 +107,7 @@ class Belief:
     grasp: Grasp
     likelihood: str
     is_guess: bool
+    warnings: tuple[ResultWarning, ...] = ()
 
     @property
     def weights(self) -> Float[np.ndarray, " n"]:
@@ -112,11 +115,14 @@ class Belief:
         return np.exp(self.log_weights - scipy.special.logsumexp(self.log_weights))
 
     @property
+    def ess(self) -> float:
+        """Effective number of draws (Kish)."""
+        return float(1.0 / np.sum(self.weights**2))
+
+    @property
     def effective_share(self) -> float:
-        """Effective number of draws (Kish) over those there were."""
-        weights = self.weights
-        n = np.count_nonzero(np.isfinite(self.log_weights))
-        return float(1.0 / (n * np.sum(weights**2)))
+        """The same over those there were."""
+        return self.ess / np.count_nonzero(np.isfinite(self.log_weights))
 
     @property
     def sigma(self) -> Float[np.ndarray, " c"]:

@@ -4,8 +4,9 @@
 `pushfit.fit`. Excluded: what one more push changes (`pushfit.explore.belief.learning`).
 """
 
+import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -19,6 +20,7 @@ from pushfit.explore.belief.tables import table_of
 from pushfit.explore.records import ToldPush
 from pushfit.fit.assess.leave_one_out import LeftOut, unpredicted
 from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
+from pushfit.fit.assess.warnings import far_from_prior
 from pushfit.fit.identify.fitted import (
     draw_posterior,
     fit_table,
@@ -40,6 +42,8 @@ from pushfit.model import Grasp
 TYPICAL_STIFFNESS = 571.0
 # Noise of a height, as a share of it, where nothing is known of either.
 TYPICAL_NOISE = 0.05
+# Sweeps that are tried before emcee, and pushes from which it is worth its minutes.
+N_SWEEPS, WORTH_A_CHAIN = 4, 10
 # Noise in heights that lets a row set the question and leaves the answer alone.
 IMMENSE = 1e6
 
@@ -61,24 +65,31 @@ def believe(
             programs are kept that a first call compiles for minutes.
 
     Returns:
-        `N_DRAWS` draws of the posterior, or of the prior without a usable push.
+        `N_DRAWS` draws of the posterior, or of the prior without a usable push, or
+        where there are none of the posterior.
     """
     if table is None or not np.any(table.is_used):
         return _prior_belief(question, seed)
     if stages is None:  # a caller in Python, who sees no progress
         keep_programs()
     table = _with_open_direction(table, question)
-    settings, _ = prepared(table, question.settings)
+    settings, warnings = prepared(table, question.settings)
     first, *others = settings.by_mechanics()
     stages = stages or Stages(())
     stages.begin(posterior_stage(first))
     drawn = _drawn(table, first, seed)
+    if drawn is None:
+        return _prior_belief(question, seed)
     if others and is_tilt_large(drawn.setup, drawn.posterior):
         stages.begin(posterior_stage(others[0]))
         other = _drawn(table, others[0], seed)
-        if do_draws_tilt(drawn.posterior, other.posterior, prob=settings.report.prob):
+        if other is not None and do_draws_tilt(
+            drawn.posterior, other.posterior, prob=settings.report.prob
+        ):
             drawn = other
-    return belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
+    belief = belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
+    far = far_from_prior(settings, drawn.posterior)
+    return replace(belief, warnings=(*warnings, *far))
 
 
 def unlike_others(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut, ...]:
@@ -111,23 +122,35 @@ class _Drawn:
     posterior: PosteriorResult
 
 
-def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn:
-    """Draws by the sweep, or where they are not to be trusted by emcee."""
+def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn | None:
+    """Draws by the sweep, or where they are not to be trusted by emcee.
+
+    A few heights, which leave a posterior of more than one kind, may be drawn well by
+    another seed, and emcee would take minutes for them; an exploration waits for more.
+
+    Returns:
+        None where neither gives any.
+    """
     setup = build_problem(table, settings)
     reference_alpha = reference_azimuth(table, settings)
-    if setup.noise.follows_fit:
-        setup = settle_noise(setup, reference_alpha)
-    posterior = sweep_posterior(
-        setup,
-        seed=seed,
-        reference_alpha=reference_alpha,
-        reach=reach_of(settings),
-    )
-    if posterior.status is FitStatus.OK:
-        return _Drawn(setup=setup, posterior=posterior)
-    fitted = fit_table(table, settings)
-    posterior = draw_posterior(fitted, seed=seed, engine="emcee")
-    return _Drawn(setup=fitted.setup, posterior=posterior)
+    # Who waits for the next push is to have one, whatever the heights.
+    with contextlib.suppress(FitError):
+        if setup.noise.follows_fit:
+            setup = settle_noise(setup, reference_alpha)
+        for k in range(N_SWEEPS):
+            posterior = sweep_posterior(
+                setup,
+                seed=seed + k,
+                reference_alpha=reference_alpha,
+                reach=reach_of(settings),
+            )
+            if posterior.status is FitStatus.OK:
+                return _Drawn(setup=setup, posterior=posterior)
+        if len(setup.rows) >= WORTH_A_CHAIN:
+            fitted = fit_table(table, settings)
+            posterior = draw_posterior(fitted, seed=seed, engine="emcee")
+            return _Drawn(setup=fitted.setup, posterior=posterior)
+    return None
 
 
 def _prior_belief(question: Question, seed: int) -> Belief:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.explore.belief.belief import Belief, BeliefSource, Question
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import sd_of, table_of
@@ -28,21 +27,23 @@ def learnt(
 ) -> Belief:
     """Fresh draws from the first pushes, weighed by the others.
 
-    Short pushes are in no table: they always come by weights.
+    Short pushes are in no table: they always come by weights, and all of them where
+    draws are those of the priors.
 
     Args:
         n_drawn: Pushes that the draws rest on.
     """
     first, rest = told[:n_drawn], told[n_drawn:]
     belief = source(table_of(first, question), question, SEEDS * seed + n_drawn)
-    for row in [*(row for row in first if row.is_short), *rest]:
+    by_weights = [row for row in first if row.is_short or belief.is_guess]
+    for row in [*by_weights, *rest]:
         belief = weighed(belief, row, question)
     return belief
 
 
 def weighed(belief: Belief, row: ToldPush, question: Question) -> Belief:
     """The belief after one more push; flagged heights are no evidence."""
-    if EXCLUDING_FLAGS & set(row.flags.split(";")):
+    if row.is_left_out:
         return belief
     found = predict(
         belief,
@@ -56,7 +57,7 @@ def weighed(belief: Belief, row: ToldPush, question: Question) -> Belief:
 
 def reference_due(told: Sequence[ToldPush], limits: Limits) -> ToldPush | None:
     """The push to repeat, if it is time to see whether the object has moved."""
-    own = [row for row in told if not row.is_short and not row.is_attached]
+    own = _own(told)
     since = 0
     for row in reversed(own):
         if row.purpose == Purpose.REFERENCE.value:
@@ -75,10 +76,18 @@ def reference_rows(told: Sequence[ToldPush]) -> list[ToldPush]:
     change, but not the one just before, since which nothing can have happened.
 
     Args:
-        told: Pushes in order, at least one of them of full length and its own.
+        told: Pushes in order, at least one of them of full length, its own, and
+            without a flag that leaves it out.
     """
-    own = [row for row in told if not row.is_short and not row.is_attached]
+    own = _own(told)
     again = [row for row in own if row.purpose == Purpose.REFERENCE.value]
     before = own[: own.index(again[0])] if again else own
-    strongest = max(before[:-1] or before, key=lambda row: max(row.heights.values()))
+    strongest = max(
+        before[:-1] or before, key=lambda row: max(map(abs, row.heights.values()))
+    )
     return [strongest, *again]
+
+
+def _own(told: Sequence[ToldPush]) -> list[ToldPush]:
+    """Pushes of this exploration of full length whose heights count."""
+    return [row for row in told if row.counts and not row.is_attached]

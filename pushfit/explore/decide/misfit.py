@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.data.text.faults import listed
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.from_fit import unlike_others
@@ -47,11 +46,7 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
     to them. Noise that is learned explains everything, so each push is held against
     the scatter of the others then; heavy tails explain everything, too.
     """
-    own = [
-        (number, row)
-        for number, row in enumerate(told, start=1)
-        if not row.is_short and not EXCLUDING_FLAGS & set(row.flags.split(";"))
-    ]
+    own = [(number, row) for number, row in enumerate(told, start=1) if row.counts]
     if not own or belief.is_guess or belief.likelihood != "normal":
         return None
     if not noise_is_known(told, question):

@@ -73,7 +73,7 @@ class Survey:
         """The same, but for some directions that come last [rad]."""
         rows = self.ranks
         directions = np.stack([self.theta[rows], self.alpha[rows]], axis=1)
-        return rows[np.argsort(_are_among(directions, after), kind="stable")]
+        return rows[np.argsort(are_among(directions, after), kind="stable")]
 
 
 class Surveyor:
@@ -85,7 +85,7 @@ class Surveyor:
         self._azimuths = limits.azimuths(question.config)
         self._samples: object = None
         self._predicted: dict[float, Predicted] = {}
-        self._outside: dict[tuple[float, int], Bool[np.ndarray, " k"]] = {}
+        self._outside: dict[tuple[float, int], dict[str, Bool[np.ndarray, " k"]]] = {}
 
     def survey(
         self,
@@ -155,15 +155,21 @@ class Surveyor:
             self._predicted[share] = predict(belief, theta, alpha, length_share=share)
         return self._predicted[share]
 
-    def _is_out(
+    def _outside_of(
         self, directions: Float[np.ndarray, "k 2"], length: float
-    ) -> Bool[np.ndarray, " k"]:
-        """Which candidates lie beyond the reach or the workspace."""
+    ) -> dict[str, Bool[np.ndarray, " k"]]:
+        """Which candidates lie beyond the reach, and which beyond the workspace."""
         key = length, len(directions)
         if key not in self._outside:
-            allow = partial(self.limits.allow, length=length, azimuths=self._azimuths)
-            is_out = [not allow(*direction) for direction in directions.tolist()]
-            self._outside[key] = np.array(is_out)
+            reach = partial(self.limits.reach, azimuths=self._azimuths)
+            holds = partial(self.limits.holds, length=length)
+            ends = np.degrees(self._azimuths)
+            beyond = f"beyond the azimuths {ends[0]:g}° to {ends[1]:g}° of the reach"
+            rows = directions.tolist()
+            self._outside[key] = {
+                beyond: np.array([not reach(*row) for row in rows]),
+                "out of the workspace": np.array([not holds(*row) for row in rows]),
+            }
         return self._outside[key]
 
     def _screen(
@@ -184,12 +190,10 @@ class Surveyor:
         if limit is not None:
             is_strong = (predicted.force > limit) @ weights > TOLERATED
         return {
-            "out of the workspace": self._is_out(
-                directions, share * float(belief.grasp.push_length)
-            ),
+            **self._outside_of(directions, share * float(belief.grasp.push_length)),
             "might lift the finger off": lifts_off,
             f"{FORCE} of {limit or 0:g}": is_strong,
-            "abandoned": _are_among(directions, abandoned),
+            "abandoned": are_among(directions, abandoned),
         }
 
 
@@ -250,7 +254,7 @@ def repetition(
     )
 
 
-def _are_among(
+def are_among(
     directions: Float[np.ndarray, "k 2"], some: Collection[Direction]
 ) -> Bool[np.ndarray, " k"]:
     """Which directions are one of some, to a thousandth of a degree."""

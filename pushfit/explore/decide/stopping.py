@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from pushfit.data.text.faults import listed
 from pushfit.errors import ConfigError, check_seed, counted
 from pushfit.explore.belief.belief import Belief, Question
 from pushfit.explore.belief.learning import reference_rows
@@ -20,6 +21,7 @@ from pushfit.explore.decide.intervals import AskedAngle, shortest_interval
 from pushfit.explore.decide.next_push import FORCE, Survey
 from pushfit.explore.limits import Limits
 from pushfit.explore.records import (
+    FINDINGS,
     Answer,
     Interval,
     Purpose,
@@ -31,6 +33,9 @@ from pushfit.parameters import ANGLES
 # Without a word on the noise an interval may be narrow by chance, and misses as one
 # does whose noise is believed too small: `benchmarks.explore.answers --control`.
 MIN_UNKNOWN_NOISE = 8
+# Fewer effective draws give no interval: of 400 the ends of one of 90 % are known to a
+# twelfth of its width. Weighed priors come to so few, which are not drawn anew.
+FEWEST_DRAWS = 400
 # Pushes before a forecast may end anything: earlier ones rest on the priors.
 MIN_FORECAST = 10
 # Chance to decide below which going on is not worth it, and pushes in a row after which
@@ -92,9 +97,11 @@ class Judge:
     def intervals(
         self, belief: Belief, question: Question
     ) -> dict[str, Interval | None]:
-        """Shortest posterior interval of every asked angle [deg]."""
+        """Shortest posterior interval of every asked angle, if draws show one [deg]."""
         return {
             angle: shortest_interval(self.target(belief, angle), belief.weights)
+            if belief.ess >= FEWEST_DRAWS
+            else None
             for angle in question.ask
         }
 
@@ -117,7 +124,8 @@ class Judge:
 
     def _is_known_absent(self, belief: Belief, angle: str) -> bool:
         """Whether pushes, not priors alone, say that the contact never rolls."""
-        return not belief.is_guess and _p_undefined(belief, angle) >= self.prob
+        is_shown = not belief.is_guess and belief.ess >= FEWEST_DRAWS
+        return is_shown and _p_undefined(belief, angle) >= self.prob
 
     def moved(
         self, told: Sequence[ToldPush], belief: Belief, limits: Limits
@@ -127,7 +135,11 @@ class Judge:
         Args:
             belief: What is believed; corrects for joints that miss by a little.
         """
-        if not told or told[-1].purpose != Purpose.REFERENCE.value:
+        if (
+            not told
+            or told[-1].purpose != Purpose.REFERENCE.value
+            or not told[-1].counts
+        ):
             return None
         rows = reference_rows(told)
         n = len(rows) - 1
@@ -170,12 +182,13 @@ class Judge:
             stopped: Why it was ended from outside, if it was.
         """
         n_own = sum(not row.is_attached for row in told)
+        n_counted = sum(row.counts for row in told)
         n_left = min(self.budget - n_own, limits.max_pushes - n_own - n_failed)
         undecided = self.undecided(belief, intervals)
         answer, unlimited, within = Answer.DECIDING, None, None
         if stopped is not None:
             answer = Answer.STOPPED
-        elif not undecided and self._may_decide(question, told):
+        elif not (undecided or belief.is_guess) and self._may_decide(question, told):
             answer = Answer.DECIDED
         elif undecided and not belief.is_guess:
             # Priors alone leave too few draws for so many pushes, and no chance of it.
@@ -183,7 +196,7 @@ class Judge:
                 belief,
                 question,
                 survey(),
-                n_told=len(told),
+                n_told=n_counted,
                 n_left=n_left,
                 n_looks=1 if n_own else IN_A_ROW,
             )
@@ -203,9 +216,8 @@ class Judge:
 
     def _may_decide(self, question: Question, told: Sequence[ToldPush]) -> bool:
         """Whether the scatter of heights is known well enough to believe a width."""
-        return len(told) > 0 and (
-            noise_is_known(told, question) or len(told) >= MIN_UNKNOWN_NOISE
-        )
+        n = sum(row.counts for row in told)
+        return n > 0 and (noise_is_known(told, question) or n >= MIN_UNKNOWN_NOISE)
 
     def _forecast(
         self,
@@ -277,8 +289,10 @@ class Judge:
                 )
             case Answer.OUT_OF_BUDGET:
                 text = (
-                    f"no pushes are left, and {names} is not decided: {known}. A "
-                    f"larger budget, or a width above {self.width:g}°, would go on."
+                    f"no pushes are left, and {names} is not decided: {known}. More of "
+                    f"them, or a width above {self.width:g}°, would go on: by `pushfit "
+                    "next` on their table, or by another exploration that it is "
+                    "attached to."
                 )
             case _:
                 chance = ""
@@ -290,6 +304,9 @@ class Judge:
                     by = "priors" if state.n_pushes else "priors alone"
                     chance = f", by the {by}; {half} is asked, with {left}"
                 text = f"after {n} {known}{chance}."
+        codes = [warning.code for warning in belief.warnings]
+        if codes and state.answer in FINDINGS:
+            text += f" Mind what is said of the heights: {listed(codes)}."
         return replace(state, sentence=text)
 
     def _known(self, belief: Belief, angle: str, interval: Interval | None) -> str:
@@ -297,6 +314,8 @@ class Judge:
         if interval is not None:
             low, high = interval
             return f"{symbol} in {low:z.1f}° to {high:z.1f}° ({self.prob:.0%})"
+        if belief.ess < FEWEST_DRAWS:
+            return f"{symbol} is open, as only {belief.ess:.0f} draws of it are left"
         share = _p_undefined(belief, angle)
         if self._is_known_absent(belief, angle):
             return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"

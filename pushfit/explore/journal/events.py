@@ -59,7 +59,9 @@ class History:
         n_drawn: Pushes that the draws rest on; the others came by new weights.
         stopped: Why it was ended from outside, if it was.
         is_over: Whether that cannot be put right.
-        in_a_row: Pushes that failed since the last that gave a height.
+        in_a_row: Pushes that failed since the last that gave a height, but for one
+            during which the process died.
+        n_interrupted: Pushes since then during which it did.
         reference_alpha: Azimuth that attached pushes ask θ_c at, if there are any
             [rad].
     """
@@ -72,6 +74,7 @@ class History:
     stopped: str | None = None
     is_over: bool = False
     in_a_row: list[Failure] = field(default_factory=list)
+    n_interrupted: int = 0
     reference_alpha: float | None = None
 
     def take(self, event: Event) -> None:
@@ -86,12 +89,14 @@ class History:
             case "told":
                 self.told.append(_adapter(ToldPush).validate_python(event))
                 self.pending = None
-                self.in_a_row.clear()
+                self._begin_anew()
             case "failed":
                 failure = _adapter(Failure).validate_python(event)
                 self.failures.append(failure)
                 self.pending = None
-                if failure.reason != INTERRUPTED:  # no fault of the hand
+                # Once is no fault of the hand.
+                self.n_interrupted += failure.reason == INTERRUPTED
+                if failure.reason != INTERRUPTED or self.n_interrupted > 1:
                     self.in_a_row.append(failure)
             case "moved":
                 first = _adapter(int).validate_python(event["first"])
@@ -105,9 +110,14 @@ class History:
                 self.is_over = bool(event["is_over"])
             case "resumed":
                 self.stopped = None
-                self.in_a_row.clear()
+                self._begin_anew()
             case word:
                 raise ValueError(f"no event is called {word!r}")
+
+    def _begin_anew(self) -> None:
+        """Forget the failures before this."""
+        self.in_a_row.clear()
+        self.n_interrupted = 0
 
     @property
     def n_made(self) -> int:

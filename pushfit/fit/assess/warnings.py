@@ -179,16 +179,25 @@ def improbable(config: GraspConfig, posterior: PosteriorResult) -> tuple[str, ..
     return tuple(found)
 
 
+def far_from_prior(
+    config: GraspConfig, posterior: PosteriorResult
+) -> tuple[ResultWarning, ...]:
+    """Say so where what heights fix is where priors hardly have a draw."""
+    names = improbable(config, posterior)
+    if not names:
+        return ()
+    text = (
+        f"{' and '.join(names)} would be so far out once in 1000 by what is known "
+        "beforehand; look at the units, the push length and how angles are counted, or "
+        "state a prior that allows for it"
+    )
+    return (ResultWarning(code="far_from_prior", text=text),)
+
+
 def _against_prior(found: Identification) -> Iterator[ResultWarning]:
     """What would hardly be so by what is known beforehand."""
     posterior = found.posterior
-    if names := improbable(found.config, posterior):
-        yield ResultWarning(
-            code="far_from_prior",
-            text=f"{' and '.join(names)} would be so far out once in 1000 by what is "
-            "known beforehand; look at the units, the push length and how angles are "
-            "counted, or state a prior that allows for it",
-        )
+    yield from far_from_prior(found.config, posterior)
     if (
         posterior.status is not FitStatus.OK
         or not found.goodness_of_fit.is_adequate

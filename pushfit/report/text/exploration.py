@@ -4,6 +4,7 @@ Excluded: its picture (`pushfit.report.figures.exploration`).
 """
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 import numpy as np
 
@@ -68,7 +69,8 @@ def next_dict(
                     "force_q99": push.force_q99,
                 }
                 for push in suggestions
-            ]
+            ],
+            "warnings": [asdict(warning) for warning in explorer.belief.warnings],
         }
     )
 

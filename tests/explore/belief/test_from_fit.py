@@ -10,9 +10,12 @@ import pytest
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
+from pushfit.errors import FitError
 from pushfit.explore.belief import from_fit
-from pushfit.explore.belief.belief import Question
+from pushfit.explore.belief.belief import N_DRAWS, Question
 from pushfit.explore.belief.from_fit import believe
+from pushfit.explore.belief.learning import learnt, weighed
+from pushfit.explore.belief.tables import told_rows
 from pushfit.fit.assess.tilt_check import do_draws_tilt
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.progress import Stages
@@ -25,6 +28,7 @@ from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp
 from tests.explore.worlds import COMPONENTS, TRUTH
 from tests.fit.tables import HARD
+from tests.tolerances import EXACT
 
 # Four standard errors of medians of so many draws.
 MEDIANS = 0.08
@@ -258,3 +262,35 @@ def test_python_hears_of_minutes_of_compiling_as_commands_do(
     assert len(said) == (1 if stages is None else 0)
     assert all("minutes" in text and str(tmp_path) in text for text in said)
     assert (folder.programs_folder() is not None) is (stages is None)
+
+
+def test_heights_without_a_posterior_weigh_the_priors(monkeypatch):
+    """Where neither engine gives draws, a push is asked for all the same."""
+    made, own = table_of_two(), question(5.0, "linear", parameters="")
+    own = replace(own, sigma=0.05)
+
+    def none(*_, **__):
+        raise FitError("no start", code="solver")
+
+    monkeypatch.setattr(from_fit, "sweep_posterior", none)
+    told = told_rows(made)
+    belief = learnt(told, own, n_drawn=len(told), source=believe, seed=0)
+    assert belief.is_guess
+    alone = believe(None, own, len(told))
+    for row in told:
+        alone = weighed(alone, row, own)
+    np.testing.assert_allclose(belief.weights, alone.weights, rtol=EXACT)
+    assert belief.ess < N_DRAWS / 2
+
+
+def test_what_an_identification_warns_of_is_believed_with_it():
+    """Kilonewtons under newtons, and four heights at the limit of the sensor."""
+    made = table(Grasp(push_length=0.005))
+    frame = made.frame.copy()
+    for name in ("height_normal_n", "height_tangential_n"):
+        frame[name] = np.minimum(frame[name], frame[name].sort_values().iloc[-4])
+    for factor, code in ((1.0, "heights_at_limit"), (1e-3, "far_from_prior")):
+        columns = [c for c in frame if c.endswith("_n")]
+        scaled = frame.assign(**{c: factor * frame[c] for c in columns})
+        belief = believe(type(made).from_frame(scaled), question(5.0, "linear"), 0)
+        assert code in {warning.code for warning in belief.warnings}
