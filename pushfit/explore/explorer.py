@@ -38,7 +38,7 @@ from pushfit.explore.decide.next_push import (
     repetition,
     suggestion,
 )
-from pushfit.explore.decide.stopping import FEWEST_DRAWS, Judge
+from pushfit.explore.decide.stopping import Judge
 from pushfit.explore.journal.events import (
     ABANDONED,
     INTERRUPTED,
@@ -62,6 +62,9 @@ from pushfit.explore.records import (
 )
 from pushfit.fit.identify.fitted import reference_azimuth
 
+# Effective draws below which the force of a push is not known to 1 in 100 by far: by
+# 30 of them short pushes may still show that whole ones are allowed.
+WORN_OUT = 30
 SHORT_ALONE = (
     "the limits allow short pushes alone, which say no more: too few draws of the "
     "priors agree with them; give a higher force limit, for whole ones"
@@ -439,7 +442,7 @@ class Explorer:
         ):
             self._record({"event": "drawn", "n": len(told)})
         belief = self.belief
-        if history.stopped is None and belief.is_guess and belief.ess < FEWEST_DRAWS:
+        if history.stopped is None and belief.is_guess and belief.ess < WORN_OUT:
             if self.survey().length_share < 1:
                 self.stop(SHORT_ALONE, is_over=True)
         if history.stopped is None:

@@ -34,6 +34,7 @@ from tests.tolerances import EXACT
 
 WIDTH = 9.0  # what is asked for, ± 4.5° [deg]
 FORCE = 2.5  # what no push may exceed [N]
+BESIDE_DEG = 10.0  # two steps of the candidates
 
 
 # A line of a journal, but for its heights.
@@ -606,7 +607,7 @@ def test_a_reference_that_is_abandoned_is_made_beside_it():
     run(own, n=1)
     (other,) = own.ask()
     assert other.purpose is Purpose.REFERENCE
-    assert 0 < abs(other.theta_deg - due.theta_deg) < 10.0
+    assert 0 < abs(other.theta_deg - due.theta_deg) < BESIDE_DEG
 
 
 def test_whether_the_object_moved_is_asked_early_and_then_now_and_then():
