@@ -140,7 +140,9 @@ def test_next_ranks_pushes_after_the_table(place, capsys):
     assert found["schema"] == "pushfit.next/1"
     assert found["n_pushes"] == 24
     assert len(found["suggestions"]) == 3
-    stages = [line.split(":")[0] for line in shown.err.splitlines()]
+    assert [one["code"] for one in found["warnings"]] == ["preload_unknown"]
+    said = [line.split(":")[0] for line in shown.err.splitlines()]
+    stages = [word for word in said if word != "warning"]
     assert stages[-4:] == [
         *("posterior by linear mechanics", "next push", "picture"),
         "wrote next.png",

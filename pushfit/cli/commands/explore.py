@@ -176,7 +176,7 @@ def next(
             save_figure(exploration_picture(explorer.overview(suggestions)), plot)
     if plot is not None:
         session.wrote(plot)
-    for warning in explorer.belief.warnings:
+    for warning in () if made is None else explorer.belief.warnings:
         session.warn(f"{warning.text} [{warning.code}]")
     if json:
         session.print_json(next_dict(explorer, suggestions))

@@ -33,8 +33,8 @@ from pushfit.parameters import ANGLES
 # Without a word on the noise an interval may be narrow by chance, and misses as one
 # does whose noise is believed too small: `benchmarks.explore.answers --control`.
 MIN_UNKNOWN_NOISE = 8
-# Fewer effective draws give no interval: of 400 the ends of one of 90 % are known to a
-# twelfth of its width. Weighed priors come to so few, which are not drawn anew.
+# Fewer effective draws give no interval: 400 know the ends of one of 90 % to 3 % of its
+# width. Weighed priors come to so few, which are not drawn anew.
 FEWEST_DRAWS = 400
 # Pushes before a forecast may end anything: earlier ones rest on the priors.
 MIN_FORECAST = 10
