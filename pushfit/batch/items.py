@@ -21,7 +21,7 @@ from pushfit.errors import PushfitError
 from pushfit.fit.results.environment import environment
 
 # Results of another form are computed again.
-FORM = 5
+FORM = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
