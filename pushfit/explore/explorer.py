@@ -30,7 +30,7 @@ from pushfit.explore.belief.tables import (
     table_of,
     told_rows,
 )
-from pushfit.explore.decide.misfit import misfit, other_unit
+from pushfit.explore.decide.misfit import misfit, other_unit, rejected
 from pushfit.explore.decide.next_push import (
     Survey,
     Surveyor,
@@ -38,7 +38,7 @@ from pushfit.explore.decide.next_push import (
     repetition,
     suggestion,
 )
-from pushfit.explore.decide.stopping import Judge
+from pushfit.explore.decide.stopping import Judge, worn_out
 from pushfit.explore.journal.events import (
     ABANDONED,
     INTERRUPTED,
@@ -62,13 +62,6 @@ from pushfit.explore.records import (
 )
 from pushfit.fit.identify.fitted import reference_azimuth
 
-# Effective draws below which the force of a push is not known to 1 in 100 by far: by
-# 30 of them short pushes may still show that whole ones are allowed.
-WORN_OUT = 30
-SHORT_ALONE = (
-    "the limits allow short pushes alone, which say no more: too few draws of the "
-    "priors agree with them; give a higher force limit, for whole ones"
-)
 # Below this share of effective draws the engine is asked for fresh ones.
 KEPT_SHARE = 0.2
 
@@ -441,21 +434,24 @@ class Explorer:
             or not self.judge.undecided(self.belief, self._known())
         ):
             self._record({"event": "drawn", "n": len(told)})
-        belief = self.belief
-        if history.stopped is None and belief.is_guess and belief.ess < WORN_OUT:
-            if self.survey().length_share < 1:
-                self.stop(SHORT_ALONE, is_over=True)
         if history.stopped is None:
-            moved = self.judge.moved(told, self.belief, self.limits)
-            if moved is not None:
-                self._record({"event": "moved", "first": moved.first})
-                self.stop(moved.sentence, is_over=True)
-            elif self.state.answer in FINDINGS or all(r.is_attached for r in told):
-                # Of pushes of its own the next reference says whether a slip came.
-                fault = misfit(told, self.belief, self.question)
-                if fault is not None:
-                    self.stop(fault, is_over=True)
+            reason = worn_out(self.belief, self.survey) or self._fault()
+            if reason is not None:
+                self.stop(reason, is_over=True)
         self._record(event_of("state", self.state))
+
+    def _fault(self) -> str | None:
+        """What makes the heights none of one grasp, as a clause."""
+        told, belief = self.history.told, self.belief
+        moved = self.judge.moved(told, belief, self.limits)
+        if moved is not None:
+            self._record({"event": "moved", "first": moved.first})
+            return moved.sentence
+        fault, is_found = None, self.state.answer in FINDINGS
+        # Of pushes of its own the next reference says whether a slip came.
+        if is_found or all(row.is_attached for row in told):
+            fault = misfit(told, belief, self.question)
+        return fault or (rejected(belief) if is_found else None)
 
     def _stop_after_failures(self) -> None:
         history = self.history

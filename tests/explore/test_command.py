@@ -110,6 +110,33 @@ def test_one_height_unlike_the_others_is_said_without_a_noise(
     assert (f"no grasp gives all of these heights: {words}" in said) is (code == 3)
 
 
+@pytest.mark.parametrize(("wave", "code"), [(0.0, 0), (0.1, 3)])
+def test_nothing_is_decided_by_a_model_that_is_not_that_of_the_heights(
+    wave, code, tmp_path, grasp, capsys
+):
+    """Heights that go up and down with θ, without a noise that says how far."""
+    theta = np.linspace(10.0, 80.0, 29)
+    table = simulate_table(
+        TRUTH,
+        Grasp(push_length=0.005),
+        theta=np.radians(theta),
+        alpha=np.pi / 2,
+        repeats=1,
+        noise=0.01,
+        rng=np.random.default_rng(1),
+        channels=COMPONENTS,
+    )
+    frame = table.frame.copy()
+    frame["height_normal_n"] *= 1 + wave * np.sin(np.radians(9 * theta))
+    write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
+    words = [str(tmp_path / "peaks.csv"), "--config", str(grasp), "--width", "40"]
+    assert main(["next", *words]) == code
+    said = capsys.readouterr()
+    assert ("θ_c decided to ± 20°" in said.out) is (code == 0)
+    assert ("the model does not describe" in said.out) is (code == 3)
+    assert ("[model_inadequate]" in said.err) is (code == 3)
+
+
 def test_limits_that_allow_no_push_have_an_exit_code(grasp, capsys):
     words = ["--config", str(grasp), "--sigma", "0.05", "--max-force", "1e-6"]
     assert main(["next", *words]) == 2

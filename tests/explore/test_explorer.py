@@ -456,7 +456,19 @@ def test_a_budget_ends_it():
     own = explorer(width_deg=0.5, budget=3)
     assert len(run(own)) == 3
     assert own.state.answer is Answer.OUT_OF_BUDGET
-    assert "a width above 0.5°, would go on: by `pushfit next`" in own.state.sentence
+    assert "by a larger budget with the same journal" in own.state.sentence
+
+
+def test_a_larger_budget_goes_on_with_a_journal(tmp_path):
+    """As if it had been the larger one from the beginning."""
+    path, usual = tmp_path / "run.jsonl", {"width_deg": 0.5}
+    run(explorer(journal=path, budget=3, **usual))
+    more = explorer(journal=path, budget=5, **usual)
+    assert len(run(more)) == 2
+    at_once = explorer(budget=5, **usual)
+    run(at_once)
+    assert more.table.frame.equals(at_once.table.frame)
+    assert more.state == at_once.state
 
 
 @pytest.mark.parametrize(
@@ -701,6 +713,13 @@ def test_a_journal_of_another_question_is_refused(tmp_path):
     explorer(journal=path)
     with pytest.raises(ConfigError, match=r"width_deg = 9.0, not 3.0"):
         explorer(journal=path, width_deg=3.0)
+
+
+def test_a_journal_of_other_settings_is_refused_by_their_keys(tmp_path):
+    path, settings = tmp_path / "run.jsonl", {"sigma": SIGMA, "channels": COMPONENTS}
+    Explorer({"push": {"length_mm": 5.0}}, journal=path, **settings)
+    with pytest.raises(ConfigError, match=r"config.push.length_mm = 5.0, not 4.0"):
+        Explorer({"push": {"length_mm": 4.0}}, journal=path, **settings)
 
 
 def test_a_damaged_journal_is_refused(tmp_path):

@@ -67,10 +67,11 @@ class Asked:
     max_force: Annotated[
         float | None,
         typer.Option(
-            "--max-force", help="No push that might exceed it, preload included [N]."
+            "--max-force",
+            help="No push that might exceed it, preload included "
+            "[N, or the unit of uncalibrated heights].",
         ),
     ] = None
-
     forces: Annotated[
         bool,
         typer.Option(
@@ -292,6 +293,7 @@ def _run(
     """Explore, identify the table of the journal, and write the folder."""
     from pushfit.explore.advice import with_next_push
     from pushfit.explore.loop import explore as run
+    from pushfit.explore.records import Answer
     from pushfit.fit.identify.identify_table import identify_table
     from pushfit.fit.results import FitStatus
     from pushfit.report.answers import ANSWERS
@@ -330,6 +332,11 @@ def _run(
     session.wrote(out)
     if history.stopped is None or history.is_over:
         journal.unlink()
+        if state.answer is Answer.OUT_OF_BUDGET:
+            session.say(
+                f"to go on with this grasp, copy {out / JOURNAL} to {journal}, and "
+                "give the same command a larger --budget, and --force"
+            )
     else:
         session.say(
             f"put it right, and the same command with --force goes on with {journal}"

@@ -5,7 +5,7 @@
 """
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,8 +19,10 @@ from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
 from pushfit.explore.belief.tables import table_of
 from pushfit.explore.records import ToldPush
 from pushfit.fit.assess.leave_one_out import LeftOut, unpredicted
+from pushfit.fit.assess.model_checking import missed_features
+from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
-from pushfit.fit.assess.warnings import far_from_prior
+from pushfit.fit.assess.warnings import INADEQUATE, against_prior
 from pushfit.fit.identify.fitted import (
     draw_posterior,
     fit_table,
@@ -34,7 +36,7 @@ from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.setup import Setup, build_problem, n_azimuths
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.programs.folder import keep_programs
-from pushfit.fit.results import FitStatus, PosteriorResult
+from pushfit.fit.results import FitStatus, PosteriorResult, ResultWarning
 from pushfit.fit.sweep.posterior import sweep_posterior
 from pushfit.model import Grasp
 
@@ -88,8 +90,8 @@ def believe(
         ):
             drawn = other
     belief = belief_from(drawn.setup, drawn.posterior.samples, seed=seed)
-    far = far_from_prior(settings, drawn.posterior)
-    return replace(belief, warnings=(*warnings, *far))
+    told = _told_by_draws(table, drawn, settings, seed=seed)
+    return replace(belief, warnings=(*warnings, *told))
 
 
 def unlike_others(told: Sequence[ToldPush], question: Question) -> tuple[LeftOut, ...]:
@@ -151,6 +153,20 @@ def _drawn(table: PeakTable, settings: GraspConfig, seed: int) -> _Drawn | None:
             posterior = draw_posterior(fitted, seed=seed, engine="emcee")
             return _Drawn(setup=fitted.setup, posterior=posterior)
     return None
+
+
+def _told_by_draws(
+    table: PeakTable, drawn: _Drawn, settings: GraspConfig, *, seed: int
+) -> Iterator[ResultWarning]:
+    """Whether the model describes the heights, and its draws are what priors expect."""
+    checks = predictive_checks(table, drawn.setup, drawn.posterior, seed=seed)
+    missed = missed_features(checks)
+    if missed is not None:
+        yield ResultWarning(
+            code=INADEQUATE,
+            text=f"the model does not describe the heights: {missed}",
+        )
+    yield from against_prior(settings, drawn.posterior, is_adequate=missed is None)
 
 
 def _prior_belief(question: Question, seed: int) -> Belief:

@@ -17,6 +17,7 @@ from pushfit.explore.belief.tables import noise_is_known, sd_of, table_of
 from pushfit.explore.records import ToldPush, direction_words
 from pushfit.fit.assess.leave_one_out import unlike_words
 from pushfit.fit.assess.table_checks import unit_slips
+from pushfit.fit.assess.warnings import INADEQUATE
 
 # Chance of faulting heights that are those of a grasp.
 LEVEL = 1e-3
@@ -71,6 +72,18 @@ def misfit(told: Sequence[ToldPush], belief: Belief, question: Question) -> str 
         "standard deviations; look at it, and begin again with the other pushes, or "
         "with a larger sigma if heights scatter more"
     )
+
+
+def rejected(belief: Belief) -> str | None:
+    """That the model does not describe the heights, and what to do, as a clause."""
+    for warning in belief.warnings:
+        if warning.code == INADEQUATE:
+            return (
+                f"{warning.text}; an angle by it would be none of this grasp; ask "
+                "`pushfit fit` of their table what it may be, and begin again with "
+                "settings that allow for it"
+            )
+    return None
 
 
 def _unlike_others(

@@ -36,6 +36,13 @@ MIN_UNKNOWN_NOISE = 8
 # Fewer effective draws give no interval: 400 know the ends of one of 90 % to 3 % of its
 # width. Weighed priors come to so few, which are not drawn anew.
 FEWEST_DRAWS = 400
+# Effective draws below which the force of a push is not known to 1 in 100 by far: by
+# 30 of them short pushes may still show that whole ones are allowed.
+WORN_OUT = 30
+SHORT_ALONE = (
+    "the limits allow short pushes alone, which say no more: too few draws of the "
+    "priors agree with them; give a higher force limit, for whole ones"
+)
 # Pushes before a forecast may end anything: earlier ones rest on the priors.
 MIN_FORECAST = 10
 # Chance to decide below which going on is not worth it, and pushes in a row after which
@@ -290,9 +297,8 @@ class Judge:
             case Answer.OUT_OF_BUDGET:
                 text = (
                     f"no pushes are left, and {names} is not decided: {known}. More of "
-                    f"them, or a width above {self.width:g}°, would go on: by `pushfit "
-                    "next` on their table, or by another exploration that it is "
-                    "attached to."
+                    "them go on: by a larger budget with the same journal, or by "
+                    "`pushfit next` on their table."
                 )
             case _:
                 chance = ""
@@ -320,6 +326,13 @@ class Judge:
         if self._is_known_absent(belief, angle):
             return f"{symbol} does not exist, as the contact never rolls ({share:.0%})"
         return f"{symbol} is open; the contact may never roll ({share:.0%})"
+
+
+def worn_out(belief: Belief, survey: Callable[[], Survey]) -> str | None:
+    """That short pushes alone tell no more, as a clause."""
+    if belief.is_guess and belief.ess < WORN_OUT and survey().length_share < 1:
+        return SHORT_ALONE
+    return None
 
 
 def _answer(n_told: int, unlimited: float | None, before: Sequence[State]) -> Answer:

@@ -156,7 +156,7 @@ def start_event(
         "sigma": question.sigma,
         "channels": list(question.channels),
         "unit": question.unit,
-        "config": question.config.digest(),
+        "config": question.config.model_dump(mode="json"),
         "limits": limits.model_dump(mode="json"),
         "hand": hand,
     }
@@ -189,6 +189,8 @@ def check_events(journal: Journal, question: Question) -> None:
 def check_start(begun: Event, now: Event, path: Path | None) -> None:
     """Refuse to go on with a journal by another question, or by another hand.
 
+    With another budget it is gone on with: no push depends on it.
+
     Args:
         begun: First line of the journal.
         now: What it would be.
@@ -200,8 +202,10 @@ def check_start(begun: Event, now: Event, path: Path | None) -> None:
     if begun["event"] != now["event"]:
         raise damaged(path, 1, "no start of an exploration")
     now = json.loads(json.dumps(now))  # tuples are lists in a journal
-    any_hand = {"hand": None} if None in (begun.get("hand"), now["hand"]) else {}
-    old, new = (dict(_leaves(event | any_hand)) for event in (begun, now))
+    free: Event = {"budget": None}
+    if None in (begun.get("hand"), now["hand"]):
+        free["hand"] = None
+    old, new = (dict(_leaves(event | free)) for event in (begun, now))
     other = [
         f"{key} = {_brief(old.get(key))}, not {_brief(new.get(key))}"
         for key in {**new, **old}

@@ -18,7 +18,7 @@ if sys.platform != "win32":  # which has no lock that leaves a file readable
 from pushfit.atomic import sync
 from pushfit.errors import ConfigError, DataError
 
-SCHEMA = "pushfit.exploration/1"
+SCHEMA = "pushfit.exploration/2"
 Event = dict[str, object]
 
 

@@ -158,11 +158,16 @@ def _failed(
         "residuals follow their neighbours in direction": pattern,
     }
     failed = [name for name, p in tests.items() if p is not None and p < LEVEL]
+    missed = missed_features(predictive)
+    return failed if missed is None else [*failed, missed]
+
+
+def missed_features(predictive: Sequence[PredictiveCheck]) -> str | None:
+    """What heights have and those simulated from the model lack, as a clause."""
     missed = [MISSED[check.feature] for check in predictive if check.p_value < LEVEL]
-    if missed:
-        features = " or ".join(missed)
-        failed.append(f"heights simulated from it almost never show {features}")
-    return failed
+    if not missed:
+        return None
+    return f"heights simulated from it almost never show {' or '.join(missed)}"
 
 
 def label(table: PeakTable, row: int) -> str:

@@ -32,6 +32,7 @@ from pushfit.fit.results import (
 from pushfit.model import as_float, contact
 from pushfit.parameters import NAMED, STIFFNESSES
 
+INADEQUATE = "model_inadequate"
 # Share of the range of a uniform prior beside a bound, and of a posterior in it that is
 # pressed against the bound: twice what is there where heights say nothing.
 EDGE, PRESSED = 0.05, 0.1
@@ -102,7 +103,7 @@ def result_warnings(
     """
     posterior, goodness = found.posterior, found.goodness_of_fit
     if not goodness.is_adequate:
-        yield ResultWarning(code="model_inadequate", text=goodness.sentence)
+        yield ResultWarning(code=INADEQUATE, text=goodness.sentence)
     elif goodness.degrees_of_freedom < MIN_TESTED:
         excess = max(goodness.degrees_of_freedom, 0)
         yield ResultWarning(
@@ -111,7 +112,7 @@ def result_warnings(
             "which would not show an outlier or a wrong model, and intervals take "
             "both for absent; push more directions, or each of them twice",
         )
-    yield from _against_prior(found)
+    yield from against_prior(found.config, posterior, is_adequate=goodness.is_adequate)
     if left_out:
         words = unlike_words(left_out, partial(label, found.table), found.table.unit)
         yield ResultWarning(
@@ -179,30 +180,25 @@ def improbable(config: GraspConfig, posterior: PosteriorResult) -> tuple[str, ..
     return tuple(found)
 
 
-def far_from_prior(
-    config: GraspConfig, posterior: PosteriorResult
-) -> tuple[ResultWarning, ...]:
-    """Say so where what heights fix is where priors hardly have a draw."""
+def against_prior(
+    config: GraspConfig, posterior: PosteriorResult, *, is_adequate: bool
+) -> Iterator[ResultWarning]:
+    """What would hardly be so by what is known beforehand.
+
+    Args:
+        is_adequate: Whether the model describes the heights; if not, its transition
+            says nothing.
+    """
     names = improbable(config, posterior)
-    if not names:
-        return ()
-    text = (
-        f"{' and '.join(names)} would be so far out once in 1000 by what is known "
-        "beforehand; look at the units, the push length and how angles are counted, or "
-        "state a prior that allows for it"
-    )
-    return (ResultWarning(code="far_from_prior", text=text),)
-
-
-def _against_prior(found: Identification) -> Iterator[ResultWarning]:
-    """What would hardly be so by what is known beforehand."""
-    posterior = found.posterior
-    yield from far_from_prior(found.config, posterior)
-    if (
-        posterior.status is not FitStatus.OK
-        or not found.goodness_of_fit.is_adequate
-        or "p" not in posterior.samples
-    ):
+    if names:
+        yield ResultWarning(
+            code="far_from_prior",
+            text=f"{' and '.join(names)} would be so far out once in 1000 by what is "
+            "known beforehand; look at the units, the push length and how angles are "
+            "counted, or state a prior that allows for it",
+        )
+    is_trusted = posterior.status is FitStatus.OK and is_adequate
+    if not is_trusted or "p" not in posterior.samples:
         return
     sharpness = np.median(posterior.samples["p"])
     if np.mean(posterior.prior_samples["p"] <= sharpness) < SOFT:
