@@ -282,6 +282,8 @@ def test_failures_leave_a_journal_to_go_on_with(
     said = " ".join(capsys.readouterr().err.split())
     assert "3 pushes failed in a row: stalled at θ = " in said
     assert "put it right, and the same command goes on" in said
+    # What makes any answer wrong is said before the first push.
+    assert said.index("[preload_unknown]") < said.index("push 1")
     assert counted(tmp_path / "run.journal.jsonl", "stopped") == 1
 
 

@@ -21,6 +21,7 @@ from pushfit.explore.records import ToldPush
 from pushfit.fit.assess.leave_one_out import LeftOut, unpredicted
 from pushfit.fit.assess.model_checking import missed_features
 from pushfit.fit.assess.predictive import predictive_checks
+from pushfit.fit.assess.table_checks import settings_warnings
 from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
 from pushfit.fit.assess.warnings import INADEQUATE, against_prior
 from pushfit.fit.identify.fitted import (
@@ -176,7 +177,9 @@ def _prior_belief(question: Question, seed: int) -> Belief:
     x = prior_x_samples(setup.problem, rng, N_DRAWS)
     reach = reach_of(question.settings)
     samples = samples_mapping(setup.problem, x, question.reference_alpha, reach)
-    return belief_from(setup, samples, seed=seed, is_guess=True)
+    belief = belief_from(setup, samples, seed=seed, is_guess=True)
+    told = settings_warnings(question.config, question.unit)
+    return replace(belief, warnings=tuple(told))
 
 
 def _made_up(question: Question) -> PeakTable:

@@ -41,6 +41,16 @@ EDGE = 4.0
 
 def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarning]:
     """What the table and the configuration already say."""
+    yield from settings_warnings(config, table.unit)
+    yield from faults_of(table)
+
+
+def settings_warnings(config: GraspConfig, unit: str) -> Iterator[ResultWarning]:
+    """What the configuration says before a push is made.
+
+    Args:
+        unit: Unit of the heights.
+    """
     if not config.push.length_known:
         yield ResultWarning(
             code="push_length_unknown",
@@ -53,10 +63,9 @@ def table_warnings(table: PeakTable, config: GraspConfig) -> Iterator[ResultWarn
             code="preload_unknown",
             text="no preload is stated, and 0 was taken; one that is there makes C_rr "
             "and θ_c wrong, and the model can describe the heights as well: set "
-            f"grasp.preload_{table.unit}, to 0 where there is none, or to "
+            f"grasp.preload_{unit}, to 0 where there is none, or to "
             '"estimate"',
         )
-    yield from faults_of(table)
 
 
 def faults_of(table: PeakTable) -> Iterator[ResultWarning]:
