@@ -172,7 +172,8 @@ def _constant(
         p_value=2 * float(scipy.stats.t.sf(abs(t), dof)),
         text=f"residuals are those of {size:+.2g} in all of {column}, whatever the "
         "direction: look at the zero of the sensor, and set [noise] offset_sd to how "
-        "far it may be off",
+        "far it may be off; a wrong zero of the elevations, a drift and pushes that "
+        "end short look much alike",
     )
 
 

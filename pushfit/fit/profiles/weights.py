@@ -288,13 +288,29 @@ def tail_gain(problem: Problem, fit: FitResult, kind: str) -> float:
     total = 0.0
     for c in dict.fromkeys(fit.channel):
         own = (residuals / fit.sigma)[channels == c]
+        if not np.any(own):
+            continue  # heights without noise have no tails
         wide = narrow = 1.0
         if kind != "given":
             wide = np.sqrt(np.mean(own**2))
-            *_, narrow = scipy.stats.t.fit(own, fdf=STUDENT_DOF, floc=0.0)
+            narrow = _likeliest_scale(own)
         student = scipy.stats.t.logpdf(own, STUDENT_DOF, scale=narrow)
         total += float(np.sum(student - scipy.stats.norm.logpdf(own, scale=wide)))
     return total
+
+
+def _likeliest_scale(residuals: Float[np.ndarray, " n"]) -> float:
+    """The scale s of Student-t residuals with n = Σ (ν + 1) r² / (ν s² + r²)."""
+    squares = residuals**2
+    high = float(np.max(squares))
+    low = LEAST_VARIANCE * high
+
+    def excess(variance: float) -> float:
+        terms = squares / (STUDENT_DOF * variance + squares)
+        return float(np.sum((STUDENT_DOF + 1) * terms) - squares.size)
+
+    variance = low if excess(low) <= 0 else scipy.optimize.brentq(excess, low, high)
+    return float(np.sqrt(np.asarray(variance)))
 
 
 def uneven_warnings(

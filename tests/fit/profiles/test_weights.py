@@ -127,6 +127,12 @@ def test_tails_gain_the_ratio_of_the_likelihoods(kind):
     expected = np.max(student + change) - np.max(normal + change)
     found = tail_gain(fitted.setup.problem, fitted.fit, kind)
     np.testing.assert_allclose(found, expected, rtol=0, atol=SCALES)
+    # Heights that are met have no tails, and one that is not is all tail.
+    exact = replace(fitted.fit, predicted=table.heights("height"))
+    assert tail_gain(fitted.setup.problem, exact, kind) == 0.0
+    predicted = exact.predicted + np.eye(1, z.size)[0]
+    one = replace(fitted.fit, predicted=predicted)
+    assert tail_gain(fitted.setup.problem, one, kind) > 1.0
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05])
