@@ -23,7 +23,7 @@ from pushfit.fit.assess.model_checking import missed_features
 from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.table_checks import settings_warnings
 from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
-from pushfit.fit.assess.warnings import INADEQUATE, against_prior
+from pushfit.fit.assess.warnings import INADEQUATE, against_prior, untested
 from pushfit.fit.identify.fitted import (
     draw_posterior,
     fit_table,
@@ -167,6 +167,9 @@ def _told_by_draws(
             code=INADEQUATE,
             text=f"the model does not describe the heights: {missed}",
         )
+    else:
+        problem = drawn.setup.problem
+        yield from untested(int(np.count_nonzero(problem.mask)) - problem.n_free)
     yield from against_prior(settings, drawn.posterior, is_adequate=missed is None)
 
 

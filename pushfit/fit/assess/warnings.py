@@ -104,14 +104,8 @@ def result_warnings(
     posterior, goodness = found.posterior, found.goodness_of_fit
     if not goodness.is_adequate:
         yield ResultWarning(code=INADEQUATE, text=goodness.sentence)
-    elif goodness.degrees_of_freedom < MIN_TESTED:
-        excess = max(goodness.degrees_of_freedom, 0)
-        yield ResultWarning(
-            code="model_untested",
-            text=f"heights exceed unknowns by {excess} only, "
-            "which would not show an outlier or a wrong model, and intervals take "
-            "both for absent; push more directions, or each of them twice",
-        )
+    else:
+        yield from untested(goodness.degrees_of_freedom)
     yield from against_prior(found.config, posterior, is_adequate=goodness.is_adequate)
     if left_out:
         words = unlike_words(left_out, partial(label, found.table), found.table.unit)
@@ -164,6 +158,17 @@ def result_warnings(
             )
     yield from _disagreement(found.alpha_star, found.alpha_star_model_free)
     yield from bound_warnings(setup, posterior)
+
+
+def untested(degrees_of_freedom: int) -> Iterator[ResultWarning]:
+    """Say so where heights are hardly more than unknowns."""
+    if degrees_of_freedom < MIN_TESTED:
+        yield ResultWarning(
+            code="model_untested",
+            text=f"heights exceed unknowns by {max(degrees_of_freedom, 0)} only, "
+            "which would not show an outlier or a wrong model, and intervals take "
+            "both for absent; push more directions, or each of them twice",
+        )
 
 
 def improbable(config: GraspConfig, posterior: PosteriorResult) -> tuple[str, ...]:

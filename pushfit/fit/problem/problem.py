@@ -128,6 +128,11 @@ class Problem(eqx.Module):
         """Data coordinates that what is known beforehand holds in place."""
         return 0 if self.constraint is None else self.constraint.shape[0]
 
+    @property
+    def n_free(self) -> int:
+        """Data coordinates that only heights hold."""
+        return len(self.data_names) - self.n_constraints
+
     def predict(self, state: ModelPoint) -> Float[Array, "c n"]:
         """Noise-free heights of every channel and row [table unit]."""
         channels = forward(state.params, self.pushes, state.grasp(self.grasp))

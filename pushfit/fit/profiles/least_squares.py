@@ -135,7 +135,7 @@ def fit_result(
         modes=_modes(problem, points, costs, angles),
         chi_square=float(costs[0]),
         n_data=int(mask.sum()),
-        n_free=len(problem.data_names) - problem.n_constraints,
+        n_free=problem.n_free,
         sigma=np.asarray(problem.reference_sigma)[mask],
         predicted=predicted[mask],
         channel=tuple(problem.channels[i] for i in channel_index),

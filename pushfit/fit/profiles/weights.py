@@ -343,5 +343,4 @@ def uneven_warnings(
 def _share_left(problem: Problem) -> float:
     """Share of the squared errors that a fit leaves, (n - p) / n."""
     n = np.asarray(problem.mask).sum()
-    n_free = len(problem.data_names) - problem.n_constraints
-    return max(1.0 - n_free / n, 1.0 / n)
+    return max(1.0 - problem.n_free / n, 1.0 / n)

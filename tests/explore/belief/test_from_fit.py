@@ -293,4 +293,8 @@ def test_what_an_identification_warns_of_is_believed_with_it():
         columns = [c for c in frame if c.endswith("_n")]
         scaled = frame.assign(**{c: factor * frame[c] for c in columns})
         belief = believe(type(made).from_frame(scaled), question(5.0, "linear"), 0)
-        assert code in {warning.code for warning in belief.warnings}
+        codes = {warning.code for warning in belief.warnings}
+        assert code in codes
+        assert "model_untested" not in codes
+    few = believe(type(made).from_frame(made.frame[:3]), question(5.0, "linear"), 0)
+    assert "model_untested" in {warning.code for warning in few.warnings}
