@@ -208,6 +208,7 @@ class Explorer:
         sd: Mapping[str, float] | float | None = None,
         *,
         flags: str = "",
+        length_share: float | None = None,
     ) -> State:
         """Take in a push as it was executed; it need not be one that was asked for.
 
@@ -217,6 +218,8 @@ class Explorer:
             heights: Heights, by channel if there are several [unit].
             sd: Standard deviations in the same form; None where none is known [unit].
             flags: Words of the peak extraction, joined by ";".
+            length_share: Length reached, as a share of the push length; None where it
+                is that of the push asked for.
 
         Returns:
             Where the exploration stands now.
@@ -226,12 +229,14 @@ class Explorer:
                 nothing is taken in then.
         """
         asked = self.history.pending
+        if length_share is None:
+            length_share = 1.0 if asked is None else asked.length_share
         row = ToldPush(
             theta=number_of("theta", theta),
             alpha=number_of("alpha", alpha),
             heights=by_channel(heights, self.question.channels),
             sd=None if sd is None else by_channel(sd, self.question.channels),
-            length_share=1.0 if asked is None else asked.length_share,
+            length_share=number_of("length_share", length_share),
             flags=flags,
             purpose=None if asked is None else asked.purpose.value,
         )

@@ -654,6 +654,18 @@ def test_first_pushes_are_short_while_the_stiffness_is_unknown():
     assert own.table.n_pushes == sum(s.length_share == 1 for s in asked)
 
 
+def test_a_push_that_went_farther_than_asked_is_told_with_its_length():
+    own = explorer(limits=Limits(force=FORCE, theta_deg=(30.0, 85.0)))
+    (asked,) = own.ask()
+    heights = feel(replace(asked, length_share=1.0), 0)
+    own.tell(asked.theta, asked.alpha, heights, length_share=1.0)
+    assert own.table.n_pushes == 1
+    for share in (0.0, 1.1):
+        with pytest.raises(DataError, match=f"length_share = {share:g}"):
+            own.tell(asked.theta, asked.alpha, heights, length_share=share)
+    assert len(own.history.told) == 1
+
+
 def test_a_refusal_is_explained_and_its_remedy_is_one():
     own = explorer(limits=Limits(force=1e-4))
     assert own.ask() == ()

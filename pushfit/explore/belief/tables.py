@@ -46,6 +46,13 @@ def check_told(row: ToldPush, question: Question) -> None:
     Raises:
         DataError: One of its angles, numbers or flags breaks a rule.
     """
+    if not 0.0 < row.length_share <= 1.0:
+        raise DataError(
+            f"length_share = {row.length_share:g}: a push has a share of the push "
+            "length above 0 and at most 1; tell a longer one of an exploration whose "
+            "push length it has",
+            code="length_share",
+        )
     PeakTable.from_arrays(
         theta=np.array([row.theta]),
         alpha=np.array([row.alpha]),
