@@ -9,7 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pushfit.batch.folders import STORE
 from pushfit.data.text.files import existing_files, is_bag
+from pushfit.report.store.output_folder import RESULT
 
 # What a folder is searched for; anything may be named.
 SUFFIXES = frozenset(
@@ -25,7 +27,8 @@ class Inputs:
 
     Args:
         paths: Files and bag folders as the user named them, sorted, each once.
-        left_out: Schedules, settings and files of other kinds among them, sorted.
+        left_out: Schedules, settings, files of other kinds and folders of results
+            among them, sorted.
     """
 
     paths: tuple[str, ...]
@@ -35,6 +38,9 @@ class Inputs:
 def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
     """Look through files, folders and patterns.
 
+    Folders of results are searched only where they are named themselves: what was made
+    of a grasp is not a second one.
+
     Args:
         inputs: Files, folders (searched with all below them) and patterns, of which
             `**` stands for any folders.
@@ -43,18 +49,23 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
     Raises:
         ConfigError: Something named does not exist; all such are listed.
     """
-    named = [path for given in inputs for path in _expanded(str(given))]
+    matched = {str(given): _matches(str(given)) for given in inputs}
+    named = [given for given, found in matched.items() if not found]
     existing_files(named)
-    exact = {os.path.normpath(path) for path in named if not _is_searched(path)}
-    below = {
-        os.path.normpath(path)
-        for folder in named
-        if _is_searched(folder)
-        for path in _below(folder, out)
-    }
-    kept = exact | {path for path in below if _is_data(path)}
-    wanted = {path for path in kept if not _is_companion(path)}
-    left_out = (exact | below) - wanted
+    results = {path for found in matched.values() for path in _results(found, out)}
+    matches = [
+        path
+        for found in matched.values()
+        for path in found
+        if results.isdisjoint((path, *map(str, Path(path).parents)))
+    ]
+    exact = {*named, *matches}
+    searched = {path for path in exact if _is_searched(path)}
+    below = {path for folder in searched for path in _below(folder, out)}
+    kept = (exact - searched) | {path for path in below if _is_data(path)}
+    wanted = {os.path.normpath(path) for path in kept if not _is_companion(path)}
+    others = {os.path.normpath(path) for path in (exact - searched) | below | results}
+    left_out = others - wanted - {os.path.normpath(out)}
     return Inputs(paths=tuple(sorted(wanted)), left_out=tuple(sorted(left_out)))
 
 
@@ -88,11 +99,26 @@ def _companion(path: str, *names: str) -> Path | None:
     return next((candidate for candidate in beside if candidate.is_file()), None)
 
 
-def _expanded(given: str) -> list[str]:
+def _matches(given: str) -> list[str]:
     """Files that a pattern means; a name that exists is no pattern."""
     if os.path.exists(given) or not _WILD.intersection(given):
-        return [given]
-    return sorted(glob.glob(given, recursive=True)) or [given]
+        return []
+    return sorted(glob.glob(given, recursive=True))
+
+
+def _results(paths: Sequence[str], out: Path) -> set[str]:
+    """Folders of results that some paths are in, or are themselves."""
+    folders = {str(folder) for path in paths for folder in (path, *Path(path).parents)}
+    return {folder for folder in folders if _is_result(folder, out)}
+
+
+def _is_result(folder: str, out: Path) -> bool:
+    """Whether a folder is that of the results, or holds others."""
+    if not os.path.isdir(folder):
+        return False
+    names = set(os.listdir(folder))
+    is_other = STORE in names or RESULT <= names
+    return is_other or Path(folder).resolve() == out.resolve()
 
 
 def _is_searched(path: str) -> bool:
@@ -100,22 +126,29 @@ def _is_searched(path: str) -> bool:
 
 
 def _below(folder: str, out: Path) -> Iterator[str]:
-    """Files and bag folders under a folder, without hidden ones and the results."""
-    for here, folders, files in os.walk(folder):
-        bags = [name for name in folders if is_bag(os.path.join(here, name))]
-        yield from (os.path.join(here, name) for name in bags)
-        folders[:] = [
+    """Files, bags and folders of results under a folder, but for hidden ones."""
+    seen = set()
+    for here, folders, files in os.walk(folder, followlinks=True):
+        place = os.path.realpath(here)
+        if place in seen:  # links may go in circles
+            folders.clear()
+            continue
+        seen.add(place)
+        shown = sorted(name for name in folders if not name.startswith("."))
+        whole = [
             name
-            for name in folders
-            if not name.startswith(".")
-            and name not in bags
-            and Path(here, name).resolve() != out.resolve()
+            for name in shown
+            if is_bag(path := os.path.join(here, name)) or _is_result(path, out)
         ]
-        yield from (os.path.join(here, n) for n in files if not n.startswith("."))
+        folders[:] = [name for name in shown if name not in whole]
+        own = [name for name in files if not name.startswith(".")]
+        yield from (os.path.join(here, name) for name in (*whole, *own))
 
 
 def _is_data(path: str) -> bool:
-    return os.path.isdir(path) or Path(path).suffix.lower() in SUFFIXES
+    if os.path.isdir(path):
+        return is_bag(path)
+    return Path(path).suffix.lower() in SUFFIXES
 
 
 def _is_companion(path: str) -> bool:

@@ -19,6 +19,7 @@ from pushfit.data.tables.grasps import GraspRows, is_long_table, read_grasps
 from pushfit.data.text.files import FileStamp, existing_file, sha256_of
 from pushfit.errors import PushfitError
 from pushfit.fit.results.environment import environment
+from pushfit.mechanics.registry import source_of
 
 # Results of another form are computed again.
 FORM = 6
@@ -179,15 +180,16 @@ class Planner:
         plan = None if schedule is None else str(schedule)
         plan_sha256 = None if plan is None else self._digest(plan)
         seed = derived_seed(self._seed, sha256)
-        key = digest_of(
-            self._common
-            | {
-                "content": sha256,
-                "schedule": plan_sha256,
-                "config": config.digest(),
-                "seed": seed,
-            }
-        )
+        parts = {
+            "content": sha256,
+            "schedule": plan_sha256,
+            "config": config.digest(),
+            "seed": seed,
+        }
+        own = source_of(config.grasp.mechanics)
+        if own is not None:
+            parts["mechanics"] = self._digest(own)
+        key = digest_of(self._common | parts)
         return Item(
             sha256=sha256,
             schedule=plan,

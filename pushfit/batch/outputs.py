@@ -6,7 +6,7 @@ Excluded: what stands in the rows (`pushfit.batch.rows`, `pushfit.batch.populati
 """
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,12 +16,10 @@ import pandas as pd
 from pushfit.atomic import atomic_path
 from pushfit.batch.folders import (
     FAILURES,
-    FOLDER,
     PARQUET,
     POPULATION,
     REPORT,
     RESULTS,
-    folder_name,
 )
 from pushfit.batch.population import COLUMNS
 from pushfit.batch.rows import Answers, Row
@@ -35,9 +33,16 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def write_outputs(
-    folder: Path, answers: Answers, population: Sequence[Row]
+    folder: Path,
+    answers: Answers,
+    population: Sequence[Row],
+    pages: Mapping[str, str],
 ) -> tuple[Path, ...]:
-    """Write what a batch found, each file complete or as it was."""
+    """Write what a batch found, each file complete or as it was.
+
+    Args:
+        pages: Address of the page of an item, by its name.
+    """
     rows = answers.rows
     columns = list(dict.fromkeys(name for row in rows for name in row))
     _write_csv(folder / FAILURES, REASON, [asdict(f) for f in answers.failures])
@@ -49,7 +54,7 @@ def write_outputs(
     _write_csv(folder / POPULATION, COLUMNS, population)
     written.append(folder / POPULATION)
     if find_spec("jinja2"):
-        _write_page(folder / REPORT, answers, population)
+        _write_page(folder / REPORT, answers, population, pages)
         written.append(folder / REPORT)
     return tuple(written)
 
@@ -85,23 +90,22 @@ def _write_parquet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> N
         frame.to_parquet(temporary, index=False, engine="pyarrow")
 
 
-def _write_page(path: Path, answers: Answers, population: Sequence[Row]) -> None:
+def _write_page(
+    path: Path,
+    answers: Answers,
+    population: Sequence[Row],
+    pages: Mapping[str, str],
+) -> None:
     messages = {failure.item: failure.message for failure in answers.failures}
     frame = pd.DataFrame(
         [
-            {**row, "message": messages.get(name), "link": _link(path.parent, name)}
+            {**row, "message": messages.get(name), "link": pages.get(name)}
             for row, name in ((row, str(row["item"])) for row in answers.rows)
         ]
     )
     page = render_batch(frame, population)
     with atomic_path(path) as temporary:
         Path(temporary).write_text(page, encoding="utf-8", newline="\n")
-
-
-def _link(folder: Path, item: str) -> str | None:
-    """Address of the page of an item, if its folder was written."""
-    page = Path(FOLDER, folder_name(item), REPORT)
-    return page.as_posix() if (folder / page).is_file() else None
 
 
 def _typed(cells: list[Cell]) -> pd.Series:

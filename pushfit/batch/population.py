@@ -15,6 +15,7 @@ from pushfit.batch.store import Finished
 from pushfit.fit.identify.result_row import LOG_PRIOR, Cell
 from pushfit.fit.population.item_likelihoods import ItemDraws
 from pushfit.fit.population.pooling import Population, pool
+from pushfit.fit.results import Verdict
 
 COLUMNS = (
     "quantity",
@@ -86,6 +87,7 @@ def _rows(
     groups: dict[str, list[ItemDraws]] = {}
     n_all: dict[str, int] = {}
     provisional: dict[str, list[str]] = {}
+    open_transition: set[str] = set()
     for item in items:
         finished = find(item.key)
         if finished is None:
@@ -102,16 +104,23 @@ def _rows(
         if draws is not None and log_prior is not None:
             one = ItemDraws(name=item.name, draws=draws, log_prior=log_prior)
             groups.setdefault(unit, []).append(one)
+            if finished.values.get("p_verdict") not in (None, Verdict.FIXED.value):
+                open_transition.add(unit)
     rows = []
     for unit, group in sorted(groups.items()):
         found = pool(group, scale=pooled.scale)
         if found is not None:
+            warnings = {
+                "grid_edge": found.is_edge_reached,
+                "open_transition": unit in open_transition,
+            }
             row = _row(
                 pooled.quantity,
                 unit,
                 found=found,
                 n_all=n_all[unit],
                 provisional=provisional.get(unit, ()),
+                warnings=[code for code, is_so in warnings.items() if is_so],
             )
             rows.append(row)
     return rows
@@ -129,6 +138,7 @@ def _row(
     found: Population,
     n_all: int,
     provisional: Sequence[str],
+    warnings: Sequence[str],
 ) -> Row:
     cells: tuple[Cell, ...] = (
         quantity,
@@ -143,6 +153,6 @@ def _row(
         ";".join(found.outliers),
         ";".join(found.not_usable),
         ";".join(provisional),
-        "grid_edge" if found.is_edge_reached else "",
+        ";".join(warnings),
     )
     return dict(zip(COLUMNS, cells, strict=True))

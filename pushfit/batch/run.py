@@ -6,13 +6,14 @@ item (`pushfit.batch.identify_chunk`).
 """
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from pushfit.batch.folders import (
     FOLDER,
+    REPORT,
     begin_folder,
     folder_name,
     is_current,
@@ -20,7 +21,7 @@ from pushfit.batch.folders import (
 )
 from pushfit.batch.identify_chunk import IdentifyMany, identify_chunk, write_folder
 from pushfit.batch.inputs import find_inputs
-from pushfit.batch.items import Item, ItemFailure, Planner
+from pushfit.batch.items import Item, ItemFailure, Plan, Planner
 from pushfit.batch.outputs import write_outputs
 from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
@@ -150,7 +151,8 @@ def identify_batch(
         answers = collect(plan, failed, store.get, worded=worded)
         report("pooling", 0.0)
         population = pool_items(unique.values(), store.get)
-        files = write_outputs(folder, answers, population)
+        pages = _pages(plan, unique, folder=folder, store=store)
+        files = write_outputs(folder, answers, population, pages)
         report("pooling", 1.0)
     return Batch(
         rows=answers.rows,
@@ -221,6 +223,19 @@ def _write_folders(
             n_done += 1
             report("writing folders", n_done / len(stale))
     return failed
+
+
+def _pages(
+    plan: Plan, unique: Mapping[str, Item], *, folder: Path, store: Store
+) -> dict[str, str]:
+    """Address of the page of each item whose folder holds its result, by name."""
+    written, pages = store.folders(), {}
+    for item in plan.items:
+        own = Path(FOLDER, folder_name(unique[item.key].name))
+        is_there = (folder / own / REPORT).is_file()
+        if is_there and is_current(folder / own, item.key, written):
+            pages[item.name] = (own / REPORT).as_posix()
+    return pages
 
 
 def _path(given: str | Path | None) -> Path | None:

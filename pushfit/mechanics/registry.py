@@ -11,7 +11,7 @@ import pkgutil
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 # What a module that holds mechanics of one's own is called before their name.
@@ -127,16 +127,30 @@ def mechanics_named(name: str) -> Mechanics:
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    for place in (f"{PREFIX}{name}", f"pushfit.mechanics.{name}"):
-        if name.isidentifier() and importlib.util.find_spec(place) is not None:
-            found = getattr(importlib.import_module(place), "MECHANICS", None)
-            if isinstance(found, Mechanics):
-                return found
+    module = _module_of(name)
+    if module is not None:
+        return module.MECHANICS
     known = ", ".join(f'"{one}"' for one in ("auto", *BUILT_IN))
     raise LookupError(
         f"must be {known}, or the name of mechanics of your own, for which Python "
         f"finds no module {PREFIX}{name} with a record MECHANICS"
     )
+
+
+def source_of(name: str) -> str | None:
+    """File that mechanics of one's own are in; None for those of this package."""
+    module = None if name == "auto" or name in BUILT_IN else _module_of(name)
+    return None if module is None else module.__file__
+
+
+def _module_of(name: str) -> ModuleType | None:
+    """The module of mechanics of one's own, if Python finds it."""
+    for place in (f"{PREFIX}{name}", f"pushfit.mechanics.{name}"):
+        if name.isidentifier() and importlib.util.find_spec(place) is not None:
+            module = importlib.import_module(place)
+            if isinstance(getattr(module, "MECHANICS", None), Mechanics):
+                return module
+    return None
 
 
 def has_foreign() -> bool:

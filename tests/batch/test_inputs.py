@@ -44,6 +44,46 @@ def test_a_pattern_finds_files_and_a_file_found_twice_counts_once(tmp_path):
     assert names(found) == ["a1.csv", "a2.csv"]
 
 
+def result_folder(folder):
+    """A result with its table, and no grasp of its own."""
+    write_tables(folder, "peaks")
+    for name in ("summary.json", "result.nc"):
+        (folder / name).touch()
+
+
+@pytest.mark.parametrize("given", ["", "**/*.csv", "**"])
+def test_what_was_made_of_a_grasp_is_no_second_one(tmp_path, given):
+    write_tables(tmp_path, "a")
+    result_folder(tmp_path / "a_result")
+    result_folder(tmp_path / "out" / "items" / "a")
+    result_folder(tmp_path / "old" / "items" / "a")
+    (tmp_path / "old" / "batch.sqlite").touch()
+    write_tables(tmp_path / "old", "results")
+    found = find_inputs([tmp_path / given], out=tmp_path / "out")
+    assert names(found) == ["a.csv"]
+    assert {Path(path).name for path in found.left_out} >= {"a_result", "old"}
+    # Named itself, a result is one: its table is identified anew.
+    assert names(find_inputs([tmp_path / "a_result"], out=tmp_path / "out")) == [
+        "peaks.csv"
+    ]
+
+
+def test_links_to_folders_are_followed_but_not_in_circles(tmp_path):
+    write_tables(tmp_path / "elsewhere", "linked")
+    write_tables(tmp_path / "runs", "a")
+    (tmp_path / "runs" / "more").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "runs" / "up").symlink_to(tmp_path / "runs")
+    found = find_inputs([tmp_path / "runs"], out=tmp_path / "out")
+    assert sorted(names(found)) == ["a.csv", "linked.csv"]
+
+
+def test_a_broken_link_that_a_pattern_finds_stops_no_other_file(tmp_path):
+    write_tables(tmp_path, "a")
+    (tmp_path / "b.csv").symlink_to(tmp_path / "gone.csv")
+    found = find_inputs([tmp_path / "*.csv"], out=tmp_path / "out")
+    assert names(found) == ["a.csv", "b.csv"]
+
+
 def test_any_suffix_can_be_named(tmp_path):
     (tmp_path / "data.log").write_text("x")
     assert names(find_inputs([tmp_path / "data.log"], out=tmp_path)) == ["data.log"]

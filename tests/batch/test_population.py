@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -63,6 +64,21 @@ def test_items_of_one_unit_are_one_population(runs, tmp_path):
     assert (A["quantity"], A["unit"], A["n_items"]) == ("ln_A", "N/m", "4")
     assert angle["outliers"] == "runs/far.csv"
     assert float(A["mean_low"]) < 6 + (0 + 1 + 2 + 4) / 40 < float(A["mean_high"])
+
+
+def test_a_sharpness_that_items_leave_open_is_said_of_what_it_moves(runs):
+    found = identify_batch(["runs"], "out", identify=identify)
+    assert {row["warnings"] for row in found.population} == {""}
+
+    def opened(tables, config, **options):
+        items = identify(tables, config, **options)
+        return [
+            replace(item, values={**item.values, "p_verdict": "assumed"})
+            for item in items
+        ]
+
+    found = identify_batch(["runs"], "open", identify=opened)
+    assert {row["warnings"] for row in found.population} == {"open_transition"}
 
 
 def test_what_has_no_interval_of_its_own_is_not_pooled(runs, tmp_path):

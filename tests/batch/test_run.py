@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 
 import numpy as np
 import pandas as pd
@@ -9,12 +10,15 @@ import pytest
 
 from pushfit.batch import identify_chunk as work
 from pushfit.batch.folders import folder_name
+from pushfit.batch.items import Planner
 from pushfit.batch.outputs import guarded
 from pushfit.batch.run import identify_batch
 from pushfit.batch.store import open_store
 from pushfit.batch.workers import Workers
+from pushfit.data.text.files import sha256_of
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.programs.folder import PROGRAMS
+from pushfit.mechanics.registry import mechanics_named
 from tests.batch import fake
 from tests.batch.makers import HEADER, outputs, read_csv, table_text, write_tables
 
@@ -133,6 +137,22 @@ def test_a_comment_in_the_settings_is_no_change(runs):
     run()
     (runs / "grasp.toml").write_text("# the same\n[push]\nlength_mm = 3\n")
     assert run().n_computed == 0
+
+
+def test_a_changed_law_of_ones_own_is_another_question(runs, tmp_path, monkeypatch):
+    """A module of the name that the settings have, which a new process reads again."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (runs / "grasp.toml").write_text('[grasp]\nmechanics = "own"\n')
+    module = tmp_path / "pushfit_own.py"
+    text = "from pushfit.mechanics.registry import BUILT_IN\n"
+    text += 'MECHANICS = BUILT_IN["linear"]\n'
+    computed = []
+    for change in ("", "", "# another law\n"):
+        module.write_text(text + change)
+        computed.append(run().n_computed)
+    assert computed == [3, 0, 3]
+    mechanics_named.cache_clear()
+    sys.modules.pop("pushfit_own")
 
 
 def test_a_result_that_was_lost_is_computed_again_though_its_row_is_there(runs, log):
@@ -379,6 +399,27 @@ def test_folders_have_the_notes_in_the_words_of_who_reads_them(runs, monkeypatch
     n = len(seen) // 2
     assert any("`signed=True`" in note for note in seen[:n])
     assert seen[n:] == [note.upper() for note in seen[:n]]
+
+
+def test_the_page_leads_to_folders_of_these_results_and_to_no_others(runs, tmp_path):
+    shutil.copy(runs / "a.csv", runs / "again.csv")
+    run()
+    asked = {"config": None, "profile": None, "schedule": None}
+    plan = Planner(**asked, seed=0, engine="auto").plan(("runs/a.csv",))
+    own = tmp_path / "out" / "items" / folder_name("runs/a.csv")
+    own.mkdir(parents=True)
+    for name in ("summary.json", "report.html"):
+        (own / name).write_text(name)
+    with open_store(tmp_path / "out") as (store, _):
+        digest = sha256_of(own / "summary.json")
+        store.save_folder(own.name, plan.items[0].key, digest)
+    link, page = f"items/{own.name}/report.html", tmp_path / "out" / "report.html"
+    run()
+    # Its duplicate has no folder of its own.
+    assert page.read_text().count(f'href="{link}"') == 2
+    (runs / "grasp.toml").write_text("[push]\nlength_mm = 3.0\n")
+    run()
+    assert link not in page.read_text()
 
 
 @pytest.mark.slow

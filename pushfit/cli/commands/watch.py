@@ -3,6 +3,8 @@
 Excluded: what is made of the recordings (`pushfit.batch.run`).
 """
 
+import contextlib
+import os
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +18,8 @@ from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
 from pushfit.cli.stop import say_kept
 from pushfit.errors import ConfigError, DataError
+
+Stamps = dict[str, tuple[tuple[int, int], ...]]
 
 
 def watch(
@@ -49,31 +53,41 @@ def watch(
             code="no_folder",
         )
     say_kept(f"what is finished is kept in {items.out}; the same command goes on")
-    before, done, last, code = None, None, time.monotonic(), 0
-    is_new = False
+    before: Stamps = {}
+    done: Stamps = {}
+    last, code, is_new = time.monotonic(), 0, False
     session.say(f"watching {folder}; Ctrl-C ends it")
     while idle is None or is_new or time.monotonic() - last < idle:
         now = stamps(folder, items.out)
-        is_new = bool(now) and now != done
-        # A file that still grows is read when it has stopped.
-        if is_new and now == before:
+        # What still grows is read when it has stopped.
+        still = {path: stamp for path, stamp in now.items() if before.get(path) == stamp}
+        is_new = now not in (done, {})
+        if is_new and still not in (done, {}):
             try:
-                found = identify_batch([folder], **asdict(items), worded=session.worded)
+                found = identify_batch(
+                    list(still), **asdict(items), worded=session.worded
+                )
                 code = report(session, found, is_json=False)
-            except DataError as error:
+            except (DataError, ConfigError) as error:
+                if isinstance(error, ConfigError) and not done:
+                    raise  # nothing was ever well
                 session.warn(str(error))
-            done, last, is_new = now, time.monotonic(), False
+            done, last = still, time.monotonic()
+            is_new = still != now
         before = now
         time.sleep(every)
     return code
 
 
-def stamps(folder: Path, out: Path) -> dict[Path, tuple[int, int]]:
-    """Size and time of change of every file, those of the results left out."""
+def stamps(folder: Path, out: Path) -> Stamps:
+    """Sizes and times of change of every input and what goes with it, by its path."""
+    from pushfit.batch.inputs import find_inputs, schedule_for, settings_for
+
     found = {}
-    for path in folder.rglob("*"):
-        if out in path.parents or not path.is_file():
-            continue
-        status = path.stat()
-        found[path] = (status.st_size, status.st_mtime_ns)
+    for path in find_inputs([folder], out=out).paths:
+        beside = (settings_for(path, None), schedule_for(path, None))
+        with contextlib.suppress(FileNotFoundError):  # it is gone since
+            files = sorted(Path(path).iterdir()) if os.path.isdir(path) else [path]
+            status = [os.stat(file) for file in (*files, *beside) if file is not None]
+            found[path] = tuple((one.st_size, one.st_mtime_ns) for one in status)
     return found

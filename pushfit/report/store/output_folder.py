@@ -12,8 +12,9 @@ from pushfit.errors import ConfigError, installed_by
 
 # How a grasp was explored, which no result makes anew: what was told, and its picture.
 JOURNAL, EXPLORATION = EXPLORED = ("journal.jsonl", "exploration.png")
-# What is read back from a result.
-KEPT = frozenset({"peaks.csv", "result.nc", "summary.json", JOURNAL})
+# What every result has, and what is read back from it.
+RESULT = frozenset({"result.nc", "summary.json"})
+KEPT = RESULT | {"peaks.csv", JOURNAL}
 CONTENT = KEPT | {"report.txt", "report.html", "figures", EXPLORATION}
 
 

@@ -1,5 +1,6 @@
 """A folder is watched: what arrives is identified once, when it has stopped growing."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -9,7 +10,7 @@ from pushfit.batch.items import ItemFailure
 from pushfit.cli import main
 from pushfit.cli.commands import watch as watch_module
 from pushfit.cli.commands.watch import stamps
-from pushfit.errors import DataError
+from pushfit.errors import ConfigError, DataError
 
 
 @pytest.fixture
@@ -26,8 +27,7 @@ def batches(runs, monkeypatch):
     seen = []
 
     def batch(inputs, out, **options):
-        (folder,) = inputs
-        seen.append({path.name: path.stat().st_size for path in folder.iterdir()})
+        seen.append({Path(path).name: Path(path).stat().st_size for path in inputs})
         return run.Batch(
             rows=(),
             population=(),
@@ -124,7 +124,46 @@ def test_results_inside_the_folder_are_not_inputs(runs):
     (runs / "a.csv").write_text("x")
     (runs / "out").mkdir()
     (runs / "out" / "results.csv").write_text("x")
-    assert set(stamps(runs, runs / "out")) == {runs / "a.csv"}
+    # By a relative name as well, whichever way the other one is written.
+    assert set(stamps(Path("runs"), runs / "out")) == {"runs/a.csv"}
+
+
+def test_a_file_that_grows_all_night_keeps_no_other_waiting(runs, batches, clock):
+    for name in ("a.csv", "b.csv", "robot.log"):
+        (runs / name).write_text("x")
+
+    def grow(*names):
+        def write():
+            for name in names:
+                (runs / name).write_text("x" + (runs / name).read_text())
+
+        return write
+
+    clock += [grow("b.csv", "robot.log")] * 3
+    clock += [grow("robot.log")] * 20
+    assert watch() == 0
+    assert batches == [{"a.csv": 1}, {"a.csv": 1, "b.csv": 4}]
+
+
+def test_settings_that_are_half_saved_end_no_watch(runs, monkeypatch, clock, capsys):
+    """As they did no harm before; what is wrong from the beginning ends it."""
+    calls = []
+
+    def batch(inputs, out, **options):
+        calls.append(len(inputs))
+        if len(calls) != wrong:
+            raise DataError("nothing", code="nothing_to_do")
+        raise ConfigError("half a file", code="config")
+
+    monkeypatch.setattr(run, "identify_batch", batch)
+    (runs / "a.csv").write_text("x")
+    clock += [lambda: None] * 3 + [lambda: (runs / "b.csv").write_text("y")]
+    wrong = 2
+    assert watch() == 0
+    assert calls == [1, 2]
+    assert "warning: half a file" in capsys.readouterr().err
+    wrong = 3
+    assert watch() == 2
 
 
 def test_a_missing_folder_is_said(runs, capsys):
