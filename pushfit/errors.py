@@ -9,6 +9,7 @@ nothing (`pushfit.fit.assess.warnings`).
 
 import copyreg
 import difflib
+import numbers
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -124,9 +125,9 @@ def check_seed(seed: int) -> None:
     """Refuse what seeds no generator of random numbers.
 
     Raises:
-        ConfigError: It is below 0.
+        ConfigError: It is below 0, or no whole number.
     """
-    if seed < 0:
+    if not isinstance(seed, numbers.Integral) or seed < 0:
         raise ConfigError(
             f"seed = {seed}: a seed is a whole number, 0 or above", code="seed"
         )

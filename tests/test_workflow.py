@@ -116,6 +116,21 @@ def test_a_seed_below_0_is_refused_before_anything_is_fitted(begin, table, tmp_p
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.repeated
+@pytest.mark.parametrize("seed", [1.5, None, "1"])
+def test_a_seed_is_a_whole_number(seed, table, tmp_path):
+    with pytest.raises(ConfigError, match=f"seed = {seed}: .* 0 or above"):
+        pushfit.identify(table, seed=seed)
+    with pytest.raises(ConfigError, match=f"seed = {seed}: .* 0 or above"):
+        identify_batch(SWEEP, tmp_path / "out", seed=seed)
+
+
+def test_an_engine_that_is_unknown_ends_a_batch_at_once(tmp_path):
+    with pytest.raises(ConfigError, match="engine = 'exact' is not known"):
+        identify_batch(SWEEP, tmp_path / "out", engine="exact")
+    assert not (tmp_path / "out").exists()
+
+
 def test_every_function_for_users_has_the_same_seed():
     public = [getattr(pushfit, name) for name in pushfit.__all__]
     functions = [*filter(inspect.isroutine, public), coverage_study, pushfit.Explorer]

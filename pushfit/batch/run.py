@@ -28,6 +28,7 @@ from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.workers import Work, Workers
 from pushfit.errors import DataError, check_seed
+from pushfit.fit.identify.fitted import check_engine
 from pushfit.fit.identify.identify_many import identify_many
 from pushfit.fit.identify.progress import Progress, stages_of
 from pushfit.fit.programs.compile import loaded_ahead
@@ -104,10 +105,11 @@ def identify_batch(
 
     Raises:
         ConfigError: The batch as a whole cannot be done: a missing file, a wrong
-            common setting, a seed below 0, a folder that is not a batch's.
+            common setting, seed or engine, a folder that is not a batch's.
         DataError: There is nothing to identify.
     """
     check_seed(seed)
+    check_engine(engine)
     folder = Path(out)
     inputs = [inputs] if isinstance(inputs, (str, Path)) else inputs
     found = find_inputs(inputs, out=folder)

@@ -1,5 +1,6 @@
 """A result in the hand: what it prints, shows, converts to and is saved as."""
 
+import copy
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -36,6 +37,12 @@ def test_its_repr_is_one_line_with_both_answers(any_identification):
     assert len(shown) < 250
     assert "θ_c" in shown
     assert "α*" in shown
+
+
+def test_it_is_equal_to_itself_alone_and_may_be_in_a_set(result):
+    again = copy.copy(result)
+    assert result in {result}
+    assert result not in [again]
 
 
 def test_its_text_is_the_report(result, determined):

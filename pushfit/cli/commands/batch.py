@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pushfit.batch.folders import STORE
 from pushfit.cli import options
 from pushfit.cli.output import warn_of_missing
 from pushfit.cli.session import CommandSession
@@ -56,11 +57,14 @@ def batch(
 ) -> int:
     """Identify many files; run again, it does what is missing."""
     warn_of_missing(session, *(PARTS if folders else ["jinja2"]))
+    say_kept(
+        f"what is finished is kept in {items.out}; the same command goes on",
+        once=items.out / STORE,
+    )
     from pushfit.batch.run import identify_batch
     from pushfit.batch.workers import Workers
 
     those = Workers(n=workers, scheduler=scheduler, chunk=chunk, time_limit=time_limit)
-    say_kept(f"what is finished is kept in {items.out}; the same command goes on")
     with session.progress() as progress:
         found = identify_batch(
             inputs,

@@ -60,7 +60,9 @@ def watch(
     while idle is None or is_new or time.monotonic() - last < idle:
         now = stamps(folder, items.out)
         # What still grows is read when it has stopped.
-        still = {path: stamp for path, stamp in now.items() if before.get(path) == stamp}
+        still = {
+            path: stamp for path, stamp in now.items() if before.get(path) == stamp
+        }
         is_new = now not in (done, {})
         if is_new and still not in (done, {}):
             try:

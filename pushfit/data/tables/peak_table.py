@@ -101,7 +101,7 @@ class PeakTable:
             flags: Flag words of every push, joined by ";".
 
         Raises:
-            DataError: A value breaks a rule.
+            DataError: A value breaks a rule, or the arrays have several lengths.
         """
         if unknown := set(sd or {}) - set(heights):
             raise DataError(
@@ -125,6 +125,13 @@ class PeakTable:
         columns |= {f"{name}_sd_{unit}": values for name, values in (sd or {}).items()}
         if flags is not None:
             columns["flags"] = list(flags)
+        shapes = {name: np.shape(values) for name, values in columns.items()}
+        if set(shapes.values()) - {(len(theta),), ()}:
+            found = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+            raise DataError(
+                f"arrays have the shapes {found}; give one number for each push",
+                code="lengths",
+            )
         return cls.from_frame(pd.DataFrame(columns))
 
     @property

@@ -64,7 +64,7 @@ class Recipe:
     table: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
     """Everything one table told: the input of every report.
 

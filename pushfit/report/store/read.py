@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.data.tables.traces import ComponentTrace, SignedHeights, Trace
-from pushfit.errors import DataError, PushfitError, stated
+from pushfit.errors import DataError, PushfitError
 from pushfit.fit.results import (
     Band,
     Diagnostics,
@@ -61,8 +61,8 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
         if (Path(folder) / "batch.sqlite").exists():
             raise DataError(
                 f"{folder}: is the folder of a batch, and its page is report.html; "
-                "name the result of an item in items/, which a batch writes by "
-                f"{stated(folders=True)}",
+                "name the result of an item in items/, which a batch writes where "
+                "folders are asked for",
                 code="not_a_result",
             ) from error
         raise DataError(

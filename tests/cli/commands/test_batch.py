@@ -82,6 +82,10 @@ def test_a_stopped_batch_says_how_to_go_on(runs, monkeypatch, capsys):
 
     monkeypatch.setattr(run, "identify_batch", stop)
     assert main(["batch", "runs", "--out", "out"]) == 130
+    assert "nothing was written" in capsys.readouterr().err
+    (runs.parent / "out").mkdir()
+    (runs.parent / "out" / "batch.sqlite").touch()
+    assert main(["batch", "runs", "--out", "out"]) == 130
     assert "the same command goes on" in capsys.readouterr().err
 
 

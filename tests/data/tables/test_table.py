@@ -88,6 +88,18 @@ def test_arrays_that_are_meant_otherwise_are_refused(theta, sd, named):
         )
 
 
+@pytest.mark.repeated
+@pytest.mark.parametrize("heights", [np.ones(3), np.ones((2, 1))])
+def test_arrays_of_several_shapes_are_refused_by_name(heights):
+    with pytest.raises(DataError, match=r"height_n \(.*one number for each push"):
+        PeakTable.from_arrays(
+            theta=np.array([0.1, 0.2]),
+            alpha=np.zeros(2),
+            heights={"height": heights},
+            unit="n",
+        )
+
+
 def test_a_blank_row_is_told_to_be_one(tmp_path):
     text = "push,theta_deg,alpha_deg,height_n\n1,15,90,1\n,,,\n"
     with pytest.raises(DataError, match=r"line 3, column push: is empty; .* blank row"):
