@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
@@ -30,6 +31,7 @@ from tests.explore.worlds import (
     feel,
     importance,
 )
+from tests.fit.tables import HARD, TOML
 from tests.tolerances import EXACT
 
 WIDTH = 9.0  # what is asked for, ± 4.5° [deg]
@@ -54,6 +56,16 @@ def explorer(**changes):
         "source": importance,
     }
     return Explorer(CONFIG, **(usual | changes))
+
+
+def without_a_noise(**changes):
+    """One whose question is wide, with the switch of the paper, and without a sigma.
+
+    Its pushes are fitted, by programs that tests of tables have as well.
+    """
+    wide = {"width_deg": 80.0, "budget": 30, "limits": Limits(reference_every=0)}
+    settings = parse_config(TOML + HARD, path="grasp.toml")
+    return Explorer(settings, source=importance, **(wide | changes))
 
 
 def run(own, *, n=1000, **world):
@@ -437,13 +449,12 @@ def test_what_is_over_does_not_go_on(tmp_path):
 
 
 def test_without_a_word_on_the_noise_eight_pushes_are_the_least():
-    names, limits = ("height",), Limits(reference_every=0)
-    own = explorer(width_deg=80.0, sigma=None, limits=limits, channels=names)
-    assert len(run(own, channels=names)) == 8
+    own = without_a_noise()
+    assert len(run(own, channels=("height",))) == 8
 
 
 def test_pushes_that_do_not_count_are_none_of_the_eight():
-    own = explorer(width_deg=80.0, sigma=None, limits=Limits(reference_every=0))
+    own = without_a_noise(channels=COMPONENTS)
     while suggestions := own.ask():
         push, number = suggestions[0], len(own.history.told)
         flags = "saturated" if number % 2 else ""
