@@ -285,16 +285,16 @@ def test_heights_without_a_posterior_weigh_the_priors(monkeypatch):
 
 def test_what_an_identification_warns_of_is_believed_with_it():
     """Kilonewtons under newtons, and four heights at the limit of the sensor."""
-    made = table(Grasp(push_length=0.005))
+    made, asked = table(Grasp(push_length=0.005)), question(5.0, parameters="")
     frame = made.frame.copy()
     for name in ("height_normal_n", "height_tangential_n"):
         frame[name] = np.minimum(frame[name], frame[name].sort_values().iloc[-4])
     for factor, code in ((1.0, "heights_at_limit"), (1e-3, "far_from_prior")):
         columns = [c for c in frame if c.endswith("_n")]
         scaled = frame.assign(**{c: factor * frame[c] for c in columns})
-        belief = believe(type(made).from_frame(scaled), question(5.0, "linear"), 0)
+        belief = believe(type(made).from_frame(scaled), asked, 0)
         codes = {warning.code for warning in belief.warnings}
         assert code in codes
         assert "model_untested" not in codes
-    few = believe(type(made).from_frame(made.frame[:3]), question(5.0, "linear"), 0)
+    few = believe(type(made).from_frame(made.frame[:3]), asked, 0)
     assert "model_untested" in {warning.code for warning in few.warnings}
