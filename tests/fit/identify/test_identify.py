@@ -38,6 +38,8 @@ SIGMA = 0.4
 SIGMA_ONCE = 0.5
 # A set may reach beyond the lowest push by a fifth of a step between pushes [deg].
 BETWEEN = 1.0
+# The channel of which friction is all that other tests leave free, too.
+FRICTION = ("height_tangential",)
 # R² of a model that leaves most of the variance of the heights.
 POOR = 0.5
 
@@ -369,12 +371,12 @@ def test_a_real_table_that_is_no_push_of_this_model_is_said_to_be_none(real_data
 
 def heavy_tailed() -> PeakTable:
     """51 heights with noise of Student's t of 2 degrees of freedom."""
-    clean = case_table(CASES["paper"])
+    clean = case_table(CASES["paper"], channels=FRICTION)
     noise = 0.02 * np.random.default_rng(4).standard_t(2.0, 51)
     return PeakTable.from_arrays(
         theta=clean.theta,
         alpha=clean.alpha,
-        heights={"height": clean.heights("height") + noise},
+        heights={FRICTION[0]: clean.heights(FRICTION[0]) + noise},
         unit="n",
     )
 
@@ -386,7 +388,9 @@ def heavy_tailed() -> PeakTable:
 def test_noise_is_chosen_by_its_evidence(noise, chosen):
     """51 heights with tails of Student's t of 2 degrees of freedom, or without."""
     table = (
-        heavy_tailed() if noise == "heavy" else case_table(CASES["paper"], noise=0.02)
+        heavy_tailed()
+        if noise == "heavy"
+        else case_table(CASES["paper"], noise=0.02, channels=FRICTION)
     )
     fitted = fit_table(table, config('[noise]\nlikelihood = "auto"\n' + FRICTION_ONLY))
     assert fitted.setup.problem.likelihood == chosen
@@ -401,7 +405,7 @@ def test_a_scale_of_heavy_tailed_noise_is_not_taken_for_its_sd(likelihood):
     fitted = fit_table(heavy_tailed(), config(text + FRICTION_ONLY))
     posterior = sweep(fitted, 0)
     found, _ = quantities(fitted.setup, posterior, {}, prob=0.9, unit="n")
-    (sigma,) = [q for q in found if q.name == "sigma_height"]
+    (sigma,) = [q for q in found if q.name == f"sigma_{FRICTION[0]}"]
     said = f"the sd is {stats.t.std(4):.3g} times it"
     assert (said in sigma.note) == (likelihood == "student_t")
 
@@ -449,8 +453,8 @@ def proportional(seed: int) -> PeakTable:
 
 def scattering(kind: str, seed: int) -> PeakTable:
     """The same, or heights that scatter evenly, or evenly with heavy tails."""
-    clean, rng = case_table(CASES["paper"]), np.random.default_rng(seed)
-    heights = clean.heights("height")
+    clean = case_table(CASES["paper"], channels=FRICTION)
+    heights, rng = clean.heights(FRICTION[0]), np.random.default_rng(seed)
     even = 0.02 * np.max(heights)
     scatter = {
         "proportional": lambda: 0.05 * heights * rng.standard_normal(51),
@@ -460,7 +464,7 @@ def scattering(kind: str, seed: int) -> PeakTable:
     return PeakTable.from_arrays(
         theta=clean.theta,
         alpha=clean.alpha,
-        heights={"height": heights + scatter},
+        heights={FRICTION[0]: heights + scatter},
         unit="n",
     )
 
@@ -472,7 +476,7 @@ def test_noise_is_in_proportion_where_residuals_ask_for_it(share, stated):
     """By default as if it were stated, to the last digit."""
     table = proportional(0)
     if stated == "constant":
-        table = case_table(CASES["paper"], noise=0.02)
+        table = case_table(CASES["paper"], noise=0.02, channels=FRICTION)
     fitted = fit_table(table, config(FRICTION_ONLY))
     text = f"[noise]\nheight_share = {share!r}\n" + FRICTION_ONLY
     known = fit_table(table, config(text))
@@ -503,7 +507,7 @@ def test_noise_stays_constant_where_its_size_is_stated_otherwise(text):
 
 def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
     """Noise of several sizes has them, too; it is named, and not hidden by them."""
-    table, settings = proportional(0), config(CHOSEN + FRICTION_ONLY)
+    table, settings = proportional(1), config(CHOSEN + FRICTION_ONLY)
     evidence = []
     for likelihood in ("student_t", "normal"):
         text = CONSTANT + f'sigma = "sampled"\nlikelihood = "{likelihood}"\n'
