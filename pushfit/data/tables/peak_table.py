@@ -115,7 +115,7 @@ class PeakTable:
                 "[-π/2, π/2]; if it is in degrees, take np.radians() of it",
                 code="theta_range",
             )
-        columns: dict[str, object] = {
+        columns: dict[str, np.ndarray | list[str]] = {
             "theta_deg": in_degrees(theta),
             "alpha_deg": in_degrees(alpha),
         }
