@@ -25,7 +25,7 @@ TRUTH, CONFIG = (str(EXAMPLE / f"{name}.toml") for name in ("truth", "grasp"))
 WRITERS = {
     "coverage": ["coverage", SCHEDULE, "-c", CONFIG, "--plot"],
     "diff": ["diff", str(EXAMPLE), str(EXAMPLE), "--plot"],
-    "next": ["next", "-c", CONFIG, "--plot"],
+    "next": ["next", "-c", CONFIG, "--unit", "kpa", "--plot"],
     "report": ["report", str(EXAMPLE), "-o"],
     "init": ["init"],
     "look": ["look", RECORDING, "--export"],
