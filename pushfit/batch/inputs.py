@@ -65,7 +65,7 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
     kept = (exact - searched) | {path for path in below if _is_data(path)}
     wanted = {os.path.normpath(path) for path in kept if not _is_companion(path)}
     others = {os.path.normpath(path) for path in (exact - searched) | below | results}
-    left_out = others - wanted - {os.path.normpath(out)}
+    left_out = {path for path in others - wanted if not _is_same(path, out)}
     return Inputs(paths=tuple(sorted(wanted)), left_out=tuple(sorted(left_out)))
 
 
@@ -114,11 +114,14 @@ def _results(paths: Sequence[str], out: Path) -> set[str]:
 
 def _is_result(folder: str, out: Path) -> bool:
     """Whether a folder is that of the results, or holds others."""
-    if not os.path.isdir(folder):
-        return False
-    names = set(os.listdir(folder))
-    is_other = STORE in names or RESULT <= names
-    return is_other or Path(folder).resolve() == out.resolve()
+    place = Path(folder)
+    is_batch = (place / STORE).is_file()
+    is_one = all((place / name).is_file() for name in RESULT)
+    return is_batch or is_one or _is_same(folder, out)
+
+
+def _is_same(path: str, out: Path) -> bool:
+    return Path(path).resolve() == out.resolve()
 
 
 def _is_searched(path: str) -> bool:
