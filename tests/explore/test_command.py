@@ -44,19 +44,24 @@ def truth(tmp_path):
     return path
 
 
-@pytest.mark.slow
-def test_next_ranks_pushes_after_a_table(tmp_path, grasp, capsys):
-    table = simulate_table(
+def pushed(theta_deg, *, noise, channels=COMPONENTS, **options):
+    """A push of 5 mm at each elevation, on the grasp that is known."""
+    return simulate_table(
         TRUTH,
         Grasp(push_length=0.005),
-        theta=np.radians([20.0, 65.0]),
+        theta=np.radians(theta_deg),
         alpha=np.pi / 2,
         repeats=1,
-        noise=SIGMA,
+        noise=noise,
         rng=np.random.default_rng(1),
-        channels=COMPONENTS,
-        state_sd=True,
+        channels=channels,
+        **options,
     )
+
+
+@pytest.mark.slow
+def test_next_ranks_pushes_after_a_table(tmp_path, grasp, capsys):
+    table = pushed([20.0, 65.0], noise=SIGMA, state_sd=True)
     peaks, plot = tmp_path / "peaks.csv", tmp_path / "next.png"
     write_table(table, peaks)
     command = ["next", str(peaks), "--config", str(grasp)]
@@ -74,16 +79,7 @@ def test_next_ranks_pushes_after_a_table(tmp_path, grasp, capsys):
 @pytest.mark.parametrize(("factor", "code"), [(1.0, 0), (1.3, 3)])
 def test_one_height_that_no_grasp_gives_is_said(factor, code, tmp_path, grasp, capsys):
     """Also where nothing is decided: 0.1° never is."""
-    table = simulate_table(
-        TRUTH,
-        Grasp(push_length=0.005),
-        theta=np.radians([10.0, 25.0, 40.0, 55.0, 70.0, 82.0]),
-        alpha=np.pi / 2,
-        repeats=1,
-        noise=0.01,
-        rng=np.random.default_rng(1),
-        channels=COMPONENTS,
-    )
+    table = pushed([10.0, 25.0, 40.0, 55.0, 70.0, 82.0], noise=0.01)
     frame = table.frame.copy()
     frame.loc[1, [f"{name}_n" for name in COMPONENTS]] *= factor
     write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
@@ -98,15 +94,7 @@ def test_one_height_unlike_the_others_is_said_without_a_noise(
     factor, code, tmp_path, hard_grasp, capsys
 ):
     """One in 1000 tables is faulted falsely; this one is off by 16 times its noise."""
-    table = simulate_table(
-        TRUTH,
-        Grasp(push_length=0.005),
-        theta=np.radians(np.linspace(10.0, 80.0, 8)),
-        alpha=np.pi / 2,
-        repeats=1,
-        noise=0.02,
-        rng=np.random.default_rng(1),
-    )
+    table = pushed(np.linspace(10.0, 80.0, 8), noise=0.02, channels=("height",))
     frame = table.frame.copy()
     frame.loc[5, "height_n"] *= factor
     write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
@@ -124,16 +112,7 @@ def test_nothing_is_decided_by_a_model_that_is_not_that_of_the_heights(
 ):
     """Heights that go up and down with θ, without a noise that says how far."""
     theta = np.linspace(10.0, 80.0, 24)
-    table = simulate_table(
-        TRUTH,
-        Grasp(push_length=0.005),
-        theta=np.radians(theta),
-        alpha=np.pi / 2,
-        repeats=1,
-        noise=0.01,
-        rng=np.random.default_rng(1),
-        channels=COMPONENTS,
-    )
+    table = pushed(theta, noise=0.01)
     frame = table.frame.copy()
     frame["height_normal_n"] *= 1 + wave * np.sin(np.radians(9 * theta))
     write_table(type(table).from_frame(frame), tmp_path / "peaks.csv")
