@@ -65,7 +65,12 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
     kept = (exact - searched) | {path for path in below if _is_data(path)}
     wanted = {os.path.normpath(path) for path in kept if not _is_companion(path)}
     others = {os.path.normpath(path) for path in (exact - searched) | below | results}
-    left_out = {path for path in others - wanted if not _is_same(path, out)}
+    own = out.resolve()
+    left_out = {
+        path
+        for path in others - wanted
+        if own not in (place := Path(path).resolve(), *place.parents)
+    }
     return Inputs(paths=tuple(sorted(wanted)), left_out=tuple(sorted(left_out)))
 
 
@@ -109,7 +114,10 @@ def _matches(given: str) -> list[str]:
 def _results(paths: Sequence[str], out: Path) -> set[str]:
     """Folders of results that some paths are in, or are themselves."""
     folders = {str(folder) for path in paths for folder in (path, *Path(path).parents)}
-    return {folder for folder in folders if _is_result(folder, out)}
+    found = {folder for folder in folders if _is_result(folder, out)}
+    return {
+        folder for folder in found if found.isdisjoint(map(str, Path(folder).parents))
+    }
 
 
 def _is_result(folder: str, out: Path) -> bool:
@@ -117,11 +125,7 @@ def _is_result(folder: str, out: Path) -> bool:
     place = Path(folder)
     is_batch = (place / STORE).is_file()
     is_one = all((place / name).is_file() for name in RESULT)
-    return is_batch or is_one or _is_same(folder, out)
-
-
-def _is_same(path: str, out: Path) -> bool:
-    return Path(path).resolve() == out.resolve()
+    return is_batch or is_one or place.resolve() == out.resolve()
 
 
 def _is_searched(path: str) -> bool:

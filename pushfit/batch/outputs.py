@@ -21,7 +21,7 @@ from pushfit.batch.folders import (
     REPORT,
     RESULTS,
 )
-from pushfit.batch.population import COLUMNS
+from pushfit.batch.population import COLUMNS, population_warnings
 from pushfit.batch.rows import Answers, Row
 from pushfit.fit.identify.result_row import Cell
 from pushfit.report.html.batch import render_batch
@@ -103,7 +103,8 @@ def _write_page(
             for row, name in ((row, str(row["item"])) for row in answers.rows)
         ]
     )
-    page = render_batch(frame, population)
+    notes = [warning.text for warning in population_warnings(population)]
+    page = render_batch(frame, population, notes=notes)
     with atomic_path(path) as temporary:
         Path(temporary).write_text(page, encoding="utf-8", newline="\n")
 

@@ -8,6 +8,7 @@ the others: provisional items are left out. Excluded: the statistics
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 from pushfit.batch.items import Item
 from pushfit.batch.rows import Row
@@ -15,7 +16,7 @@ from pushfit.batch.store import Finished
 from pushfit.fit.identify.result_row import LOG_PRIOR, Cell
 from pushfit.fit.population.item_likelihoods import ItemDraws
 from pushfit.fit.population.pooling import Population, pool
-from pushfit.fit.results import Verdict
+from pushfit.fit.results import ResultWarning, Verdict
 
 COLUMNS = (
     "quantity",
@@ -34,6 +35,15 @@ COLUMNS = (
     "provisional",
     "warnings",
 )
+
+# What is said of a population, by its code.
+WARNINGS = {
+    "grid_edge": "the means and spreads that were tried hold too little of what is "
+    "likely, so that ends of the population's intervals may be wrong",
+    "open_transition": "items leave the sharpness p of the transition open, and its "
+    "prior moves θ_c, B and C_rr of all of them the same way, which no number of items "
+    "averages out: where one transition holds for all, state transition.sharpness",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,20 +120,27 @@ def _rows(
     for unit, group in sorted(groups.items()):
         found = pool(group, scale=pooled.scale)
         if found is not None:
-            warnings = {
-                "grid_edge": found.is_edge_reached,
-                "open_transition": unit in open_transition,
-            }
+            shown = (found.is_edge_reached, unit in open_transition)
             row = _row(
                 pooled.quantity,
                 unit,
                 found=found,
                 n_all=n_all[unit],
                 provisional=provisional.get(unit, ()),
-                warnings=[code for code, is_so in warnings.items() if is_so],
+                warnings=list(compress(WARNINGS, shown)),
             )
             rows.append(row)
     return rows
+
+
+def population_warnings(rows: Iterable[Row]) -> tuple[ResultWarning, ...]:
+    """What is said of rows of a population, each once."""
+    said = {code for row in rows for code in str(row["warnings"]).split(";")}
+    return tuple(
+        ResultWarning(code=code, text=text)
+        for code, text in WARNINGS.items()
+        if code in said
+    )
 
 
 def is_provisional(row: Row) -> bool:

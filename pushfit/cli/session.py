@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from inspect import Parameter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -29,6 +29,9 @@ from pushfit.data.text.files import existing_files
 from pushfit.errors import PushfitError
 from pushfit.fit.programs.folder import enable_compile_cache
 from pushfit.report.store.output_folder import refuse_inputs
+
+if TYPE_CHECKING:
+    from pushfit.fit.results import ResultWarning
 
 # Exit codes, beside those of the errors; as a shell has them, 128 + SIGINT and SIGPIPE.
 BUG, CANNOT_WRITE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
@@ -90,6 +93,11 @@ class CommandSession:
     def warn(self, text: str) -> None:
         """Show what the user may choose to ignore."""
         self.say(f"warning: {text}", style="yellow")
+
+    def warn_of(self, warnings: Iterable["ResultWarning"]) -> None:
+        """Show warnings of results with their codes."""
+        for warning in warnings:
+            self.warn(f"{warning.text} [{warning.code}]")
 
     def say_more(self, text: str) -> None:
         """Show a message that only --verbose asks for."""

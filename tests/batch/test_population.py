@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from pushfit.batch.folders import REPORT
 from pushfit.batch.run import identify_batch
 from pushfit.fit.identify.identify_many import ItemResult
 from tests.batch.makers import outputs, read_csv, write_tables
@@ -66,7 +67,7 @@ def test_items_of_one_unit_are_one_population(runs, tmp_path):
     assert float(A["mean_low"]) < 6 + (0 + 1 + 2 + 4) / 40 < float(A["mean_high"])
 
 
-def test_a_sharpness_that_items_leave_open_is_said_of_what_it_moves(runs):
+def test_a_sharpness_that_items_leave_open_is_said_of_what_it_moves(runs, tmp_path):
     found = identify_batch(["runs"], "out", identify=identify)
     assert {row["warnings"] for row in found.population} == {""}
 
@@ -79,6 +80,10 @@ def test_a_sharpness_that_items_leave_open_is_said_of_what_it_moves(runs):
 
     found = identify_batch(["runs"], "open", identify=opened)
     assert {row["warnings"] for row in found.population} == {"open_transition"}
+    assert (
+        "Mind: items leave the sharpness p" in (tmp_path / "open" / REPORT).read_text()
+    )
+    assert "Mind" not in (tmp_path / "out" / REPORT).read_text()
 
 
 def test_what_has_no_interval_of_its_own_is_not_pooled(runs, tmp_path):

@@ -91,10 +91,11 @@ def report(session: CommandSession, found: "Batch", *, is_json: bool) -> int:
     if len(found.failures) > N_SHOWN:
         n_more = len(found.failures) - N_SHOWN
         session.complain(f"and {n_more} more; failures.csv lists all")
-    from pushfit.batch.population import is_provisional
+    from pushfit.batch.population import is_provisional, population_warnings
     from pushfit.data.text.faults import listed
     from pushfit.report.strings import printable
 
+    session.warn_of(population_warnings(found.population))
     provisional = [str(row["item"]) for row in found.rows if is_provisional(row)]
     facts = {**counts(found), "provisional": len(provisional)}
     names = {"left_out": found.left_out, "provisional": provisional}

@@ -3,7 +3,7 @@
 Excluded: how pushes are chosen (`pushfit.explore.explorer`).
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from pushfit.explore.hands.protocol import Hand
     from pushfit.explore.loop import Step
     from pushfit.fit.identify.progress import Stages
-    from pushfit.fit.results import ResultWarning
 
 # The paper's finger goes to 60°; the sine, which everything needs, is near 0 below 5°.
 REACH = (5.0, 85.0)
@@ -178,7 +177,7 @@ def next(
             save_figure(exploration_picture(explorer.overview(suggestions)), plot)
     if plot is not None:
         session.wrote(plot)
-    _warn_of(session, explorer.belief.warnings)
+    session.warn_of(explorer.belief.warnings)
     if json:
         session.print_json(next_dict(explorer, suggestions))
     else:
@@ -265,7 +264,7 @@ def explore(
     known = explorer.history
     if known.told or known.failures:
         session.say(f"going on with {journal}: {len(known.told)} pushes are known")
-    _warn_of(session, explorer.belief.warnings)
+    session.warn_of(explorer.belief.warnings)
     if simulated is not None:
         simulated.pass_by(known.n_made, rest=explorer.limits.rest_s)
     return _run(
@@ -331,7 +330,7 @@ def _run(
         extra={JOURNAL: journal.read_bytes(), EXPLORATION: picture},
     )
     session.wrote(out)
-    _warn_of(session, found.warnings)
+    session.warn_of(found.warnings)
     if history.stopped is None or history.is_over:
         journal.unlink()
         if state.answer is Answer.OUT_OF_BUDGET:
@@ -350,11 +349,6 @@ def _run(
         for name in explorer.question.ask:
             print(f"Identified from all pushes: {ANSWERS[name](found).sentence}")
     return 0 if found.status is FitStatus.OK else FitError.exit_code
-
-
-def _warn_of(session: CommandSession, warnings: Iterable["ResultWarning"]) -> None:
-    for warning in warnings:
-        session.warn(f"{warning.text} [{warning.code}]")
 
 
 @contextmanager

@@ -86,6 +86,7 @@ def render_batch(
     population: Sequence[Record] = (),
     *,
     title: str = "Batch",
+    notes: Sequence[str] = (),
 ) -> str:
     """The whole batch as one page.
 
@@ -100,6 +101,7 @@ def render_batch(
             `mean_high`, `spread`, `spread_low`, `spread_high`, `n_items`, and
             `outliers`, `not_usable` and `provisional`, names of items joined by
             ";". With an upper end alone a number is below it.
+        notes: What is said of the population, as clauses.
 
     Raises:
         ConfigError: Jinja2 is not installed.
@@ -114,6 +116,7 @@ def render_batch(
         "n_items": len(records),
         "n_ok": n_ok,
         "population": [_population_row(row) for row in population],
+        "notes": notes,
         "columns": [{"name": n, "scale": _scale(axes[n], n)} for n in names],
         "rows": [
             {
