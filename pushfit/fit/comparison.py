@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
 
 from pushfit.config import GraspConfig
@@ -248,20 +249,42 @@ def push_densities(
     References:
         Vehtari, Gelman & Gabry (2017), doi:10.1007/s11222-016-9696-4.
     """
-    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
-
     x = encode(problem, samples)
     densities = in_chunks(lambda rows: _push_log_likelihoods(problem, rows), x, CHUNK)
-    # One chain of draws for each push.
-    by_push = densities.T[:n_pushes, None]
-    elpd, pareto_k, p_loo = array_stats.loo(by_push, r_eff=efficiency)
+    by_push = [left_out_density(one, efficiency) for one in densities.T[:n_pushes]]
+    elpd, pareto_k, p_loo = np.asarray(by_push).T
     return PushDensities(
-        elpd=np.asarray(elpd),
-        p_loo=np.asarray(p_loo),
-        pareto_k=np.asarray(pareto_k),
+        elpd=elpd,
+        p_loo=p_loo,
+        pareto_k=pareto_k,
         # Of few draws even a lighter tail is not known well enough.
         max_pareto_k=min(1 - 1 / math.log10(len(x)), MAX_PARETO_K),
     )
+
+
+def left_out_density(
+    log_likelihood: Float[np.ndarray, " m"], efficiency: float
+) -> tuple[float, float, float]:
+    """Log density of one push given the others, Pareto k and effective parameters.
+
+    Where the largest weights are one number there is no tail to smooth: k is minus
+    infinity if all of them are, else nobody knows it and it is infinity.
+
+    Args:
+        log_likelihood: Of the push, at each draw of all of them.
+        efficiency: Independent draws per draw.
+    """
+    from arviz_stats.base.array import array_stats  # noqa: PLC0415 - slow to load
+
+    try:
+        found = array_stats.loo(log_likelihood[None, None], r_eff=efficiency)
+        elpd, pareto_k, p_loo = (float(np.squeeze(value)) for value in found)
+    except ValueError:  # "All tail values are the same"
+        log_n = math.log(log_likelihood.size)
+        elpd = log_n - float(scipy.special.logsumexp(-log_likelihood))
+        pareto_k = math.inf if np.ptp(log_likelihood) > 0 else -math.inf
+        p_loo = float(scipy.special.logsumexp(log_likelihood)) - log_n - elpd
+    return elpd, pareto_k, p_loo
 
 
 def against_best(scores: list[ModelScore]) -> tuple[ModelScore, ...]:

@@ -16,6 +16,7 @@ from pushfit.errors import DataError
 from pushfit.fit import comparison
 from pushfit.fit.comparison import (
     compare_models,
+    left_out_density,
     push_densities,
 )
 from pushfit.fit.problem.setup import build_problem
@@ -45,6 +46,18 @@ ERRORS, SMALL_ERROR = 4, 0.02
 # Differences that are drawn, and standard errors of their mean that one in 16 000
 # leaves.
 N_SUMS, MEAN_ERRORS = 2000, 4
+
+
+@pytest.mark.parametrize(("low", "pareto_k"), [(-1.0, -np.inf), (-3.0, np.inf)])
+def test_a_push_whose_largest_weights_are_one_number_has_a_density(low, pareto_k):
+    """Of 1000 draws 100, more than are smoothed; 1 / E[1 / density], written out."""
+    log_likelihood = np.r_[np.full(100, low), np.full(900, -1.0)]
+    elpd, k, p_loo = left_out_density(log_likelihood, 1.0)
+    expected = -np.log(0.1 * np.exp(-low) + 0.9 * np.exp(1.0))
+    np.testing.assert_allclose(elpd, expected, rtol=EXACT)
+    mean = 0.1 * np.exp(low) + 0.9 * np.exp(-1.0)
+    np.testing.assert_allclose(p_loo, np.log(mean) - expected, atol=EXACT)
+    assert k == pareto_k
 
 
 def monte_carlo_error(log_likelihoods):
