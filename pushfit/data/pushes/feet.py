@@ -66,6 +66,9 @@ _OUTWARD = np.linspace(0.0, 1.0, 240)
 # before it passes the foot; so many samples of rest show that it had not begun. Twice
 # either calls a whole press of `testing_step` cut.
 _BEGINS, _SHOWN = 0.11, 3
+# What has this share of the slope of a flank is one: the guard takes the bend of its
+# foot. Half or twice changes a cut or two of the soft skin and of `ur5_honeycomb`.
+_STEEP = 1 / 3
 
 OneOrMany = TypeVar("OneOrMany", float, np.ndarray)
 PerPush = Float[np.ndarray, " p"]
@@ -281,10 +284,31 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     noise = SIGMAS * feet.noise(np.maximum(length.min(axis=0), feet.step))
     is_far = np.abs(after - before - drift) > np.maximum(high, noise)
     is_way = is_short & ~is_short[::-1] & is_far
+    # So is what the samples leave of a rest where it is as steep as a flank.
+    is_way |= (length < feet.span) & _are_steep(view, feet, beside)
     begins = (shown[0] < _SHOWN) | is_high[0] | is_way[0] | (feet.start >= feet.half_up)
     ends = (len(time) - shown[1] < _SHOWN) | is_high[1] | is_way[1]
     ends |= feet.end <= feet.half_down
     return (is_first & begins) | (is_last & ends)
+
+
+def _are_steep(
+    view: View, feet: Feet[np.ndarray], beside: Float[np.ndarray, "2 2 p"]
+) -> Bool[np.ndarray, "2 p"]:
+    """Whether the course has a flank where rests are looked for beside pushes.
+
+    Args:
+        beside: First and last times before the pushes, and after them [s].
+    """
+    first, last = beside[:, 0], beside[:, 1]
+    third = np.maximum((last - first) / 3, feet.step)
+    edges = np.linspace(first, last, 4, axis=-1)
+    levels = np.stack([view.course.parts(own) for own in edges])
+    rise = (levels[..., -1] - levels[..., 0]) * np.array([[1.0], [-1.0]])
+    flank = np.stack([feet.half_up - feet.start, feet.end - feet.half_down])
+    slope = (0.5 - FOOT) * feet.height / np.maximum(flank, feet.step)
+    noise = SIGMAS * np.sqrt(2.0) * np.stack([feet.noise(own) for own in third])
+    return rise > np.maximum(_STEEP * slope * 2 * third, noise)
 
 
 def _usual_drift(feet: Feet[np.ndarray], over: PerPush) -> PerPush:

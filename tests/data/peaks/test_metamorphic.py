@@ -125,6 +125,31 @@ def test_cut_inside_a_push_that_one_is_clipped_and_the_rest_the_same(
     assert_same(right[1:], whole[n_before + 1 :])
 
 
+@pytest.mark.parametrize("is_end", [False, True])
+@pytest.mark.parametrize("level", [0.05, 0.1, 0.13, 0.15, 0.17, 0.19])
+def test_a_flank_that_is_cut_below_the_other_rest_is_clipped(level, is_end):
+    """A push comes back to a fifth of its height; so do those beyond it."""
+    time, y = simulated([1000.0] * 4)
+    y = y + np.clip(200.0 * (time - 3.0), 0.0, 200.0)
+    part = time > 2.0 + level
+    time, y = time[part], y[part]
+    found = measured(*((-time[::-1], y[::-1]) if is_end else (time, y)))
+    assert len(found) == 4
+    flags = [push.flags for push in found]
+    assert flags == (["", "", "", "clipped"] if is_end else ["clipped", "", "", ""])
+
+
+@SHAPES
+@pytest.mark.parametrize("is_end", [False, True])
+@pytest.mark.parametrize("shown", [0.08, 0.1])
+def test_a_push_with_little_of_a_rest_beside_it_is_whole(shape, shown, is_end):
+    time, y = simulated([1000.0] * 4, shape=shape)
+    part = time > 2.0 - shown
+    time, y = time[part], y[part]
+    found = measured(*((-time[::-1], y[::-1]) if is_end else (time, y)))
+    assert [push.flags for push in found] == [""] * 4
+
+
 @SHAPES
 @pytest.mark.parametrize("shown", [0.3, 0.5])
 def test_what_a_sensor_has_no_time_to_recover_from_is_no_drift(shape, shown):
