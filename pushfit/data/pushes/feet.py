@@ -34,6 +34,8 @@ _FEWEST = 8
 # What is lower than this share of a push is rest to it, found or not. At half, wiggles
 # move 8 of 18 heights of the soft skin at 0.5 N; at twice, low pushes become rests.
 _WIGGLE = 0.1
+# What is briefer than this share of it may be so many times as high.
+_BRIEF, _HIGHER = 0.25, 1.5
 # So it rises beside a neighbour: by more than a foot, which is counted from the mean of
 # a rest instead of its lowest. Seen where recordings are cut.
 _RISES = 0.07
@@ -201,8 +203,16 @@ class Feet(Generic[OneOrMany]):
     def _neighbours(self: "Feet[np.ndarray]", step: int) -> Int[np.ndarray, " p"]:
         """Next pushes in one direction; what is far lower is but a wiggle of a rest."""
         found = np.arange(len(self.start)) + step
-        height = np.concatenate([self.height, [np.inf]])
-        while (is_wiggle := height[found] < _WIGGLE * self.height).any():
+        # What an end of the samples cuts is wider than it shows.
+        is_seen = (self.start < self.half_up) & (self.half_down < self.end)
+        height = np.append(self.height, np.inf)
+        width = np.append(np.where(is_seen, self.width, np.inf), np.inf)
+        brief = _BRIEF * self.width
+
+        def most() -> PerPush:
+            return np.where(width[found] < brief, _HIGHER, 1) * _WIGGLE * self.height
+
+        while (is_wiggle := height[found] < most()).any():
             found[is_wiggle] += step
         return found
 
@@ -271,7 +281,10 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     # A level over that of the other rest is one on the way, unless drift leads there
     # or it is held for as long as the push.
     length = np.maximum(feet.end - feet.start, feet.step)
-    inner = rows_of(feet, np.flatnonzero(~(is_first | is_last)))
+    # What is beside no push is a wiggle.
+    beside = [feet._neighbours(sign) for sign in (-1, 1)]
+    is_push = np.isin(np.arange(len(is_first)), beside)
+    inner = rows_of(feet, np.flatnonzero(is_push & ~(is_first | is_last)))
     drift = _usual_drift(inner, length)
     high = FOOT * feet.height
     is_high = np.stack([drift - feet.moved > high, feet.moved - drift > high])
