@@ -34,11 +34,16 @@ _FEWEST = 8
 # What is lower than this share of a push is rest to it, found or not. At half, wiggles
 # move 8 of 18 heights of the soft skin at 0.5 N; at twice, low pushes become rests.
 _WIGGLE = 0.1
-# What is briefer than this share of it may be so many times as high.
+# What is briefer than this share of it may be so many times as high. At half of the
+# first, bumps of the soft skin are pushes in some cuts; at twice a push of
+# `short_dropouts` is a bump. The second at 1.2 or 3 changes no real recording.
 _BRIEF, _HIGHER = 0.25, 1.5
 # So it rises beside a neighbour: by more than a foot, which is counted from the mean of
 # a rest instead of its lowest. Seen where recordings are cut.
 _RISES = 0.07
+# What is seen of a neighbour for so many times as long as its way to half of its height
+# is more than that flank. Half or twice changes no real recording.
+_FLANKS = 2.0
 # Sensors recover after a release, a BioTac for about a second: this share of the width,
 # up to that of `LONGEST`, is left out of the rest. Half moves `p1_Pa`, twice `trial2`.
 _SETTLING = 0.4
@@ -161,9 +166,10 @@ class Feet(Generic[OneOrMany]):
     def _room(self: "Feet[np.ndarray]", view: View, sign: int) -> PerPush:
         """Ends of the rooms before pushes (-1) or after them (1) [s].
 
-        What is left of a neighbour that an end of the samples cuts has another foot:
+        What an end of the samples leaves of the flank of a neighbour has another foot:
         there the room ends half way to where the course rises for the push itself,
-        unless that is something else that rises in between.
+        unless that is something else that rises in between. Where more of a neighbour
+        is left, it ends half way to the nearer of the two.
         """
         own, foot, half, far = (
             (self.end, self.start, self.half_up, self.end)
@@ -173,10 +179,13 @@ class Feet(Generic[OneOrMany]):
         place, end = self._neighbours(sign), float(view.time[-1 if sign > 0 else 0])
         is_outer = (place < 0) | (place == len(own))
         flank = np.append(np.abs(half - foot), 0.0)[place]
-        foot, far = (np.append(at, end)[place] for at in (foot, far))
+        foot, half, far = (np.append(at, end)[place] for at in (foot, half, far))
         room = np.where(is_outer, end, (own + foot) / 2)
         rows = np.flatnonzero(sign * (end - far) <= self.step)
         risen = rows_of(self, rows)._risen(view, sign)
+        nearer = sign * np.fmin(sign * risen, sign * foot[rows])
+        is_flank = (sign * (end - half) <= _FLANKS * flank)[rows]
+        risen = np.where(is_flank, risen, nearer)
         own, flank, foot = own[rows], flank[rows], foot[rows]
         most = np.maximum(np.abs(risen - own) / 2, flank)
         is_its = sign * (foot - risen) < most
@@ -203,16 +212,18 @@ class Feet(Generic[OneOrMany]):
     def _neighbours(self: "Feet[np.ndarray]", step: int) -> Int[np.ndarray, " p"]:
         """Next pushes in one direction; what is far lower is but a wiggle of a rest."""
         found = np.arange(len(self.start)) + step
-        # What an end of the samples cuts is wider than it shows.
-        is_seen = (self.start < self.half_up) & (self.half_down < self.end)
-        height = np.append(self.height, np.inf)
-        width = np.append(np.where(is_seen, self.width, np.inf), np.inf)
-        brief = _BRIEF * self.width
+        # What an end of the samples cuts before its top has passed has any width.
+        flanks = np.stack([self.half_up - self.start, self.end - self.half_down])
+        passed = np.stack([self.peak - self.start, self.end - self.peak])
+        is_seen = (flanks > 0) | (passed > self.width / 2)
+        width = np.where(is_seen.all(axis=0), self.width, np.inf)
+        height, width = (np.append(all_, np.inf) for all_ in (self.height, width))
+        least, brief = _WIGGLE * self.height, _BRIEF * self.width
 
-        def most() -> PerPush:
-            return np.where(width[found] < brief, _HIGHER, 1) * _WIGGLE * self.height
+        def are_wiggles() -> Bool[np.ndarray, " p"]:
+            return height[found] < np.where(width[found] < brief, _HIGHER, 1) * least
 
-        while (is_wiggle := height[found] < most()).any():
+        while (is_wiggle := are_wiggles()).any():
             found[is_wiggle] += step
         return found
 
