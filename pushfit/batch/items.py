@@ -22,7 +22,7 @@ from pushfit.fit.results.environment import environment
 from pushfit.mechanics.registry import source_of
 
 # Results of another form are computed again.
-FORM = 7
+FORM = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

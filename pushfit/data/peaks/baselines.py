@@ -60,6 +60,8 @@ _FARTHEST = 3.0
 _CUBIC = 8.0
 # The mean of the middle half scatters by 9 % more than the mean.
 _MIDDLE = 1.09
+# Standard deviation over the median size of normal values.
+_OF_MEDIAN = 1.4826
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,8 +216,8 @@ class _Beside:
         level_after, when_after, n_after = self._levels(windows_after, 1, noise)
         sd, sd_after = (_MIDDLE * noise.of_mean(count) for count in (n, n_after))
         # A rest that is hardly there may be the flank of a push.
-        is_scanty = (n < LEAST * feet.span / feet.step) & (n_after > n)
-        only_after = np.isnan(level) | is_scanty
+        few = LEAST * feet.span / feet.step
+        only_after = np.isnan(level) | ((n < few) & (n_after > n))
         rate = (level_after - level) / np.maximum(when_after - when, SHORTEST)
         first = self.time[np.minimum(windows_after[:, 0], len(self.time) - 1)]
         early = np.maximum(feet.settling - (first - feet.end), 0.0)
@@ -225,13 +227,17 @@ class _Beside:
         moves = np.hypot(*(self._unsettled(own, rate, noise) for own in rests))
         calm = likeness(moves, _UNSETTLED)
         trust = np.where(only_after, 0.0, waited * small * calm)
+        # One rest alone shows no drift; beside other pushes it may be as usual.
+        is_alone = only_after | (n_after < few)
+        usual = _usual_rate(rate[~is_alone])
+        doubt = (1 - trust) * np.abs(rate) / 2
         own_when = np.where(only_after, when_after, when)
         unseen = only_after & np.isnan(when_after)
         base = Baselines(
             level=_filled(np.where(only_after, level_after, level), self.signal),
             time=np.nan_to_num(own_when, nan=0.0) + np.where(unseen, feet.start, 0.0),
             slope=np.nan_to_num(trust * rate),
-            doubt=np.nan_to_num((1 - trust) * np.abs(rate) / 2),
+            doubt=np.where(is_alone, np.fmax(usual, doubt), np.nan_to_num(doubt)),
             sd=np.where(only_after, sd_after, sd),
             sd_after=sd_after,
             time_after=when_after,
@@ -381,6 +387,11 @@ def rests_of(
     beside = _Beside(time, signal, Feet.together([extents[k].feet for k in order]))
     noise = beside.noise()
     return rows_of(noise, rows), rows_of(beside.baselines(noise), rows)
+
+
+def _usual_rate(rates: Float[np.ndarray, " q"]) -> float:
+    """Standard deviation of drifts, a robust one; 0 where none is seen [unit/s]."""
+    return _OF_MEDIAN * float(np.median(np.abs(rates))) if rates.size else 0.0
 
 
 def _filled(

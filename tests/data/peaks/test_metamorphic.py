@@ -38,6 +38,7 @@ FEW = 0.01
 # A sensor falls by so much on release, and comes back. A drift through what is shown of
 # that would move the middle of the last push by 1.7 or more.
 FALL, NO_DRIFT = 6.0, 1.0
+SHOWN = 2.5  # a rest on either side shows a drift to less than half of it
 RESAMPLED = 2.0  # other samples have other noise [sd]
 HELD = 0.3  # a hold of 1.4 N is read and not guessed: to a fifth of it, at two sd [N]
 CREEP = 0.03  # holds of the robot creep by more than this while they last [au]
@@ -146,6 +147,23 @@ def test_a_push_with_little_of_a_rest_beside_it_is_whole(shape, shown, is_end):
     time, y = time[part], y[part]
     found = measured(*((-time[::-1], y[::-1]) if is_end else (time, y)))
     assert [push.flags for push in found] == [""] * 4
+
+
+@SHAPES
+@pytest.mark.parametrize("is_end", [False, True])
+@pytest.mark.parametrize("rate", [-1.5, 1.5])
+def test_an_sd_holds_the_drift_that_one_rest_alone_does_not_show(shape, rate, is_end):
+    """Only 60 ms of a rest are shown; other pushes show how the level drifts."""
+    heights = [160.0] * 5
+    time, y = simulated(heights, shape=shape)
+    y = y + rate * time
+    part = time < 20.06 if is_end else time > 1.94
+    first, *others, last = measured(time[part], y[part])
+    assert len(others) == len(heights) - 2
+    own, seen = (last, first) if is_end else (first, last)
+    off = abs(own.height - np.median([push.height for push in others]))
+    assert off < own.sd < SHOWN * off
+    assert own.sd > SHOWN * seen.sd
 
 
 @SHAPES
