@@ -30,7 +30,7 @@ from benchmarks.coverage.one_sweep import LIMITS_PROB, is_held, pushes
 from benchmarks.tables import HARD, PUSH_LENGTH
 from pushfit.config import parse_config
 from pushfit.fit.coverage import simulate_tables
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from tests.fit.kinds import KINDS
 
 # Of the intervals and sets that pushfit quotes by default.

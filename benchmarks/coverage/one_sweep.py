@@ -22,7 +22,8 @@ from scipy import stats
 from benchmarks.tables import CONFIG, FIRM, GRASP, PUSH_LENGTH
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.coverage import PROBS, simulate_tables
-from pushfit.fit.identify.fitted import Fitted, fit_table
+from pushfit.fit.identify.fit_table import fit_table
+from pushfit.fit.identify.fitted import Fitted
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.profiles.profile_sets import profile_set

@@ -27,7 +27,7 @@ from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.coverage import simulate_tables
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.programs.folder import enable_compile_cache

@@ -13,7 +13,8 @@ import numpy as np
 
 from pushfit.config.rivals import rival_configs
 from pushfit.fit.comparison import push_densities
-from pushfit.fit.identify.fitted import draw_posterior, fit_table
+from pushfit.fit.identify.fit_table import fit_table
+from pushfit.fit.identify.fitted import draw_posterior
 from pushfit.fit.programs.folder import enable_compile_cache
 from tests.fit.tables import case_table, config
 from tests.problems import CASES

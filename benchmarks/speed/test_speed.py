@@ -16,7 +16,8 @@ from jax.experimental.compilation_cache import compilation_cache
 
 from benchmarks import tables
 from benchmarks.speed import peers, recording_scale, tilting_cost
-from pushfit.fit.identify.fitted import fit_table, reach_of
+from pushfit.fit.identify.fit_table import fit_table
+from pushfit.fit.identify.fitted import reach_of
 from pushfit.fit.identify.identify_many import identify_many
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.profiles.least_squares import fit_least_squares

@@ -1,11 +1,10 @@
 """Hard, soft or no rolling, linear or tilting: which model the heights speak for.
 
-Each is a fit of the same pushes with the same noise model and priors. They differ in
-how rolling sets in, by the paper's switch, by a soft minimum, or never, and in whether
-the object tilts. Two criteria
-are kept apart: the evidence, which weighs priors, and the density of each push
-predicted from all others (leave-one-out), which hardly does. Excluded: text for readers
-(`pushfit.report.text.comparison`).
+Each is a fit of the same pushes with the same priors. They differ in how rolling sets
+in, by the paper's switch, by a soft minimum, or never, in whether the object tilts, and
+in their noise. Two criteria are kept apart: the evidence, which weighs priors, and the
+density of each push predicted from all others (leave-one-out), which hardly does.
+Excluded: text for readers (`pushfit.report.text.comparison`).
 """
 
 import math
@@ -47,8 +46,6 @@ MIN_LOG_BAYES_FACTOR, MIN_STANDARD_ERRORS, MIN_ELPD = 1.0, 2.0, 4.0
 # Draws of one call, so that one program serves every number of them; 51 pushes of so
 # many are half a megabyte.
 CHUNK = 1024
-
-
 # Said where no model has an evidence.
 NO_EVIDENCE = "the weights of every sweep have too heavy a tail, and emcee gives none"
 

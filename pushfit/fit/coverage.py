@@ -17,7 +17,8 @@ from scipy import stats
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError, FitError, check_seed
-from pushfit.fit.identify.fitted import Fitted, fit_table, reach_of
+from pushfit.fit.identify.fit_table import fit_table
+from pushfit.fit.identify.fitted import Fitted, reach_of
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.derived import (
     equal_tailed_interval,

@@ -6,7 +6,7 @@ from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.coverage import simulate_tables
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.profiles.least_squares import settle_noise
 from pushfit.model import Parameters

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from pushfit.fit.coverage import Coverage, _holds, coverage_study, simulate_tables
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 from tests.tolerances import EXACT, ROUTES

@@ -16,7 +16,7 @@ from pushfit.cli import main
 from pushfit.config.rivals import NOISES, rival_configs
 from pushfit.data.simulate import simulate_table
 from pushfit.errors import ConfigError
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.programs import folder as cache
 from pushfit.fit.programs.compile import compiled

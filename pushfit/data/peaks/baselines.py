@@ -9,11 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int, Real
+from jaxtyping import Float, Int
 
 from pushfit.data.peaks.blocks import (
     MAX_SAMPLES,
     N_PARTS,
+    RestNoise,
     correlation_of,
     part_means,
     scatter,
@@ -62,37 +63,6 @@ _CUBIC = 8.0
 _MIDDLE = 1.09
 # Standard deviation over the median size of normal values.
 _OF_MEDIAN = 1.4826
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RestNoise:
-    """Noise of samples at rest beside each push.
-
-    Args:
-        sigma: Standard deviation of a sample [unit].
-        correlation: Variance of a mean over that of independent samples.
-        quantum: Resolution [unit].
-    """
-
-    sigma: Float[np.ndarray, " p"]
-    correlation: Float[np.ndarray, " p"]
-    quantum: float
-
-    def of_mean(self, n_samples: Real[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
-        """Standard deviations of means of so many samples beside each push [unit]."""
-        variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
-        # It is not averaged out where noise does not reach a count.
-        is_fine = self.sigma < self.quantum / 2
-        return np.sqrt(variance + np.where(is_fine, self.quantum**2 / 12, 0.0))
-
-    def of_part(self, n_samples: Real[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
-        """Standard deviations of means of neighbouring samples [unit].
-
-        Without correlation, which a few rests show badly: what is slower than a part of
-        a push has to show in the push itself.
-        """
-        alone = replace(self, correlation=np.ones_like(self.correlation))
-        return alone.of_mean(n_samples)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,8 +4,10 @@ Excluded: which samples are a rest, and its level (`pushfit.data.peaks.baselines
 constants do was seen in the recordings of `benchmarks.recordings.real_recordings`.
 """
 
+from dataclasses import dataclass, replace
+
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Real
 
 # Variances of eight normal samples exceed so many times their median once in 1500
 # blocks (chi-square of 7 degrees); twice is exceeded in 8 of 100.
@@ -22,6 +24,37 @@ N_PARTS = 8
 # A variance from fewer is off by a quarter and more. With two, 9 of 12 heights of
 # `p2_Pa` move, by up to 0.9 sd; with eight few rests suffice.
 _FEWEST_BLOCKS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestNoise:
+    """Noise of samples at rest beside each push.
+
+    Args:
+        sigma: Standard deviation of a sample [unit].
+        correlation: Variance of a mean over that of independent samples.
+        quantum: Resolution [unit].
+    """
+
+    sigma: Float[np.ndarray, " p"]
+    correlation: Float[np.ndarray, " p"]
+    quantum: float
+
+    def of_mean(self, n_samples: Real[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
+        """Standard deviations of means of so many samples beside each push [unit]."""
+        variance = self.correlation * self.sigma**2 / np.maximum(n_samples, 1.0)
+        # It is not averaged out where noise does not reach a count.
+        is_fine = self.sigma < self.quantum / 2
+        return np.sqrt(variance + np.where(is_fine, self.quantum**2 / 12, 0.0))
+
+    def of_part(self, n_samples: Real[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
+        """Standard deviations of means of neighbouring samples [unit].
+
+        Without correlation, which a few rests show badly: what is slower than a part of
+        a push has to show in the push itself.
+        """
+        alone = replace(self, correlation=np.ones_like(self.correlation))
+        return alone.of_mean(n_samples)
 
 
 def _blocks(

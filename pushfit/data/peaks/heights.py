@@ -26,7 +26,8 @@ from pushfit.data.peaks.apex_or_plateau import (
     calmed,
     held_window,
 )
-from pushfit.data.peaks.baselines import RestNoise, rests_of
+from pushfit.data.peaks.baselines import rests_of
+from pushfit.data.peaks.blocks import RestNoise
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING

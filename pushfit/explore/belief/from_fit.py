@@ -24,9 +24,9 @@ from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.table_checks import settings_warnings
 from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
 from pushfit.fit.assess.warnings import INADEQUATE, against_prior, untested
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import (
     draw_posterior,
-    fit_table,
     prepared,
     reach_of,
     reference_azimuth,

@@ -17,10 +17,10 @@ from pushfit.fit.assess.reporting_rules import as_unknown, within_verdict
 from pushfit.fit.assess.tilt_check import does_tilt_matter, implied_tilt_deg, is_worse
 from pushfit.fit.assess.verdicts import angle_quantity
 from pushfit.fit.identify.beside import Beside, Tell, at_once
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import (
     Fitted,
     Listener,
-    fit_table,
     is_comparable,
     reach_of,
     sweep,

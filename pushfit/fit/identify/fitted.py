@@ -14,12 +14,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.table_checks import table_warnings
 from pushfit.fit.assess.violations import (
-    ANGLE_ERRORS,
-    HEAVY_TAILED,
-    LEVEL,
-    PROPORTIONAL,
     Violation,
-    violation_warnings,
     violations,
 )
 from pushfit.fit.assess.warnings import (
@@ -32,18 +27,15 @@ from pushfit.fit.identify.progress import Progress
 from pushfit.fit.problem.noise import with_noise
 from pushfit.fit.problem.repeats.averaging import averaged, averaging_warning
 from pushfit.fit.problem.repeats.effects import (
-    repeat_effect,
     repeat_warning,
     without_repeat_effects,
 )
 from pushfit.fit.problem.setup import Setup, build_problem
-from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
 from pushfit.fit.profiles.least_squares import (
     fit_least_squares,
     searched,
     settle_noise,
 )
-from pushfit.fit.profiles.weights import repeat_gain, share_gain, tail_gain
 from pushfit.fit.results import (
     FitResult,
     FitStatus,
@@ -54,21 +46,6 @@ from pushfit.fit.results import (
 from pushfit.fit.sweep.posterior import sweep_posterior
 
 ENGINES = ("auto", "sweep", "emcee")
-# Log ratio of likelihoods at the residuals of the fit by normal noise. Where that of
-# Student-t noise is lower than by this, its evidence is hardly ever the higher one, and
-# is not looked at.
-MIN_TAIL_GAIN = -0.5
-# The same of noise in proportion to the height, above which it is taken: twice it is
-# exceeded once in 1000 tables without, half of a chi-square of one degree of freedom.
-MIN_SHARE_GAIN = 4.8
-# The same of errors of the angles, by repeats alone: exceeded once in 20 tables of
-# exact angles, which costs little, as small as errors then come to.
-MIN_ANGLE_GAIN = 1.35
-# Chance of giving repeats that are alike effects of their own, which costs little: how
-# much they may have in common is as small as they differ.
-REPEAT_LEVEL = 0.05
-# Of the draws that noise is chosen by: whatever the seed, the same noise.
-CHOOSING_SEED = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,33 +91,7 @@ class Listener:
         """There is a likelihood set of θ_c, or none."""
 
 
-def fit_table(
-    table: PeakTable,
-    config: GraspConfig,
-    *,
-    searching: Callable[[Setup], None] | None = None,
-) -> Fitted:
-    """Least squares of a table, with the noise model settled.
-
-    Args:
-        searching: Called with the problem once its likelihood was looked at.
-
-    Raises:
-        DataError: If no usable push is left.
-        ConfigError: If the configuration does not fit the table.
-        FitError: If no start gives finite residuals, or the solver stopped at its step
-            limit.
-    """
-    if config.noise.repeat_effect[0] == "auto":
-        kind, p_value = repeat_effect(table)
-        is_shown = p_value < REPEAT_LEVEL
-        config = with_noise(config, repeats=kind if is_shown else "alike")
-    if config.noise.likelihood == "auto":
-        return _more_evident(table, config, searching)
-    return _with_uneven_if_shown(table, config, searching)
-
-
-def _fit_as_stated(
+def fit_as_stated(
     table: PeakTable,
     config: GraspConfig,
     searching: Callable[[Setup], None] | None = None,
@@ -188,106 +139,6 @@ def _fit_as_stated(
         warnings=(*warnings, *fit_warnings(setup, fit)),
         shown=violations(table, setup, fit),
     )
-
-
-def _with_uneven_if_shown(
-    table: PeakTable,
-    config: GraspConfig,
-    searching: Callable[[Setup], None] | None = None,
-) -> Fitted:
-    """The fit by angles that err, or by noise in proportion, where either is shown.
-
-    Errors of the angles have to show in what repeats scatter, too: what a wrong model
-    leaves is often largest where heights are steep.
-    """
-    noise = config.noise
-    is_open = noise.height_share == "auto"
-    if is_open:
-        config = with_noise(config, height_share=0.0)
-    even = _fit_as_stated(table, config, searching)
-    # The scatter of repeats holds both already, and stated errors of angles, if they
-    # are wrong, look like a share.
-    is_held = noise.sigma == "pooled" or noise.theta_sd_deg or noise.alpha_sd_deg
-    own = (ANGLE_ERRORS, PROPORTIONAL, HEAVY_TAILED)
-    others = [v for v in even.shown if v.code not in own]
-    if is_held or not even.shown or any(v.p_value < LEVEL for v in others):
-        return even
-    problem, fit = even.setup.problem, even.fit
-    # Noise of several sizes has heavy tails, and these make either likelier.
-    tails = tail_gain(problem, fit, "sampled")
-    share = share_gain(problem, fit, fit.predicted) if is_open else 0.0
-    is_other = bool(even.setup.noise.shared) or noise.height_share not in ("auto", 0.0)
-    if noise.theta_sd_deg is None and not is_other:
-        steep = np.hypot(*steepness(angle_slopes(problem, fit.estimate)))
-        groups = even.table.groups[list(even.setup.rows)]
-        _, direction = np.unique(groups, return_inverse=True)
-        angles = share_gain(problem, fit, steep[np.asarray(problem.mask)])
-        is_shown = repeat_gain(problem, steep, direction) > MIN_ANGLE_GAIN
-        if is_shown and angles > max(share, tails):
-            return _fit_as_stated(table, with_noise(config, theta_sd_deg="estimate"))
-    if share > MIN_SHARE_GAIN and share > tails:
-        return _fit_as_stated(table, with_noise(config, height_share="estimate"))
-    return even
-
-
-def _more_evident(
-    table: PeakTable,
-    config: GraspConfig,
-    searching: Callable[[Setup], None] | None,
-) -> Fitted:
-    """The fit by normal or by Student-t noise, whichever has the higher evidence."""
-    normal = _with_uneven_if_shown(
-        table, with_noise(config, likelihood="normal"), searching
-    )
-    chosen = normal.config.noise
-    config = with_noise(
-        config, height_share=chosen.height_share, theta_sd_deg=chosen.theta_sd_deg
-    )
-    kind = normal.setup.noise.kind
-    gain = tail_gain(normal.setup.problem, normal.fit, kind)
-    if not gain > MIN_TAIL_GAIN or _is_explained(normal.shown):
-        return normal
-    rival = normal
-    if kind == "pooled":
-        # The scatter of repeats is no scale of a Student-t distribution.
-        config = with_noise(config, sigma="sampled")
-        rival = _fit_as_stated(table, with_noise(config, likelihood="normal"))
-    student = _fit_as_stated(table, with_noise(config, likelihood="student_t"))
-    swept = [sweep(fitted, CHOOSING_SEED) for fitted in (rival, student)]
-    gain = log_bayes_factor(*swept)
-    if not gain > 0:
-        known = {CHOOSING_SEED: swept[0]} if normal is rival else {}
-        return replace(normal, swept=known)
-    warning = ResultWarning(
-        code="student_t_chosen",
-        text=f"noise with heavy tails (Student-t) is {np.exp(gain):.2g} times as "
-        "probable as normal noise and was taken, so that outlying heights count less; "
-        '[noise] likelihood = "normal" has them count in full',
-    )
-    # What residuals by normal noise show more than tails stays to be said.
-    told = violation_warnings(normal.shown, is_adequate=False)
-    others = [one for one in told if one.code != HEAVY_TAILED]
-    return replace(
-        student,
-        warnings=(*student.warnings, warning, *others),
-        swept={CHOOSING_SEED: swept[1]},
-    )
-
-
-def log_bayes_factor(first: PosteriorResult, second: PosteriorResult) -> float:
-    """Log evidence of the second less that of the first; NaN where one has none."""
-    evidences = [
-        s.log_evidence
-        if s.log_evidence is not None and s.status is FitStatus.OK
-        else np.nan
-        for s in (first, second)
-    ]
-    return evidences[1] - evidences[0]
-
-
-def _is_explained(found: tuple[Violation, ...]) -> bool:
-    """Whether large residuals have another cause, or there is none to explain."""
-    return not found or (found[0].p_value < LEVEL and found[0].code != HEAVY_TAILED)
 
 
 def prepared(

@@ -15,13 +15,8 @@ import numpy as np
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
 from pushfit.fit.assess.model_checking import LEVEL
-from pushfit.fit.identify.fitted import (
-    Fitted,
-    fit_table,
-    is_comparable,
-    log_bayes_factor,
-    sweep,
-)
+from pushfit.fit.identify.fit_table import fit_table, log_bayes_factor
+from pushfit.fit.identify.fitted import Fitted, is_comparable, sweep
 from pushfit.fit.results import ResultWarning
 
 NORMAL, TANGENTIAL = "height_normal", "height_tangential"

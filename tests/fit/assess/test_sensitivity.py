@@ -5,7 +5,7 @@ import pytest
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.sensitivity import angle_error_shifts
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.identify_table import identify_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES

@@ -15,7 +15,7 @@ from pushfit.fit.assess.violations import (
     violation_warnings,
     violations,
 )
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

@@ -12,9 +12,11 @@ from pushfit.errors import ConfigError, DataError
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.verdicts import angle_quantity, quantities
 from pushfit.fit.assess.violations import Violation
+from pushfit.fit.identify import fit_table as fit_table_module
 from pushfit.fit.identify import fitted as fitted_module
 from pushfit.fit.identify.by_mechanics import profiles_of
-from pushfit.fit.identify.fitted import fit_table, sweep
+from pushfit.fit.identify.fit_table import fit_table
+from pushfit.fit.identify.fitted import sweep
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.results import FitStatus, Verdict
 from tests.fit.tables import (
@@ -515,12 +517,12 @@ def test_what_another_cause_explains_is_not_taken_for_heavy_tails(monkeypatch):
         evidence.append(sweep(fitted, 0).log_evidence)
     assert evidence[0] > evidence[1] + 1
     assert fit_table(table, settings).setup.problem.likelihood == "normal"
-    monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
+    monkeypatch.setattr(fit_table_module, "_is_explained", lambda fitted: False)
     assert fit_table(table, settings).setup.problem.likelihood == "student_t"
 
 
 def test_draws_that_noise_was_chosen_by_are_those_of_the_sweep(monkeypatch):
-    monkeypatch.setattr(fitted_module, "_is_explained", lambda fitted: False)
+    monkeypatch.setattr(fit_table_module, "_is_explained", lambda fitted: False)
     fitted = fit_table(proportional(0), config(CHOSEN + FRICTION_ONLY))
     (known,) = fitted.swept.values()
     anew = sweep(replace(fitted, swept={}), 0)

@@ -7,7 +7,7 @@ import pytest
 
 from pushfit.data.simulate import simulate_table
 from pushfit.fit.assess.warnings import improbable
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.other_readings import other_reading
 from tests.fit.tables import SEVEN_DEG, case_table, config

@@ -13,7 +13,8 @@ from pushfit.data.simulate import Session, simulate_recording, simulate_table
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.advice import measurements
 from pushfit.fit.comparison import compare_models
-from pushfit.fit.identify.fitted import fit_table, reach_of
+from pushfit.fit.identify.fit_table import fit_table
+from pushfit.fit.identify.fitted import reach_of
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.constraint_terms import held_names, held_values
 from pushfit.fit.problem.data_coordinates import tilting_point

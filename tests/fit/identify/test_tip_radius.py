@@ -9,7 +9,7 @@ import pytest
 from pushfit.cli import main
 from pushfit.data.grasp import make_grasp
 from pushfit.data.tables.peak_table import PeakTable, write_table
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
 from tests.fit.tables import config

@@ -10,7 +10,7 @@ import scipy
 from pushfit.data.tables.merge import merge_tables
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.problem.encoding import encode
 from pushfit.fit.problem.noise import choose_noise
 from pushfit.fit.problem.repeats.effects import (

@@ -9,7 +9,7 @@ from scipy import linalg, optimize, stats
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.identify.fitted import MIN_ANGLE_GAIN, fit_table
+from pushfit.fit.identify.fit_table import MIN_ANGLE_GAIN, fit_table
 from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
 from pushfit.fit.profiles.weights import repeat_gain
 from tests.fit.tables import SEVEN_DEG, case_table, config

@@ -8,7 +8,7 @@ from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.identify.fitted import MIN_SHARE_GAIN, fit_table
+from pushfit.fit.identify.fit_table import MIN_SHARE_GAIN, fit_table
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.weights import (
     Errors,

@@ -19,7 +19,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from jaxtyping import Array, Float
 
 from pushfit.data.simulate import simulate_table
-from pushfit.fit.identify.fitted import fit_table
+from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.programs import compile as programs
 from pushfit.fit.programs import folder as cache
 from pushfit.fit.programs.compile import compiled
