@@ -5,7 +5,8 @@ whole pushes beside all cuts and how many of them are lost, and the pushes that 
 and how many of these carry no flag that keeps them out of a fit. Both are to be 0. Then
 how many heights of whole pushes without a flag move by more than a tenth of their
 standard deviation, and the largest move: where the cut is beyond the rests that a push
-is measured by, and where it is inside of one, of which it leaves less. The
+is measured by, and where it is inside of one; what it leaves of that is less, and the
+standard deviation that of the height by less, where it is larger. The
 recordings are those of `benchmarks.recordings.real_recordings` and of its folder;
 pushes that the recording itself cuts are left aside. With `--cuts 0` every rest between
 two pushes is cut in its middle.
@@ -45,7 +46,8 @@ class Count:
         unflagged: Times of the cuts that leave one without a flag [s].
         moves: By how much each whole push without a flag is higher where the cut is
             beyond its rests [sd].
-        shortened: The same where the cut is inside one of its rests [sd].
+        shortened: The same where the cut is inside one of its rests, by the larger of
+            both standard deviations [sd].
     """
 
     whole: int
@@ -177,10 +179,11 @@ def count(recording: Recording, cuts: Sequence[int]) -> Count:
                     if not same:
                         lost.append(float(time[k]))
                     elif not (push.is_out or same[0].is_out):
-                        is_inside = begin < time[k] < end
-                        (shortened if is_inside else moves).append(
-                            (same[0].height - push.height) / push.sd
-                        )
+                        move = same[0].height - push.height
+                        if begin < time[k] < end:
+                            shortened.append(move / max(push.sd, same[0].sd))
+                        else:
+                            moves.append(move / push.sd)
                 elif push.start < last and first < push.end:
                     is_out = [
                         own.is_out for own in parts if push.start < own.peak < push.end
