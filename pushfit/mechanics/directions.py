@@ -8,8 +8,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from pushfit.mechanics.numerics import norm2
-from pushfit.model import (
+from pushfit.mechanics.containers import (
     Contact,
     Grasp,
     Parameters,
@@ -17,10 +16,10 @@ from pushfit.model import (
     Scalar,
     as_float,
     contact,
-    push_resistance,
     tangential_stiffness,
     unit_vector,
 )
+from pushfit.mechanics.numerics import norm2
 
 # Azimuths over the reach: at most half a degree apart, so that the parabola through the
 # lowest three finds a smooth minimum to about 0.01 degrees.
@@ -122,16 +121,18 @@ def _least_resistance(
     width = min(high - low, math.pi)
     step = width / (N_AZIMUTHS - 1)
 
-    def resistance(alpha: Float[Array, " n"]) -> Float[Array, " n"]:
+    def force(alpha: Float[Array, " n"]) -> Float[Array, " n"]:
+        # P_r is a straight line in it.
         pushes = Pushes(theta=jnp.full(alpha.shape, theta), alpha=alpha)
-        return push_resistance(params, pushes, grasp)
+        found = grasp.law.forces(params, pushes, grasp)
+        return norm2(norm2(found.tangential_x, found.tangential_y), found.normal)
 
     grid = jnp.linspace(low, low + width, N_AZIMUTHS)
-    best = grid[jnp.argmin(resistance(grid))]
-    left, middle, right = resistance(best + step * jnp.array([-1.0, 0.0, 1.0]))
+    best = grid[jnp.argmin(force(grid))]
+    left, middle, right = force(best + step * jnp.array([-1.0, 0.0, 1.0]))
     curvature = left - 2 * middle + right
     # At an end of the reach the lowest point need not be a minimum, and where the
-    # resistance is flat there is no vertex: the grid point stays.
+    # force is flat there is no vertex: the grid point stays.
     is_vertex = (left >= middle) & (right >= middle) & (curvature > 0)
     shift = (left - right) / (2 * jnp.where(is_vertex, curvature, 1.0))
     refined = best + step * jnp.where(is_vertex, shift, 0.0)

@@ -60,7 +60,7 @@ SELDOM = (
 FACADE = {"pushfit.__version__"}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.parent != PACKAGE]
 FILES += [path for path in sorted(PACKAGE.glob("*.py")) if path.stem != "__init__"]
-FOLDERS = sorted({path.parent for path in FILES} - {PACKAGE})
+FOLDERS = sorted({path.parent for path in FILES})
 
 
 def layer(module: str) -> str:
@@ -115,7 +115,7 @@ def test_no_module_needs_itself_by_way_of_others():
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
 def test_no_folder_needs_itself_by_way_of_others(folder):
-    """What stands side by side in a folder is in an order; that of layers is above."""
+    """What stands side by side in a folder is in an order."""
     parent = module_name(folder / "__init__").removesuffix(".__init__") + "."
     inside = {m: ms for m, ms in needs().items() if m.startswith(parent)}
     children = {}
