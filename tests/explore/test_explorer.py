@@ -1,6 +1,5 @@
-"""The course of an exploration: what is asked, told, kept, and when it ends."""
+"""The course of an exploration: what is asked, what told, and when it ends."""
 
-import json
 import re
 import subprocess
 import sys
@@ -10,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError, DataError
@@ -22,68 +20,25 @@ from pushfit.explore.records import Answer, Purpose
 from pushfit.mechanics.directions import critical_angle
 from pushfit.model import Grasp, Parameters
 from tests.explore.beliefs import PLAIN
+from tests.explore.explorers import (
+    WIDTH,
+    explorer,
+    hopeless_table,
+    run,
+    without_a_noise,
+)
 from tests.explore.worlds import (
     COMPONENTS,
-    CONFIG,
     SIGMA,
     THETA_C,
     TRUTH,
     feel,
     importance,
 )
-from tests.fit.tables import HARD, TOML
 from tests.tolerances import EXACT
 
-WIDTH = 9.0  # what is asked for, ± 4.5° [deg]
 FORCE = 2.5  # what no push may exceed [N]
 BESIDE_DEG = 10.0  # two steps of the candidates
-
-
-# A line of a journal, but for its heights.
-TOLD = (
-    '{"event": "told", "number": 1, "theta": 0.5, "alpha": 1.5, "heights": %s, '
-    '"sd": null, "length_share": 1.0, "flags": "", "is_attached": false, '
-    '"purpose": null}'
-)
-
-
-def explorer(**changes):
-    usual = {
-        "width_deg": WIDTH,
-        "budget": 30,
-        "sigma": SIGMA,
-        "channels": COMPONENTS,
-        "source": importance,
-    }
-    return Explorer(CONFIG, **(usual | changes))
-
-
-def without_a_noise(**changes):
-    """One whose question is wide, with the switch of the paper, and without a sigma.
-
-    Its pushes are fitted, by programs that tests of tables have as well.
-    """
-    wide = {"width_deg": 80.0, "budget": 30, "limits": Limits(reference_every=0)}
-    settings = parse_config(TOML + HARD, path="grasp.toml")
-    return Explorer(settings, source=importance, **(wide | changes))
-
-
-def run(own, *, n=1000, **world):
-    """Push until there is an answer; every suggestion with its order."""
-    asked = []
-    for _ in range(n):
-        suggestions = own.ask(2)
-        if not suggestions:
-            break
-        first = suggestions[0]
-        asked.append(first)
-        own.tell(
-            first.theta,
-            first.alpha,
-            feel(first, len(own.history.told), **world),
-            sd=None,
-        )
-    return asked
 
 
 def test_an_exploration_decides_and_then_asks_nothing():
@@ -202,16 +157,6 @@ def test_a_question_that_makes_no_sense_is_refused_at_once(changes, named):
         explorer(**changes)
 
 
-def test_a_journal_knows_its_hand_again(tmp_path):
-    """JSON has no tuples; a hand that is not named may be any."""
-    path = tmp_path / "run.jsonl"
-    explorer(journal=path, hand={"arm": ("left", 2)})
-    explorer(journal=path, hand={"arm": ("left", 2)})
-    explorer(journal=path)
-    with pytest.raises(ConfigError, match=r"hand\.arm"):
-        explorer(journal=path, hand={"arm": ("left", 3)})
-
-
 @pytest.mark.parametrize("n", [0, -1])
 def test_no_push_is_no_answer_to_a_question_for_one(n):
     with pytest.raises(ConfigError, match="ask for one push or more"):
@@ -224,16 +169,6 @@ def test_settings_of_an_exploration_may_be_given_in_any_form(tmp_path):
     for given in (file, str(file), {"push": {"length_mm": 4.0}}):
         assert Explorer(given).question.config.push.length_mm == 4.0
     assert not Explorer(None).question.config.push.length_known
-
-
-def test_a_journal_that_says_0_for_no_number_is_gone_on_with(tmp_path):
-    path = tmp_path / "run.jsonl"
-    own = explorer(journal=path)
-    own.fail(own.ask(2)[1], "stalled")
-    text = path.read_text()
-    assert text.count('"number": null') == 1
-    path.write_text(text.replace('"number": null', '"number": 0'))
-    assert explorer(journal=path).history == own.history
 
 
 def test_earlier_pushes_are_attached_and_cost_no_budget():
@@ -281,31 +216,6 @@ def test_a_failed_push_is_asked_again_last_an_abandoned_one_never():
     own.tell(second.theta, second.alpha, feel(second, 0))
     thetas = [s.theta for s in own.ask(100)]
     assert first.theta in thetas[:-1]
-
-
-def test_a_push_that_the_process_does_not_outlive_is_asked_twice(tmp_path):
-    """Once is chance; then other directions come first, three of them at most."""
-    path, asked = tmp_path / "journal.jsonl", []
-    while suggestions := explorer(journal=path).ask():
-        asked.append(suggestions[0].theta)
-    assert asked[0] == asked[1]
-    assert len(set(asked)) == len(asked) - 1 == 3
-    assert "interrupted" in explorer(journal=path).state.sentence
-
-
-def test_a_table_is_attached_again_by_the_program_that_goes_on(tmp_path):
-    path, table = tmp_path / "journal.jsonl", hopeless_table()
-    own = explorer(journal=path)
-    own.attach(table)
-    before = path.read_bytes()
-    again = explorer(journal=path)
-    again.attach(table)
-    assert path.read_bytes() == before
-    assert again.history.told == own.history.told
-    frame = table.frame.assign(height_normal_n=2 * table.frame["height_normal_n"])
-    with pytest.raises(DataError) as error:
-        again.attach(PeakTable.from_frame(frame))
-    assert error.value.code == "attached_late"
 
 
 def test_a_table_beyond_the_azimuths_is_told_from_a_workspace():
@@ -371,20 +281,6 @@ def test_a_height_in_another_unit_is_named(channels, factor, word):
         assert told.history.n_drawn < 4
 
 
-def hopeless_table():
-    """Twelve pushes to 10°, which cannot tell a θ_c above."""
-    return simulate_table(
-        TRUTH,
-        Grasp(push_length=0.005),
-        theta=np.radians([5.0, 10.0]),
-        alpha=np.pi / 2,
-        repeats=6,
-        noise=SIGMA,
-        rng=np.random.default_rng(1),
-        channels=COMPONENTS,
-    )
-
-
 def test_what_cannot_be_decided_for_a_wrong_height_is_said():
     """The draws that such a height leaves forecast nothing."""
     table = hopeless_table()
@@ -420,27 +316,6 @@ def test_three_failures_in_a_row_end_it():
     assert len(set(thetas)) == 3
 
 
-def test_what_failures_stopped_goes_on_once_they_are_put_right(tmp_path):
-    path = tmp_path / "run.jsonl"
-    usual = {"journal": path, "limits": Limits(max_failures=2)}
-    own = explorer(**usual)
-    for _ in range(2):
-        own.fail(own.ask()[0], "stalled")
-    assert explorer(**usual).state.answer is Answer.STOPPED
-    again = explorer(**usual)
-    again.go_on()
-    assert again.state.answer is Answer.DECIDING
-    # One more failure is the first in a row, not the third.
-    again.fail(again.ask()[0], "stalled")
-    run(again)
-    assert again.state.answer is Answer.DECIDED
-    # All of it stands in the journal.
-    last = explorer(**usual)
-    last.go_on()
-    assert last.state == again.state
-    assert len(last.history.failures) == 3
-
-
 def test_what_is_over_does_not_go_on(tmp_path):
     own = explorer()
     own.stop("the object is gone", is_over=True)
@@ -468,18 +343,6 @@ def test_a_budget_ends_it():
     assert len(run(own)) == 3
     assert own.state.answer is Answer.OUT_OF_BUDGET
     assert "by a larger budget with the same journal" in own.state.sentence
-
-
-def test_a_larger_budget_goes_on_with_a_journal(tmp_path):
-    """As if it had been the larger one from the beginning."""
-    path, usual = tmp_path / "run.jsonl", {"width_deg": 0.5}
-    run(explorer(journal=path, budget=3, **usual))
-    more = explorer(journal=path, budget=5, **usual)
-    assert len(run(more)) == 2
-    at_once = explorer(budget=5, **usual)
-    run(at_once)
-    assert more.table.frame.equals(at_once.table.frame)
-    assert more.state == at_once.state
 
 
 @pytest.mark.parametrize(
@@ -695,101 +558,3 @@ def test_a_box_without_a_push_is_explained():
     assert own.ask() == ()
     assert "17 candidates out of the workspace" in own.state.sentence
     assert own.state.sentence.endswith("; widen them")
-
-
-@pytest.mark.parametrize(
-    ("cut", "step"),
-    [
-        (0, 4),
-        pytest.param(0, 1, marks=pytest.mark.slow),
-        pytest.param(5, 1, marks=pytest.mark.slow),
-    ],
-)
-def test_killed_at_any_line_the_same_pushes_follow(tmp_path, cut, step):
-    """Every journal that a kill can leave leads to the end of the one not killed."""
-    path = tmp_path / "whole.jsonl"
-    limits = Limits(reference_every=3)
-    own = explorer(journal=path, limits=limits, width_deg=12.0)
-    run(own)
-    lines = path.read_bytes().splitlines(keepends=True)
-    for n in range(1, len(lines), step):
-        part = tmp_path / "part.jsonl"
-        part.write_bytes(b"".join(lines[:n]) + lines[n][:cut])
-        again = explorer(journal=part, limits=limits, width_deg=12.0)
-        run(again)
-        told, expected = (
-            [e for e in map(json.loads, p.read_text().splitlines()) if e["event"] == k]
-            for p, k in ((part, "told"), (path, "told"))
-        )
-        strip = [{k: v for k, v in e.items() if k != "number"} for e in told]
-        assert strip == [
-            {k: v for k, v in e.items() if k != "number"} for e in expected
-        ]
-        assert again.state == own.state
-        was_moving = json.loads(lines[n - 1])["event"] == "asked"
-        failed = [f.reason for f in again.history.failures]
-        assert failed == (["interrupted"] if was_moving else [])
-
-
-def test_a_journal_of_another_question_is_refused(tmp_path):
-    path = tmp_path / "run.jsonl"
-    explorer(journal=path)
-    with pytest.raises(ConfigError, match=r"width_deg = 9.0, not 3.0"):
-        explorer(journal=path, width_deg=3.0)
-
-
-def test_a_journal_of_other_settings_is_refused_by_their_keys(tmp_path):
-    path, settings = tmp_path / "run.jsonl", {"sigma": SIGMA, "channels": COMPONENTS}
-    Explorer({"push": {"length_mm": 5.0}}, journal=path, **settings)
-    with pytest.raises(ConfigError, match=r"config.push.length_mm = 5.0, not 4.0"):
-        Explorer({"push": {"length_mm": 4.0}}, journal=path, **settings)
-
-
-def test_a_damaged_journal_is_refused(tmp_path):
-    path = tmp_path / "run.jsonl"
-    explorer(journal=path).ask()
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([lines[0], "{no json", *lines[1:]]) + "\n")
-    with pytest.raises(DataError, match="line 2"):
-        explorer(journal=path)
-
-
-@pytest.mark.parametrize(
-    ("line", "damaged", "what"),
-    [
-        (1, '{"event": "told"}', "no start"),
-        (2, "[1, 2]", "no event"),
-        (2, '{"word": "asked"}', "no event"),
-        (2, '{"event": "aksed"}', "no event is called 'aksed'"),
-        (2, '{"event": "drawn"}', "'n' is missing"),
-        (2, '{"event": "drawn", "n": "two"}', "integer"),
-        (2, '{"event": "attached", "rows": []}', "'reference_alpha' is missing"),
-        (3, '{"event": "told", "theta": 0.5}', "alpha: Field required"),
-        (3, '{"event": "told", "theta": 0.5, "alpha": "x"}', "alpha: Input should be"),
-        (3, TOLD % '{"force": 1.0}', "numbers for force were told"),
-        (3, TOLD % '{"height": NaN}', "height = nan is no finite number"),
-        (3, "\udcff", "utf-8"),
-    ],
-)
-def test_a_damaged_event_is_named_by_its_line(tmp_path, line, damaged, what):
-    path = tmp_path / "run.jsonl"
-    own = explorer(journal=path, channels=("height",))
-    (push,) = own.ask()
-    own.tell(push.theta, push.alpha, 1.0)
-    lines = path.read_text().splitlines()
-    lines[line - 1] = damaged
-    path.write_bytes("\n".join([*lines, ""]).encode(errors="surrogateescape"))
-    with pytest.raises(DataError) as refused:
-        explorer(journal=path, channels=("height",))
-    said = str(refused.value)
-    assert said.startswith(f"{path}, line {line}: ")
-    assert what in said
-    assert said.endswith("keep the lines before it, restore it, or begin another")
-
-
-def test_a_journal_of_any_letters_is_read_again(tmp_path):
-    """Some separate lines for Python and for no editor."""
-    path = tmp_path / "run.jsonl"
-    own = explorer(journal=path)
-    own.fail(own.ask()[0], "stalled\u2028again")
-    assert explorer(journal=path).history == own.history
