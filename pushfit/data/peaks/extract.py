@@ -23,10 +23,11 @@ from pushfit.data.peaks.components import (
     signal_unit,
 )
 from pushfit.data.peaks.directions import recorded_directions, turning
-from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.peaks.heights import Height, measure_heights
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
+from pushfit.data.pushes.detection import Extent
 from pushfit.data.recordings.records import Recording
 from pushfit.data.rows import rows_of
 from pushfit.data.tables.peak_table import PeakTable
@@ -35,6 +36,8 @@ from pushfit.data.units import DECIMALS
 from pushfit.errors import DataError
 
 __all__ = ["DEFAULTS", "Heights", "extract_peaks", "find_pushes", "measure_pushes"]
+
+HeightColumns = dict[str, Sequence[float] | Sequence[str]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +137,7 @@ def measure_pushes(
 class _Measured:
     """Height columns of a table, with what each height is, and force components."""
 
-    columns: dict[str, Sequence[float] | Sequence[str]]
+    columns: HeightColumns
     components: tuple[ComponentTrace, ...] = ()
 
 
@@ -227,33 +230,14 @@ class _Look:
                 own if is_excluded else own - {"missing"}
                 for own, is_excluded in zip(words, paired.is_excluded, strict=True)
             ]
-        times = {
+        times: HeightColumns = {
             "t_peak_s": [h.t_peak for h in heights],
             "t_start_s": [e.t_start for e in chosen],
             "t_end_s": [e.t_end for e in chosen],
             "definition": [h.definition for h in heights],
         }
         if is_force:
-            forces = measure_components(
-                self.recording,
-                humps,
-                measured,
-                settings=settings,
-                time=time,
-                length=signal,
-            )
-            for own, cut in zip(words, forces.is_cut, strict=False):
-                own |= {"saturated"} if cut else set()
-            rows = slice(len(chosen))
-            own_columns = {c: values[rows] for c, values in forces.columns.items()}
-            return _Measured(
-                columns={**own_columns, **times, "flags": _joined(words)},
-                components=component_traces(
-                    self.whole,
-                    self.recording,
-                    {c: rows_of(own, rows) for c, own in forces.signed.items()},
-                ),
-            )
+            return self._of_components(humps, measured, times, words)
         unit = signal_unit(self.recording, settings)
         columns = {
             f"height_{unit}": [h.height for h in heights],
@@ -263,6 +247,41 @@ class _Look:
             "flags": _joined(words),
         }
         return _Measured(columns=columns)
+
+    def _of_components(
+        self,
+        humps: Sequence[Extent],
+        measured: Sequence[Height],
+        times: HeightColumns,
+        words: Sequence[set[str]],
+    ) -> _Measured:
+        """Heights of the normal and the tangential force of the first of the humps.
+
+        Args:
+            measured: Heights of all humps in the length of the force.
+            times: HeightColumns of the pushes that are asked for.
+            words: Their flags so far.
+        """
+        forces = measure_components(
+            self.recording,
+            humps,
+            measured,
+            settings=self.settings,
+            time=self.time,
+            length=self.signal,
+        )
+        for own, cut in zip(words, forces.is_cut, strict=False):
+            own |= {"saturated"} if cut else set()
+        rows = slice(len(words))
+        columns = {c: values[rows] for c, values in forces.columns.items()}
+        return _Measured(
+            columns={**columns, **times, "flags": _joined(words)},
+            components=component_traces(
+                self.whole,
+                self.recording,
+                {c: rows_of(own, rows) for c, own in forces.signed.items()},
+            ),
+        )
 
 
 def _joined(words: Sequence[set[str]]) -> list[str]:

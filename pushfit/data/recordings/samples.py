@@ -2,39 +2,25 @@
 
 The rules that any recording keeps, whether it came as text or as a bag. All problems
 of one recording are found before any is raised. Excluded: which column is which
-(`pushfit.data.recordings.roles`).
+(`pushfit.data.recordings.roles`) and what is wrong with a clock
+(`pushfit.data.recordings.clock`).
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Float, Shaped
 
 from pushfit.config.inputs import Gaps, ThetaFrom
+from pushfit.data.recordings.clock import check_clock
+from pushfit.data.recordings.findings import Findings, Lines
 from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.sentinels import NO_READING, sentinel_of
-from pushfit.data.text.faults import data_error, problem
+from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import Source
 from pushfit.data.units import Unit, implausible_angles, implausible_signal
-from pushfit.errors import InputProblem, stated
+from pushfit.errors import stated
 
-# Faults of one kind that are listed; the others are counted.
-_MAX_LISTED = 10
-# Tactile sensors sample at 10 Hz to 10 kHz: a step a hundred times shorter, or ten
-# thousand times longer, is in another unit; one three, or ten, may be, if of many.
-_MAX_STEP_S, _MIN_STEP_S = 1e3, 1e-6
-_SLOW_S, _FAST_S, _MANY = 1.0, 3e-5, 100
-# Since 1970: the year 5138. Of milliseconds that are taken for seconds it is 1973.
-_LATEST_S = 1e11
-# A step is irregular when it is off the median by more than this share of it: rounded
-# to whole usual steps it is not one. More of them than the second share are told of.
-_IRREGULAR, _IRREGULAR_SHARE = 0.5, 0.05
-# A step of so many usual ones is a gap, and told of by itself.
-_LONG_STEP = 10.0
-# Steps that are looked at at once, half a megabyte; and as many that show the usual
-# one.
-_SOME_STEPS = 1 << 16
 # Between neighbours further apart than this many usual steps a push may hide.
 _MAX_FILLED_STEPS = 5.0
 # Angles are recorded with few decimals, so a right angle may be passed by rounding.
@@ -65,37 +51,10 @@ class Samples:
     channels: dict[str, tuple[Float[np.ndarray, " n"], Unit]]
     angles: dict[str, tuple[Float[np.ndarray, " n"], Unit]]
     is_union: bool = False
-    lines: Callable[[Int[np.ndarray, " m"]], Int[np.ndarray, " m"]] | None = None
+    lines: Lines | None = None
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
-
-
-@dataclass(slots=True, kw_only=True)
-class _Findings:
-    """Problems, notes and cautions about one recording."""
-
-    samples: Samples
-    problems: list[InputProblem] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    cautions: list[str] = field(default_factory=list)
-
-    def add(self, code: str, text: str, *, at: int | None = None, **cell: str) -> None:
-        """Note a problem, perhaps at one sample."""
-        line = None
-        if at is not None and self.samples.lines:
-            line = int(self.samples.lines(np.array([at]))[0])
-        path = self.samples.path
-        self.problems.append(problem(code, text, path=path, line=line, **cell))
-
-    def places(self, at: Int[np.ndarray, " m"]) -> str:
-        """Name the first of several samples."""
-        first, word = at[:_MAX_LISTED], "samples"
-        numbers = first + 1
-        if self.samples.lines:
-            numbers, word = self.samples.lines(first), "lines"
-        more = ", …" if at.size > _MAX_LISTED else ""
-        return f"{word} {', '.join(map(str, numbers))}{more}"
 
 
 def build_recording(
@@ -114,12 +73,15 @@ def build_recording(
     """
     if samples.is_union:
         samples = _without_empty_rows(samples)
-    findings = _Findings(
-        samples=samples, notes=list(samples.notes), cautions=list(samples.cautions)
+    findings = Findings(
+        path=samples.path,
+        lines=samples.lines,
+        notes=list(samples.notes),
+        cautions=list(samples.cautions),
     )
     time = _seconds(samples.time, samples.time_unit)
-    _check_clock(time, findings)
-    _check_values(findings, trust_units, gaps)
+    check_clock(time, samples.time_unit.name, findings)
+    _check_values(samples, findings, trust_units, gaps)
     if findings.problems:
         raise data_error(findings.problems)
     series = {
@@ -156,79 +118,11 @@ def _seconds(time: Shaped[np.ndarray, " n"], unit: Unit) -> Float[np.ndarray, " 
     return unit.to_canonical(time)
 
 
-def _check_clock(time: Float[np.ndarray, " n"], findings: _Findings) -> None:
-    """Find missing times, and times that do not increase or have another unit."""
-    if np.isnan(time.min(initial=0.0)):
-        missing = np.flatnonzero(np.isnan(time))
-        findings.add(
-            "missing_time",
-            f"{missing.size} of {time.size} times are missing "
-            f"({findings.places(missing)}); remove these rows",
-            at=int(missing[0]),
-        )
-        return
-    before, after = time[:-1], time[1:]
-    if not len(after):
-        return
-    unit = findings.samples.time_unit.name
-    every = 1 + len(after) // _SOME_STEPS
-    usual = float(np.median(after[::every] - before[::every]))
-    if usual > _MAX_STEP_S or 0 < usual < _MIN_STEP_S:
-        other = "ns" if usual > _MAX_STEP_S else "s"
-        findings.add(
-            "implausible_time",
-            f"the usual step of {usual:g} s does not fit a tactile sensor if times are "
-            f"in {unit}; state their true unit, perhaps {other}",
-        )
-    elif before[0] > _LATEST_S:
-        findings.add(
-            "implausible_time",
-            f"times of {before[0]:.3g} s are of no date if they are in {unit}; state "
-            "their true unit, perhaps ms",
-        )
-    elif len(time) >= _MANY and not _FAST_S <= usual < _SLOW_S and usual > 0:
-        other = "ms" if usual >= _SLOW_S else "s"
-        findings.cautions.append(
-            f"the usual step of {usual:g} s is that of no tactile sensor; if times are "
-            f"in {other} and not in {unit}, name their column so, as time_{other}"
-        )
-    # Some at a time: to copy all steps costs more than to see that they are even.
-    parts = [time[k : k + _SOME_STEPS + 1] for k in range(0, len(after), _SOME_STEPS)]
-    ends = [(s.min(), s.max()) for s in map(np.diff, parts)]
-    least, most = min(ends)[0], max(high for _, high in ends)
-    low, high = (1 - _IRREGULAR) * usual, (1 + _IRREGULAR) * usual
-    if least > 0 and low <= least and most <= high:
-        return
-    step = np.diff(time)
-    wrong = np.flatnonzero(step <= 0)
-    back = wrong[step[wrong] < 0]
-    if not back.size and wrong.size > len(step) / 2:
-        findings.add(
-            "coarse_clock",
-            f"{wrong.size} of {time.size} times are those of the row before: the clock "
-            f"is coarser than the samples; state {stated(rate=100)}, with your rate",
-            at=int(wrong[0]) + 1,
-        )
-        return
-    for k, row in enumerate(wrong[:_MAX_LISTED]):
-        now, before = float(time[row + 1]), float(time[row])
-        if now == before:
-            text = f"the time {now!r} s comes twice; remove one of the two rows"
-        else:
-            text = (
-                f"the time goes back from {before!r} to {now!r} s; split the file here"
-            )
-        n_more = wrong.size - _MAX_LISTED
-        if k == _MAX_LISTED - 1 and n_more > 0:
-            text += f" ({n_more} more such rows, {back.size} of all go back)"
-        findings.add("time_not_increasing", text, at=int(row) + 1, value=repr(now))
-    if not findings.problems:
-        _note_irregular_steps(time, step, usual, findings)
-
-
-def _check_values(findings: _Findings, trust_units: bool, gaps: Gaps) -> None:
+def _check_values(
+    samples: Samples, findings: Findings, trust_units: bool, gaps: Gaps
+) -> None:
     """Find sentinels, and samples that cannot be in their unit."""
-    for name, (values, unit) in findings.samples.channels.items():
+    for name, (values, unit) in samples.channels.items():
         code = sentinel_of(values)
         if code is not None:
             rows = np.flatnonzero(values == code)
@@ -261,7 +155,7 @@ def _check_values(findings: _Findings, trust_units: bool, gaps: Gaps) -> None:
             findings.add("implausible_unit", clause, column=name)
         if values.size > 1 and np.all(values == values[0]):
             findings.notes.append(f"{name} does not vary: always {values[0]:g}")
-    clause = implausible_angles(findings.samples.angles)
+    clause = implausible_angles(samples.angles)
     if clause and trust_units:
         findings.notes.append(f"{clause}; taken as told")
     elif clause:
@@ -269,7 +163,7 @@ def _check_values(findings: _Findings, trust_units: bool, gaps: Gaps) -> None:
 
 
 def _check_elevation(
-    theta: Float[np.ndarray, " n"] | None, theta_from: ThetaFrom, findings: _Findings
+    theta: Float[np.ndarray, " n"] | None, theta_from: ThetaFrom, findings: Findings
 ) -> None:
     """Find elevations beyond a right angle."""
     if theta is None:
@@ -316,7 +210,7 @@ def _fill_gaps(
     time: Float[np.ndarray, " n"],
     values: Float[np.ndarray, " n"],
     gaps: Gaps,
-    findings: _Findings,
+    findings: Findings,
 ) -> Float[np.ndarray, " n"]:
     """Apply the gap policy to one series."""
     rows = np.flatnonzero(np.isnan(values))
@@ -384,24 +278,3 @@ def _fill_short_gaps(
     if is_azimuth:
         filled[rows] = np.angle(np.exp(1j * filled[rows]))
     return filled
-
-
-def _note_irregular_steps(
-    time: Float[np.ndarray, " n"],
-    step: Float[np.ndarray, " m"],
-    usual: float,
-    findings: _Findings,
-) -> None:
-    """Describe the steps if many are off the median, or some are very long."""
-    low, high = (1 - _IRREGULAR) * usual, (1 + _IRREGULAR) * usual
-    n_irregular = np.count_nonzero((step < low) | (step > high))
-    n_long = int(np.count_nonzero(step > _LONG_STEP * usual))
-    if n_irregular <= _IRREGULAR_SHARE * step.size and not n_long:
-        return
-    low, high = np.quantile(step, [0.05, 0.95])
-    longest = int(np.argmax(step))
-    findings.notes.append(
-        f"irregular sampling: usual step {usual * 1e3:.3g} ms, 5 to 95 % within "
-        f"{low * 1e3:.3g} to {high * 1e3:.3g} ms; {n_long} gaps over {_LONG_STEP:g} "
-        f"steps, the longest {step[longest]:.3g} s at {time[longest]:.6g} s"
-    )

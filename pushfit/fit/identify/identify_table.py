@@ -41,10 +41,12 @@ from pushfit.fit.identify.other_readings import other_reading
 from pushfit.fit.identify.progress import Stages, stages_of
 from pushfit.fit.profiles.conditional_likelihood import imposable
 from pushfit.fit.results import (
+    GoodnessOfFit,
     Identification,
     LikelihoodProfile,
     MechanicsAnswer,
     PosteriorResult,
+    ResultWarning,
 )
 from pushfit.fit.results.environment import environment
 from pushfit.fit.sampler.checkpoint import check_checkpoint
@@ -149,23 +151,7 @@ def _conclude(
         contradicted=contradicted_quantities(posterior.samples, profiles, prob=prob),
         left_out=left_out,
     )
-    # Without a stated noise, or repeats, any table is adequate.
-    is_strange = (
-        goodness.p_value is None
-        or not goodness.is_adequate
-        or improbable(fitted.config, posterior)
-    )
-    is_wrong = any(warning.code in WRONG for warning in fitted.warnings)
-    reading = None
-    if is_strange and not is_wrong:
-        known = {seed: posterior} if posterior.engine == "sweep" else fitted.swept
-        reading = other_reading(replace(fitted, swept=known), seed=seed)
-    if goodness.is_adequate and (is_wrong or reading is not None):
-        but = "the table cannot be right"
-        if reading is not None:
-            but = "far better if the table is read otherwise"
-        sentence = f"{goodness.sentence[:-1]}, but {but}."
-        goodness = replace(goodness, is_adequate=False, sentence=sentence)
+    goodness, reading = _read_otherwise(fitted, posterior, goodness, seed=seed)
     found = Identification(
         table=fitted.table,
         used=fitted.table.is_used,
@@ -208,6 +194,33 @@ def _conclude(
         versions=environment(),
     )
     return _with_words(fitted, reported(found), left_out, is_brief=is_brief)
+
+
+def _read_otherwise(
+    fitted: Fitted, posterior: PosteriorResult, goodness: GoodnessOfFit, *, seed: int
+) -> tuple[GoodnessOfFit, ResultWarning | None]:
+    """The goodness of a fit in view of other readings of the table, and the best one.
+
+    None is looked for where nothing is strange, or the table cannot be right anyway.
+    """
+    # Without a stated noise, or repeats, any table is adequate.
+    is_strange = (
+        goodness.p_value is None
+        or not goodness.is_adequate
+        or improbable(fitted.config, posterior)
+    )
+    is_wrong = any(warning.code in WRONG for warning in fitted.warnings)
+    reading = None
+    if is_strange and not is_wrong:
+        known = {seed: posterior} if posterior.engine == "sweep" else fitted.swept
+        reading = other_reading(replace(fitted, swept=known), seed=seed)
+    if goodness.is_adequate and (is_wrong or reading is not None):
+        but = "the table cannot be right"
+        if reading is not None:
+            but = "far better if the table is read otherwise"
+        sentence = f"{goodness.sentence[:-1]}, but {but}."
+        goodness = replace(goodness, is_adequate=False, sentence=sentence)
+    return goodness, reading
 
 
 def _with_words(
