@@ -35,7 +35,9 @@ def flags_of(parameters: Sequence[Parameter]) -> dict[str, str]:
         for option in get_args(parameter.annotation)[1:]:
             if not isinstance(option, OptionInfo):
                 continue
-            stated = [word for word in option.param_decls or () if word[:2] == "--"]
+            # The first name takes the place of a default, which the function has.
+            words = (option.default, *(option.param_decls or ()))
+            stated = [w for w in words if isinstance(w, str) and w[:2] == "--"]
             long = stated or [f"--{parameter.name.replace('_', '-')}"]
             names = [word[2:].replace("-", "_") for word in long]
             flags |= dict.fromkeys([parameter.name, *names], long[0])

@@ -98,6 +98,18 @@ def test_one_fault_is_said_at_both_doors(
     assert line in capsys.readouterr().err
 
 
+def test_an_option_is_called_as_its_command_calls_it(tmp_path, capsys):
+    """Time is looked at from and to, which are no names in Python."""
+    time = np.arange(0.0, 16.0, 0.01)
+    since = np.abs(time[:, None] - [2.0, 6.0, 10.0])
+    level = 100 * np.clip(1 - since, 0, 1).sum(axis=1) + 150 * (np.abs(time - 6) < 2)
+    level += np.random.default_rng(4).standard_normal(time.size)
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"time_s": time, "f_n": level}).to_csv(path, index=False)
+    assert main(["peaks", str(path), "-o", str(tmp_path / "heights.csv")]) == 0
+    assert "read so between --from and --to within it" in capsys.readouterr().err
+
+
 def test_a_command_that_has_no_such_option_names_the_key(tmp_path, capsys):
     """A flat signal: `peaks` takes --min-height and --invert, `identify` does not."""
     path = tmp_path / "flat.csv"

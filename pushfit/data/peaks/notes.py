@@ -33,6 +33,7 @@ def extraction_notes(
         *_limits(flagged.get("saturated"), settings),
         *mixed,
         *_rests(paired, frame),
+        *_on_shelves(paired, frame),
         *_left_out(paired, unit),
         *paired.cautions(unit),
     ]
@@ -73,6 +74,25 @@ def _rests(paired: Paired, frame: pd.DataFrame) -> list[str]:
         "it; the others are measured from the level that they rise from. "
         "If a finger touches first, let it touch as lightly before all pushes, or "
         f"leave these out, as by {stated(exclude=[paired.chosen[held[0]].window])}"
+    ]
+
+
+def _on_shelves(paired: Paired, frame: pd.DataFrame) -> list[str]:
+    """Pushes that may stand on a rest level that has stepped up and down."""
+    held = [
+        k
+        for k, own in enumerate(paired.chosen)
+        if own.shelf and not paired.is_missing[k]
+    ]
+    if not held:
+        return []
+    shares = listed([f"{100 * paired.chosen[k].shelf:.0f} %" for k in held])
+    pushes = listed([str(frame["push"].iloc[k]) for k in held])
+    return [
+        f"a level of {shares} of the height is held before and after the top of push "
+        f"{pushes}; if the grip changed there and back, the push is what rises from "
+        "that level, and is read so between `begin` and `end` within it; or leave it "
+        f"out, as by {stated(exclude=[paired.chosen[held[0]].window])}"
     ]
 
 

@@ -16,6 +16,7 @@ from pushfit.data.pushes.doubles import join_one, part_doubles
 from pushfit.data.pushes.feet import GUARD, LEAST, WIDTH_PER_SMOOTHING, Feet, are_cut
 from pushfit.data.pushes.hump_search import search_humps
 from pushfit.data.pushes.running_means import View
+from pushfit.data.pushes.shelves import shelves
 from pushfit.data.pushes.tracing import trace_feet
 from pushfit.parameters import TINY
 
@@ -67,6 +68,7 @@ class Extent:
         is_low: Whether it is lower than the smallest push asked for.
         contact: Level that it holds on the way up, below which its rest is, as a share
             of its height; 0 where there is none.
+        shelf: Level that it holds both before and after its top, in the same way.
         sign: 1 where the signal rises from rest, -1 where it falls.
     """
 
@@ -77,6 +79,7 @@ class Extent:
     is_cut: bool
     is_low: bool = False
     contact: float = 0.0
+    shelf: float = 0.0
     sign: int = 1
 
     @property
@@ -142,6 +145,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     is_brush = (feet.height < smallest) | is_jerk
     within, contact = _from_within(view, feet)
     feet = within.where(~is_cut, feet)
+    shelf = shelves(view, feet)
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
     last = np.maximum(last, first + 1)
@@ -154,6 +158,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
             is_cut=bool(is_cut[k]),
             is_low=bool(is_low[k]),
             contact=0.0 if is_cut[k] else float(contact[k]),
+            shelf=float(shelf[k]),
         )
         for k, own in enumerate(feet.apart())
         if is_push[k]

@@ -1,0 +1,76 @@
+"""Levels that a hump holds on either side of its top: a push on a step, perhaps.
+
+A grip that changes for one or two pushes and back looks like one push, as high as both
+together; nothing in it says which it is. Excluded: levels that are held on the way up
+alone (`pushfit.data.pushes.detection`), and steps that more pushes stand on
+(`pushfit.data.pushes.humps`). What constants do was seen in the recordings of
+`benchmarks.recordings.real_recordings`.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from pushfit.data.pushes.feet import Feet, PerPush
+from pushfit.data.pushes.humps import longest_run
+from pushfit.data.pushes.running_means import View
+from pushfit.parameters import TINY
+
+# Points of a course from foot to foot.
+_GRID = 240
+# Averaging of the course, as a share of the usual one, which rounds a shelf away.
+_FINE = 0.125
+# Shelves are looked for at these shares of the height: below them is a touch, and what
+# is above them may be the top. Half of the steps finds no other.
+_SHARES = np.arange(0.2, 0.91, 0.02)
+# A shelf keeps within this share of the height, on either side for so much of the push,
+# and of what is above it. With half of either time two humps of the soft skin, and
+# presses of a barometer, have shelves; at twice the first pairs of pushes on a step do
+# not.
+_BAND, _HELD, _OF_TOP = 0.04, 0.1, 0.2
+# From the first to the last third of it a shelf moves by less than this share.
+_FLAT = 0.02
+
+
+def shelves(view: View, feet: Feet[np.ndarray]) -> PerPush:
+    """Levels that humps hold before and after their tops, as shares of the heights.
+
+    Returns:
+        The one that is held for longest; 0 where there is none, or noise hides it.
+    """
+    tau = np.maximum(_FINE * feet.averaging(view), feet.step)
+    ends = feet.lowest[:, None], feet.highest[:, None]
+    part = (np.arange(_GRID) + 0.5) / _GRID
+    when = feet.start[:, None] + (feet.end - feet.start)[:, None] * part
+    y = view.course.smooth(when, tau=tau[:, None], ends=ends)
+    height = np.maximum(feet.height, TINY)[:, None]
+    course = 1 + (y - y.max(axis=1, keepdims=True)) / height
+    is_seen = 3 * feet.noise(tau) < _BAND * height[:, 0]
+    return np.array(
+        [
+            _shelf(own) if seen else 0.0
+            for own, seen in zip(course, is_seen, strict=True)
+        ]
+    )
+
+
+def _shelf(course: Float[np.ndarray, " m"]) -> float:
+    """Level of 0..1 that a course holds for longest on both sides of its top."""
+    top = int(course.argmax())
+    longest, found = 0.0, 0.0
+    for level in _SHARES:
+        near = np.abs(course - level) <= _BAND
+        above = np.count_nonzero(course > level + _BAND)
+        sides = course[:top], course[top:]
+        runs = [longest_run(near[:top]), longest_run(near[top:])]
+        held = min(n for n, _ in runs)
+        if held < max(_HELD * _GRID, _OF_TOP * above, longest):
+            continue
+        if all(_is_flat(y[k : k + n]) for y, (n, k) in zip(sides, runs, strict=True)):
+            longest, found = held, float(level)
+    return found
+
+
+def _is_flat(run: Float[np.ndarray, " n"]) -> bool:
+    """Whether a stretch of a course is no slow flank."""
+    third = len(run) // 3
+    return bool(abs(run[:third].mean() - run[-third:].mean()) < _FLAT)
