@@ -14,8 +14,15 @@ from jaxtyping import Float
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.components import looked_at, push_signal
 from pushfit.data.peaks.heights import measure_heights
-from pushfit.data.pushes.detection import Extent, find_extents
+from pushfit.data.peaks.jerks import are_jerks
+from pushfit.data.pushes.detection import (
+    BRIEFER,
+    FIRST_SMOOTHING,
+    Extent,
+    find_extents,
+)
 from pushfit.data.pushes.dips import rest_curve, without_dips
+from pushfit.data.pushes.feet import CLEAR
 from pushfit.data.pushes.found_humps import FoundHumps, is_in
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.data.pushes.running_means import RunningMeans, View
@@ -25,6 +32,8 @@ from pushfit.errors import DataError, counted
 DEFAULTS = PeakSettings()
 # Share of a dip below which a hump is what noise makes of a filled signal.
 _MINOR = 0.1
+# A hump that is briefer than this may be a jerk [s].
+_BRIEF = 2 * FIRST_SMOOTHING
 
 
 def find_pushes(
@@ -37,9 +46,51 @@ def find_pushes(
         DataError: The channel has hardly any samples, or none in the part to look at.
     """
     recording = looked_at(recording, settings)
-    time, signal = push_signal(recording, settings)
-    found = find(time, signal, settings, signed=bool(settings.signed))
+    _, _, found = search(*push_signal(recording, settings), settings)
     return tuple(extent for extent in found.extents if not extent.is_brush)
+
+
+def search(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    settings: PeakSettings,
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], FoundHumps]:
+    """Find humps as `find` does, without jerks that would pass for some.
+
+    A hump that is briefer than any push is a jerk where, without its samples, there are
+    humps ten times as long: on a hold, which it would hide, or somewhere else.
+
+    Args:
+        time: Sample times [s].
+
+    Returns:
+        Times and samples that are left, and the humps in them.
+    """
+    signed = bool(settings.signed)
+    found = find(time, signal, settings, signed=signed)
+    brief = [
+        hump
+        for hump in found.extents
+        if hump.width < _BRIEF
+        and not (hump.is_brush or is_in(hump.t_peak, settings.include))
+    ]
+    if not brief or settings.normal is not None:
+        return time, signal, found
+    near = np.zeros(len(time), dtype=bool)
+    for hump in brief:
+        first, last = hump.t_start - FIRST_SMOOTHING, hump.t_end + FIRST_SMOOTHING
+        near[np.searchsorted(time, first) : np.searchsorted(time, last)] = True
+    kept = np.ones(len(time), dtype=bool)
+    # What is far below its top shows once that is gone.
+    while (is_jerk := are_jerks(time[kept], signal[kept]) & near[kept]).any():
+        kept[kept] = ~is_jerk
+    without = find(time[kept], signal[kept], settings, signed=signed)
+    pushes = [hump for hump in without.extents if not hump.is_brush]
+    longest = max(hump.width for hump in brief)
+    clear = CLEAR * SignalNoise.of(time[kept], signal[kept]).sigma
+    if not any(e.width > BRIEFER * longest and e.height > clear for e in pushes):
+        return time, signal, found
+    return time[kept], signal[kept], replace(without, jerks=tuple(brief))
 
 
 def find(

@@ -13,7 +13,13 @@ import pandas as pd
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.chosen_humps import DEFAULTS, find, find_pushes, no_pushes
+from pushfit.data.peaks.chosen_humps import (
+    DEFAULTS,
+    find,
+    find_pushes,
+    no_pushes,
+    search,
+)
 from pushfit.data.peaks.components import (
     component_traces,
     looked_at,
@@ -28,6 +34,7 @@ from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.found_humps import FoundHumps
 from pushfit.data.recordings.records import Recording
 from pushfit.data.rows import rows_of
 from pushfit.data.tables.peak_table import PeakTable
@@ -143,20 +150,22 @@ class _Measured:
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """A part of a recording, its signal that pushes are looked for in, and how."""
+    """A part of a recording, its signal, the humps in it, and how they were found."""
 
     whole: Recording
     recording: Recording
     settings: PeakSettings
     time: Float[np.ndarray, " n"]
     signal: Float[np.ndarray, " n"]
+    found: FoundHumps
 
     @classmethod
     def at(cls, recording: Recording, settings: PeakSettings) -> "_Look":
         """Take the part and the channel that are to be looked at."""
         whole = recording.between(settings.begin, settings.end)
         part = looked_at(recording, settings)
-        return cls(whole, part, settings, *push_signal(part, settings))
+        searched = search(*push_signal(part, settings), settings)
+        return cls(whole, part, settings, *searched)
 
     def trace(self, measured: _Measured) -> Trace:
         """The signal that all rows were measured in."""
@@ -181,8 +190,7 @@ class _Look:
     ) -> Paired:
         """Humps, and which of them are the planned pushes."""
         time, signal, settings = self.time, self.signal, self.settings
-        found = find(time, signal, settings, signed=bool(settings.signed))
-        paired = pair(found, schedule, settings, span=span)
+        paired = pair(self.found, schedule, settings, span=span)
         if (
             settings.signed is None
             and schedule is not None

@@ -107,6 +107,12 @@ def _left_out(paired: Paired, unit: str) -> list[str]:
             f"are left out: {_times(brushes, unit)}; take one in by "
             f"{stated(include=[brushes[0].window])}"
         )
+    if found.jerks:
+        notes.append(
+            "jerks far briefer than a push are left out, with their samples: "
+            f"{_times(found.jerks, unit)}; take one in by "
+            f"{stated(include=[found.jerks[0].window])}"
+        )
     if found.idle:
         windows = ", ".join(f"{first:g}:{last:g}" for first, last in found.idle)
         notes.append(

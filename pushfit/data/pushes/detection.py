@@ -39,7 +39,7 @@ _SMALL, _GAP_RATIO = 0.15, 5.0
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
 # A jerk is so many times briefer than the push, and nearer to it: those of the
 # tests last 50 ms. Half or twice changes none of them, and no real recording.
-_BRIEFER = 10.0
+BRIEFER = 10.0
 # Share of the width by which feet of one push may lie elsewhere: the usual smoothing.
 _SAME_PUSH = 0.1
 # A level that is held before a push is its rest up to this share of the height, and
@@ -285,8 +285,8 @@ def _are_jerks(
     gap, width = feet.start[1:] - feet.end[:-1], feet.width
 
     def jerks(width: Float[np.ndarray, " p"]) -> Bool[np.ndarray, " p"]:
-        before = _BRIEFER * np.maximum(width[:-1], gap) < width[1:]
-        after = _BRIEFER * np.maximum(width[1:], gap) < width[:-1]
+        before = BRIEFER * np.maximum(width[:-1], gap) < width[1:]
+        after = BRIEFER * np.maximum(width[1:], gap) < width[:-1]
         return np.append(before, False) | np.append(False, after)
 
     others = width[~is_cut & ~jerks(width)]

@@ -20,6 +20,8 @@ class FoundHumps:
         dips: Dips that are not asked for; only where all humps go up.
         excluded: Humps that the user left out, by their time or their height.
         idle: Windows of the user's in which no hump is at its highest [s].
+        jerks: What was far briefer than any push; its samples were left out before
+            these were found.
     """
 
     extents: tuple[Extent, ...]
@@ -27,6 +29,7 @@ class FoundHumps:
     dips: tuple[Extent, ...] = ()
     excluded: tuple[Extent, ...] = ()
     idle: tuple[tuple[float, float], ...] = ()
+    jerks: tuple[Extent, ...] = ()
 
     def beside(self, taken: Sequence[Extent]) -> tuple[Extent, ...]:
         """Humps besides some of them, also those that the user left out."""

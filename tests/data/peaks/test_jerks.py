@@ -1,0 +1,65 @@
+"""Jerks of a single channel: they hide no hold, and are no pushes."""
+
+import numpy as np
+import pytest
+
+from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.extract import measure_pushes
+from pushfit.data.recordings.records import Recording
+
+HOLDS = (5.0, 5.5, 4.5)
+# Of a hold in noise of 0.02 N [N].
+NEAR = 0.02
+TOLD = "jerks far briefer than a push are left out"
+
+
+def recording(course, *, jerks=(), rate=100.0):
+    """Pushes of two seconds every four; jerks of so many newtons at moments."""
+    time = np.arange(0.0, 15.0, 1 / rate)
+    since = np.abs(time[:, None] - 3.0 - 4.0 * np.arange(3))
+    y = course(since) @ HOLDS + 0.02 * np.random.default_rng(5).standard_normal(
+        len(time)
+    )
+    for moment, height in jerks:
+        y += height * np.exp(-(((time - moment) / 0.02) ** 2) / 2)
+    return Recording(time=time, channels={"f": y}, units={"f": "n"})
+
+
+def held(since):
+    return np.clip(10 * (1 - since), 0, 1)
+
+
+@pytest.mark.parametrize("rate", [60.0, 100.0, 500.0])
+@pytest.mark.parametrize("height", [40.0, 60.0, 120.0])
+@pytest.mark.parametrize(
+    "at", [3.98, 2.02, 3.5, 4.3], ids=["leaving", "on contact", "in a hold", "after it"]
+)
+def test_a_jerk_is_neither_a_push_nor_the_height_of_one(at, height, rate):
+    moments = at + 4.0 * np.arange(3)
+    own = recording(held, jerks=[(when, height) for when in moments], rate=rate)
+    found = measure_pushes(own)
+    np.testing.assert_allclose(found.frame["height_n"], HOLDS, rtol=0, atol=NEAR)
+    assert not any(found.frame["flags"])
+
+
+def test_a_jerk_at_the_begin_of_a_recording_makes_no_brush_of_pushes():
+    found = measure_pushes(recording(held, jerks=[(0.1, 40.0)]))
+    np.testing.assert_allclose(found.frame["height_n"], HOLDS, rtol=0, atol=NEAR)
+    assert [caution for caution in found.cautions if TOLD in caution]
+
+
+def test_taps_by_themselves_are_pushes():
+    """All of them are as brief as a jerk; there is nothing else."""
+    found = measure_pushes(recording(lambda since: since < 0.03, rate=1000.0))
+    assert len(found.frame) == len(HOLDS)
+    assert not [caution for caution in found.cautions if TOLD in caution]
+
+
+def test_a_jerk_that_is_included_is_a_push():
+    own = recording(held, jerks=[(14.0, 40.0)])
+    window = ((13.9, 14.1),)
+    found = measure_pushes(own, settings=PeakSettings(include=window))
+    assert found.frame["height_n"].iloc[-1] > 2 * max(HOLDS)
+    left_out = measure_pushes(own)
+    assert len(left_out.frame) == len(HOLDS)
+    assert any(TOLD in caution for caution in left_out.cautions)
