@@ -6,6 +6,8 @@ item (`pushfit.batch.identify_chunk`).
 """
 
 import contextlib
+import os
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,7 +29,7 @@ from pushfit.batch.population import pool_items
 from pushfit.batch.rows import Row, collect
 from pushfit.batch.store import Finished, Store, open_store
 from pushfit.batch.workers import Work, Workers
-from pushfit.errors import DataError, check_seed
+from pushfit.errors import ConfigError, DataError, check_seed
 from pushfit.fit.identify.fitted import check_engine
 from pushfit.fit.identify.identify_many import identify_many
 from pushfit.fit.identify.progress import Progress, stages_of
@@ -114,9 +116,9 @@ def identify_batch(
     inputs = [inputs] if isinstance(inputs, (str, Path)) else inputs
     found = find_inputs(inputs, out=folder)
     planner = Planner(
-        config=_path(config),
-        profile=_path(profile),
-        schedule=_path(schedule),
+        config=_path("config", config),
+        profile=_path("profile", profile),
+        schedule=_path("schedule", schedule),
         seed=seed,
         engine=engine,
     )
@@ -240,5 +242,18 @@ def _pages(
     return pages
 
 
-def _path(given: str | Path | None) -> Path | None:
-    return None if given is None else Path(given)
+def _path(name: str, given: str | Path | None) -> Path | None:
+    """File that an argument names, if it was given.
+
+    Raises:
+        ConfigError: What was given is the name of no file.
+    """
+    if given is None:
+        return None
+    if not isinstance(given, (str, os.PathLike)):
+        raise ConfigError(
+            f"{name} = {reprlib.repr(given)}: a batch reads it from a file; save it as "
+            "one, and give its path",
+            code="not_a_path",
+        )
+    return Path(given)

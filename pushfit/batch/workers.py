@@ -10,6 +10,7 @@ import contextlib
 import faulthandler
 import logging
 import math
+import numbers
 import os
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -69,15 +70,21 @@ class Workers:
         """Refuse numbers that no work can be shared by.
 
         Raises:
-            ConfigError: One of them is not positive.
+            ConfigError: One of them is not positive, or a count no whole number.
         """
-        stated = {"n": self.n, "chunk": self.chunk, "time_limit": self.time_limit}
-        for name, value in stated.items():
-            if value is not None and not value > 0:
+        for name, n in {"n": self.n, "chunk": self.chunk}.items():
+            if not (isinstance(n, numbers.Integral) and n > 0):
                 raise ConfigError(
-                    f"workers: {name} = {value} is not positive; state a larger one",
+                    f"workers: {name} = {n!r}: state a whole number, 1 or above",
                     code="workers",
                 )
+        limit = self.time_limit
+        if limit is not None and not (isinstance(limit, numbers.Real) and limit > 0):
+            raise ConfigError(
+                f"workers: time_limit = {limit!r}: state a number of seconds above 0, "
+                "or None for no limit",
+                code="workers",
+            )
 
     @property
     def is_here(self) -> bool:

@@ -1,6 +1,8 @@
 """A batch: one row per item, nothing lost, nothing computed twice, nothing mixed up."""
 
 import json
+import re
+import reprlib
 import shutil
 import sys
 
@@ -15,6 +17,7 @@ from pushfit.batch.outputs import guarded
 from pushfit.batch.run import identify_batch
 from pushfit.batch.store import open_store
 from pushfit.batch.workers import Workers
+from pushfit.config import GraspConfig
 from pushfit.data.text.files import sha256_of
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.programs.folder import PROGRAMS
@@ -44,11 +47,26 @@ def run(*inputs, out="out", **options):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("n", 0), ("n", -1), ("chunk", 0), ("time_limit", 0.0), ("time_limit", -1.0)],
+    [
+        *[("n", 0), ("n", -1), ("n", 1.5), ("n", "2"), ("chunk", 0), ("chunk", 1.5)],
+        *[("time_limit", 0.0), ("time_limit", -1.0), ("time_limit", "60")],
+    ],
 )
+@pytest.mark.repeated
 def test_workers_that_can_do_nothing_are_refused(key, value):
-    with pytest.raises(ConfigError, match=f"{key} = {value} is not positive"):
+    told = re.escape(f"workers: {key} = {value!r}: state a ")
+    with pytest.raises(ConfigError, match=told):
         Workers(**{key: value})
+
+
+@pytest.mark.repeated
+@pytest.mark.parametrize("name", ["config", "profile", "schedule"])
+@pytest.mark.parametrize("given", [{"push": {"length_mm": 5}}, GraspConfig(), 3])
+def test_what_a_batch_reads_from_a_file_is_the_name_of_one(name, given, runs, log):
+    told = re.escape(f"{name} = {reprlib.repr(given)}: a batch reads it from a file")
+    with pytest.raises(ConfigError, match=told):
+        run(**{name: given})
+    assert not (runs.parent / "out").exists()
 
 
 def test_every_item_has_one_row_sorted_by_name(runs):
