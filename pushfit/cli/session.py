@@ -26,7 +26,7 @@ from pushfit.cli.progress import ProgressLines, shown_bar
 from pushfit.cli.stop import say_kept, what_is_kept
 from pushfit.cli.wording import flags_of, in_options
 from pushfit.data.text.files import existing_files
-from pushfit.errors import PushfitError
+from pushfit.errors import ConfigError, PushfitError
 from pushfit.fit.programs.folder import enable_compile_cache
 from pushfit.report.store.output_folder import refuse_inputs
 
@@ -146,6 +146,9 @@ class CommandSession:
             )
             return CANNOT_WRITE
         except Exception as error:  # the border: every other failure is ours
+            if (wrong := _wrong_environment()) is not None:
+                self._report(str(wrong), wrong)
+                return wrong.exit_code
             name = type(error).__name__
             self._report(f"this is a bug ({name}: {error}); --debug says more", error)
             return BUG
@@ -259,6 +262,19 @@ def _paths(arguments: Mapping[str, object], names: Iterable[str]) -> list[Path]:
     given = [arguments.get(name) for name in names]
     several = [one if isinstance(one, list) else [one] for one in given]
     return [path for one in several for path in one if isinstance(path, Path)]
+
+
+def _wrong_environment() -> ConfigError | None:
+    """Why JAX, where it is loaded, cannot compute at all."""
+    if "jax" not in sys.modules:
+        return None
+    from pushfit.fit.programs.devices import check_devices
+
+    try:
+        check_devices()
+    except ConfigError as error:
+        return error
+    return None
 
 
 def _print_message(text: str, style: str) -> None:

@@ -7,9 +7,11 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -32,6 +34,7 @@ from pushfit.data.text.scan import Tail
 from pushfit.data.truth import stated_parameters
 from pushfit.errors import ConfigError, DataError, FitError, InputProblem
 from pushfit.mechanics.directions import critical_angle
+from tests.batch.makers import table_text
 
 
 def session(**options: bool) -> CommandSession:
@@ -179,6 +182,40 @@ def test_a_closed_pipe_is_no_bug():
     )
     assert "bug" not in result.stderr
     assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("platforms", ["cuda", "nonsense"])
+def test_a_device_that_is_not_there_is_no_bug(platforms):
+    environment = os.environ | {"JAX_PLATFORMS": platforms, "CUDA_VISIBLE_DEVICES": ""}
+    ended = subprocess.run(
+        [sys.executable, "-m", "pushfit", "doctor"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == ConfigError.exit_code
+    assert f"error: JAX_PLATFORMS = {platforms}: " in ended.stderr
+
+
+@pytest.fixture
+def not_compiled(monkeypatch) -> Iterator[None]:
+    """JAX as it is where the environment forbids it to compile."""
+    monkeypatch.setenv("JAX_DISABLE_JIT", "1")
+    jax.config.update("jax_disable_jit", True)
+    yield
+    jax.config.update("jax_disable_jit", False)
+
+
+@pytest.mark.parametrize("command", ["fit", "coverage", "batch"])
+def test_an_environment_that_forbids_to_compile_is_no_bug(
+    command, not_compiled, tmp_path, capsys
+):
+    (tmp_path / "peaks.csv").write_text(table_text(seed=0))
+    out = [] if command == "coverage" else ["--out", str(tmp_path / "out")]
+    code = main([command, str(tmp_path / "peaks.csv"), *out])
+    assert code == ConfigError.exit_code
+    assert "error: JAX_DISABLE_JIT = 1: " in capsys.readouterr().err
 
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "foam_box"

@@ -32,6 +32,7 @@ from jax.experimental import serialize_executable
 from jaxtyping import Array, Float
 
 from pushfit.atomic import atomic_path
+from pushfit.fit.programs.devices import check_devices
 from pushfit.fit.programs.folder import programs_folder
 from pushfit.mechanics.registry import has_foreign
 from pushfit.model import as_float
@@ -191,6 +192,7 @@ def _made(
     Returns:
         Function of the arrays alone.
     """
+    check_devices()
     structure, constants, _, shapes = form
 
     def flat(*arrays: jax.Array) -> Any:
@@ -347,7 +349,11 @@ def loaded_ahead(analysis: str, *, is_here: bool = True) -> Iterator[bool]:
 
     Args:
         is_here: Whether this process does the work; nothing is loaded for others.
+
+    Raises:
+        ConfigError: JAX cannot compute here.
     """
+    check_devices()
     folder, before = programs_folder(), set(_used)
     content = None if folder is None else _read(_mark(folder, analysis))
     if is_here and folder is not None and content is not None:
