@@ -41,7 +41,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         Path of an empty temporary file, in the folder of the file.
     """
     if is_stream(path):
-        with _passed_on(Path(path)) as temporary:
+        with naming(path), _passed_on(Path(path)) as temporary:
             yield temporary
         return
     target = Path(os.path.realpath(path))
@@ -51,7 +51,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     )
     os.close(handle)
     temporary = Path(name)
-    with unfinished(temporary):
+    with naming(path), unfinished(temporary):
         yield temporary
         # mkstemp makes files private; results are to be read like any other file.
         temporary.chmod(0o666 & ~_umask())
@@ -99,6 +99,18 @@ def _passed_on(stream: Path) -> Iterator[Path]:
         yield temporary
         with temporary.open("rb") as source, stream.open("wb") as sink:
             shutil.copyfileobj(source, sink)
+
+
+@contextlib.contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Have the system's refusals say what is being written, as a full disk does not."""
+    try:
+        yield
+    except OSError as error:
+        # Without a number it is a library's own, whose words a name would hide.
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
+        raise
 
 
 @contextlib.contextmanager

@@ -4,6 +4,7 @@ The special file is made here: a FIFO stands for every device, since a test cann
 one of those without being root.
 """
 
+import errno
 import os
 import threading
 from pathlib import Path
@@ -105,6 +106,17 @@ def test_a_command_writes_through_a_link(writer, tmp_path):
     assert main([*writer, str(link), "--force"]) == 0
     assert link.is_symlink()
     assert (place / "real.png").stat().st_size > 100
+
+
+def test_what_a_full_disk_refuses_is_named(writer, tmp_path, monkeypatch, capsys):
+    def refuse(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    out = tmp_path / "out.png"
+    assert main([*writer, str(out)]) == 2
+    assert f"error: {out}: No space left on device" in capsys.readouterr().err
+    assert not os.listdir(tmp_path)
 
 
 def test_devices_and_descriptors_are_written_into():

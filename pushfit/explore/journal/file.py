@@ -15,7 +15,7 @@ from pathlib import Path
 if sys.platform != "win32":  # which has no lock that leaves a file readable
     import fcntl
 
-from pushfit.atomic import sync
+from pushfit.atomic import naming, sync
 from pushfit.errors import ConfigError, DataError
 
 SCHEMA = "pushfit.exploration/2"
@@ -53,7 +53,7 @@ class Journal:
         if self.path is None:
             return
         line = json.dumps(event, ensure_ascii=False, allow_nan=False)
-        with self.path.open("a", encoding="utf-8") as file:
+        with naming(self.path), self.path.open("a", encoding="utf-8") as file:
             file.write(line + "\n")
             file.flush()
             os.fsync(file.fileno())

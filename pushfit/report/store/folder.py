@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
-from pushfit.atomic import followed, sync, unfinished, whole
+from pushfit.atomic import followed, naming, sync, unfinished, whole
 from pushfit.data.tables.peak_table import write_table
 from pushfit.fit.results import Identification
 from pushfit.report.figures import figure_files
@@ -55,7 +55,7 @@ def write_result_folder(
     token, target = secrets.token_hex(4), followed(out)
     fresh = target.with_name(f".{target.name}.{token}.partial")
     fresh.mkdir()
-    with unfinished(fresh):
+    with naming(out), unfinished(fresh):
         _write_content(identification, fresh, pictures=pictures, extra=extra)
         _sync_tree(fresh)
         with whole():

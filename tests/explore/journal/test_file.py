@@ -1,5 +1,7 @@
 """The file of a journal: who may write it."""
 
+import errno
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -58,3 +60,14 @@ def test_a_cell_that_is_run_again_has_its_own_journal(tmp_path):
     first = Journal(tmp_path / "run.jsonl")
     first.write({"event": "start"})
     assert Journal(first.path).events == ({"event": "start"},)
+
+
+def test_a_full_disk_is_said_by_the_name_of_the_journal(tmp_path, monkeypatch):
+    def refuse(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    journal = Journal(tmp_path / "journal.jsonl")
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(OSError, match="No space left") as raised:
+        journal.write({"event": "start"})
+    assert raised.value.filename == str(tmp_path / "journal.jsonl")

@@ -1,5 +1,6 @@
 """The result folder: complete or absent, nobody else's files touched."""
 
+import errno
 import json
 import os
 import threading
@@ -192,6 +193,18 @@ def test_a_failure_leaves_the_old_result_whole_and_nothing_else(
     after = {p.name: p.read_bytes() for p in out.iterdir() if p.is_file()}
     assert before == after
     assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_a_full_disk_refuses_is_named(determined, tmp_path, monkeypatch):
+    def refuse(path: Path, content: str, **_: str) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", refuse)
+    with pytest.raises(OSError, match="No space left") as raised:
+        write_result_folder(determined, tmp_path / "result", force=False)
+    assert raised.value.filename == str(tmp_path / "result")
+    assert not os.listdir(tmp_path)
 
 
 @pytest.mark.usefixtures("quick")
