@@ -74,7 +74,9 @@ def _write_content(
     for name, content in extra.items():
         (folder / name).write_bytes(content)
     write_table(identification.table, folder / "peaks.csv")
-    posterior_tree(identification).to_netcdf(folder / "result.nc", engine="h5netcdf")
+    # In memory first: where the disk is full, HDF5 takes the process down with it.
+    posterior = posterior_tree(identification).to_netcdf(None, engine="h5netcdf")
+    (folder / "result.nc").write_bytes(posterior)
     summary = json.dumps(
         summary_dict(identification), indent=2, ensure_ascii=False, allow_nan=False
     )

@@ -208,6 +208,24 @@ def test_what_a_full_disk_refuses_is_named(determined, tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("quick")
+def test_the_posterior_is_written_by_what_a_full_disk_stops_with_an_error(
+    determined, tmp_path, monkeypatch
+):
+    """HDF5 ends the process instead: the library may not write the file itself."""
+    written = []
+    write = Path.write_bytes
+
+    def note(path: Path, content: bytes) -> int:
+        written.append(path.name)
+        return write(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", note)
+    out = write_result_folder(determined, tmp_path / "result", force=False)
+    assert "result.nc" in written
+    assert xr.open_datatree(out / "result.nc").groups
+
+
+@pytest.mark.usefixtures("quick")
 def test_a_failed_exchange_puts_the_old_result_back(
     determined, two_modes, tmp_path, monkeypatch
 ):
