@@ -10,13 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pushfit.batch.folders import STORE
-from pushfit.data.text.files import existing_files, is_bag
+from pushfit.data.text.files import SEARCHED, existing_files, is_bag
 from pushfit.report.store.output_folder import RESULT
 
-# What a folder is searched for; anything may be named.
-SUFFIXES = frozenset(
-    {".csv", ".tsv", ".txt", ".gz", ".parquet", ".pq", ".bag", ".db3", ".mcap"}
-)
 SCHEDULE, SETTINGS = "schedule.csv", "grasp.toml"
 _WILD = frozenset("*?[")
 
@@ -42,8 +38,8 @@ def find_inputs(inputs: Sequence[str | Path], *, out: Path) -> Inputs:
     of a grasp is not a second one.
 
     Args:
-        inputs: Files, folders (searched with all below them) and patterns, of which
-            `**` stands for any folders.
+        inputs: Files, folders (searched with all below them, for `SEARCHED`) and
+            patterns, of which `**` stands for any folders.
         out: Folder of the results, which is never searched.
 
     Raises:
@@ -94,7 +90,7 @@ def stem_of(path: str) -> str:
         For example `foam`.
     """
     name = Path(path).name
-    while (suffix := Path(name).suffix) and suffix.lower() in SUFFIXES:
+    while (suffix := Path(name).suffix) and suffix.lower() in SEARCHED:
         name = name.removesuffix(suffix)
     return name
 
@@ -155,7 +151,7 @@ def _below(folder: str, out: Path) -> Iterator[str]:
 def _is_data(path: str) -> bool:
     if os.path.isdir(path):
         return is_bag(path)
-    return Path(path).suffix.lower() in SUFFIXES
+    return Path(path).suffix.lower() in SEARCHED
 
 
 def _is_companion(path: str) -> bool:

@@ -1,10 +1,12 @@
 """Which files a batch takes, and what goes with each."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from pushfit.batch.inputs import find_inputs, schedule_for, settings_for, stem_of
+from pushfit.data.text.files import SEARCHED
 from pushfit.errors import ConfigError
 from tests.batch.makers import write_tables
 
@@ -18,6 +20,22 @@ def test_a_folder_gives_all_tables_below_it(tmp_path):
     write_tables(tmp_path / "runs" / "deep" / "er", "c")
     found = find_inputs([tmp_path / "runs"], out=tmp_path / "out")
     assert sorted(names(found)) == ["a.csv", "b.csv", "c.csv"]
+
+
+def test_a_folder_gives_recordings_of_every_kind_but_logs(tmp_path):
+    kinds = ["ddf", "npy", "npz", "parquet", "tsv", "txt", "csv.gz", "PQ"]
+    for kind in (*kinds, "log", "md"):
+        (tmp_path / f"a.{kind}").write_bytes(b"")
+    found = find_inputs([tmp_path], out=tmp_path / "out")
+    assert set(names(found)) == {f"a.{kind}" for kind in kinds}
+    logs = find_inputs([tmp_path / "*.log"], out=tmp_path / "out")
+    assert names(logs) == ["a.log"]
+
+
+def test_the_page_names_every_ending_that_folders_are_searched_for():
+    page = (Path(__file__).parents[2] / "docs" / "batch.md").read_text()
+    inputs = page.partition("## Inputs")[2].partition("An item")[0]
+    assert set(re.findall(r"`(\.\w+)`", inputs)) == SEARCHED | {".log"}
 
 
 def test_the_results_are_no_inputs(tmp_path):
@@ -118,7 +136,13 @@ def test_a_recording_has_its_own_schedule_before_the_common_one(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "stem"),
-    [("a.csv", "a"), ("a.b.csv.gz", "a.b"), ("run_0.db3", "run_0"), ("bag", "bag")],
+    [
+        ("a.csv", "a"),
+        ("a.b.csv.gz", "a.b"),
+        ("run_0.db3", "run_0"),
+        ("bag", "bag"),
+        ("a.ddf", "a"),
+    ],
 )
 def test_the_stem_lacks_only_what_says_how_a_file_is_stored(name, stem):
     assert stem_of(f"x.csv/{name}") == stem

@@ -23,7 +23,7 @@ from pushfit.data.text.csv_reader import read_cells
 from pushfit.data.text.dialects import find_layout
 from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import ALIKE, data_error, problem
-from pushfit.data.text.files import Source, sha256_of
+from pushfit.data.text.files import PARQUET, Source, sha256_of
 from pushfit.data.text.textfile import open_text
 from pushfit.data.units import UNITS, Unit, in_degrees
 from pushfit.errors import ConfigError, DataError, InputProblem
@@ -79,7 +79,7 @@ class Rows:
 
 def is_parquet(path: str | Path) -> bool:
     """Whether a file is one of Parquet, by its suffix."""
-    return Path(path).suffix.lower() in {".parquet", ".pq"}
+    return Path(path).suffix.lower() in PARQUET
 
 
 def read_rows(path: str | Path, known: Known) -> Rows:

@@ -31,6 +31,13 @@ _MAGIC: tuple[tuple[bytes, str, str], ...] = (
         "run `git lfs pull`",
     ),
 )
+# Endings of files that are known by them, and of those that folders are searched for:
+# not `.log`, as programs leave logs of their own beside recordings.
+PARQUET = frozenset({".parquet", ".pq"})
+NUMPY = frozenset({".npy", ".npz"})
+SEARCHED = frozenset(
+    {".csv", ".tsv", ".txt", ".gz", ".ddf", ".bag", ".db3", ".mcap", *PARQUET, *NUMPY}
+)
 _BAG_MAGIC = (b"#ROSBAG V", b"SQLite format 3\x00", b"\x89MCAP0\r\n")
 
 

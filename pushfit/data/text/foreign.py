@@ -16,6 +16,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 
 from pushfit.data.text.faults import STATE_COLUMNS, refuse
+from pushfit.data.text.files import NUMPY
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _LEVEL = "(?:DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL)"
@@ -49,8 +50,7 @@ def foreign_table(
     Raises:
         DataError: If it is one that cannot be read.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix in (".npy", ".npz"):
+    if Path(path).suffix.lower() in NUMPY:
         return _arrays(path, columns)
     if Path(path).is_dir():  # a bag of ROS 2, or a mistake that others name
         return None
