@@ -15,8 +15,9 @@ from typing import Any
 
 from pushfit.batch.inputs import schedule_for, settings_for
 from pushfit.config import GraspConfig, read_config
+from pushfit.data.recordings.bags.repair import definition_files
 from pushfit.data.tables.grasps import GraspRows, is_long_table, read_grasps
-from pushfit.data.text.files import FileStamp, existing_file, sha256_of
+from pushfit.data.text.files import FileStamp, existing_file, is_bag, sha256_of
 from pushfit.errors import PushfitError
 from pushfit.fit.results.environment import environment
 from pushfit.mechanics.registry import source_of
@@ -189,6 +190,9 @@ class Planner:
         own = source_of(config.grasp.mechanics)
         if own is not None:
             parts["mechanics"] = self._digest(own)
+        folder = config.recording.definitions
+        if folder is not None and is_bag(about["path"]):
+            parts["definitions"] = self._definitions(folder)
         key = digest_of(self._common | parts)
         return Item(
             sha256=sha256,
@@ -209,6 +213,12 @@ class Planner:
         if path not in self._digests:
             self._digests[path] = sha256_of(path)
         return self._digests[path]
+
+    def _definitions(self, folder: str) -> str:
+        if folder not in self._digests:
+            files = definition_files(folder)
+            self._digests[folder] = digest_of({n: sha256_of(f) for n, f in files})
+        return self._digests[folder]
 
 
 def derived_seed(seed: int, sha256: str) -> int:

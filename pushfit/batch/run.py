@@ -82,7 +82,8 @@ def identify_batch(
     """Identify every recording, every table, and every grasp of a long table.
 
     Results that the folder has already are kept where they are still valid: made from
-    the same content, schedule, settings, seed, engine and versions.
+    the same content, schedule, settings, message definitions, seed, engine and
+    versions.
 
     Args:
         inputs: Files, folders with all below them, and patterns; one or several.

@@ -173,6 +173,31 @@ def test_a_changed_law_of_ones_own_is_another_question(runs, tmp_path, monkeypat
     sys.modules.pop("pushfit_own")
 
 
+def test_a_changed_message_definition_is_another_question_for_bags(runs):
+    """What the numbers in a bag without definitions are, the definitions say."""
+    (runs / "a.csv").write_bytes(b"\x89MCAP0\r\n")
+    (runs / "grasp.toml").write_text('[recording]\ndefinitions = "src"\n')
+    message = runs.parent / "src" / "sensors" / "msg" / "Hand.msg"
+    message.parent.mkdir(parents=True)
+
+    def keys() -> dict[str, str]:
+        common = {"config": None, "profile": None, "schedule": None}
+        planner = Planner(**common, seed=0, engine="auto")
+        return {
+            item.name: item.key
+            for item in planner.plan(("runs/a.csv", "runs/b.csv")).items
+        }
+
+    message.write_text("float64 pressure\n")
+    before = keys()
+    message.write_text("float32 pressure\n")
+    after = keys()
+    assert before["runs/a.csv"] != after["runs/a.csv"]
+    assert before["runs/b.csv"] == after["runs/b.csv"]
+    message.rename(message.with_name("Finger.msg"))
+    assert after["runs/a.csv"] != keys()["runs/a.csv"]
+
+
 def test_a_result_that_was_lost_is_computed_again_though_its_row_is_there(runs, log):
     run()
     (runs.parent / "out" / "batch.sqlite").unlink()

@@ -22,14 +22,25 @@ _FOOTER = b"\x02" + struct.pack("<Q", 20) + bytes(20)
 _COPIED = 1 << 22
 
 
+def definition_files(folder: str) -> list[tuple[str, Path]]:
+    """Message definitions as ROS packages keep them, by names as `package/msg/Name`."""
+    found = []
+    for file in sorted(Path(folder).rglob("*.msg")):
+        package = file.resolve().parent
+        if package.name == "msg":
+            package = package.parent
+        found.append((f"{package.name}/msg/{file.stem}", file))
+    return found
+
+
 def message_types(folder: str) -> dict[str, Any]:
-    """Read message definitions as ROS packages keep them, `package/msg/Name.msg`.
+    """Read message definitions as `definition_files` finds them.
 
     Raises:
         ConfigError: If there are none (`no_definitions`) or one is not a definition
             (`bad_definition`).
     """
-    files = sorted(Path(folder).rglob("*.msg"))
+    files = definition_files(folder)
     if not files:
         raise ConfigError(
             f"{folder}: no .msg file in it or below; name the folder of a ROS package, "
@@ -38,13 +49,9 @@ def message_types(folder: str) -> dict[str, Any]:
         )
     parse = import_module("rosbags.typesys").get_types_from_msg
     types: dict[str, Any] = {}
-    for file in files:
-        package = file.resolve().parent
-        if package.name == "msg":
-            package = package.parent
+    for name, file in files:
         try:
-            text = file.read_text(encoding="utf-8")
-            types |= parse(text, f"{package.name}/msg/{file.stem}")
+            types |= parse(file.read_text(encoding="utf-8"), name)
         except Exception as error:
             reason = re.sub(r"\s+", " ", str(error))
             raise ConfigError(
