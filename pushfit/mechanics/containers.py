@@ -59,6 +59,9 @@ def unit_vector(angle: Float[Array, "*n"]) -> Float[Array, "xy=2 *n"]:
 class Parameters(eqx.Module):
     """The six parameters of the paper and the shape of the stiffness ellipse.
 
+    All six are above 0, but C_rr, which may be 0. Nothing here checks it, as values may
+    be traced: of others, the model gives numbers without a meaning.
+
     Args:
         K_sn: Normal stiffness of the support finger, Eqs. (5), (6) [N/m].
         K_dn: Normal contact stiffness, Eqs. (5), (6) [N/m].
