@@ -24,11 +24,12 @@ from pushfit.model import Grasp, Parameters
 from tests.tolerances import MAX_Z
 
 TESTS = Path(__file__).parents[2]
-RECORDING, REFUSALS, PRESCAN, PEAKS = (
+RECORDING, REFUSALS, PRESCAN, PEAKS, SATURATION = (
     "data/recordings/test_recording",
     "data/recordings/test_refusals",
     "data/text/test_csv_reader",
     "data/peaks/test_peaks",
+    "data/peaks/test_saturation",
 )
 # InputProblem: module of the test, then tests or cases of a table in it.
 WHERE = {
@@ -113,8 +114,8 @@ WHERE = {
         (REFUSALS, "radians_as_degrees", "degrees_as_radians", "more_than_a_turn"),
     ),
     "25 saturation": (
-        (PEAKS, "test_saturated_pushes_are_flagged_and_out_of_use"),
-        (PEAKS, "test_a_noisy_ceiling_is_recognised"),
+        (SATURATION, "test_saturated_pushes_are_flagged_and_out_of_use"),
+        (SATURATION, "test_a_noisy_ceiling_is_recognised"),
     ),
     "26 drift": (
         ("data/text/test_faults", "test_drift_is_taken_from_each_height"),
