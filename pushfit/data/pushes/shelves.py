@@ -8,7 +8,7 @@ alone (`pushfit.data.pushes.detection`), and steps that more pushes stand on
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pushfit.data.pushes.feet import Feet, PerPush
 from pushfit.data.pushes.humps import longest_run
@@ -20,8 +20,8 @@ _GRID = 240
 # Averaging of the course, as a share of the usual one, which rounds a shelf away.
 _FINE = 0.125
 # Shelves are looked for at these shares of the height: below them is a touch, and what
-# is above them may be the top. Half of the steps finds no other.
-_SHARES = np.arange(0.2, 0.91, 0.02)
+# is above them may be the top. Twice as many find no other.
+_SHARES = np.arange(0.2, 0.91, 0.03)
 # A shelf keeps within this share of the height, on either side for so much of the push,
 # and of what is above it. With half of either time two humps of the soft skin, and
 # presses of a barometer, have shelves; at twice the first pairs of pushes on a step do
@@ -45,12 +45,22 @@ def shelves(view: View, feet: Feet[np.ndarray]) -> PerPush:
     height = np.maximum(feet.height, TINY)[:, None]
     course = 1 + (y - y.max(axis=1, keepdims=True)) / height
     is_seen = 3 * feet.noise(tau) < _BAND * height[:, 0]
-    return np.array(
-        [
-            _shelf(own) if seen else 0.0
-            for own, seen in zip(course, is_seen, strict=True)
-        ]
-    )
+    found = np.zeros(len(course))
+    for k in np.flatnonzero(is_seen & _may_have(course)):
+        found[k] = _shelf(course[k])
+    return found
+
+
+def _may_have(course: Float[np.ndarray, "p m"]) -> Bool[np.ndarray, " p"]:
+    """Whether courses are near a level for long enough, in one go or not."""
+    is_before = np.arange(_GRID) < course.argmax(axis=1)[:, None]
+    may = np.zeros(len(course), dtype=bool)
+    for level in _SHARES:
+        near = np.abs(course - level) <= _BAND
+        n_before = np.count_nonzero(near & is_before, axis=1)
+        least = np.minimum(n_before, np.count_nonzero(near, axis=1) - n_before)
+        may |= least >= _HELD * _GRID
+    return may
 
 
 def _shelf(course: Float[np.ndarray, " m"]) -> float:
