@@ -20,7 +20,7 @@ _GRID = 240
 # Averaging of the course, as a share of the usual one, which rounds a shelf away.
 _FINE = 0.125
 # Shelves are looked for at these shares of the height: below them is a touch, and what
-# is above them may be the top. Twice as many find no other.
+# is above them may be the top. Steps of two thirds find no other.
 _SHARES = np.arange(0.2, 0.91, 0.03)
 # A shelf keeps within this share of the height, on either side for so much of the push,
 # and of what is above it. With half of either time two humps of the soft skin, and
