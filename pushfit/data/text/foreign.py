@@ -1,11 +1,10 @@
-"""Logs that are no tables: NumPy arrays, `rostopic echo` without `-p`, ROS logs.
+"""Logs that are no tables: `rostopic echo` without `-p`, ROS logs, NumPy files.
 
 Each is brought into the one form that everything else reads: columns with names.
-Excluded: what the columns mean, told by the same rules as for any other file
-(`pushfit.data.recordings.roles`).
+Excluded: NumPy files themselves (`pushfit.data.text.numpy_files`), and what the columns
+mean, told by the same rules as for any other file (`pushfit.data.recordings.roles`).
 """
 
-import contextlib
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -13,10 +12,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 
-from pushfit.data.text.faults import STATE_COLUMNS, refuse
+from pushfit.data.text.faults import refuse
 from pushfit.data.text.files import NUMPY
+from pushfit.data.text.numpy_files import Table, numpy_table
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _LEVEL = "(?:DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL)"
@@ -36,8 +35,6 @@ _YAML = re.compile(
 # What tells a log from a table: a message of `rostopic echo` ends within.
 _HEAD = 1 << 14
 
-Table = dict[str, np.ndarray]
-
 
 def foreign_table(
     path: str, *, columns: Sequence[str] = ()
@@ -45,13 +42,13 @@ def foreign_table(
     """Columns of a log that is no table, and what it is; None for any other.
 
     Args:
-        columns: Names of the columns of a bare array.
+        columns: Names of the columns of a bare table of numbers.
 
     Raises:
         DataError: If it is one that cannot be read.
     """
     if Path(path).suffix.lower() in NUMPY:
-        return _arrays(path, columns)
+        return numpy_table(path, columns)
     if Path(path).is_dir():  # a bag of ROS 2, or a mistake that others name
         return None
     with open(path, "rb") as file:
@@ -65,59 +62,6 @@ def foreign_table(
     if re.search(rf"^{_LOG.pattern}", start, re.M):
         return _columns(_logged(path), path), "ROS log"
     return None
-
-
-def _arrays(path: str, columns: Sequence[str]) -> tuple[Table, str]:
-    """Columns of a NumPy file: by field, by array, or by the names that are stated."""
-    try:
-        loaded = np.load(path, allow_pickle=False)
-        if not isinstance(loaded, np.ndarray):
-            with loaded:
-                return _alike(loaded, path)
-    except (ValueError, OSError, EOFError) as error:
-        raise refuse(
-            "unreadable",
-            f"is no NumPy file of numbers ({error}); copy it again, or save its arrays "
-            "anew by np.savez, each of numbers alone",
-            path=path,
-        ) from error
-    kind = "NumPy .npy"
-    if loaded.dtype.names:
-        return {name: loaded[name].astype(float) for name in loaded.dtype.names}, kind
-    rows = np.atleast_2d(loaded.T).T
-    names = [name for name in columns if name != "..."]
-    if not names or len(names) > rows.shape[1]:
-        raise refuse(
-            "no_header",
-            f"holds {rows.shape[1]} columns without names; {STATE_COLUMNS}",
-            path=path,
-        )
-    return {name: rows[:, k].astype(float) for k, name in enumerate(names)}, kind
-
-
-def _alike(arrays: NpzFile, path: str) -> tuple[Table, str]:
-    """Arrays of numbers of one length: the longest that two of them have.
-
-    What is longer or shorter has another clock, or is no column but says something of
-    them, and is named as left aside.
-    """
-    columns: Table = {}
-    for name in arrays.files:
-        # What is no array of numbers, such as a pickled setting, is no column.
-        with contextlib.suppress(ValueError):
-            columns[name] = np.ravel(arrays[name]).astype(float)
-    sizes = Counter(values.size for values in columns.values())
-    n = max((size for size in sizes if sizes[size] > 1), default=max(sizes, default=0))
-    if n == 0:
-        raise refuse(
-            "no_rows",
-            "holds no array of numbers; save one for the time and one for each signal, "
-            "as in np.savez(NAME, time_s=time, pressure_kpa=pressure)",
-            path=path,
-        )
-    table = {name: values for name, values in columns.items() if values.size == n}
-    aside = ", ".join(name for name in arrays.files if name not in table)
-    return table, f"NumPy .npz{f', left aside {aside}' if aside else ''}"
 
 
 def _messages(path: str) -> Iterator[dict[str, float]]:

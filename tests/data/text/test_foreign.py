@@ -98,19 +98,6 @@ def test_what_to_type_is_quoted_for_a_shell(tmp_path):
         read_recording(path)
 
 
-def test_numpy_columns_are_read_by_name(tmp_path):
-    time, force = np.arange(5) / 100, np.arange(5.0)
-    np.savez(tmp_path / "log.npz", time_s=time, force_n=force)
-    np.save(tmp_path / "log.npy", np.stack([time, force], axis=1))
-    by_name = read_recording(tmp_path / "log.npz")
-    by_order = read_recording(tmp_path / "log.npy", columns=("time_s", "force_n"))
-    for recording in (by_name, by_order):
-        np.testing.assert_array_equal(recording.channels["force"], force)
-        np.testing.assert_array_equal(recording.time, time)
-    with pytest.raises(DataError, match="2 columns without names"):
-        read_recording(tmp_path / "log.npy")
-
-
 DAMAGED = {
     "cut.npy": (lambda path: path.write_bytes(b"\x93NUMPY\x01\x00"), "copy it again"),
     "words.npz": (lambda path: np.savez(path, note=np.array("a")), "np.savez(NAME, "),
@@ -125,16 +112,6 @@ def test_a_file_without_numbers_is_refused_with_what_to_do(tmp_path, name):
     with pytest.raises(DataError) as caught:
         read_recording(tmp_path / name)
     assert remedy in str(caught.value)
-
-
-def test_arrays_of_other_lengths_are_left_aside_and_named(tmp_path):
-    time, force = np.arange(50) / 100, np.arange(50.0)
-    path = tmp_path / "log.npz"
-    settings = {"gain": 0.5, "serial": "A12", "cal": np.eye(6), "meta": {"rig": 7}}
-    np.savez(path, time_s=time, force_n=force, pac=np.zeros(99), **settings)
-    recording = read_recording(path)
-    np.testing.assert_array_equal(recording.channels["force"], force)
-    assert "left aside pac, gain, serial, cal, meta" in recording.notes[0]
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
