@@ -6,6 +6,7 @@ signal keeps its own canonical unit (`n`, `kpa`, `counts`, `au`). Excluded: gues
 name without a unit has none, and an implausible number is reported, never rescaled.
 """
 
+import math
 import re
 from dataclasses import asdict, dataclass, replace
 from typing import Literal
@@ -20,6 +21,8 @@ Dimension = Literal["signal", "time", "angle", "length"]
 # Angles are stated as round numbers of degrees; so many digits survive the way to
 # radians and back.
 DECIMALS = 9
+# Factors that are equal on paper differ by their rounding alone.
+_SAME = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +51,12 @@ class Unit:
         if self.times != 1.0:
             values = values * self.times
         return values / self.per if self.per != 1.0 else values
+
+    def equals(self, other: "Unit") -> bool:
+        """Whether values are the same in both, as in 500 mN/V and 0.5 N/V."""
+        own, its = self.times / self.per, other.times / other.per
+        is_alike = (self.quantity, self.canonical) == (other.quantity, other.canonical)
+        return is_alike and math.isclose(own, its, rel_tol=_SAME)
 
 
 UNITS: dict[str, Unit] = {

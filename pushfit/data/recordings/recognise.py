@@ -17,7 +17,7 @@ from pushfit.data.units import (
     parse_unit,
     split_unit,
 )
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, stated
 
 ANGLES = ("theta", "alpha")
 _NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -65,22 +65,25 @@ class RecordingColumns:
         """
         name = self.names[i]
         stem, suffix = split_unit(name)
-        stated = [suffix, *(split_unit(key)[1] for key in keys)]
+        said = [(suffix, "by its name")]
+        said += [(split_unit(key)[1], f"by the name {key!r}") for key in keys]
         if self.unit_row:
-            stated.append(find_unit(self.unit_row[i]))
-        stated += [
-            parse_unit(self.units[key])
+            said.append((find_unit(self.unit_row[i]), "by the lines above the samples"))
+        said += [
+            (parse_unit(self.units[key]), f"by {stated(units={key: self.units[key]})}")
             for key in dict.fromkeys((name, stem, *keys))
             if key in self.units
         ]
-        found = {unit.name: unit for unit in stated if unit is not None}
-        if len(found) > 1:
+        known = [(unit, by) for unit, by in said if unit is not None]
+        others = [(unit, by) for unit, by in known if not unit.equals(known[0][0])]
+        if others:
+            (first, by), (other, by_other) = known[0], others[0]
             raise ConfigError(
-                f"{self.path}, column {name}: stated in {' and in '.join(found)}; "
-                "the suffix of the name holds, so remove the other statement",
+                f"{self.path}, column {name}: the unit is {first.name} {by}, but "
+                f"{other.name} {by_other}; mend or leave out the one that is wrong",
                 code="unit_conflict",
             )
-        return next(iter(found.values()), None)
+        return known[0][0] if known else None
 
     def called(self, *stems: str) -> list[int]:
         """Positions of the columns of some names, whatever their units.

@@ -395,7 +395,7 @@ USAGE = {
     "contradicted_suffix": (
         {"units": {"pressure": "counts"}},
         "unit_conflict",
-        "kpa and",
+        "kpa by its name, but counts by `units={'pressure': 'counts'}`",
     ),
     "unknown_unit": (
         {"units": {"pressure": "kp"}},

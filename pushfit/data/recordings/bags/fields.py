@@ -69,11 +69,11 @@ def mapped_fields(
                 f"name a field of one of its topics: {_described(reader)}",
                 path=path,
             )
-        known = {u.name: u for u in (suffix, *_stated(units, name, key)) if u}
+        known = [u for u in (suffix, *_stated(units, name, key)) if u]
         quantity = "angle" if name in ANGLES else "signal"
-        unit = next(iter(known.values()), None)
-        if len(known) != 1 or unit is None or unit.quantity != quantity:
-            found = " and ".join(known) or "none"
+        unit = known[0] if known and all(map(known[0].equals, known)) else None
+        if unit is None or unit.quantity != quantity:
+            found = " and ".join(dict.fromkeys(u.name for u in known)) or "none"
             example = "deg" if quantity == "angle" else "counts"
             raise ConfigError(
                 f"{path}: {name} needs one {quantity} unit, stated is {found}; state "

@@ -1,0 +1,56 @@
+"""Units that a file and its user state of one column: equal ones agree."""
+
+import numpy as np
+import pytest
+
+from pushfit.data.recordings.recording import read_recording
+from pushfit.errors import ConfigError
+from tests.tolerances import ROUNDING
+
+# As an indenter writes it, with its gain above the columns.
+LOG = """DMCv5.3 Data File
+Sample Frequency (Hz): 100
+Calibration Data:
+Channel\tAI0\tAI1
+Units\tmm\tmN
+Scale (units/V)\t1.000000\t500.000000
+
+Test Data in Volts:
+
+Sample\tAI0\tAI1
+"""
+VOLTS = [0.25, 0.5, -1.0]
+
+
+@pytest.fixture
+def log(write):
+    """Three samples of a force in volts."""
+    rows = [f"{k}\t0.1\t{volt}\n" for k, volt in enumerate(VOLTS)]
+    return write(LOG + "".join(rows), "push.ddf")
+
+
+@pytest.mark.parametrize("gain", ["500 mN/V", "500.0mN/V", "0.5 N/V", "5e5 uN/V"])
+def test_a_unit_that_equals_that_of_the_file_may_be_stated(gain, log):
+    recording = read_recording(log, units={"AI1": gain})
+    np.testing.assert_allclose(
+        recording.channels["AI1"], 0.5 * np.array(VOLTS), rtol=ROUNDING
+    )
+
+
+@pytest.mark.parametrize("gain", ["500.01 mN/V", "500 N/V", "500 kPa/V"])
+def test_another_unit_than_that_of_the_file_is_refused_with_both_places(gain, log):
+    with pytest.raises(ConfigError) as caught:
+        read_recording(log, units={"AI1": gain})
+    assert caught.value.code == "unit_conflict"
+    assert (
+        "column AI1: the unit is 500.000000 mn/v by the lines above the samples, but "
+        f"{gain.lower()} by `units={{'AI1': '{gain}'}}`; mend or leave out"
+    ) in str(caught.value)
+
+
+def test_units_that_two_names_state_are_named_with_them(write):
+    path = write("time_s,force_n\n0,1\n0.01,2\n")
+    with pytest.raises(
+        ConfigError, match="n by its name, but mn by the name 'push_mn'"
+    ):
+        read_recording(path, mapping={"push_mn": "force_n"})
