@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pushfit.data.recordings.bags.fields import (
+    NOT_THERE,
     Field,
     bad_field,
     known_fields,
@@ -215,7 +216,7 @@ def _collect(path: str, reader: Any, fields: Sequence[Field]) -> dict[str, _Cloc
             if item.topic == topic:
                 try:
                     value = number_at(message, item.path)
-                except (LookupError, AttributeError, TypeError, ValueError) as error:
+                except NOT_THERE as error:
                     count = len(clock.received)
                     raise bad_field(path, item, message=message, count=count) from error
                 item.values.append(value)

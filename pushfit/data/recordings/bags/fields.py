@@ -3,6 +3,7 @@
 Excluded: opening a bag and going through it (`pushfit.data.recordings.bags.bag`).
 """
 
+import contextlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +26,12 @@ _WRENCH = "geometry_msgs/msg/WrenchStamped"
 _KNOWN = (*(known[0] for known in _TACTILE), _WRENCH)
 # Numbers of a message that are listed.
 _MAX_LISTED = 24
+# Indices of an array, as they are listed.
+_RANGE = re.compile(r"\[0\.\.\d+\]")
+# A number that is no part of a word, such as of the serial of a sensor.
+_NUMBER_IN_TEXT = re.compile(rf"(?<![\w.]){NUMBER['.'].pattern}(?![\w.])", re.ASCII)
+# Whatever Python raises where a path leads nowhere.
+NOT_THERE = (LookupError, AttributeError, TypeError, ValueError)
 _GLUED_INDEX = re.compile(r"(?P<name>.*?\D)(?P<index>\d+)")
 
 
@@ -109,13 +116,13 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
     if len(topics) != 1:
         count = "no topic" if not topics else f"{len(topics)} topics"
         paths = _paths(reader, first)
-        path_shown = paths[-1] if paths else "/topic.field"
+        path_shown = _RANGE.sub("[0]", paths[-1]) if paths else "/topic.field"
+        known = listed(paths, _MAX_LISTED) or "none"
         raise refuse(
             "no_channel" if not topics else "ambiguous_topic",
             f"{count} of a known type among {_described(reader)}; state "
             f"{stated(mapping={'pressure': path_shown}, units={'pressure': 'counts'})}"
-            "; the numbers in it are "
-            f"{listed(paths, _MAX_LISTED) or 'none'}",
+            f"; the numbers in the first messages are {known}{_meaning(known)}",
             path=path,
         )
     topic = topics[0]
@@ -136,20 +143,43 @@ def known_fields(path: str, reader: Any, first: Callable[[str], Any]) -> list[Fi
 
 
 def numbers_in(message: Any, prefix: str = "") -> list[str]:
-    """Paths of all single numbers of a message, first of each array."""
-    if message is None or isinstance(message, bool | str | bytes):
+    """Paths of all numbers of a message, also of those that a text holds.
+
+    Of an array or a text there is one path for all: `data[0..2]` has three numbers.
+    """
+    if message is None or isinstance(message, bool | bytes):
         return []
+    if isinstance(message, str):
+        is_read = _NUMBER_IN_TEXT.search(message)
+        return [f"{prefix}{_indices(len(_parts(message)))}"] if is_read else []
     if isinstance(message, int | float | np.number):
         return [prefix]
     if hasattr(message, "__len__"):
-        return numbers_in(message[0], f"{prefix}[0]") if len(message) else []
-    names = vars(type(message)).get("__slots__") or getattr(message, "__dict__", ())
+        n = len(message)
+        return numbers_in(message[0], f"{prefix}{_indices(n)}") if n else []
     return [
         path
-        for name in names
-        if name != "__msgtype__" and not name.startswith("_")
+        for name in _fields_of(message)
         for path in numbers_in(getattr(message, name), f"{prefix}.{name}")
     ]
+
+
+def _fields_of(message: Any) -> list[str]:
+    """Names of the fields of a message; none of what is no message."""
+    names = vars(type(message)).get("__slots__") or getattr(message, "__dict__", ())
+    return [name for name in names if not name.startswith("_")]
+
+
+def _indices(n: int) -> str:
+    """Indices of so many numbers, counted from 0."""
+    return "[0]" if n == 1 else f"[0..{n - 1}]"
+
+
+def _parts(value: Any) -> Any:
+    """What an index counts: numbers in a text, elements of an array; None of others."""
+    if isinstance(value, str):
+        return NUMBER["."].findall(value)
+    return value if hasattr(value, "__len__") else None
 
 
 def _paths(reader: Any, first: Callable[[str], Any]) -> list[str]:
@@ -168,30 +198,65 @@ def number_at(message: Any, path: Sequence[str]) -> float:
     """
     value, parent = message, message
     for step in path:
-        if isinstance(value, str):
-            value = NUMBER["."].findall(value)[int(step)]
-            continue
-        if hasattr(value, "__len__"):
-            names = list(getattr(parent, "name", ()))
-            value = value[int(step) if step.isdigit() else names.index(step)]
-            continue
-        parent = value
-        glued = _GLUED_INDEX.fullmatch(step)
-        if not hasattr(value, step) and glued:
-            value = getattr(value, glued["name"])[int(glued["index"])]
-        else:
-            value = getattr(value, step)
+        value, parent = _stepped(value, parent, step)
     return float(value)
+
+
+def _stepped(value: Any, parent: Any, step: str) -> tuple[Any, Any]:
+    """What a step of a path leads to, and the message that this is in."""
+    parts = _parts(value)
+    if parts is not None:
+        is_joint = not (isinstance(value, str) or step.isdigit())
+        index = _joints(parent).index(step) if is_joint else int(step)
+        return parts[index], parent
+    glued = _GLUED_INDEX.fullmatch(step)
+    if not hasattr(value, step) and glued:
+        return getattr(value, glued["name"])[int(glued["index"])], value
+    return getattr(value, step), value
+
+
+def _joints(message: Any) -> list[str]:
+    """Names of the joints of a joint state; none of another message."""
+    return list(getattr(message, "name", ()))
 
 
 def bad_field(path: str, item: Field, *, message: Any, count: int) -> DataError:
     """Say that a message does not hold a field, and what it holds."""
-    names = ", ".join(
-        n for n in vars(type(message)).get("__slots__", ()) or vars(message)
-    )
+    value, parent, passed = message, message, 0
+    with contextlib.suppress(*NOT_THERE):
+        for step in item.path:
+            value, parent = _stepped(value, parent, step)
+            passed += 1
+    parts, there = _parts(value), _written(item.path[:passed])
+    if parts is None or not there:
+        paths = [p for p in numbers_in(message) if not p.startswith(".header.")]
+        known = listed([p.lstrip(".") for p in paths], _MAX_LISTED)
+        held = f"map what it holds: {known or 'no number'}{_meaning(known)}"
+    elif len(parts) == 0:
+        held = f"{there} is empty in it; map another field"
+    else:
+        held = f"{there} has {_counted(len(parts))}; map one of these"
+        joints = _joints(parent)
+        if len(joints) == len(parts):
+            held += f", or a joint: {listed(joints, _MAX_LISTED)}"
     return refuse(
         "missing_column",
-        f"message {count} of {item.topic} has no number {'.'.join(item.path)}; "
-        f"map one of its fields: {names.replace('__msgtype__', '').strip(', ')}",
+        f"message {count} of {item.topic} has no number {_written(item.path)}; {held}",
         path=path,
     )
+
+
+def _counted(n: int) -> str:
+    """How many numbers there are, and their indices."""
+    return "1 number, [0]" if n == 1 else f"{n} numbers, [0] to [{n - 1}]"
+
+
+def _meaning(known: str) -> str:
+    """What a range of indices among paths stands for, where there is one."""
+    return ", where [0..n] is an index from 0 to n" if _RANGE.search(known) else ""
+
+
+def _written(path: Sequence[str]) -> str:
+    """A path as `mapping` takes it."""
+    steps = [f"[{step}]" if step.isdigit() else f".{step}" for step in path]
+    return "".join(steps).lstrip(".")

@@ -330,13 +330,13 @@ REFUSED = {
         {"mapping": {"p": "/biotac_pub.bt_data[0].pcd"}, "units": {"p": "counts"}},
         DataError,
         "missing_column",
-        "header, hand_id, bt_data",
+        "map what it holds: bt_data[0..1].tdc_data, bt_data[0..1].pdc_data, bt_data",
     ),
     "finger_that_is_not_there": (
         {"mapping": {"p": "/biotac_pub.bt_data[7].pdc_data"}, "units": {"p": "counts"}},
         DataError,
         "missing_column",
-        "message 1 of /biotac_pub has no number bt_data.7.pdc_data",
+        "no number bt_data[7].pdc_data; bt_data has 2 numbers, [0] to [1]; map one",
     ),
     "no_unit": (
         {"mapping": {"p": "/biotac_pub.bt_data[0].pdc_data"}},
