@@ -5,7 +5,7 @@ Excluded: which fault it is (`pushfit.data.text.explain`).
 
 from collections.abc import Sequence
 
-from pushfit.errors import DataError, InputProblem
+from pushfit.errors import ConfigError, DataError, InputProblem
 
 # What to do about columns without names.
 STATE_COLUMNS = (
@@ -59,6 +59,17 @@ def no_rows(path: str) -> DataError:
     """Refuse a table of names alone."""
     text = "has a header but 0 data rows; record or export it again"
     return refuse("no_rows", text, path=path)
+
+
+def refuse_columns(columns: Sequence[str], names: Sequence[str], *, path: str) -> None:
+    """Refuse to rename columns that have names of their own."""
+    if columns:
+        raise ConfigError(
+            f"{path}: columns were named, but those of the file have names: "
+            f"{listed(names)}; leave out columns, and state what each is for by "
+            "`mapping` and `units`",
+            code="columns_and_header",
+        )
 
 
 def refuse_too_large(

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Shaped
 from numpy.lib.npyio import NpzFile
 
-from pushfit.data.text.faults import STATE_COLUMNS, listed, refuse
-from pushfit.errors import ConfigError
+from pushfit.data.text.faults import STATE_COLUMNS, listed, refuse, refuse_columns
 
 Table = dict[str, np.ndarray]
 
@@ -43,7 +42,7 @@ def numpy_table(path: str, columns: Sequence[str]) -> tuple[Table, str]:
             path=path,
         ) from error
     if loaded.dtype.names:
-        _refuse_columns(columns, loaded.dtype.names, path=path)
+        refuse_columns(columns, loaded.dtype.names, path=path)
         table = {name: loaded[name].astype(float) for name in loaded.dtype.names}
     else:
         table = _named(np.atleast_2d(loaded.T).T, columns, path=path)
@@ -79,7 +78,7 @@ def _columns_of(
                 f"signal, {_SAVE_COLUMNS}",
                 path=path,
             )
-        _refuse_columns(columns, list(lone), path=path)
+        refuse_columns(columns, list(lone), path=path)
     own = {n: a for n, a in lone.items() if a.size == length and n not in named}
     aside = ", ".join(n for n in arrays.files if n != taken and n not in own)
     return {**own, **named}, f"NumPy .npz{f', left aside {aside}' if aside else ''}"
@@ -139,14 +138,3 @@ def _named(
             path=path,
         )
     return {name: rows[:, k].astype(float) for k, name in enumerate(names)}
-
-
-def _refuse_columns(columns: Sequence[str], names: Sequence[str], *, path: str) -> None:
-    """Refuse to rename columns that have names of their own."""
-    if columns:
-        raise ConfigError(
-            f"{path}: columns were named, but those of the file have names: "
-            f"{listed(names)}; leave out columns, and state what each is for by "
-            "`mapping` and `units`",
-            code="columns_and_header",
-        )

@@ -36,48 +36,6 @@ def test_what_rostopic_echo_prints_is_read(tmp_path):
     np.testing.assert_allclose(np.diff(recording.time), 0.01, rtol=STAMPS)
 
 
-def test_a_rospy_log_with_values_below_their_names_is_read(tmp_path):
-    path = tmp_path / "node.log"
-    path.write_text(
-        "".join(
-            f"[INFO] [{1600000000 + k / 100:.2f}]: pdc:\n{2000 + k}\n" for k in range(6)
-        )
-    )
-    recording = read_recording(path, mapping={"p": "pdc"}, units={"p": "counts"})
-    assert recording.channels["p"].tolist() == [2000.0 + k for k in range(6)]
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "[rosout][INFO] 2020-09-13 12:26:4{s},{ms}0: {text}",
-        "160000000{s}.{ms} INFO /bio [bio.py:12(run)] [topics: /rosout, /p] {text}",
-        "[INFO] [160000000{s}.{ms}] [bio]: {text}",
-    ],
-)
-def test_a_log_of_ros_is_read_past_what_is_no_reading(tmp_path, line):
-    path = tmp_path / "node.log"
-    texts = ["started, pid: 3", *(f"pdc: {2000 + k} tdc={k}" for k in range(8))]
-    path.write_text(
-        "".join(
-            line.format(s=k // 4, ms=f"{25 * (k % 4):02}", text=text) + "\n"
-            for k, text in enumerate(texts)
-        )
-    )
-    recording = read_recording(path, mapping={"p": "pdc"}, units={"p": "counts"})
-    assert recording.channels["p"].tolist() == [2000.0 + k for k in range(8)]
-    np.testing.assert_allclose(np.diff(recording.time), 0.25, rtol=STAMPS)
-
-
-def test_a_rospy_log_of_bare_numbers_has_one_column(tmp_path):
-    path = tmp_path / "node.log"
-    path.write_text(
-        "".join(f"[INFO] [{1600000000 + k / 100:.2f}]: {k / 4}\n" for k in range(6))
-    )
-    recording = read_recording(path, mapping={"p": "value"}, units={"p": "kpa"})
-    assert recording.channels["p"].tolist() == [k / 4 for k in range(6)]
-
-
 @pytest.mark.parametrize("name", [None, "force_n"])
 def test_a_file_of_one_column_has_a_rate(tmp_path, name):
     path = tmp_path / "one.txt"
