@@ -292,6 +292,18 @@ def test_the_picture_is_drawn_where_directions_are_unknown(tmp_path, capsys):
     assert plot.read_bytes().startswith(b"<?xml")
 
 
+def test_one_push_is_called_one(tmp_path, capsys):
+    time = np.arange(0.0, 6.0, 0.01)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(time.size)
+    level = 2.0 * np.exp(-(((time - 3.0) / 0.5) ** 2)) + noise
+    path, out = tmp_path / "log.csv", tmp_path / "heights.csv"
+    pd.DataFrame({"time_s": time, "force_n": level}).to_csv(path, index=False)
+    assert main(["peaks", str(path), "-o", str(out)]) == 0
+    told = capsys.readouterr().err
+    assert "so the one push has a height and times but no direction;" in told
+    assert f"{out}: 1 push\n" in told
+
+
 @pytest.mark.parametrize("name", ["x.jpg", "x.gif", "x.tif", "x"])
 def test_a_picture_of_an_unknown_format_is_refused_with_the_known_ones(
     name, tmp_path, capsys

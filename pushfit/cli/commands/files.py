@@ -15,7 +15,7 @@ from pushfit.cli import options
 from pushfit.cli.inputs import load_peaks, read_settings
 from pushfit.cli.output import refuse_existing, refuse_picture, write_text
 from pushfit.cli.session import CommandSession
-from pushfit.errors import DataError
+from pushfit.errors import DataError, counted
 from pushfit.parameters import SensorUnit
 from pushfit.report.strings import printable
 
@@ -144,7 +144,7 @@ def peaks(
         print(table.frame.to_csv(index=False), end="")
         return
     write_table(table, output)
-    session.wrote(output, f": {table.n_pushes} pushes")
+    session.wrote(output, f": {counted(table.n_pushes, 'push')}")
 
 
 def print_heights(
@@ -160,12 +160,14 @@ def print_heights(
         tell = session.warn if note in found.cautions else session.say_more
         tell(f"{path}: {note}")
     n = len(found.frame)
+    what = f"{n} pushes have heights and times but no directions"
+    if n == 1:
+        what = "one push has a height and times but no direction"
     session.say(
-        f"{path}: no angles and no schedule, so the {n} pushes have heights and times "
-        "but no directions; give --schedule for a fit"
+        f"{path}: no angles and no schedule, so the {what}; give --schedule for a fit"
     )
     text = found.frame.to_csv(index=False, lineterminator="\n")
-    write_text(session, text, output, remark=f": {n} pushes")
+    write_text(session, text, output, remark=f": {counted(n, 'push')}")
 
 
 def draw_peaks(

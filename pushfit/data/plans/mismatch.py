@@ -10,7 +10,7 @@ import numpy as np
 from pushfit.data.plans.alignment import Alignment
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
-from pushfit.errors import DataError, InputProblem, stated
+from pushfit.errors import DataError, InputProblem, counted, stated
 
 # Pushes in which two assignments differ that are shown.
 _MAX_SHOWN = 4
@@ -53,8 +53,9 @@ def mismatch_error(
     ]
     n_found = plan.n_pushes - len(pairs.missing) + len(pairs.extra)
     where = f" in {path}" if path else ""
+    verb = "is" if plan.n_pushes == 1 else "are"
     return DataError(
-        f"{plan.n_pushes} pushes are planned{where}, {n_found} found: "
+        f"{counted(plan.n_pushes, 'push')} {verb} planned{where}, {n_found} found: "
         f"{_first([p.message for p in problems], '; ') or 'not in their rhythm'}"
         f"{_doubt(plan, pairs, extents)}",
         code="push_mismatch",
@@ -88,7 +89,7 @@ def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> s
         f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
         f"the schedule {rows}a column time_s, leave out what is no push by "
         f"{window}, state `min_height`, or take (a) by `allow_missing=True`. "
-        f"Found of planned by (theta, alpha) in (a): {_counts(plan, pairs)}"
+        f"In (a) {_counts(plan, pairs)}"
     )
 
 
@@ -130,20 +131,27 @@ def _else(pairs: Alignment, i: int) -> str:
 
 
 def _counts(plan: PushSchedule, pairs: Alignment) -> str:
-    """Found and planned pushes of the directions in which they differ."""
+    """Which directions lack pushes, and how many humps are left over."""
     degrees = np.degrees(np.stack([plan.theta, plan.alpha], axis=1)).round(6)
-    counts = []
+    lacking = []
     directions = list(dict.fromkeys(map(tuple, degrees)))
     for theta, alpha in directions:
         same = (degrees[:, 0] == theta) & (degrees[:, 1] == alpha)
         planned, found = int(same.sum()), int((pairs.hump[same] >= 0).sum())
         if found != planned:
-            counts.append(f"({theta:g}, {alpha:g}) {found} of {planned}")
+            lacking.append(f"({theta:g}, {alpha:g}) has {found} of {planned}")
+    n_whole = len(directions) - len(lacking)
+    parts = ["no direction lacks a push"]
+    if lacking:
+        parts = [f"directions (theta, alpha) lack pushes: {_first(lacking, ', ')}"]
+    if lacking and n_whole:
+        others = "other direction has" if n_whole == 1 else f"other {n_whole} have"
+        parts.append(f"the {others} all of theirs")
     if pairs.extra:
-        counts.append(f"none {len(pairs.extra)} of 0")
-    n_whole = len(directions) - len(counts) + bool(pairs.extra)
-    whole = f"the other {n_whole} whole" if n_whole else ""
-    return ", ".join(filter(None, [_first(counts, ", "), whole]))
+        n_extra = len(pairs.extra)
+        is_or_are = "is" if n_extra == 1 else "are"
+        parts.append(f"{counted(n_extra, 'hump')} {is_or_are} left over")
+    return "; ".join(parts)
 
 
 def _first(texts: Sequence[str], between: str) -> str:

@@ -160,23 +160,43 @@ def test_three_faults_of_a_pairing_are_told_and_the_rest_counted(n_planned, n_fo
 
 
 @pytest.mark.parametrize(
-    ("theta_deg", "said"),
+    ("theta_deg", "hump", "said"),
     [
-        ([30.0] * 4, "(30, 0) 3 of 4"),
-        ([10.0, 20.0, 30.0, 40.0], "(30, 0) 0 of 1, the other 3 whole"),
+        (
+            [30.0] * 4,
+            [0, 1, -1, 2],
+            "directions (theta, alpha) lack pushes: (30, 0) has 3 of 4",
+        ),
+        (
+            [10.0, 20.0, 30.0, 40.0],
+            [0, 1, -1, 2],
+            "directions (theta, alpha) lack pushes: (30, 0) has 0 of 1; the other 3 "
+            "have all of theirs",
+        ),
+        (
+            [10.0, 10.0, 20.0],
+            [0, -1, 1],
+            "directions (theta, alpha) lack pushes: (10, 0) has 1 of 2; the other "
+            "direction has all of theirs; 1 hump is left over",
+        ),
+        ([10.0, 20.0], [0, 1], "no direction lacks a push; 1 hump is left over"),
+        ([10.0], [0], "no direction lacks a push; 2 humps are left over"),
     ],
 )
-def test_directions_are_called_whole_only_where_there_are_some(theta_deg, said):
-    schedule = PushSchedule.in_order(theta=np.radians(theta_deg), alpha=np.zeros(4))
+def test_what_an_assignment_leaves_open_is_said_by_direction(theta_deg, hump, said):
+    n, n_extra = len(hump), 3 - np.count_nonzero(np.array(hump) >= 0)
+    schedule = PushSchedule.in_order(theta=np.radians(theta_deg), alpha=np.zeros(n))
     pairs = Alignment(
-        hump=np.array([0, 1, -1, 2]),
-        other=np.array([0, 1, 2, -1]),
-        extra=(),
+        hump=np.array(hump),
+        other=np.array(hump[::-1]),
+        extra=tuple(range(3 - n_extra, 3)),
         n_cycles=1,
-        expected=np.arange(4.0),
+        expected=np.arange(float(n)),
     )
     message = str(mismatch_error(schedule, pairs, extents_at(2.0 * np.arange(3.0))))
-    assert message.endswith(f"in (a): {said}")
+    assert message.endswith(f"`allow_missing=True`. In (a) {said}")
+    planned = "1 push is" if n == 1 else f"{n} pushes are"
+    assert message.startswith(f"{planned} planned, 3 found: ")
 
 
 @pytest.mark.parametrize(
