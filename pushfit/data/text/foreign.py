@@ -16,7 +16,13 @@ import numpy as np
 from pushfit.data.text.faults import refuse, refuse_columns
 from pushfit.data.text.files import NUMPY
 from pushfit.data.text.numpy_files import Table, numpy_table
-from pushfit.data.text.ros_logs import NUMBER, Record, is_log, log_records, uncoloured
+from pushfit.data.text.ros_logs import (
+    NUMBER,
+    LogRecord,
+    is_log,
+    log_records,
+    uncoloured,
+)
 
 _YAML = re.compile(
     rf"(?P<indent>[ ]*)(?P<key>[A-Za-z_]\w*):\s*(?P<value>\[.*\]|{NUMBER})?\s*$"
@@ -58,7 +64,7 @@ def foreign_table(
     return table, kind
 
 
-def _echoed(path: str) -> list[Record]:
+def _echoed(path: str) -> list[LogRecord]:
     """Numbers of all messages that have some."""
     messages = list(_messages(path))
     if not messages:
@@ -71,9 +77,9 @@ def _echoed(path: str) -> list[Record]:
     return messages
 
 
-def _messages(path: str) -> Iterator[Record]:
+def _messages(path: str) -> Iterator[LogRecord]:
     """Numbers of each message between lines of dashes, by their path."""
-    message: Record = {}
+    message: LogRecord = {}
     parents: list[tuple[int, str]] = []
     with open(path, encoding="utf-8", errors="replace") as file:
         for line in file:
@@ -100,7 +106,7 @@ def _messages(path: str) -> Iterator[Record]:
         yield message
 
 
-def _columns(rows: list[Record]) -> Table:
+def _columns(rows: list[LogRecord]) -> Table:
     """Columns of those records that have all numbers that most of them have."""
     names = Counter(map(tuple, rows)).most_common(1)[0][0]
     rows = [row for row in rows if row.keys() >= set(names)]

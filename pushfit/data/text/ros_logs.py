@@ -15,7 +15,7 @@ from pushfit.data.text.faults import refuse
 from pushfit.data.units import find_unit
 from pushfit.errors import DataError
 
-Record = dict[str, float]
+LogRecord = dict[str, float]
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _LEVEL = "(?:DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL)"
@@ -58,7 +58,7 @@ def is_log(text: str) -> bool:
     return re.search(rf"^{_LOG.pattern}", text, re.M) is not None
 
 
-def log_records(path: str) -> list[Record]:
+def log_records(path: str) -> list[LogRecord]:
     """Numbers of each moment by their names, with its time.
 
     Raises:
@@ -81,14 +81,14 @@ def _lines(path: str) -> Iterator[str]:
 
 def _records(
     path: str, read: Callable[[str, bool], dict[str, float | None]]
-) -> Iterator[Record]:
+) -> Iterator[LogRecord]:
     """Numbers of each log record; a value may be on the line below its name.
 
     Args:
         read: Gives the numbers of a text by name, None for one that is to come. It is
             told whether a record begins with the text.
     """
-    record: Record = {}
+    record: LogRecord = {}
     waiting: str | None = None
     for line in _lines(path):
         match = _LOG.match(line)
