@@ -194,7 +194,7 @@ class Page:
         self._status.text = "\n".join(printable(line) for line in lines if line)
         # One row for each hump; what does not count has no height.
         frame = frame.assign(row=np.arange(len(frame))).set_index("t_start_s")
-        starts = [hump.t_start for hump in look.humps]
+        starts = look.starts
         measured = frame.reindex(starts)
         heights = {n: _numbers(measured, f"{n}_{look.unit}") for n in look.heights}
         number = dict(zip(look.pushes, itertools.count(1)))

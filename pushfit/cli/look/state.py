@@ -20,7 +20,7 @@ from pushfit.data.peaks.components import (
     signal_name,
     signal_unit,
 )
-from pushfit.data.peaks.extract import Heights, extract_peaks, measure_pushes
+from pushfit.data.peaks.extract import Heights, extract_peaks, measure_pushes, within
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.recordings.records import Recording
@@ -105,14 +105,13 @@ class Look:
         table = extract_peaks(self.recording, schedule, settings=lenient)
         is_missing = np.array(["missing" in flags for flags in table.flags], dtype=bool)
         there = table.frame[~is_missing]
-        starts = {hump.t_start for hump in self.humps}
-        if not starts.issuperset(there["t_start_s"]):
+        if not set(self.starts).issuperset(there["t_start_s"]):
             self.search(signed=True)
         rows = there.set_index("t_start_s")[["theta_deg", "alpha_deg"]]
-        for k, hump in enumerate(self.humps):
-            self.counts[k] = hump.t_start in rows.index
+        for k, start in enumerate(self.starts):
+            self.counts[k] = start in rows.index
             if self.counts[k]:
-                theta, alpha = rows.loc[hump.t_start]
+                theta, alpha = rows.loc[start]
                 self.theta_deg[k], self.alpha_deg[k] = float(theta), float(alpha)
         self.notes = tuple(
             f"push {number} of the schedule has no hump, and is not going to be saved"
@@ -125,6 +124,11 @@ class Look:
         if self.config.peaks.normal is None:
             return ("height",)
         return ("height_normal", "height_tangential")
+
+    @property
+    def starts(self) -> list[float]:
+        """Where each hump begins, by which tables know it [s]."""
+        return within(self.time, [hump.t_start for hump in self.humps])
 
     @property
     def pushes(self) -> list[int]:

@@ -42,7 +42,14 @@ from pushfit.data.tables.traces import MAX_KEPT, ComponentTrace, Trace, envelope
 from pushfit.data.units import DECIMALS
 from pushfit.errors import DataError
 
-__all__ = ["DEFAULTS", "Heights", "extract_peaks", "find_pushes", "measure_pushes"]
+__all__ = [
+    "DEFAULTS",
+    "Heights",
+    "extract_peaks",
+    "find_pushes",
+    "measure_pushes",
+    "within",
+]
 
 HeightColumns = dict[str, Sequence[float] | Sequence[str]]
 
@@ -138,6 +145,14 @@ def measure_pushes(
         cautions=cautions,
         trace=look.trace(measured),
     )
+
+
+def within(time: Float[np.ndarray, " n"], moments: Sequence[float]) -> list[float]:
+    """Moments of pushes as a table has them: none lies outside of the samples.
+
+    Of a push that is cut or missing, feet and tops are where they would be [s].
+    """
+    return np.clip(moments, time[0], time[-1]).tolist()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,9 +254,9 @@ class _Look:
                 for own, is_excluded in zip(words, paired.is_excluded, strict=True)
             ]
         times: HeightColumns = {
-            "t_peak_s": [h.t_peak for h in heights],
-            "t_start_s": [e.t_start for e in chosen],
-            "t_end_s": [e.t_end for e in chosen],
+            "t_peak_s": within(time, [h.t_peak for h in heights]),
+            "t_start_s": within(time, [e.t_start for e in chosen]),
+            "t_end_s": within(time, [e.t_end for e in chosen]),
             "definition": [h.definition for h in heights],
         }
         if is_force:

@@ -118,6 +118,16 @@ def test_what_is_saved_pairs_each_push_with_its_own_direction(tmp_path):
     )
 
 
+def test_a_push_that_the_recording_cuts_keeps_its_direction():
+    """Its foot would be before the first sample."""
+    own = TIME >= HUMPS[0][0]
+    part = recording().taken(np.flatnonzero(own))
+    angles = np.radians(np.full(own.sum(), 30.0))
+    look = Look(replace(part, theta=angles, alpha=angles), read_config(None))
+    assert look.humps[0].t_start < part.time[0] == look.starts[0]
+    assert look.is_directed(0)
+
+
 def test_a_saved_schedule_also_pairs_where_nothing_was_left_out_by_a_window():
     """The touch is then a hump that the plan does not have, by its time."""
     look = a_look()
