@@ -31,6 +31,10 @@ _CLEAR = 4.0
 # A hand pushes after as many medians of its gaps, or as small a part of one, at most: a
 # bump among regular pushes leaves less. At 2.5 four of 30 000 cases are paired wrong.
 _BY_HAND = 2.0
+# A hump this near to the moment of a missing push is that push, in periods: a bump is
+# seldom just there. At 0.15 one case more of 10 000 that scatter by 4 % and 8 % is
+# paired wrong; at 0.25 bumps pass for pushes in one of 1000 regular plans.
+_AT_ITS_MOMENT = 0.2
 # Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs,
 # of five humps. Half pairs 23 cases more by the rhythm of fewer, twice refuses 95.
 _EVIDENCE = 8.0
@@ -107,7 +111,7 @@ def align(
     if planned_times is not None:
         hump = _on_the_clock(case, float(planned_times[0]))
         if hump is not None:
-            return _alignment(case, hump, None, n_cycles)
+            return _alignment(case, _joined(case, hump), None, n_cycles)
         scales = [(1.0, _TIMED_SCATTER)]
     else:
         certain = times[~brush] if n_pushes > 1 else times
@@ -128,7 +132,8 @@ def align(
         return _alignment(case, in_order, None, n_cycles)
     if n_pushes == len(planned) and not np.array_equal(best, in_order):
         return _alignment(case, best, None if case.is_timed else in_order, n_cycles)
-    others = [one.hump for one in pairings[1:] if one.cost < clear]
+    best = _joined(case, best)
+    others = [_joined(case, one.hump) for one in pairings[1:] if one.cost < clear]
     others = [*_stopped_early(case, best, begin), *others]
     if _skips_beats(case, best):
         # The plan has no room for the rhythm, as where a recording was stopped early.
@@ -139,6 +144,28 @@ def align(
         others = [*_in_order(case), *others]
     others = [other for other in others if _differs(case, best, other)]
     return _alignment(case, best, others[0] if others else None, n_cycles)
+
+
+def _joined(case: Case, hump: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """The same, where humps left over at the moments of missing pushes are these.
+
+    A normal density of the gaps gives up too early what scatters more than the others.
+    """
+    expected, hump = _expected(case, hump), hump.copy()
+    there = np.flatnonzero(hump >= 0)
+    if there.size < 2:
+        return hump
+    slope = np.ptp(case.times[hump[there]]) / np.ptp(case.planned[there])
+    near = _AT_ITS_MOMENT * slope * float(np.median(np.diff(case.planned)))
+    for i in np.flatnonzero(hump < 0):
+        first = hump[:i].max(initial=-1) + 1
+        after = hump[i:][hump[i:] >= 0]
+        free = np.arange(first, after[0] if after.size else len(case.times))
+        free = free[~case.brush[free]]
+        off = np.abs(case.times[free] - expected[i])
+        if free.size and off.min() < near:
+            hump[i] = free[off.argmin()]
+    return hump
 
 
 def _in_order(case: Case) -> list[Int[np.ndarray, " n"]]:

@@ -149,6 +149,35 @@ def told(n_planned: int, n_found: int) -> str:
     return str(mismatch_error(schedule, found, extents))
 
 
+@pytest.mark.parametrize("is_timed", [False, True])
+@pytest.mark.parametrize("off", [-0.17, 0.17])
+def test_a_push_off_its_beat_is_not_both_missing_and_a_hump_too_many(off, is_timed):
+    beats = np.array([0, 1 + off, 2, 3, 4, 5, 9, 10, 11])
+    found = align(
+        5.0 + 4.0 * beats,
+        [False] * 9,
+        n_planned=12,
+        planned_times=5.0 + 4.0 * np.arange(12.0) if is_timed else None,
+        span=(0.0, 55.0),
+    )
+    assert found.other is None
+    assert found.extra == ()
+    assert found.missing == (6, 7, 8)
+
+
+def test_a_bump_between_two_beats_does_not_stand_for_the_missing_push_beside_it():
+    beats = np.array([0, 1.4, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+    found = align(
+        5.0 + 4.0 * beats,
+        [False] * 12,
+        n_planned=12,
+        planned_times=5.0 + 4.0 * np.arange(12.0),
+        span=(0.0, 55.0),
+    )
+    assert found.missing == (1,)
+    assert found.extra == (1,)
+
+
 @pytest.mark.parametrize(("n_planned", "n_found"), [(60, 20), (9, 8), (40, 25)])
 def test_three_faults_of_a_pairing_are_told_and_the_rest_counted(n_planned, n_found):
     message = told(n_planned, n_found)
