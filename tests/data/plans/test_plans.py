@@ -89,6 +89,29 @@ def test_a_recording_that_was_stopped_early_is_no_plan_with_every_other_push_mis
     assert found.other.tolist() == [*missing, *range(6)]
 
 
+@pytest.mark.parametrize(
+    ("beats", "made", "lead", "rest"),
+    [
+        ([0.0, 2.0, 3.0, 3.505, 5.505], [1, 3, 4], 1.42, 6.07),
+        ([0.0, 0.52, 1.01, 3.02, 3.54, 5.01, 5.54], [5, 6, 8, 10], 7.17, 2.05),
+    ],
+)
+def test_bumps_halfway_between_pushes_set_no_rhythm_of_half_the_period(
+    beats, made, lead, rest
+):
+    """The first are two bumps beside three pushes, the last three beside four."""
+    times = 4.0 * np.array(beats)
+    found = align(
+        times,
+        [False] * len(times),
+        n_planned=12,
+        planned_times=None,
+        span=(times[0] - 4.0 * lead, times[-1] + 4.0 * rest),
+    )
+    missing = np.setdiff1d(np.arange(12), made)
+    assert found.other is not None or list(found.missing) == missing.tolist()
+
+
 def test_a_plan_whose_first_pushes_feel_nothing_is_paired_with_its_last():
     rng = np.random.default_rng(1)
     times = PERIOD * np.arange(27) + 0.1 * rng.standard_normal(27)
