@@ -18,6 +18,7 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
 from pushfit.data.pushes.found_humps import FoundHumps, is_in
+from pushfit.data.text.faults import listed
 from pushfit.errors import stated
 
 
@@ -89,6 +90,15 @@ class Paired:
                 "the rows of the schedule are not in the order of their push numbers; "
                 "pushes are paired in the order of the rows: sort them by push if they "
                 "were made in that order, or state time_s"
+            )
+        bumps = [self.found.extents[j] for j in self.alignment.off_beat]
+        if bumps:
+            when = listed([f"{bump.t_peak:.2f} s" for bump in bumps])
+            lines.append(
+                "as many humps as planned are paired in order, but the rhythm speaks "
+                f"against it: those at {when} are off the beat of the others. Leave "
+                "out what is no push, where another push is missing, as by "
+                f"{stated(exclude=[bump.window for bump in bumps])}"
             )
         plan = self.schedule.repeated(self.alignment.n_cycles)
         for i, j in enumerate(self.alignment.hump):

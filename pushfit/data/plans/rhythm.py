@@ -7,7 +7,7 @@ Constants were tried in the cases of `benchmarks.recordings.plan_alignment`.
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 # Minus log probability of a push without a hump: one in seven.
 MISSING = 2.0
@@ -25,6 +25,10 @@ _WIDER = 1.2 * 1.4826
 # A hump is on the beat of another if it is off by less than this, in periods, three
 # times the least scatter.
 _BEAT = 0.1
+# A beat is looked for at either width, and three in four humps are on it: bumps share
+# a wider one, few pushes a narrower one. Of 41 plans with bumps in place of pushes 21
+# have these named and nothing else; 17 if six in ten are on it.
+_BEATS, _SHARE_ON = (0.1, 0.15), 0.75
 # Humps have a rhythm if this share of so many neighbours on either side is on a beat;
 # of random ones 0.2 to 0.4 are. At twice 17 cases are paired wrong by mere order.
 _STEADY, _NEIGHBOURS = 0.45, 8
@@ -74,6 +78,40 @@ def rhythms(
     best = best[cost[best] <= cost[best[0]] + _WORTH]
     steady = [_refined(times, float(periods[k])) for k in best if on_beat[k] > _STEADY]
     return steady or [(np.inf, np.inf)]
+
+
+def off_beat(
+    times: Float[np.ndarray, " m"], n_planned: int, room: float
+) -> Int[np.ndarray, " k"]:
+    """Which humps are off the one beat that is likeliest to be that of the others.
+
+    Unlike `rhythms`, this asks for no steadiness.
+
+    Args:
+        times: Times of humps [s].
+        n_planned: Pushes that are to find room in the recording.
+        room: Length of the recording; infinite where unknown [s].
+    """
+    lags = range(1, min(_MAX_SKIPPED_LAGS, len(times) - 1) + 1)
+    gaps = np.concatenate([times[k:] - times[:-k] for k in lags])
+    periods = np.unique((gaps[:, None] / np.arange(1, _MAX_SKIPPED_LAGS + 1)).ravel())
+    periods = periods[periods * (n_planned - 1 - 2 * SLACK) <= room]
+    if periods.size == 0:
+        return np.array([], dtype=int)
+    beats = (times[:, None] - times) / periods[:, None, None]
+    off, best, bumps = np.abs(beats - np.round(beats)), -np.inf, np.array([], dtype=int)
+    lead = (room - (n_planned - 1) * periods) / periods / LEAD
+    for beat in _BEATS:
+        is_on = off < beat
+        on, beside = _SHARE_ON / (2 * beat), (1 - _SHARE_ON) / (1 - 2 * beat)
+        shown = np.where(is_on, np.log(on), np.log(beside)).sum(axis=1)
+        if np.isfinite(room):
+            shown = shown - lead[:, None]
+        period, origin = np.unravel_index(shown.argmax(), shown.shape)
+        if shown[period, origin] > best:
+            best = float(shown[period, origin])
+            bumps = np.flatnonzero(~is_on[period, :, origin])
+    return bumps
 
 
 def _distinct(periods: Float[np.ndarray, " p"]) -> Float[np.ndarray, " q"]:

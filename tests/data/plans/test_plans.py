@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from benchmarks.recordings.plan_alignment import count, count_by_hand
+from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
+from pushfit.data.recordings.records import Recording
 
 PERIOD = 3.5
 # Sequences by hand, and the share of them that is paired; the rest is refused.
@@ -110,6 +112,57 @@ def test_bumps_halfway_between_pushes_set_no_rhythm_of_half_the_period(
     )
     missing = np.setdiff1d(np.arange(12), made)
     assert found.other is not None or list(found.missing) == missing.tolist()
+
+
+# Twelve humps at which a plan of twelve has pushes 2, 8 and 10 missing and three bumps.
+WITH_BUMPS = [8.93, 14.2, 16.6, 20.92, 24.86, 28.55, 32.9, 38.7, 40.97, 43.2]
+WITH_BUMPS += [48.6, 52.62]
+
+
+@pytest.mark.parametrize(
+    ("times", "off"),
+    [
+        (WITH_BUMPS, {1, 7, 9}),
+        (4 * np.array([0, 1.2, 2.1, 3.2, 4, 5.3, 6.1, 7.2, 8.3, 9.1, 10.2, 11.3]), ()),
+    ],
+)
+def test_as_many_humps_as_planned_are_told_which_are_off_the_beat(times, off):
+    found = align(
+        np.array(times),
+        [False] * 12,
+        n_planned=12,
+        planned_times=None,
+        span=(times[0] - 8.9, times[-1] + 3.8),
+    )
+    assert found.other is None
+    assert found.hump.tolist() == list(range(12))
+    assert set(found.off_beat) == set(off)
+
+
+def recorded(times, heights) -> Recording:
+    """Pushes of 1.4 s, with a little noise and 2 s of rest on either side."""
+    clock = np.arange(times[0] - 3.0, times[-1] + 3.0, 0.02)
+    signal = 0.5 * np.random.default_rng(0).standard_normal(clock.size)
+    for when, height in zip(times, heights, strict=True):
+        phase = np.clip((clock - when) / 1.4, -0.5, 0.5)
+        signal += height * np.cos(np.pi * phase) ** 2
+    return Recording(time=clock, channels={"p": signal}, units={"p": "n"})
+
+
+def plan_of(n: int) -> PushSchedule:
+    """Directions of some pushes, in no stated time."""
+    return PushSchedule.in_order(
+        theta=np.radians(np.linspace(5.0, 85.0, n)), alpha=np.zeros(n)
+    )
+
+
+def test_humps_off_the_beat_of_a_whole_plan_are_told_with_how_to_leave_them_out():
+    table = extract_peaks(recorded(WITH_BUMPS, [100.0] * 12), plan_of(12))
+    told = [line for line in table.cautions if "off the beat" in line]
+    assert len(told) == 1
+    assert "those at 14.19 s, 38.71 s, 43.20 s are off" in told[0]
+    assert "exclude=[(13.6, 14.81), (" in told[0]
+    assert len(table.frame) == 12
 
 
 def test_a_plan_whose_first_pushes_feel_nothing_is_paired_with_its_last():
