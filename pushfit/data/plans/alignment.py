@@ -94,6 +94,7 @@ def align(
     planned_times: Float[np.ndarray, " n"] | None,
     span: tuple[float, float] = (-np.inf, np.inf),
     begin: float = -np.inf,
+    left_out: Sequence[float] = (),
 ) -> Alignment:
     """Pair humps with planned pushes, in order and in rhythm.
 
@@ -104,6 +105,7 @@ def align(
             agree with it; None for a steady rhythm [s].
         span: Begin and end of the recording; unbounded where unknown [s].
         begin: Begin of the part of it that humps were looked for in [s].
+        left_out: When there are humps that the user calls no pushes [s].
     """
     brush = np.asarray(is_brush, dtype=bool)
     n_pushes = int(np.count_nonzero(~brush))
@@ -117,7 +119,7 @@ def align(
         span=span,
     )
     in_order = np.flatnonzero(~brush)
-    if n_pushes == len(planned) and _is_in_rhythm(case):
+    if n_pushes == len(planned) and _is_in_rhythm(case, left_out):
         return _alignment(case, in_order, None, n_cycles)
     if planned_times is not None:
         hump = _on_the_clock(case, float(planned_times[0]))
@@ -136,6 +138,9 @@ def align(
         # As many as planned: nothing speaks against their order.
         return _by_number(case, n_cycles)
     if n_pushes == len(planned) and not np.array_equal(best, in_order):
+        if not case.is_timed and brush[best[best >= 0]].any():
+            # A brush is less likely a push than as many as planned are the pushes.
+            return _alignment(case, in_order, best, n_cycles)
         return _alignment(case, best, None if case.is_timed else in_order, n_cycles)
     best = _joined(case, best)
     others = [_joined(case, other) for other in others]
@@ -344,15 +349,20 @@ def _planned(
     return np.concatenate([one + k * (one[-1] + period) for k in range(n_cycles)])
 
 
-def _is_in_rhythm(case: Case) -> bool:
+def _is_in_rhythm(case: Case, left_out: Sequence[float]) -> bool:
     """Whether pairing one by one is the likeliest, which needs no search.
 
-    It is if no time between two pushes is off by what it takes to be another pair.
+    It is if no time between two pushes is off by what it takes to be another pair. What
+    the user calls no push may have taken the time of one.
     """
-    gaps = np.diff(case.times[~case.brush])
+    times = case.times[~case.brush]
+    gaps = np.diff(times)
     steps = np.diff(case.planned)
     if len(gaps) < 1:
         return True
     scale = 1.0 if case.is_timed else float(np.median(gaps / steps))
-    off = np.abs(gaps / scale - steps) / float(np.median(steps))
-    return bool(np.all(off < IN_TIME))
+    off = gaps / scale - steps
+    if not case.is_timed:
+        between = np.histogram(np.asarray(left_out, dtype=float), times)[0]
+        off = off - np.clip(np.round(off), 0, between)
+    return bool(np.all(np.abs(off) / float(np.median(steps)) < IN_TIME))

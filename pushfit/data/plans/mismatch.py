@@ -39,12 +39,13 @@ def mismatch_error(
         )
         for i in pairs.missing
     ]
+    is_brush_taken = bool(_brushes_taken(pairs, extents))
     problems += [
         InputProblem(
             code="push_extra",
             message=(
-                f"the hump at {extents[j].t_peak:.2f} s is no planned push and left "
-                f"out; say so by {stated(exclude=[extents[j].window])}"
+                f"the hump at {extents[j].t_peak:.2f} s is no planned push and left out"
+                + ("" if is_brush_taken else f"; say so by {_left_out(extents[j])}")
             ),
             path=path,
             value=f"{extents[j].t_peak:.2f} s",
@@ -79,10 +80,11 @@ def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> s
         "; ".join(f"push {plan.push[i]} {_at(extents, int(hump[i]))}" for i in differ)
         for hump in (pairs.hump, pairs.other)
     ]
-    humps = pairs.extra[:1]
-    window = (
-        stated(exclude=[extents[j].window for j in humps]) if humps else "`exclude`"
-    )
+    brushes = _brushes_taken(pairs, extents)
+    humps = (brushes or pairs.extra)[:1]
+    window = _left_out(extents[humps[0]]) if humps else "`exclude`"
+    if brushes:
+        window += f", the hump far lower than the others {_at(extents, humps[0])}"
     is_short = len(pairs.extra) > len(pairs.missing)
     rows = "a row for each push that was made, or " if is_short else ""
     return (
@@ -91,6 +93,19 @@ def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> s
         f"{window}, state `min_height`, or take (a) by `allow_missing=True`. "
         f"In (a) {_counts(plan, pairs)}"
     )
+
+
+def _brushes_taken(pairs: Alignment, extents: Sequence[Extent]) -> tuple[int, ...]:
+    """Humps far lower than the others that either of two assignments has as pushes."""
+    if pairs.other is None:
+        return ()
+    taken = np.union1d(pairs.hump, pairs.other).tolist()
+    return tuple(j for j in taken if j >= 0 and extents[j].is_brush)
+
+
+def _left_out(extent: Extent) -> str:
+    """How to leave out a hump."""
+    return stated(exclude=[extent.window])
 
 
 def _at(extents: Sequence[Extent], hump: int) -> str:

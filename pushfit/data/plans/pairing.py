@@ -145,6 +145,7 @@ def pair(
         planned_times=schedule.time,
         span=span,
         begin=float(found.course.time[0]),
+        left_out=[extent.middle for extent in found.excluded],
     )
     plan = schedule.repeated(alignment.n_cycles)
     left_out = found.beside([found.extents[j] for j in alignment.hump if j >= 0])

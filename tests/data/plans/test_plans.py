@@ -264,6 +264,38 @@ def test_three_faults_of_a_pairing_are_told_and_the_rest_counted(n_planned, n_fo
     assert len(message) < 1500
 
 
+WITH_BRUSH = 4.0 * np.arange(11.0)
+
+
+def brushed(left_out=()) -> Alignment:
+    """Ten pushes for ten rows, and a brush on the beat between them."""
+    times = np.delete(WITH_BRUSH, 6) if left_out else WITH_BRUSH
+    return align(
+        times,
+        [k == 6 and not left_out for k in range(len(times))],
+        n_planned=10,
+        planned_times=None,
+        span=(-3.0, 43.0),
+        left_out=left_out,
+    )
+
+
+def test_a_brush_on_the_beat_is_what_the_remedy_leaves_out():
+    found = brushed()
+    assert found.hump.tolist() == [0, 1, 2, 3, 4, 5, 7, 8, 9, 10]
+    assert found.other is not None
+    extents = extents_at(WITH_BRUSH)
+    extents[6] = replace(extents[6], is_brush=True)
+    message = str(mismatch_error(plan_of(10), found, extents))
+    assert message.count("exclude=") == 1
+    assert "exclude=[(23.0, 25.0)]" in message
+
+
+def test_a_brush_that_the_user_leaves_out_explains_the_beat_without_a_push():
+    found = brushed(left_out=[WITH_BRUSH[6]])
+    assert (found.n_odd, found.other) == (0, None)
+
+
 @pytest.mark.parametrize(
     ("theta_deg", "hump", "said"),
     [
