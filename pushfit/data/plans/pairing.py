@@ -7,7 +7,7 @@ that it felt next to nothing is a result. Excluded: which hump is which push
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -138,15 +138,7 @@ def pair(
             schedule=schedule,
             alignment=None,
         )
-    alignment = align(
-        np.array([extent.middle for extent in found.extents]),
-        [extent.is_brush for extent in found.extents],
-        n_planned=schedule.n_pushes,
-        planned_times=schedule.time,
-        span=span,
-        begin=float(found.course.time[0]),
-        left_out=[extent.middle for extent in found.excluded],
-    )
+    alignment = _aligned(found, schedule, span)
     plan = schedule.repeated(alignment.n_cycles)
     left_out = found.beside([found.extents[j] for j in alignment.hump if j >= 0])
     rows, extents, is_excluded = [], [], []
@@ -174,6 +166,33 @@ def pair(
         schedule=schedule,
         alignment=alignment,
     )
+
+
+def _aligned(
+    found: FoundHumps, schedule: PushSchedule, span: tuple[float, float]
+) -> Alignment:
+    """Which humps are which pushes; what the recording cuts may be none of them."""
+
+    def alignment(humps: Sequence[Extent]) -> Alignment:
+        return align(
+            np.array([extent.middle for extent in humps]),
+            [extent.is_brush for extent in humps],
+            n_planned=schedule.n_pushes,
+            planned_times=schedule.time,
+            span=span,
+            begin=float(found.course.time[0]),
+            left_out=[extent.middle for extent in found.excluded],
+        )
+
+    humps = found.extents
+    cut = [k for k, e in enumerate(humps) if e.is_cut and not e.is_brush]
+    whole = [k for k in range(len(humps)) if k not in cut]
+    if cut and sum(not humps[k].is_brush for k in whole) == schedule.n_pushes:
+        pairs = alignment([humps[k] for k in whole])
+        if pairs.n_odd == 0 and pairs.other is None and not pairs.off_beat:
+            # As where a step of the rest level ends a recording of whole pushes.
+            return replace(pairs, hump=np.array(whole)[pairs.hump], extra=tuple(cut))
+    return alignment(humps)
 
 
 def _where_it_was_to_be(

@@ -165,6 +165,21 @@ def test_humps_off_the_beat_of_a_whole_plan_are_told_with_how_to_leave_them_out(
     assert len(table.frame) == 12
 
 
+@pytest.mark.parametrize("is_early", [False, True])
+def test_a_step_that_a_recording_ends_with_leaves_a_whole_plan_as_it_is(is_early):
+    """Turned, it is a step that the recording begins with."""
+    whole = recorded([3.0, 7.1, 11.2, 15.0], [100.0, 150.0, 130.0, 90.0])
+    clock, signal = whole.time, whole.channels["p"]
+    signal = signal + 200.0 * (clock > clock[-1] - 0.7)
+    if is_early:
+        signal = signal[::-1]
+    stepped = Recording(time=clock, channels={"p": signal}, units={"p": "n"})
+    table = extract_peaks(stepped, plan_of(4))
+    assert len(table.frame) == 4
+    assert not table.frame["flags"].str.contains("clipped|missing").any()
+    assert any("is no planned push" in line for line in table.cautions)
+
+
 def test_a_plan_whose_first_pushes_feel_nothing_is_paired_with_its_last():
     rng = np.random.default_rng(1)
     times = PERIOD * np.arange(27) + 0.1 * rng.standard_normal(27)
