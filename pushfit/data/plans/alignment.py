@@ -44,6 +44,9 @@ _AT_ITS_MOMENT = 0.2
 # 39 of 40 plans that have bumps in place of pushes, and of 9 % of those by hand whose
 # gaps scatter by 20 %; at the median of 23 and 1 %, at 1.6 times of 39 and 30 %.
 _TOO_SOON, _USUAL_PERCENT = 1.8, 70
+# A beat that more than this share are off is none, and among more pushes than these it
+# takes long to find.
+_FEW_OFF, _MOST_OF_A_BEAT = 1 / 3, 130
 # Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs,
 # of five humps. Half pairs 23 cases more by the rhythm of fewer, twice refuses 95.
 _EVIDENCE = 8.0
@@ -213,8 +216,11 @@ def _off_beat(case: Case) -> Int[np.ndarray, " k"]:
     gaps = np.diff(times)
     if gaps.min() * _TOO_SOON > np.percentile(gaps, _USUAL_PERCENT):
         return np.array([], dtype=int)
-    bumps = off_beat(times, len(times), case.span[1] - case.span[0])
-    return bumps if bumps.size else gaps.argmin() + np.arange(2)
+    bumps = np.array([], dtype=int)
+    if len(times) <= _MOST_OF_A_BEAT:
+        bumps = off_beat(times, len(times), case.span[1] - case.span[0])
+    has_beat = 0 < bumps.size <= _FEW_OFF * len(times)
+    return bumps if has_beat else gaps.argmin() + np.arange(2)
 
 
 def _in_order(case: Case) -> list[Int[np.ndarray, " n"]]:
