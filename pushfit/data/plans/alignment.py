@@ -210,17 +210,20 @@ def _by_number(case: Case, n_cycles: int) -> Alignment:
 def _off_beat(case: Case) -> Int[np.ndarray, " k"]:
     """Which pushes may be bumps, those off the beat of most; none where all are even.
 
+    Nor are any where there is no beat, as of a hand.
+
     Where none is off it, they are the two that follow each other too soon.
     """
     times = case.times[~case.brush]
     gaps = np.diff(times)
     if gaps.min() * _TOO_SOON > np.percentile(gaps, _USUAL_PERCENT):
         return np.array([], dtype=int)
-    bumps = np.array([], dtype=int)
-    if len(times) <= _MOST_OF_A_BEAT:
-        bumps = off_beat(times, len(times), case.span[1] - case.span[0])
-    has_beat = 0 < bumps.size <= _FEW_OFF * len(times)
-    return bumps if has_beat else gaps.argmin() + np.arange(2)
+    if len(times) > _MOST_OF_A_BEAT:
+        return gaps.argmin() + np.arange(2)
+    bumps = off_beat(times, len(times), case.span[1] - case.span[0])
+    if bumps.size > _FEW_OFF * len(times):
+        return np.array([], dtype=int)
+    return bumps if bumps.size else gaps.argmin() + np.arange(2)
 
 
 def _in_order(case: Case) -> list[Int[np.ndarray, " n"]]:
