@@ -159,15 +159,14 @@ def measure_heights(
     )
     tops = _tops(pushes, calm, held, missing)
     drift = base.drift(tops.time)
-    is_push = np.array([not e.is_brush for e in extents])
     is_cut = saturated_pushes(
         signal,
         extents,
         signs=signs.tolist(),
         limit=limit,
-        # Where most are held, readings pile up at levels by themselves; among pointed
-        # pushes a level is that of the limit.
-        sigma=np.where(held & (held[is_push].mean() > _MOST), 0.0, noise.sigma),
+        sigma=noise.sigma,
+        held=held,
+        quantum=noise.quantum,
     )
     # The drift of an upright picture of a dip goes the other way.
     rise = tops.level - base.level - signs * drift

@@ -1,10 +1,15 @@
 """Which pushes reach the end of the sensor's range, so that their tops are cut.
 
-Excluded: pushes held at a level (`pushfit.data.peaks.apex_or_plateau`). Half or twice
-of a constant changes no test, and no flag of `benchmarks.recordings.real_recordings`.
+A limit shows by readings that pile up at one value; by noise that it cuts as well, so
+that tops are far calmer than rests and lower pushes; or by a flat top that ends where
+others end, among pushes that are pointed. A hold at the noise of its rest is as flat
+where nothing cuts it: by itself it is no limit. Excluded: which pushes are held at a
+level (`pushfit.data.peaks.apex_or_plateau`). What constants do was seen in the
+recordings of `benchmarks.recordings.real_recordings`, and in 120 to 800 simulated ones.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -15,13 +20,26 @@ from pushfit.data.pushes.detection import Extent
 _MIN_SAMPLES = 3
 # A sensor at its limit may be noisy there: readings within this many sigma of the
 # largest, which holds all but one in 16 000 of a level's, count as the largest, if that
-# is a small share of the height.
-_BAND_SIGMAS, _MAX_BAND = 4.0, 0.02
+# is a small share of the height. Half of the sigmas misses pushes cut at a noise of 0.6
+# %, twice flags of `p2_Pa`; half of the share misses 42 of 274 more at a ceiling that
+# keeps all noise.
+_BAND_SIGMAS, _MAX_BAND = 4.0, 0.04
 # Of the lower pushes.
 _MOST = 0.5
-# So much calmer than lower holds the only one at its limit is. Eight normal samples are
-# by chance once in 300 (chi-square, 7 degrees).
-_CALMER = 3.0
+# So much calmer than rests and lower pushes tops at a limit are. Eight normal samples
+# are by chance once in 300 (chi-square, 7 degrees). Half of the first flags 7 of 211
+# whole pushes, twice misses all that keep 0.2 of their noise; half of the second flags
+# 2 whole ones, twice changes none.
+_CALMER, _MIN_CALM = 3.0, 8
+# Share of the time near the largest reading that is left out at either end of it, as
+# the way in and out. Half changes nothing, twice leaves 5 of 215 too few samples.
+_EDGE = 0.2
+# Readings that flip between two counts scatter by up to half a step without any noise
+# to be cut, so that steps of resolution alone are never calm. Half changes no flag.
+_FLIPS = 0.5
+# Share of the time above half its height for which a held push is at a level: an
+# overshoot that looks flat is briefer, 0.1 where holds of 2 s begin with one.
+_LEAST_LEVEL = 0.25
 # Its limit may also creep. Several pointed pushes that end within one of these shares
 # of the height, each with so many readings there, end at a limit.
 _BANDS, _MIN_NEAR, _MIN_PUSHES = (0.001, 0.002, 0.004, 0.008), 6, 2
@@ -34,6 +52,8 @@ def saturated_pushes(
     signs: Sequence[int],
     limit: float | None,
     sigma: Float[np.ndarray, " p"],
+    held: Bool[np.ndarray, " p"] | None = None,
+    quantum: float = 0.0,
 ) -> Bool[np.ndarray, " p"]:
     """Find the pushes that reach the end of the range.
 
@@ -42,90 +62,209 @@ def saturated_pushes(
         signs: 1 for a push that goes up, -1 for one that goes down.
         limit: Largest reading of the sensor; None to recognise it. Where a push goes
             down, it is that of the reversed signal, and recognised as well [unit].
-        sigma: Noise of a sample at rest beside each push; 0 where it is held, so that
-            its readings pile up at their level by themselves [unit].
+        sigma: Noise of a sample at rest beside each push; 0 where it is not known, so
+            that only equal readings show a limit [unit].
+        held: Whether each is held at a level; None if none is.
+        quantum: Resolution [unit].
     """
+    held = np.zeros(len(extents), dtype=bool) if held is None else held
+    is_push = np.array([not extent.is_brush for extent in extents])
+    # Where most are held, pushes end at levels by themselves; among pointed ones a
+    # level that several end at is that of the limit.
+    is_usual = held & (float(held[is_push].mean()) > _MOST)
     is_cut = np.zeros(len(extents), dtype=bool)
     for sign in set(signs):
         rows = [k for k, own in enumerate(signs) if own == sign]
         tops = [sign * signal[extents[k].start : extents[k].end] for k in rows]
         end = np.inf if limit is None else limit
         if limit is None or sign < 0:
-            found = _ceiling(tops, [extents[k].height for k in rows], sigma[rows])
-            end = min(end, found)
+            found = _Tops(
+                readings=tops,
+                highest=np.array([float(top.max(initial=-np.inf)) for top in tops]),
+                height=np.array([extents[k].height for k in rows]),
+                sigma=sigma[rows],
+                held=held[rows],
+                is_usual=is_usual[rows],
+                is_part=np.array([extents[k].is_cut for k in rows]),
+                quantum=quantum,
+            )
+            end = min(end, found.ceiling())
         if np.isfinite(end):
             is_cut[rows] = [bool(np.any(top >= end)) for top in tops]
     return is_cut
 
 
-def _ceiling(
-    tops: Sequence[Float[np.ndarray, " _"]],
-    heights: Sequence[float],
-    sigma: Float[np.ndarray, " q"],
-) -> float:
-    """Level at which readings pile up, infinite if they do nowhere.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Tops:
+    """Pushes that go one way.
 
-    A natural top has about as many samples just below its highest value as at it; a cut
-    one has them all at it. What one push shows holds for all.
+    Args:
+        readings: Of each push [unit].
+        highest: The largest of each [unit].
+        height: [unit].
+        sigma: Noise of a sample at rest [unit].
+        held: Whether each is held at a level.
+        is_usual: Whether it is held where most are.
+        is_part: Whether the recording cuts it, which leaves a hold no way in or out.
+        quantum: Resolution [unit].
     """
-    highest = np.array([float(top.max(initial=-np.inf)) for top in tops])
-    largest = float(highest.max())
 
-    def near(band: float | Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
-        return highest > largest - band
+    readings: Sequence[Float[np.ndarray, " _"]]
+    highest: Float[np.ndarray, " q"]
+    height: Float[np.ndarray, " q"]
+    sigma: Float[np.ndarray, " q"]
+    held: Bool[np.ndarray, " q"]
+    is_usual: Bool[np.ndarray, " q"]
+    is_part: Bool[np.ndarray, " q"]
+    quantum: float
 
-    bands = _BAND_SIGMAS * sigma
-    is_narrow = bands <= _MAX_BAND * np.array(heights)
+    def ceiling(self) -> float:
+        """Level at which readings pile up, infinite if they do nowhere.
 
-    def is_flat(k: int, end: float) -> bool:
-        return _piles_up(tops[k], end, float(bands[k]), _MIN_SAMPLES)
-
-    ends = np.flatnonzero(highest == largest).tolist()
-    lower = np.flatnonzero((highest < largest) & ~near(bands)).tolist()
-
-    def is_shape(at_end: Sequence[int], flat: Sequence[bool]) -> bool:
-        """Whether flat tops are the shape of pushes and no limit.
-
-        So it is where most lower ones have them, or any where one push is at the end,
-        unless that is far calmer: a limit cuts noise as well.
+        What one push shows holds for all.
         """
-        if len(at_end) > 1 or not any(flat):
-            return _are_most(flat)
-        alike = [k for k, is_so in zip(lower, flat, strict=True) if is_so]
-        own, *others = (_spread(tops[k], float(bands[k])) for k in (*at_end, *alike))
-        return _CALMER * own >= min(others)
+        for find in (self._of_equal, self._of_calm, self._of_flat, self._of_creeping):
+            end = find()
+            if np.isfinite(end):
+                return end
+        return np.inf
 
-    if any(_is_at_one(tops[k]) for k in ends) and (
-        len(ends) > 1 or not is_shape(ends, [_is_at_one(tops[k]) for k in lower])
-    ):
-        return largest
-    at_end = np.flatnonzero(is_narrow & near(bands)).tolist()
-    cut = [k for k in at_end if is_flat(k, largest)]
-    flat = [bool(sigma[k] == 0) or is_flat(k, float(highest[k])) for k in lower]
-    if cut and not is_shape(cut, flat):
-        return largest - float(bands[cut[0]])
-    for share in _BANDS:
-        band = share * max(heights)
-        pointed = np.flatnonzero((sigma > 0) & near(band)).tolist()
-        at_end = [k for k in pointed if _piles_up(tops[k], largest, band, _MIN_NEAR)]
-        if len(at_end) >= _MIN_PUSHES:
-            return largest - band
-    return np.inf
+    @property
+    def largest(self) -> float:
+        """Of all readings [unit]."""
+        return float(self.highest.max())
+
+    @property
+    def band(self) -> Float[np.ndarray, " q"]:
+        """Below the largest reading of a level, where its noise or a count takes it."""
+        return np.where(
+            self.sigma > 0, np.maximum(_BAND_SIGMAS * self.sigma, self.quantum), 0.0
+        )
+
+    @property
+    def at_end(self) -> Bool[np.ndarray, " q"]:
+        """Whether each comes as near to the largest reading as noise does."""
+        return (self.highest == self.largest) | (
+            self.highest > self.largest - self.band
+        )
+
+    def _of_equal(self) -> float:
+        """Where readings are equal, and not by the resolution alone."""
+        at_one = np.array([_is_at_one(top) for top in self.readings])
+        ends = np.flatnonzero(at_one & (self.highest == self.largest)).tolist()
+        is_cut = len(ends) > 1
+        if len(ends) == 1:
+            alike = np.flatnonzero((at_one | self._are_flat()) & ~self.at_end).tolist()
+            usual = min([float(self._middle(k).std()) for k in alike], default=np.inf)
+            is_cut = self._is_calm(0.0, usual)
+        return self.largest if is_cut else np.inf
+
+    def _of_calm(self) -> float:
+        """Where tops are far calmer than their rests and than lower ones.
+
+        Rests of a robot that is on its way may be noisier than all of its holds.
+        """
+        parts = [self._middle(k) for k in range(len(self.highest))]
+        own = [
+            float(part.std()) if part.size >= _MIN_CALM else np.inf for part in parts
+        ]
+        lower = np.flatnonzero(~self.at_end).tolist()
+        usual = min([own[k] for k in lower], default=np.inf)
+        ends = [
+            float(np.median(parts[k])) - max(_BAND_SIGMAS * own[k], self.quantum)
+            for k in np.flatnonzero(self.at_end).tolist()
+            if self._is_calm(own[k], min(usual, float(self.sigma[k])))
+        ]
+        return min(ends, default=np.inf)
+
+    def _of_flat(self) -> float:
+        """Where flat tops end at one level among pushes that have none.
+
+        A single hold has one by itself. Where most pushes are held, lower ones show
+        that it is no habit: they tremble.
+        """
+        near = np.flatnonzero(self.at_end & ~self.is_part).tolist()
+        cut = [k for k in near if self._ends_flat(k)]
+        is_narrow = self.band[cut] <= _MAX_BAND * self.height[cut]
+        lower = self._are_flat()[~self.at_end]
+        if len(cut) == 1:
+            is_shape = bool(self.held[cut[0]] or lower.any())
+        elif self.is_usual.any():
+            is_shape = not lower.size or bool(lower.any())
+        else:
+            is_shape = _share(lower) > _MOST
+        is_shape |= not self._is_one_level(cut) or len(cut) <= _MOST * len(near)
+        if is_shape or not is_narrow.any():
+            return np.inf
+        return self.largest - float(self.band[cut[0]])
+
+    def _of_creeping(self) -> float:
+        """Where several pointed pushes end close together."""
+        pointed = (self.sigma > 0) & ~self.is_usual & ~self.is_part
+        for share in _BANDS:
+            # A band of less than a count has no reading beneath it.
+            band = max(share * float(self.height.max()), self.quantum)
+            is_near = pointed & (self.highest > self.largest - band)
+            near = np.flatnonzero(is_near).tolist()
+            tops = [self.readings[k] for k in near]
+            at_end = [_piles_up(top, self.largest, band, _MIN_NEAR) for top in tops]
+            if sum(at_end) >= max(_MIN_PUSHES, _MOST * len(near)):
+                return self.largest - band
+        return np.inf
+
+    def _is_calm(self, own: float, usual: float) -> bool:
+        """Whether scatter is so small that noise is cut, beside what is usual."""
+        return max(_CALMER * own, _FLIPS * self.quantum) < usual
+
+    def _is_flat(self, k: int, level: float) -> bool:
+        """Whether readings of a push pile up in the band below a level."""
+        return _piles_up(self.readings[k], level, float(self.band[k]), _MIN_SAMPLES)
+
+    def _ends_flat(self, k: int) -> bool:
+        """Whether a push ends in a level, which of a held one is no overshoot."""
+        top = self.readings[k]
+        n_high = np.count_nonzero(top > self.highest[k] - self.height[k] / 2)
+        n_at = np.count_nonzero(top > self.largest - self.band[k])
+        is_long = not self.held[k] or bool(n_at > _LEAST_LEVEL * n_high)
+        return is_long and self._is_flat(k, self.largest)
+
+    def _are_flat(self) -> Bool[np.ndarray, " q"]:
+        """Whether readings of each push pile up at its own largest."""
+        return np.array([self._is_flat(k, end) for k, end in enumerate(self.highest)])
+
+    def _is_one_level(self, rows: Sequence[int]) -> bool:
+        """Whether medians at the top agree as those of one level do."""
+        parts = [self._middle(k) for k in rows]
+        levels = [float(np.median(part)) for part in parts]
+        sd = [
+            float(self.sigma[k]) / part.size**0.5
+            for k, part in zip(rows, parts, strict=True)
+        ]
+        reach = max(_BAND_SIGMAS * 2**0.5 * max(sd, default=0.0), self.quantum)
+        return float(np.ptp(levels or [0.0])) <= reach
+
+    def _middle(self, k: int) -> Float[np.ndarray, " m"]:
+        """Readings from the first to the last in the band, without its edges."""
+        top = self.readings[k]
+        inside = np.flatnonzero(top >= self.highest[k] - self.band[k])
+        if inside.size == 0:
+            return top
+        first, end = int(inside[0]), int(inside[-1]) + 1
+        margin = int(_EDGE * (end - first))
+        return top[first + margin : end - margin]
 
 
-def _are_most(found: Iterable[bool]) -> bool:
-    """Whether it is so of more than a share of the pushes."""
-    return float(np.mean([*found] or [0.0])) > _MOST
-
-
-def _spread(top: Float[np.ndarray, " n"], band: float) -> float:
-    """Between the quarters of the readings within a band below the largest."""
-    near = top[top >= top.max(initial=-np.inf) - band]
-    return float(np.ptp(np.quantile(near, [0.25, 0.75])))
+def _share(found: Bool[np.ndarray, " _"]) -> float:
+    """Share of the pushes of which it is so; 0 of none."""
+    return float(found.mean()) if found.size else 0.0
 
 
 def _is_at_one(top: Float[np.ndarray, " n"]) -> bool:
-    """Whether far more readings are the largest than the three next to it."""
+    """Whether far more readings are the largest than the three next to it.
+
+    A natural top has about as many samples just below its highest value as at it; a cut
+    one has them all at it.
+    """
     n_at = np.count_nonzero(top >= top.max(initial=-np.inf))
     just_below = np.isin(top, np.unique(top)[-4:-1])
     return bool(n_at >= _MIN_SAMPLES and n_at > 2 * np.count_nonzero(just_below))

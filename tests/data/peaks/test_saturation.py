@@ -41,12 +41,13 @@ def test_the_limit_of_an_inverted_channel_is_its_own_reading():
     assert flagged == (heights > 0.7 * heights.max()).tolist()
 
 
-def test_a_noisy_ceiling_is_recognised():
-    """The sensor ends, but its last stage still adds noise."""
+@pytest.mark.parametrize("noise", [0.3, 2.0])
+def test_a_noisy_ceiling_is_recognised(noise):
+    """The sensor ends, but its last stage still adds noise: 2 is 0.6 % of a height."""
     plan = PushSchedule.planned(np.radians([15.0, 30, 45, 60]), 0.0, repeats=2)
-    made = simulated(plan, noise=0.3, quantum=None)
+    made = simulated(plan, noise=noise, quantum=None)
     cut = np.minimum(made.recording.channels["pressure"], 2750.0)
-    noisy = cut + 0.3 * np.random.default_rng(3).standard_normal(cut.size)
+    noisy = cut + noise * np.random.default_rng(3).standard_normal(cut.size)
     recording = dataclasses.replace(made.recording, channels={"pressure": noisy})
     flagged = ["saturated" in words for words in extract_peaks(recording, plan).flags]
     assert flagged == [False] * 4 + [True] * 4
@@ -130,3 +131,100 @@ def test_the_highest_hold_among_pointed_pushes_is_cut_where_its_noise_is(decimal
         said = [own for own in found.cautions if "`limit`" in own]
         assert len(said) == bool(cut)
         assert all(f"push {', '.join(map(str, cut))}," in own for own in said)
+
+
+def course(heights, shapes, *, rate=100.0):
+    """Pushes of 2 s every 4 s: "hold", "over" (a hold by 13 % lower), "peak", "cos"."""
+    time = np.arange(0.0, 4.0 * heights.size + 3.0, 1.0 / rate)
+    y = np.zeros(time.size)
+    for k, (height, shape) in enumerate(zip(heights, shapes, strict=True)):
+        u = np.clip((time - 2.0 - 4.0 * k) / 2.0, 0.0, 1.0)
+        flank = 1.0 - np.abs(2.0 * u - 1.0)
+        hold = np.clip((6.0 if shape == "over" else 4.0) * flank, 0.0, 1.0)
+        excess = 0.15 * np.exp(-np.clip(u - 0.15, 0.0, None) / 0.08)
+        y += height * {
+            "hold": hold,
+            "over": hold * (1.0 + excess) / 1.15,
+            "peak": flank,
+            "cos": np.sin(np.pi * u) ** 2,
+        }.get(shape)
+    return time, y
+
+
+def flags_of(time, readings):
+    """Flags of the pushes of a signal."""
+    recording = Recording(time=time, channels={"p": readings}, units={"p": "n"})
+    return measure_pushes(recording).frame["flags"].tolist()
+
+
+HEIGHTS = np.array([90.0, 150.0, 110.0, 170.0, 80.0, 200.0])
+
+
+@pytest.mark.parametrize("ratio", [0.001, 0.05, 0.2])
+@pytest.mark.parametrize("shape", ["hold", "over", "cos"])
+def test_tops_far_calmer_than_rests_and_lower_ones_end_at_a_limit(shape, ratio):
+    """Noise of 1, of which a share is left at a limit of 130."""
+    rng = np.random.default_rng(9)
+    time, y = course(HEIGHTS, [shape] * 6)
+    y += rng.standard_normal(y.size)
+    y = np.where(y > 130.0, 130.0 + ratio * rng.standard_normal(y.size), y)
+    assert flags_of(time, y) == ["", "saturated"] * 3
+
+
+def test_calm_tops_end_at_a_limit_also_where_no_push_is_lower():
+    rng = np.random.default_rng(9)
+    time, y = course(HEIGHTS[1::2], ["hold"] * 3)
+    y += rng.standard_normal(y.size)
+    y = np.where(y > 130.0, 130.0 + 0.05 * rng.standard_normal(y.size), y)
+    assert flags_of(time, y) == ["saturated"] * 3
+
+
+def test_holds_without_the_tremor_of_lower_ones_end_at_a_limit():
+    """The limit has the noise of the rests, but not the unrest of a finger."""
+    rng = np.random.default_rng(4)
+    time, y = course(HEIGHTS, ["hold"] * 6)
+    y *= 1.0 + 0.02 * np.sin(2 * np.pi * 1.7 * time)
+    noise = 0.2 * rng.standard_normal(y.size)
+    assert flags_of(time, np.minimum(y, 130.0) + noise) == ["", "saturated"] * 3
+    assert flags_of(time, y + noise) == [""] * 6
+
+
+@pytest.mark.parametrize("rate", [30.0, 100.0])
+@pytest.mark.parametrize("shape", ["hold", "over"])
+def test_a_hold_is_no_limit_whichever_pushes_are_beside_it(shape, rate):
+    """Its noise is that of its rest. Files of the first two, three and four pushes."""
+    shapes = [shape, "peak", "cos", shape]
+    time, y = course(np.array([160.0, 93.0, 54.0, 190.0]), shapes, rate=rate)
+    y += 0.2 * np.random.default_rng(2).standard_normal(y.size)
+    for end in (9.0, 13.0, 19.0):
+        keep = time < end
+        assert not any(flags_of(time[keep], y[keep]))
+
+
+def test_what_a_cut_leaves_of_a_hold_is_no_limit():
+    time, y = course(np.array([93.0, 160.0]), ["peak", "hold"])
+    y += 0.2 * np.random.default_rng(2).standard_normal(y.size)
+    keep = time < 7.0
+    assert flags_of(time[keep], y[keep]) == ["", "clipped"]
+
+
+def test_equal_overshoots_are_no_limit():
+    """Tops of the highest are flat for 0.1 s, in their noise; those of others not."""
+    heights = np.array([182.0, 182.0, 182.0, 92.0, 92.0])
+    time, y = course(heights, ["over"] * 5, rate=200.0)
+    for seed in range(4):
+        noise = 0.5 * np.random.default_rng(seed).standard_normal(y.size)
+        assert not any(flags_of(time, y + noise))
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0])
+@pytest.mark.parametrize("shape", ["cos", "peak"])
+def test_equal_readings_of_round_tops_are_those_of_the_resolution(shape, step):
+    """They leave as many readings in the next counts, which a limit does not."""
+    heights = np.array([50.0, 100.0, 100.0, 100.0, 60.0])
+    time, y = course(heights, [shape] * 5)
+    y += 0.05 * np.random.default_rng(2).standard_normal(y.size)
+    coarse = np.round(y / step) * step
+    assert not any(flags_of(time, coarse))
+    cut = flags_of(time, np.minimum(coarse, 90.0))
+    assert cut == ["", "saturated", "saturated", "saturated", ""]
