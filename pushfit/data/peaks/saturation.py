@@ -20,22 +20,23 @@ from pushfit.data.pushes.detection import Extent
 _MIN_SAMPLES = 3
 # A sensor at its limit may be noisy there: readings within this many sigma of the
 # largest, which holds all but one in 16 000 of a level's, count as the largest, if that
-# is a small share of the height. Half of the sigmas misses pushes cut at a noise of 0.6
-# %, twice flags of `p2_Pa`; half of the share misses 42 of 274 more at a ceiling that
-# keeps all noise.
+# is a small share of the height. Half of the sigmas misses pushes cut at a noise of
+# 0.6 % of the height, twice changes flags of the real recordings; half of the share
+# misses 42 of 274 more at a ceiling that keeps all noise.
 _BAND_SIGMAS, _MAX_BAND = 4.0, 0.04
 # Of the lower pushes.
 _MOST = 0.5
 # So much calmer than rests and lower pushes tops at a limit are. Eight normal samples
 # are by chance once in 300 (chi-square, 7 degrees). Half of the first flags 7 of 211
-# whole pushes, twice misses all that keep 0.2 of their noise; half of the second flags
-# 2 whole ones, twice changes none.
+# whole pushes, twice misses holds that keep 0.2 of their noise; half of the second
+# flags 2 whole ones, twice changes none.
 _CALMER, _MIN_CALM = 3.0, 8
 # Share of the time near the largest reading that is left out at either end of it, as
-# the way in and out. Half changes nothing, twice leaves 5 of 215 too few samples.
+# the way in and out. Half finds 2 more of 215 cut pushes, twice 5 less.
 _EDGE = 0.2
 # Readings that flip between two counts scatter by up to half a step without any noise
-# to be cut, so that steps of resolution alone are never calm. Half changes no flag.
+# to be cut, so that steps of resolution alone are never calm. Half changes no flag,
+# twice one of 215.
 _FLIPS = 0.5
 # Share of the time above half its height for which a held push is at a level: an
 # overshoot that looks flat is briefer, 0.1 where holds of 2 s begin with one.
