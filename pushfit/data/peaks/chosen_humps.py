@@ -81,9 +81,14 @@ def search(
         first, last = hump.t_start - FIRST_SMOOTHING, hump.t_end + FIRST_SMOOTHING
         near[np.searchsorted(time, first) : np.searchsorted(time, last)] = True
     kept = np.ones(len(time), dtype=bool)
-    # What is far below its top shows once that is gone.
-    while (is_jerk := are_jerks(time[kept], signal[kept]) & near[kept]).any():
+    # What is far below its top shows once that is gone. A jerk is the lesser part.
+    while 2 * np.count_nonzero(kept) > len(time):
+        is_jerk = are_jerks(time[kept], signal[kept]) & near[kept]
+        if not is_jerk.any():
+            break
         kept[kept] = ~is_jerk
+    else:
+        return time, signal, found
     without = find(time[kept], signal[kept], settings, signed=signed)
     pushes = [hump for hump in without.extents if not hump.is_brush]
     longest = max(hump.width for hump in brief)

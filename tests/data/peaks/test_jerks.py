@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import measure_pushes
+from pushfit.data.peaks.extract import find_pushes, measure_pushes
 from pushfit.data.recordings.records import Recording
 
 HOLDS = (5.0, 5.5, 4.5)
@@ -53,6 +53,17 @@ def test_taps_by_themselves_are_pushes():
     found = measure_pushes(recording(lambda since: since < 0.03, rate=1000.0))
     assert len(found.frame) == len(HOLDS)
     assert not [caution for caution in found.cautions if TOLD in caution]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_recording_is_not_all_jerks(seed):
+    """Of 70 ms nothing is left once what is beside two spikes is left out."""
+    time = np.arange(140) / 2000.0
+    y = 1e-3 * np.random.default_rng(seed).standard_normal(140) - 2e-3 * time / 0.07
+    y[[36, 102]] -= 0.05
+    own = Recording(time=time, channels={"f": y}, units={"f": "n"})
+    found = find_pushes(own)
+    assert all(0.0 <= push.t_peak <= time[-1] for push in found)
 
 
 def test_a_jerk_that_is_included_is_a_push():
