@@ -122,7 +122,9 @@ def correlation_of(
 def part_means(
     samples: Float[np.ndarray, " n"], windows: Int[np.ndarray, "p 2"]
 ) -> tuple[Float[np.ndarray, "m p"], Int[np.ndarray, "m p"]]:
-    """Means of equal parts of rests, and their numbers of samples; 0 of none.
+    """Means of equal parts of rests, and their numbers of samples.
+
+    Those of rests with fewer samples than parts are 0.
 
     Args:
         samples: Of a signal, or of its times.
@@ -130,11 +132,14 @@ def part_means(
     """
     first, last = windows.T
     edges = first + (last - first) * np.arange(N_PARTS + 1)[:, None] // N_PARTS
-    level = samples.mean()
-    sums = np.concatenate([[0.0], np.cumsum(samples - level)])
     n = np.diff(edges, axis=0)
-    means = np.diff(sums[edges], axis=0) / np.maximum(n, 1)
-    return level + means, n
+    means = np.zeros(n.shape)
+    # Of each by itself: sums over a whole recording take longer.
+    for k in np.flatnonzero(last - first >= N_PARTS).tolist():
+        begin, level = first[k], samples[first[k]]
+        sums = np.add.reduceat(samples[begin : last[k]] - level, edges[:-1, k] - begin)
+        means[:, k] = level + sums / n[:, k]
+    return means, n
 
 
 def _means(

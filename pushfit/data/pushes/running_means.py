@@ -5,12 +5,13 @@ integral moves with the window, so nothing depends on where a recording begins.
 Excluded: what is traced in them (`pushfit.data.pushes.tracing`).
 """
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.data.pushes.noise import SignalNoise
+from pushfit.data.pushes.noise import SignalNoise, bends
 
 # Shorter windows would divide rounding by next to nothing; no sensor is as fast [s].
 _LEAST = 1e-12
@@ -101,7 +102,7 @@ class RunningMeans:
         return np.interp(when, self.time, self.integral)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class View:
     """A signal, pushes going up, and how closely they are looked at in it.
 
@@ -124,3 +125,11 @@ class View:
     min_height: float | None
     smoothing: float | None
     split: float
+
+    @functools.cached_property
+    def bends(self) -> tuple[RunningMeans, RunningMeans]:
+        """Running means of the sizes of bends where the signal moves, and of where."""
+        size, is_moving = bends(self.time, self.signal, self.noise.quantum)
+        inner = self.time[1:-1]
+        moving = is_moving.astype(float)
+        return RunningMeans.of(inner, size * moving), RunningMeans.of(inner, moving)

@@ -27,7 +27,6 @@ from pushfit.data.pushes.feet import (
     PerPush,
     likeness,
 )
-from pushfit.data.pushes.noise import bends
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.parameters import TINY
 
@@ -112,9 +111,7 @@ def _noise_by_feet(
     is_clear = feet.height > _ANY_NOISE * whole
     if is_clear.all():
         return lambda feet: np.full(len(feet.start), whole)
-    size, is_moving = bends(view.time, view.signal, view.noise.quantum)
-    over = RunningMeans.of(view.time[1:-1], np.where(is_moving, size, 0.0))
-    count = RunningMeans.of(view.time[1:-1], is_moving.astype(float))
+    over, count = view.bends
 
     def noise(feet: Feet[np.ndarray]) -> PerPush:
         share = count.mean(feet.start, feet.end)
