@@ -213,6 +213,7 @@ class _Look:
             and np.any(schedule.theta < 0)
         ):
             both = find(time, signal, settings, signed=True)
+            both = replace(both, jerks=self.found.jerks)
             better = pair(both, schedule, settings, span=span)
             paired = better if paired.n_odd > better.n_odd else paired
         try:

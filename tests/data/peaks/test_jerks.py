@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import find_pushes, measure_pushes
+from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
+from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 
 HOLDS = (5.0, 5.5, 4.5)
@@ -46,6 +47,19 @@ def test_a_jerk_at_the_begin_of_a_recording_makes_no_brush_of_pushes():
     found = measure_pushes(recording(held, jerks=[(0.1, 40.0)]))
     np.testing.assert_allclose(found.frame["height_n"], HOLDS, rtol=0, atol=NEAR)
     assert [caution for caution in found.cautions if TOLD in caution]
+
+
+def test_a_jerk_is_told_of_where_pushes_go_both_ways_too():
+    time = np.arange(0.0, 15.0, 0.01)
+    since = np.abs(time[:, None] - 3.0 - 4.0 * np.arange(3))
+    y = held(since) @ [-5.0, 5.5, 4.5] + 60 * np.exp(-(((time - 7.5) / 0.02) ** 2) / 2)
+    y += 0.02 * np.random.default_rng(5).standard_normal(len(time))
+    own = Recording(time=time, channels={"f": y}, units={"f": "n"})
+    plan = PushSchedule.planned(np.radians([-30.0, 30.0, 50.0]), np.zeros(3), repeats=1)
+    table = extract_peaks(own, plan)
+    expected = [-5.0, 5.5, 4.5]
+    np.testing.assert_allclose(table.heights("height"), expected, rtol=0, atol=NEAR)
+    assert any(TOLD in caution for caution in table.cautions)
 
 
 def test_taps_by_themselves_are_pushes():
