@@ -32,7 +32,7 @@ from pushfit.errors import DataError, counted
 DEFAULTS = PeakSettings()
 # Share of a dip below which a hump is what noise makes of a filled signal.
 _MINOR = 0.1
-# A hump that is briefer than this may be a jerk [s].
+# A hump that is briefer than this may be a jerk: twice what no push is [s]. Not tuned.
 _BRIEF = 2 * FIRST_SMOOTHING
 
 

@@ -283,7 +283,7 @@ class _Look:
 
         Args:
             measured: Heights of all humps in the length of the force.
-            times: HeightColumns of the pushes that are asked for.
+            times: Columns of the pushes that are asked for.
             words: Their flags so far.
         """
         forces = measure_components(

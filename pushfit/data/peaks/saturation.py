@@ -8,6 +8,7 @@ level (`pushfit.data.peaks.apex_or_plateau`). What constants do was seen in the
 recordings of `benchmarks.recordings.real_recordings`, and in 120 to 800 simulated ones.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -95,7 +96,7 @@ def saturated_pushes(
     return is_cut
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class _Tops:
     """Pushes that go one way.
 
@@ -130,19 +131,19 @@ class _Tops:
                 return end
         return np.inf
 
-    @property
+    @functools.cached_property
     def largest(self) -> float:
         """Of all readings [unit]."""
         return float(self.highest.max())
 
-    @property
+    @functools.cached_property
     def band(self) -> Float[np.ndarray, " q"]:
         """Below the largest reading of a level, where its noise or a count takes it."""
         return np.where(
             self.sigma > 0, np.maximum(_BAND_SIGMAS * self.sigma, self.quantum), 0.0
         )
 
-    @property
+    @functools.cached_property
     def at_end(self) -> Bool[np.ndarray, " q"]:
         """Whether each comes as near to the largest reading as noise does."""
         return (self.highest == self.largest) | (

@@ -40,9 +40,10 @@ _BY_HAND = 2.0
 # paired wrong; at 0.25 bumps pass for pushes in one of 1000 regular plans.
 _AT_ITS_MOMENT = 0.2
 # Pushes come too soon for regular time where a gap is so many times shorter than what
-# so many percent of the gaps are below, which a pause leaves as it is. That is told of
-# 39 of 40 plans that have bumps in place of pushes, and of 9 % of those by hand whose
-# gaps scatter by 20 %; at the median of 23 and 1 %, at 1.6 times of 39 and 30 %.
+# so many percent of the gaps are below, which a pause leaves as it is. By itself that
+# is told of 39 of the 40 plans with bumps in place of pushes that it was chosen by, and
+# of 9 % of those by hand whose gaps scatter by 20 %; at the median of 23 and 1 %, at
+# 1.6 times of 39 and 30 %.
 _TOO_SOON, _USUAL_PERCENT = 1.8, 70
 # A beat that more than this share are off is none, and among more pushes than these it
 # takes long to find.
