@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.blocks import (
     MAX_SAMPLES,
@@ -131,6 +131,57 @@ class _Off:
 
 
 @dataclass(frozen=True, slots=True)
+class _Parts:
+    """Means of equal parts of rests, their times [s] and their numbers of samples."""
+
+    level: Float[np.ndarray, "m p"]
+    time: Float[np.ndarray, "m p"]
+    n: Int[np.ndarray, "m p"]
+
+    @property
+    def are_shown(self) -> Bool[np.ndarray, " p"]:
+        """Whether there are as many samples as parts: fewer show nothing."""
+        return self.n.min(axis=0) > 0
+
+    def unsettled(self, rate: PerPush, noise: RestNoise) -> PerPush:
+        """How far rests move, from half to half, besides their drift [sd]."""
+        halves = 2, N_PARTS // 2, -1
+        n = self.n.reshape(halves).sum(axis=1)
+        level, when = (
+            (self.n * own).reshape(halves).sum(axis=1) / np.maximum(n, 1)
+            for own in (self.level, self.time)
+        )
+        moved = level[1] - level[0] - np.nan_to_num(rate) * (when[1] - when[0])
+        chance = np.sqrt(2.0) * noise.of_part(n.min(axis=0))
+        return np.where(self.are_shown, moved / (chance + TINY), 0.0)
+
+    def off(self, base: Baselines, noise: RestNoise, side: int) -> _Off:
+        """How far the rests before (-1) or after pushes (1) keep off their lines."""
+        is_shown, when = self.are_shown, self.time
+        off = np.where(is_shown, self.level - base.level - base.drift(when), 0.0)
+        # What is beyond the half beside the push may be something else, as a dip.
+        near = off[N_PARTS // 2 :] if side < 0 else off[: N_PARTS // 2]
+        farthest = _FARTHEST * np.sqrt((near**2).mean(axis=0))
+        off = np.clip(off, -farthest, farthest)
+        # Without correlation, which would hold the waves themselves.
+        chance = noise.of_part(self.n) ** 2
+        since = when - when.mean(axis=0)
+        squares = np.maximum((since**2).sum(axis=0), SHORTEST**2)
+        slopes = since / squares
+        tilt = (slopes * off).sum(axis=0)
+        # A wave is no tilt: what leads to another level lies on a line.
+        line = tilt**2 * squares / np.maximum(off.var(axis=0) * N_PARTS, TINY)
+        return _Off(
+            square=(off**2).mean(axis=0),
+            chance=chance.mean(axis=0),
+            seen=np.ptp(when, axis=0) * N_PARTS / (N_PARTS - 1),
+            tilt=tilt * np.sqrt(np.minimum(line, 1.0)),
+            tilt_variance=np.where(is_shown, (slopes**2 * chance).sum(axis=0), np.inf),
+            weight=is_shown.astype(float),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class _Beside:
     """Samples, and the feet of pushes in order, beside which the rests are."""
 
@@ -193,8 +244,8 @@ class _Beside:
         early = np.maximum(feet.settling - (first - feet.end), 0.0)
         waited = likeness(early, feet.settling / 2)
         small = likeness(level_after - level, SHIFT * height)
-        rests = self.windows(feet.span)
-        moves = np.hypot(*(self._unsettled(own, rate, noise) for own in rests))
+        rests = [self._parts(own) for own in self.windows(feet.span)]
+        moves = np.hypot(*(own.unsettled(rate, noise) for own in rests))
         calm = likeness(moves, _UNSETTLED)
         trust = np.where(only_after, 0.0, waited * small * calm)
         # One rest alone shows no drift; beside other pushes it may be as usual.
@@ -213,81 +264,16 @@ class _Beside:
             time_after=when_after,
             bend=np.zeros_like(sd),
         )
-        own = np.where(only_after, 0.0, 1.0)
-        return self._with_waves(base, noise, own=own, trust=np.nan_to_num(trust))
-
-    def _with_waves(
-        self, base: Baselines, noise: RestNoise, *, own: PerPush, trust: PerPush
-    ) -> Baselines:
-        """Rest levels whose sd hold that rests wave, and bend under the pushes.
-
-        As far as means of their parts are off the line by more than noise, and farther
-        between rests that are far apart. Rests that are tilted against it bend between
-        them, as a cubic would.
-
-        Args:
-            own: 1 where the level is that of the rest before the push, else 0.
-            trust: How far the rest after it shows a drift.
-        """
-        rests = self.windows(self.feet.span)
         before, after = (
-            self._off(base, noise, rest, side)
-            for rest, side in zip(rests, (-1, 1), strict=True)
+            own.off(base, noise, side) for own, side in zip(rests, (-1, 1), strict=True)
         )
-        weights = before.weight * own, after.weight * np.where(own > 0, trust, 1.0)
-        n_rests = weights[0] + weights[1]
-        sums = sum(
-            weight * np.stack([rest.square, rest.chance, rest.seen])
-            for weight, rest in zip(weights, (before, after), strict=True)
-        )
-        square, chance, seen = sums / np.maximum(n_rests, TINY)
-        waves = np.minimum(n_rests, 1.0) * np.maximum(square - _BY_CHANCE * chance, 0.0)
-        tilt = (after.tilt - before.tilt) ** 2
-        tilt -= _BEYOND**2 * (after.tilt_variance + before.tilt_variance)
-        between = np.nan_to_num(own * (base.time_after - base.time))
-        bend = np.maximum(tilt, 0.0) * (between / _CUBIC) ** 2
-        # By the time itself as a walk, and not at all as short waves: between the two.
-        longer = np.sqrt(np.maximum(between / np.maximum(seen, SHORTEST), 1.0))
-        return replace(
-            base,
-            sd=np.sqrt(base.sd**2 + waves),
-            sd_after=np.sqrt(base.sd_after**2 + waves),
-            bend=np.sqrt(waves * longer + bend),
-        )
+        own = np.where(only_after, 0.0, 1.0)
+        return _with_waves(base, before, after, own=own, trust=np.nan_to_num(trust))
 
-    def _off(
-        self,
-        base: Baselines,
-        noise: RestNoise,
-        windows: Int[np.ndarray, "p 2"],
-        side: int,
-    ) -> _Off:
-        """How far the rests before or after pushes keep off their lines."""
-        # Fewer samples than parts show nothing.
-        is_shown = np.diff(windows, axis=1)[:, 0] >= N_PARTS
-        means, n = part_means(self.signal, windows)
-        when, _ = part_means(self.time, windows)
-        off = np.where(is_shown, means - base.level - base.drift(when), 0.0)
-        # What is beyond the half beside the push may be something else, as a dip.
-        near = off[N_PARTS // 2 :] if side < 0 else off[: N_PARTS // 2]
-        farthest = _FARTHEST * np.sqrt((near**2).mean(axis=0))
-        off = np.clip(off, -farthest, farthest)
-        # Without correlation, which would hold the waves themselves.
-        chance = noise.of_part(n) ** 2
-        since = when - when.mean(axis=0)
-        squares = np.maximum((since**2).sum(axis=0), SHORTEST**2)
-        slopes = since / squares
-        tilt = (slopes * off).sum(axis=0)
-        # A wave is no tilt: what leads to another level lies on a line.
-        line = tilt**2 * squares / np.maximum(off.var(axis=0) * N_PARTS, TINY)
-        return _Off(
-            square=(off**2).mean(axis=0),
-            chance=chance.mean(axis=0),
-            seen=np.ptp(when, axis=0) * N_PARTS / (N_PARTS - 1),
-            tilt=tilt * np.sqrt(np.minimum(line, 1.0)),
-            tilt_variance=np.where(is_shown, (slopes**2 * chance).sum(axis=0), np.inf),
-            weight=is_shown.astype(float),
-        )
+    def _parts(self, windows: Int[np.ndarray, "p 2"]) -> _Parts:
+        """Parts of the rests before or after pushes."""
+        level, n = part_means(self.signal, windows)
+        return _Parts(level, part_means(self.time, windows)[0], n)
 
     def _levels(
         self, windows: Int[np.ndarray, "p 2"], side: int, noise: RestNoise
@@ -320,25 +306,6 @@ class _Beside:
         middle = (self.time[first] + self.time[last - 1]) / 2
         return float(mean(self.signal[first:last])), float(middle), last - first
 
-    def _unsettled(
-        self,
-        windows: Int[np.ndarray, "p 2"],
-        rate: Float[np.ndarray, " p"],
-        noise: RestNoise,
-    ) -> Float[np.ndarray, " p"]:
-        """How far rests move besides their drift [sd]."""
-        time, signal = self.time, self.signal
-        moved, n = np.zeros((2, len(windows)))
-        for k, (first, last) in enumerate(windows.tolist()):
-            half = (last - first) // 2
-            if half < _FEWEST:
-                continue
-            early, late = slice(first, first + half), slice(last - half, last)
-            drift = np.nan_to_num(rate[k]) * (time[late].mean() - time[early].mean())
-            moved[k] = signal[late].mean() - signal[early].mean() - drift
-            n[k] = half
-        return np.where(n > 0, moved / (2**0.5 * noise.of_part(n) + TINY), 0)
-
 
 def rests_of(
     time: Float[np.ndarray, " n"],
@@ -357,6 +324,43 @@ def rests_of(
     beside = _Beside(time, signal, Feet.together([extents[k].feet for k in order]))
     noise = beside.noise()
     return rows_of(noise, rows), rows_of(beside.baselines(noise), rows)
+
+
+def _with_waves(
+    base: Baselines, before: _Off, after: _Off, *, own: PerPush, trust: PerPush
+) -> Baselines:
+    """Rest levels whose sd hold that rests wave, and bend under the pushes.
+
+    As far as means of their parts are off the line by more than noise, and farther
+    between rests that are far apart. Rests that are tilted against it bend between
+    them, as a cubic would.
+
+    Args:
+        before: How far the rests before pushes keep off their lines.
+        after: Those after them.
+        own: 1 where the level is that of the rest before the push, else 0.
+        trust: How far the rest after it shows a drift.
+    """
+    weights = before.weight * own, after.weight * np.where(own > 0, trust, 1.0)
+    n_rests = weights[0] + weights[1]
+    sums = sum(
+        weight * np.stack([rest.square, rest.chance, rest.seen])
+        for weight, rest in zip(weights, (before, after), strict=True)
+    )
+    square, chance, seen = sums / np.maximum(n_rests, TINY)
+    waves = np.minimum(n_rests, 1.0) * np.maximum(square - _BY_CHANCE * chance, 0.0)
+    tilt = (after.tilt - before.tilt) ** 2
+    tilt -= _BEYOND**2 * (after.tilt_variance + before.tilt_variance)
+    between = np.nan_to_num(own * (base.time_after - base.time))
+    bend = np.maximum(tilt, 0.0) * (between / _CUBIC) ** 2
+    # By the time itself as a walk, and not at all as short waves: between the two.
+    longer = np.sqrt(np.maximum(between / np.maximum(seen, SHORTEST), 1.0))
+    return replace(
+        base,
+        sd=np.sqrt(base.sd**2 + waves),
+        sd_after=np.sqrt(base.sd_after**2 + waves),
+        bend=np.sqrt(waves * longer + bend),
+    )
 
 
 def _usual_rate(rates: Float[np.ndarray, " q"]) -> float:

@@ -152,10 +152,11 @@ class _Tops:
 
     def _of_equal(self) -> float:
         """Where readings are equal, and not by the resolution alone."""
-        at_one = np.array([_is_at_one(top) for top in self.readings])
-        ends = np.flatnonzero(at_one & (self.highest == self.largest)).tolist()
+        near = np.flatnonzero(self.highest == self.largest).tolist()
+        ends = [k for k in near if _is_at_one(self.readings[k])]
         is_cut = len(ends) > 1
         if len(ends) == 1:
+            at_one = np.array([_is_at_one(top) for top in self.readings])
             alike = np.flatnonzero((at_one | self._are_flat()) & ~self.at_end).tolist()
             usual = min([float(self._middle(k).std()) for k in alike], default=np.inf)
             is_cut = self._is_calm(0.0, usual)
@@ -268,8 +269,10 @@ def _is_at_one(top: Float[np.ndarray, " n"]) -> bool:
     one has them all at it.
     """
     n_at = np.count_nonzero(top >= top.max(initial=-np.inf))
+    if n_at < _MIN_SAMPLES:
+        return False
     just_below = np.isin(top, np.unique(top)[-4:-1])
-    return bool(n_at >= _MIN_SAMPLES and n_at > 2 * np.count_nonzero(just_below))
+    return bool(n_at > 2 * np.count_nonzero(just_below))
 
 
 def _piles_up(
@@ -277,5 +280,7 @@ def _piles_up(
 ) -> bool:
     """Whether far more readings lie in a band below a level than in those beneath."""
     n_at = int(np.count_nonzero(top > largest - band))
+    if n_at < least:
+        return False
     n_below = int(np.count_nonzero(top > largest - 4 * band)) - n_at
-    return n_at >= least and n_at > 2 * n_below
+    return n_at > 2 * n_below

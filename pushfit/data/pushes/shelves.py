@@ -15,10 +15,9 @@ from pushfit.data.pushes.humps import longest_run
 from pushfit.data.pushes.running_means import View
 from pushfit.parameters import TINY
 
-# Points of a course from foot to foot.
-_GRID = 240
-# Averaging of the course, as a share of the usual one, which rounds a shelf away.
-_FINE = 0.125
+# Parts of a course from foot to foot: means over the usual time would round a shelf
+# away.
+_GRID = 120
 # Shelves are looked for at these shares of the height: below them is a touch, and what
 # is above them may be the top. Steps of two thirds find no other.
 _SHARES = np.arange(0.2, 0.91, 0.03)
@@ -37,11 +36,8 @@ def shelves(view: View, feet: Feet[np.ndarray]) -> PerPush:
     Returns:
         The one that is held for longest; 0 where there is none, or noise hides it.
     """
-    tau = np.maximum(_FINE * feet.averaging(view), feet.step)
-    ends = feet.lowest[:, None], feet.highest[:, None]
-    part = (np.arange(_GRID) + 0.5) / _GRID
-    when = feet.start[:, None] + (feet.end - feet.start)[:, None] * part
-    y = view.course.smooth(when, tau=tau[:, None], ends=ends)
+    y = view.course.parts(np.linspace(feet.start, feet.end, _GRID + 1, axis=1))
+    tau = np.maximum((feet.end - feet.start) / _GRID, feet.step)
     height = np.maximum(feet.height, TINY)[:, None]
     course = 1 + (y - y.max(axis=1, keepdims=True)) / height
     is_seen = 3 * feet.noise(tau) < _BAND * height[:, 0]

@@ -34,11 +34,12 @@ from pushfit.parameters import TINY
 # is a push on a grip; half changes no test and no real recording.
 ON_STEP = 0.33
 # Points of a course, and of a step of it, in which levels are passed: between two fine
-# ones the course is straight. Half or twice as many move no height by 0.1 sd.
-_GRID, _FINE = 240, 17
+# ones the course is straight. Half or twice as many move no real height by 0.07 sd.
+_GRID, _FINE = 120, 17
 # Most rounds of feet and levels, and what is no move any more, in sampling steps. With
-# six, two presses too many are found in `p0_Pa`.
-_ROUNDS, _SAME = 12, 1e-5
+# six, two presses too many are found in `p0_Pa`; moves a hundredth of that move no
+# height by 0.02 sd.
+_ROUNDS, _SAME = 12, 1e-3
 # Widths around a push that are looked at: its rests take about one to either side.
 _REACH = 2.0
 # Times that the integral is kept at, for each smoothing time; and steps that the usual

@@ -164,11 +164,12 @@ def fast_scan(body: Body) -> Scan | None:
         return None
     n_rows, skips = 0, np.empty(0, dtype=np.int64)
     for lines in whole_lines(body):
-        blank = _blank(lines, body.layout)
-        if blank is None:
+        found = _blank(lines, body.layout)
+        if found is None:
             return None
+        n_lines, blank = found
         skips = np.append(skips, n_rows + blank - np.arange(blank.size))
-        n_rows += lines.count(b"\n") - blank.size
+        n_rows += n_lines - blank.size
     return Scan(n_rows=n_rows, data_line=body.layout.data_line, skips=skips)
 
 
@@ -189,8 +190,8 @@ def whole_lines(body: Body) -> Iterator[bytes]:
         yield rest + b"\n"
 
 
-def _blank(data: bytes, layout: Layout) -> Int[np.ndarray, " n_blank"] | None:
-    """Find the blank ones of whole lines; None if another one is irregular."""
+def _blank(data: bytes, layout: Layout) -> tuple[int, Int[np.ndarray, " b"]] | None:
+    """Number of whole lines, and the blank ones; None if another is irregular."""
     # Field borders in order, True where the border is a line end: in a regular table
     # a pattern that repeats line by line.
     borders = _borders(data, layout.delimiter)
@@ -202,8 +203,9 @@ def _blank(data: bytes, layout: Layout) -> Int[np.ndarray, " n_blank"] | None:
         if np.any((before != ord(layout.delimiter)) & (before != 10)):
             return None
     if borders.size == n_lines * period and borders[period - 1 :: period].all():
-        return np.empty(0, dtype=np.int64)
-    return _blank_lines(data, borders, period)
+        return n_lines, np.empty(0, dtype=np.int64)
+    blank = _blank_lines(data, borders, period)
+    return None if blank is None else (n_lines, blank)
 
 
 def _borders(data: bytes, delimiter: str) -> Bool[np.ndarray, " m"]:

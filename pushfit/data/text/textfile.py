@@ -7,6 +7,7 @@ produced in blocks, so memory does not grow with the file. Excluded: its columns
 
 import codecs
 import gzip
+import hashlib
 import io
 import zlib
 from collections.abc import Iterator
@@ -21,12 +22,13 @@ from pushfit.data.text.files import (
     existing_file,
     refuse_other_names,
     refuse_other_types,
-    sha256_of,
 )
 from pushfit.errors import ConfigError, stated
 
 # Bytes that are read at once: files may be larger than the memory.
 BLOCK = 1 << 22
+# Fewer are digested at once: they stay in a processor's cache.
+_DIGESTED = 1 << 18
 # A constant signal deflates some 100 times; a bomb of zeros 1030 times.
 _MAX_EXPANSION = 300
 # What any machine has room for is expanded whatever the ratio: 64 MB.
@@ -50,12 +52,14 @@ class TextFile:
         sha256: Digest of the bytes as stored, hexadecimal.
         encoding: Its text encoding.
         is_gzip: Whether the bytes are compressed.
+        is_clean: Whether the bytes are clean text as they are stored.
     """
 
     stamp: FileStamp
     sha256: str
     encoding: str
     is_gzip: bool
+    is_clean: bool
 
     @property
     def path(self) -> str:
@@ -73,8 +77,8 @@ class TextFile:
             DataError: If the text cannot be decoded (`bad_encoding`), or compressed
                 data are damaged (`bad_gzip`) or expand suspiciously (`zip_bomb`).
         """
-        position = 0
-        for block in self._decoded():
+        position = start if self.is_clean else 0
+        for block in self._decoded(position):
             begin = max(start - position, 0)
             stop = len(block) if end is None else min(end - position, len(block))
             if begin < stop:
@@ -87,14 +91,22 @@ class TextFile:
         """Give the first bytes of the clean text."""
         return b"".join(self.blocks(end=size))
 
-    def _decoded(self) -> Iterator[bytes]:
-        r"""Give the text as UTF-8 without a byte-order mark, lines ended by `\n`."""
+    def _decoded(self, first: int) -> Iterator[bytes]:
+        r"""Give the text as UTF-8 without a byte-order mark, lines ended by `\n`.
+
+        Args:
+            first: Where to begin; 0 where the stored bytes are not clean.
+        """
         inner = codecs.getincrementaldecoder(self.encoding)()
         decoder = io.IncrementalNewlineDecoder(inner, translate=True)
         passes_through = self.encoding == "utf-8"
         position = pending = 0
         try:
             with open(self.path, "rb") as file:
+                file.seek(first)
+                if self.is_clean:
+                    yield from self._expanded(file)
+                    return
                 for raw in self._expanded(file):
                     held, state = decoder.getstate()
                     pending = len(held)
@@ -195,8 +207,17 @@ def open_text(path: str | Path, *, encoding: str | None = None) -> TextFile:
         )
     found = _checked_encoding(encoding) if encoding else _encoding_of(start, given)
     refuse_other_types(start, given)
+    digest, is_clean = hashlib.sha256(), found == "utf-8" and not is_gzip
+    with open(given, "rb") as file:
+        while raw := file.read(_DIGESTED):
+            digest.update(raw)
+            is_clean = is_clean and raw.isascii() and b"\r" not in raw
     return TextFile(
-        stamp=stamp, sha256=sha256_of(given), encoding=found, is_gzip=is_gzip
+        stamp=stamp,
+        sha256=digest.hexdigest(),
+        encoding=found,
+        is_gzip=is_gzip,
+        is_clean=is_clean,
     )
 
 

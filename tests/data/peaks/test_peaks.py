@@ -1,6 +1,7 @@
 """Peak extraction: what is found in which recording, and what is said about it."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pandas as pd
@@ -345,9 +346,10 @@ def test_returns_from_dips_are_no_pushes():
     table = extract_peaks(mixed_recording([-2, -1, -1.5, 1, 1.2, 0.8, 1, 1.1]))
     error = table.heights("height") - [100, 120, 80, 100, 110]
     assert np.abs(error / table.sd("height")).max() < MAX_PULL
-    assert any(
-        "falls below rest: at 2.99 s" in note and "`signed=True`" in note
-        for note in table.notes
+    [note] = [note for note in table.notes if "`signed=True`" in note]
+    told = re.search(r"falls below rest: at (\S+) s \((\S+) au\)", note)
+    assert [float(number) for number in told.groups()] == pytest.approx(
+        [3.0, 200.0], rel=0.01
     )
 
 
