@@ -43,6 +43,7 @@ SHIFT = JITTER * stats.norm.ppf((0.5 - SPIKES) / (1 - SPIKES))
 OF_MEDIAN = JITTER * np.sqrt(np.pi / 2 / ((1 - SPIKES) * N_TOP))
 # A push of height 100 is above noise of 1 for so long: exp(-(t / 0.4 s)²) > 1/100 [s].
 ABOVE_NOISE = 2 * 0.4 * np.sqrt(np.log(100))
+TOLD = 0.01  # time and depth of a dip of 200, 0.7 s long, in noise of 1
 KEPT = 1e-10  # angles are kept to nine decimals of a degree [rad]
 # Read by eye to about three counts, as the largest sample: up to 2 % above the top.
 BY_EYE, ABOVE = 3.0, 0.03
@@ -349,7 +350,7 @@ def test_returns_from_dips_are_no_pushes():
     [note] = [note for note in table.notes if "`signed=True`" in note]
     told = re.search(r"falls below rest: at (\S+) s \((\S+) au\)", note)
     assert [float(number) for number in told.groups()] == pytest.approx(
-        [3.0, 200.0], rel=0.01
+        [3.0, 200.0], rel=TOLD
     )
 
 
