@@ -30,7 +30,7 @@ from pushfit.data.pushes.feet import (
     likeness,
 )
 from pushfit.data.pushes.noise import SignalNoise
-from pushfit.data.rows import rows_of
+from pushfit.data.pushes.rows import rows_of
 from pushfit.parameters import TINY
 
 # A rest of fewer samples shows no level. With two, heights of `short_dropouts`, whose
