@@ -19,6 +19,7 @@ from pushfit.data.peaks.blocks import (
     part_means,
     scatter,
 )
+from pushfit.data.peaks.valleys import are_valleys, ends_of_chains
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import (
     FOOT,
@@ -81,6 +82,8 @@ class Baselines:
         sd_after: Standard deviation of the level that `slope` leads to [unit].
         time_after: Its time; NaN where there is none [s].
         bend: Standard deviation of what the level does under the push besides [unit].
+        step: Level after the push, or all pushes without a rest between them, over that
+            before [unit].
     """
 
     level: Float[np.ndarray, " p"]
@@ -91,6 +94,7 @@ class Baselines:
     sd_after: Float[np.ndarray, " p"]
     time_after: Float[np.ndarray, " p"]
     bend: Float[np.ndarray, " p"]
+    step: Float[np.ndarray, " p"]
 
     def drift(self, when: Float[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m p"]:
         """Change of the level since `time`, at a time [s] for each push [unit]."""
@@ -183,11 +187,12 @@ class _Parts:
 
 @dataclass(frozen=True, slots=True)
 class _Beside:
-    """Samples, and the feet of pushes in order, beside which the rests are."""
+    """Samples, feet of pushes in order, and which have a valley after them, no rest."""
 
     time: Float[np.ndarray, " n"]
     signal: Float[np.ndarray, " n"]
     feet: Feet[np.ndarray]
+    is_valley: Bool[np.ndarray, " q"]
 
     def windows(
         self, more: PerPush | float = 0.0
@@ -196,7 +201,7 @@ class _Beside:
 
         They are measured from the feet of the push, so that a neighbour or an end of
         the recording can only cut them short, never move them. `more` of what is
-        settled is taken to judge the noise [s].
+        settled is taken to judge the noise [s]. None is in a valley.
         """
         feet = self.feet
         before = np.stack(feet.before, axis=1)
@@ -204,6 +209,8 @@ class _Beside:
         first, last = before[:, 0], after[:, 1]
         before[:, 0] = np.minimum(first, np.maximum(first - more, feet.lowest))
         after[:, 1] = np.maximum(last, np.minimum(last + more, feet.highest))
+        before[1:][self.is_valley] = feet.start[1:][self.is_valley, None]
+        after[:-1][self.is_valley] = feet.end[:-1][self.is_valley, None]
         return np.searchsorted(self.time, before), np.searchsorted(self.time, after)
 
     def noise(self) -> RestNoise:
@@ -252,6 +259,8 @@ class _Beside:
         is_alone = only_after | (n_after < few)
         usual = _usual_rate(rate[~is_alone])
         doubt = (1 - trust) * np.abs(rate) / 2
+        begin, end = ends_of_chains(self.is_valley)
+        steps = level_after[end] - level[begin]
         own_when = np.where(only_after, when_after, when)
         unseen = only_after & np.isnan(when_after)
         base = Baselines(
@@ -263,6 +272,7 @@ class _Beside:
             sd_after=sd_after,
             time_after=when_after,
             bend=np.zeros_like(sd),
+            step=np.where(begin < end, np.nan_to_num(steps), feet.moved),
         )
         before, after = (
             own.off(base, noise, side) for own, side in zip(rests, (-1, 1), strict=True)
@@ -321,7 +331,8 @@ def rests_of(
     """
     order = np.argsort([hump.t_peak for hump in extents], kind="stable")
     rows = np.argsort(order)
-    beside = _Beside(time, signal, Feet.together([extents[k].feet for k in order]))
+    feet = Feet.together([extents[k].feet for k in order])
+    beside = _Beside(time, signal, feet, are_valleys(feet))
     noise = beside.noise()
     return rows_of(noise, rows), rows_of(beside.baselines(noise), rows)
 

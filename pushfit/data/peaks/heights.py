@@ -173,7 +173,7 @@ def measure_heights(
     family = np.where(held, 0.0, _SHAPE * rise)
     sd = np.sqrt(tops.sd**2 + base.sd_at(tops.time) ** 2 + family**2)
     # A rest that is too short to tell of drift shows a step; half of it is at the top.
-    step = np.abs([e.feet.moved for e in extents]) / 2
+    step = np.abs(base.step) / 2
     rate = np.abs(base.slope) + 2 * base.doubt
     moved = np.maximum(rate * np.abs(tops.time - base.time), step)
     checks = {
