@@ -140,7 +140,7 @@ class PeakOptions:
     min_height: Annotated[
         float | None,
         typer.Option(
-            metavar="H", help="Smallest height of a push, in the channel's unit."
+            metavar="H", help="Smallest height of a push, in the unit of its column."
         ),
     ] = None
     split: Annotated[

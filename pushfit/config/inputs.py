@@ -123,7 +123,7 @@ class PeakSettings(Section):
         '"apex" (pointed), "plateau" (held) or "auto" (by the shape)', default="auto"
     )
     min_height: Positive | None = setting(
-        "smallest height of a push [unit of the channel]; absent: judged "
+        "smallest height of a push [unit of the column]; absent: judged "
         "by the noise and the other pushes",
         example=5.0,
     )
@@ -136,7 +136,7 @@ class PeakSettings(Section):
         "averaging time for finding humps [s]; absent: a tenth of a push", example=0.1
     )
     limit: Number | None = setting(
-        "reading at which the sensor ends [unit of the channel]; absent: "
+        "reading at which the sensor ends [unit of the column]; absent: "
         "recognised by samples that pile up there",
         example=4095,
     )

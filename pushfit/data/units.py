@@ -52,6 +52,15 @@ class Unit:
             values = values * self.times
         return values / self.per if self.per != 1.0 else values
 
+    def shown(self, value: float) -> str:
+        """A canonical value in words, in this unit.
+
+        >>> UNITS["pa"].shown(1.95432)
+        '1950 pa'
+        """
+        digits = f"{value * self.per / self.times:.3g}"
+        return f"{float(digits):g} {self.name}"
+
     def equals(self, other: "Unit") -> bool:
         """Whether values are the same in both, as in 500 mN/V and 0.5 N/V."""
         own, its = self.times / self.per, other.times / other.per

@@ -15,10 +15,12 @@ from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.chosen_humps import find, no_pushes
 from pushfit.data.peaks.components import (
     component_traces,
+    in_signal_unit,
     looked_at,
     push_signal,
     signal_name,
     signal_unit,
+    stated_unit,
 )
 from pushfit.data.peaks.extract import Heights, extract_peaks, measure_pushes, within
 from pushfit.data.plans.schedule import PushSchedule
@@ -86,11 +88,13 @@ class Look:
 
     def search(self, signed: bool) -> None:
         """Find all humps anew; what was said of those before is gone."""
-        told = self.config.peaks
+        told = in_signal_unit(self.recording, self.config.peaks)
         every = told.model_copy(update={"exclude": (), "include": ()})
         found = find(self.time, self.signal, every, signed=signed)
         if not found.extents:
-            raise no_pushes(self.signal, every, found, unit=self.unit)
+            raise no_pushes(
+                self.signal, every, found, unit=stated_unit(self.recording, told)
+            )
         as_told = find(self.time, self.signal, told, signed=signed)
         pushes = {hump.t_peak for hump in as_told.extents if not hump.is_brush}
         self.signed: bool = signed

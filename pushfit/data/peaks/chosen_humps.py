@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.components import looked_at, push_signal
+from pushfit.data.peaks.components import in_signal_unit, looked_at, push_signal
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.peaks.jerks import are_jerks
 from pushfit.data.pushes.detection import (
@@ -27,6 +27,7 @@ from pushfit.data.pushes.found_humps import FoundHumps, is_in
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.recordings.records import Recording
+from pushfit.data.units import Unit
 from pushfit.errors import DataError, counted
 
 DEFAULTS = PeakSettings()
@@ -46,6 +47,7 @@ def find_pushes(
         DataError: The channel has hardly any samples, or none in the part to look at.
     """
     recording = looked_at(recording, settings)
+    settings = in_signal_unit(recording, settings)
     _, _, found = search(*push_signal(recording, settings), settings)
     return tuple(extent for extent in found.extents if not extent.is_brush)
 
@@ -208,7 +210,7 @@ def no_pushes(
     settings: PeakSettings,
     found: FoundHumps,
     *,
-    unit: str,
+    unit: Unit,
 ) -> DataError:
     """Say what there is instead of pushes."""
     n_dips, n_out = len(found.dips), len(found.excluded)
@@ -225,15 +227,15 @@ def no_pushes(
         what = f"the signal falls from rest {counted(n_dips, 'time')} and never rises "
         what += "above it"
     elif spread == 0.0:
-        what = f"the signal is {signal[0]:g} {unit} throughout, no variation"
+        what = f"the signal is {unit.shown(signal[0])} throughout, no variation"
     else:
-        within = f"all readings lie within {spread:.3g} {unit}"
+        within = f"all readings lie within {unit.shown(spread)}"
         what = f"no hump stands out of the noise, {within}"
     turn = "it is inverted already" if settings.invert else "try `invert=True`"
     dips = f"; pushes may go down ({turn})" if n_dips else ""
     return DataError(
         f"no pushes found: {what}{dips}; check the channel"
         f"{f' {settings.channel!r}' if settings.channel else ''}, or state the "
-        f"smallest height of a push in {unit} by `min_height`",
+        f"smallest height of a push in {unit.name} by `min_height`",
         code="no_pushes",
     )

@@ -27,6 +27,7 @@ from pushfit.data.tables.traces import (
     envelope,
 )
 from pushfit.data.text.faults import listed
+from pushfit.data.units import Unit
 from pushfit.errors import ConfigError, DataError
 from pushfit.parameters import TINY
 
@@ -105,8 +106,28 @@ def signal_name(recording: Recording, settings: PeakSettings) -> str:
 
 def signal_unit(recording: Recording, settings: PeakSettings) -> str:
     """Unit of what `push_signal` returns, and of the heights."""
-    units = recording.units
-    return units.get(settings.channel or "", next(iter(units.values())))
+    return stated_unit(recording, settings).canonical
+
+
+def stated_unit(recording: Recording, settings: PeakSettings) -> Unit:
+    """Unit that the recording has the signal in: that of messages and settings."""
+    name = settings.channel
+    name = name if name in recording.units else next(iter(recording.units))
+    canonical = recording.units[name]
+    own = Unit(name=canonical, quantity="signal", canonical=canonical)
+    return recording.stated.get(name, own)
+
+
+def in_signal_unit(recording: Recording, settings: PeakSettings) -> PeakSettings:
+    """The same settings, readings and heights of them as `push_signal` has them."""
+    unit = stated_unit(recording, settings)
+    told = {"min_height": settings.min_height, "limit": settings.limit}
+    own = {
+        name: float(unit.to_canonical(np.array(value)))
+        for name, value in told.items()
+        if value is not None
+    }
+    return settings.model_copy(update=own)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,11 +22,13 @@ from pushfit.data.peaks.chosen_humps import (
 )
 from pushfit.data.peaks.components import (
     component_traces,
+    in_signal_unit,
     looked_at,
     measure_components,
     push_signal,
     signal_name,
     signal_unit,
+    stated_unit,
 )
 from pushfit.data.peaks.directions import recorded_directions, turning
 from pushfit.data.peaks.heights import Height, measure_heights
@@ -112,7 +114,7 @@ def extract_peaks(
             **measured.columns,
         }
     )
-    notes, cautions = extraction_notes(paired, frame, settings)
+    notes, cautions = look.notes(paired, frame)
     cautions = (*recording.cautions, *cautions, *turns)
     sources = recording.sources
     if schedule is not None and schedule.source is not None:
@@ -137,7 +139,7 @@ def measure_pushes(
     push = np.arange(1, len(paired.chosen) + 1)
     measured = look.measured(paired)
     frame = pd.DataFrame({"push": push, **measured.columns})
-    notes, cautions = extraction_notes(paired, frame, settings)
+    notes, cautions = look.notes(paired, frame)
     cautions = (*look.recording.cautions, *cautions)
     return Heights(
         frame=frame,
@@ -179,6 +181,7 @@ class _Look:
         """Take the part and the channel that are to be looked at."""
         whole = recording.between(settings.begin, settings.end)
         part = looked_at(recording, settings)
+        settings = in_signal_unit(part, settings)
         searched = search(*push_signal(part, settings), settings)
         return cls(whole, part, settings, *searched)
 
@@ -218,7 +221,7 @@ class _Look:
             paired = better if paired.n_odd > better.n_odd else paired
         try:
             if all(extent.is_brush for extent in paired.found.extents):
-                unit = signal_unit(self.recording, settings)
+                unit = stated_unit(self.recording, settings)
                 raise no_pushes(signal, settings, paired.found, unit=unit)
             paired.refuse_doubt(settings)
         except DataError as error:
@@ -226,6 +229,13 @@ class _Look:
             message = f"{files}: {error}" if files else str(error)
             raise DataError(message, code=error.code, problems=error.problems) from None
         return paired
+
+    def notes(
+        self, paired: Paired, frame: pd.DataFrame
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """What there is to be told of the rows, and what of it not to be overlooked."""
+        unit = stated_unit(self.recording, self.settings)
+        return extraction_notes(paired, frame, self.settings, unit=unit)
 
     def measured(self, paired: Paired) -> _Measured:
         """Heights of the pushes."""

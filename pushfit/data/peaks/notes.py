@@ -12,11 +12,12 @@ from pushfit.data.plans.pairing import Paired
 from pushfit.data.pushes.detection import Extent
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.data.text.faults import listed
+from pushfit.data.units import Unit
 from pushfit.errors import stated
 
 
 def extraction_notes(
-    paired: Paired, frame: pd.DataFrame, settings: PeakSettings
+    paired: Paired, frame: pd.DataFrame, settings: PeakSettings, *, unit: Unit
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Tell what was taken for granted, and what the user should not overlook.
 
@@ -24,7 +25,6 @@ def extraction_notes(
         Notes, and cautions: what was left out, assumed to be missing, or mixed.
     """
     definition, mixed = _definitions(frame)
-    unit = next(c for c in map(str, frame) if c.startswith("height")).rpartition("_")[2]
     notes = [definition] if definition else []
     notes += paired.notes()
     flagged = _flagged(frame)
@@ -96,7 +96,7 @@ def _on_shelves(paired: Paired, frame: pd.DataFrame) -> list[str]:
     ]
 
 
-def _left_out(paired: Paired, unit: str) -> list[str]:
+def _left_out(paired: Paired, unit: Unit) -> list[str]:
     """Brushes, dips and excluded humps that are no rows."""
     found, chosen = paired.found, paired.chosen
     brushes = [e for e in found.extents if e.is_brush and e not in chosen]
@@ -128,9 +128,9 @@ def _left_out(paired: Paired, unit: str) -> list[str]:
     return notes
 
 
-def _times(extents: Sequence[Extent], unit: str) -> str:
+def _times(extents: Sequence[Extent], unit: Unit) -> str:
     """When the first of some humps are, and how high."""
-    humps = [f"{e.t_peak:.2f} s ({e.height:.3g} {unit})" for e in extents]
+    humps = [f"{e.t_peak:.2f} s ({unit.shown(e.height)})" for e in extents]
     return f"at {listed(humps)}"
 
 

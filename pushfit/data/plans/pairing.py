@@ -19,6 +19,7 @@ from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
 from pushfit.data.pushes.found_humps import FoundHumps, is_in
 from pushfit.data.text.faults import listed
+from pushfit.data.units import Unit
 from pushfit.errors import stated
 
 
@@ -79,7 +80,7 @@ class Paired:
             notes.append("pushes go both ways from rest; heights of dips are negative")
         return notes
 
-    def cautions(self, unit: str) -> list[str]:
+    def cautions(self, unit: Unit) -> list[str]:
         """What is missing, too many, out of order, or so small as to be no push."""
         if self.schedule is None or self.alignment is None:
             return []
@@ -106,8 +107,8 @@ class Paired:
                 extent = self.found.extents[j]
                 lines.append(
                     f"{push_name(plan, i)} is taken to be the hump of only "
-                    f"{extent.height:.3g} {unit} at {extent.t_peak:.2f} s, far smaller "
-                    "than the others; leave it out by "
+                    f"{unit.shown(extent.height)} at {extent.t_peak:.2f} s, far "
+                    "smaller than the others; leave it out by "
                     f"{stated(exclude=[extent.window])}"
                 )
         return lines

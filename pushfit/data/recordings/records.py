@@ -3,13 +3,13 @@
 Excluded: how one is read from a file (`pushfit.data.recordings.recording`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from pushfit.data.text.files import Source
-from pushfit.data.units import Calibration
+from pushfit.data.units import Calibration, Unit
 from pushfit.errors import ConfigError, DataError
 
 
@@ -27,6 +27,7 @@ class Recording:
         sources: Files behind the samples.
         notes: What the reader recognised, dropped or filled in, for the user.
         cautions: Further notes, which the user should not overlook.
+        stated: Unit of each channel in the file, where it is known.
     """
 
     time: Float[np.ndarray, " n"]
@@ -37,6 +38,7 @@ class Recording:
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    stated: dict[str, Unit] = field(default_factory=dict)
 
     def between(self, begin: float | None, end: float | None) -> "Recording":
         """The part between two times.
@@ -114,5 +116,6 @@ class Recording:
             self,
             channels={**self.channels, channel: converted},
             units={**self.units, channel: calibration.target_unit},
+            stated={name: u for name, u in self.stated.items() if name != channel},
             notes=(*self.notes, note),
         )

@@ -18,7 +18,7 @@ from pushfit.data.recordings.records import Recording
 from pushfit.data.recordings.sentinels import NO_READING, sentinel_of
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import Source
-from pushfit.data.units import Unit, implausible_angles, implausible_signal
+from pushfit.data.units import UNITS, Unit, implausible_angles, implausible_signal
 from pushfit.errors import stated
 
 # Between neighbours further apart than this many usual steps a push may hide.
@@ -107,6 +107,12 @@ def build_recording(
         sources=samples.sources,
         notes=tuple(findings.notes),
         cautions=tuple(findings.cautions),
+        # Volts with a gain are read as what it leads to.
+        stated={
+            name: unit
+            for name, (_, unit) in samples.channels.items()
+            if unit.name in UNITS
+        },
     )
 
 

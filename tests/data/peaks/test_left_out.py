@@ -1,5 +1,6 @@
 """What is left out is no push, and no rest either: the others keep their heights."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +24,8 @@ PEAKS = PeakSettings()
 SAME = 0.1
 # A reading of no push, beside pushes of 30 N: known to a thirtieth of them [N].
 SMALL = 1.0
+# A mean over a tenth of a triangle takes 2.5 % from its top, and its foot a twentieth.
+BLUNTED = 0.08
 NUMBERS = ["height_kpa", "height_sd_kpa", "baseline_kpa", "t_start_s", "t_end_s"]
 
 
@@ -179,3 +182,45 @@ def test_what_is_left_out_is_no_rest_of_a_push_that_is_missing_beside_it():
     row = extract_peaks(recording, schedule, settings=settings).frame.iloc[2]
     assert row["flags"] == "missing"
     assert abs(row["height_n"]) < 4 * row["height_sd_n"] < SMALL
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "factor", "stated"),
+    [
+        ("p_kPa", "kpa", 1.0, {}),
+        ("p_Pa", "pa", 1e3, {}),
+        ("f (N)", "n", 1.0, {}),
+        ("f_mN", "mn", 1e3, {}),
+        ("f (µN)", "un", 1e6, {}),
+        ("f_V", "n", 2.0, {"f_V": "500 mN/V"}),
+    ],
+)
+def test_heights_are_told_and_asked_for_in_the_unit_of_the_column(
+    tmp_path, column, unit, factor, stated
+):
+    """Of a brush of 0.06 and pushes of 2 and 3, whatever the file calls these."""
+    time = np.arange(0.0, 16.0, 0.01)
+    y = 1e-3 * np.random.default_rng(5).standard_normal(time.size)
+    for top, height in ((2.0, 2.0), (5.0, 0.06), (8.0, 3.0), (13.0, 2.0)):
+        y += height * np.clip(1 - np.abs(time - top), 0, None)
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"time_s": time, column: factor * y}).to_csv(path, index=False)
+    recording = read_recording(path, units=stated)
+    in_unit = 1.0 if stated else factor
+
+    def told(**settings):
+        made = measure_pushes(recording, settings=PeakSettings(**settings))
+        (caution,) = made.cautions
+        heights = re.findall(r"\((\S+) (\w+)\)", caution)
+        assert {own for _, own in heights} == {unit}
+        return [float(height) / in_unit for height, _ in heights], made.frame
+
+    heights, frame = told()
+    assert heights == pytest.approx([0.058], rel=BLUNTED)
+    assert frame.filter(regex="height_[nk]").to_numpy()[:, 0] == pytest.approx(
+        [2.0, 3.0, 2.0], rel=BLUNTED
+    )
+    assert told(min_height=2.5 * in_unit)[0] == pytest.approx(
+        [2.0, 0.058, 2.0], rel=BLUNTED
+    )
+    assert told(limit=2.5 * in_unit)[1]["flags"].tolist() == ["", "saturated", ""]

@@ -24,6 +24,7 @@ from pushfit.data.simulate import (
     Session,
 )
 from pushfit.data.text.files import Source
+from pushfit.data.units import UNITS
 from pushfit.errors import ConfigError, DataError
 from pushfit.model import Grasp
 from tests.data.peaks.sweeps import simulated, with_signal
@@ -204,7 +205,7 @@ def test_only_heights_for_a_fit_are_told_to_be_mixed():
         extents=(), course=RunningMeans.of(np.arange(3.0), np.zeros(3))
     )
     paired = pair(nothing, None, PeakSettings(), span=(0.0, 2.0))
-    notes, cautions = extraction_notes(paired, frame, PeakSettings())
+    notes, cautions = extraction_notes(paired, frame, PeakSettings(), unit=UNITS["n"])
     assert "heights are those of the apex of each push" in notes
     assert not cautions
 
