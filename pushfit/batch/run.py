@@ -6,6 +6,7 @@ item (`pushfit.batch.identify_chunk`).
 """
 
 import contextlib
+import numbers
 import os
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
@@ -108,11 +109,12 @@ def identify_batch(
 
     Raises:
         ConfigError: The batch as a whole cannot be done: a missing file, a wrong
-            common setting, seed or engine, a folder that is not a batch's.
+            common setting, seed, engine or workers, a folder that is not a batch's.
         DataError: There is nothing to identify.
     """
     check_seed(seed)
     check_engine(engine)
+    workers, report = _workers(workers), progress or (lambda stage, share: None)
     folder = Path(out)
     inputs = [inputs] if isinstance(inputs, (str, Path)) else inputs
     found = find_inputs(inputs, out=folder)
@@ -130,7 +132,6 @@ def identify_batch(
             "or folders that hold some",
             code="nothing_to_do",
         )
-    workers, report = workers or Workers(), progress or (lambda stage, share: None)
     begin_folder(folder)
     with open_store(folder) as (store, notice):
         remove_leftovers(folder)
@@ -241,6 +242,22 @@ def _pages(
         if is_there and is_current(folder / own, item.key, written):
             pages[item.name] = (own / REPORT).as_posix()
     return pages
+
+
+def _workers(given: Workers | None) -> Workers:
+    """Who works, if it was given.
+
+    Raises:
+        ConfigError: What was given says nothing of that, such as a mere number.
+    """
+    if not isinstance(given, (Workers, type(None))):
+        n = given if isinstance(given, numbers.Integral) and given > 0 else 4
+        raise ConfigError(
+            f"workers = {reprlib.repr(given)}: state who works by a "
+            f"pushfit.Workers, such as workers=pushfit.Workers(n={n:d})",
+            code="workers",
+        )
+    return given or Workers()
 
 
 def _path(name: str, given: str | Path | None) -> Path | None:

@@ -60,6 +60,15 @@ def test_workers_that_can_do_nothing_are_refused(key, value):
 
 
 @pytest.mark.repeated
+@pytest.mark.parametrize(("given", "n"), [(4, 4), (0, 4), ("2", 4), (True, 1)])
+def test_a_mere_number_of_workers_is_refused_with_what_to_write(given, n, runs, log):
+    told = re.escape(f"workers = {given!r}: state who works by a pushfit.Workers")
+    with pytest.raises(ConfigError, match=rf"{told}.*workers=pushfit.Workers\(n={n}\)"):
+        run(workers=given)
+    assert not (runs.parent / "out").exists()
+
+
+@pytest.mark.repeated
 @pytest.mark.parametrize("name", ["config", "profile", "schedule"])
 @pytest.mark.parametrize("given", [{"push": {"length_mm": 5}}, GraspConfig(), 3])
 def test_what_a_batch_reads_from_a_file_is_the_name_of_one(name, given, runs, log):
