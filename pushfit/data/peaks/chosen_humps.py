@@ -91,6 +91,11 @@ def search(
         kept[kept] = ~is_jerk
     else:
         return time, signal, found
+    # On a slow push one may be too wide to be told by what is beside it.
+    for hump in brief:
+        if not hump.is_cut:  # what is cut may be as wide as the others are
+            first, last = hump.middle - hump.width, hump.middle + hump.width
+            kept[np.searchsorted(time, first) : np.searchsorted(time, last)] = False
     without = find(time[kept], signal[kept], settings, signed=signed)
     pushes = [hump for hump in without.extents if not hump.is_brush]
     longest = max(hump.width for hump in brief)

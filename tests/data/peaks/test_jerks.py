@@ -62,6 +62,21 @@ def test_a_jerk_is_told_of_where_pushes_go_both_ways_too():
     assert any(TOLD in caution for caution in table.cautions)
 
 
+@pytest.mark.parametrize("seconds", [0.05, 0.1, 0.15, 0.2])
+@pytest.mark.parametrize("rate", [100.0, 500.0])
+def test_a_jerk_on_top_of_a_slow_push_is_not_its_height(seconds, rate):
+    """What is told to be left out is; it hides the top, which is flagged for it."""
+    time = np.arange(0.0, 27.0, 1 / rate)
+    y = 0.01 * np.random.default_rng(6).standard_normal(len(time))
+    jerk = (14, 10, seconds / 2)
+    for top, height, half in ((5, 5, 1.5), (14, 6, 1.5), (22, 5, 1.5), jerk):
+        y += height * np.clip(1 - np.abs(time - top) / half, 0, None)
+    found = measure_pushes(Recording(time=time, channels={"f": y}, units={"f": "n"}))
+    assert any(TOLD in caution for caution in found.cautions)
+    assert found.frame["flags"].tolist() == ["", "gap", ""]
+    assert 5 < found.frame["height_n"].iloc[1] < 6.1
+
+
 def test_taps_by_themselves_are_pushes():
     """All of them are as brief as a jerk; there is nothing else."""
     found = measure_pushes(recording(lambda since: since < 0.03, rate=1000.0))
