@@ -272,7 +272,7 @@ class _Beside:
             sd_after=sd_after,
             time_after=when_after,
             bend=np.zeros_like(sd),
-            step=np.where(begin < end, np.nan_to_num(steps), feet.moved),
+            step=np.where((begin < end) & np.isfinite(steps), steps, feet.moved),
         )
         before, after = (
             own.off(base, noise, side) for own, side in zip(rests, (-1, 1), strict=True)
