@@ -91,9 +91,10 @@ def search(
         kept[kept] = ~is_jerk
     else:
         return time, signal, found
-    # On a slow push one may be too wide to be told by what is beside it.
+    # On a slow push, whose feet it has, one may be too wide to be told by what is
+    # beside it. What is cut may be as wide as the others are.
     for hump in brief:
-        if not hump.is_cut:  # what is cut may be as wide as the others are
+        if hump.t_end - hump.t_start > BRIEFER * hump.width and not hump.is_cut:
             first, last = hump.middle - hump.width, hump.middle + hump.width
             kept[np.searchsorted(time, first) : np.searchsorted(time, last)] = False
     without = find(time[kept], signal[kept], settings, signed=signed)
