@@ -58,14 +58,15 @@ def mismatch_error(
     return DataError(
         f"{counted(plan.n_pushes, 'push')} {verb} planned{where}, {n_found} found: "
         f"{_first([p.message for p in problems], '; ') or 'not in their rhythm'}"
-        f"{_doubt(plan, pairs, extents)}",
+        f"{_doubt(schedule, pairs, extents)}",
         code="push_mismatch",
         problems=tuple(problems),
     )
 
 
-def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> str:
+def _doubt(schedule: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> str:
     """The assignments between which the times do not decide, and what would."""
+    plan = schedule.repeated(pairs.n_cycles)
     if pairs.is_of_another:
         return (
             f". {pairs.n_cycles} runs through the schedule leave more pushes missing "
@@ -87,9 +88,12 @@ def _doubt(plan: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) -> s
         window += f", the hump far lower than the others {_at(extents, humps[0])}"
     is_short = len(pairs.extra) > len(pairs.missing)
     rows = "a row for each push that was made, or " if is_short else ""
+    times = "a column time_s"
+    if schedule.time is not None:
+        times = "the time_s that its pushes had on the clock of the recording"
     return (
         f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
-        f"the schedule {rows}a column time_s, leave out what is no push by "
+        f"the schedule {rows}{times}, leave out what is no push by "
         f"{window}, state `min_height`, or take (a) by `allow_missing=True`. "
         f"In (a) {_counts(plan, pairs)}"
     )

@@ -279,6 +279,29 @@ def test_three_faults_of_a_pairing_are_told_and_the_rest_counted(n_planned, n_fo
     assert len(message) < 1500
 
 
+@pytest.mark.parametrize("first", [None, 0.0])
+@pytest.mark.parametrize("tail", [12.0, 20.0, 30.0])
+@pytest.mark.parametrize("lead", [2.0, 4.0, 8.0])
+def test_a_silent_begin_is_shown_first_where_a_recording_ends_late(lead, tail, first):
+    """It is as likely as pushes that were not made; times from 0 do not tell either."""
+    beats = 9.0 * np.arange(8.0)
+    schedule = plan_of(8)
+    if first is not None:
+        schedule = replace(schedule, time=first + beats)
+    found = align(
+        lead + beats[2:],
+        [False] * 6,
+        n_planned=8,
+        planned_times=schedule.time,
+        span=(0.0, lead + beats[-1] + tail),
+    )
+    assert found.other is not None
+    assert found.missing == (0, 1)
+    message = str(mismatch_error(schedule, found, extents_at(lead + beats[2:])))
+    needed = "a column time_s" if first is None else "the clock of the recording"
+    assert needed in message
+
+
 WITH_BRUSH = 4.0 * np.arange(11.0)
 
 
