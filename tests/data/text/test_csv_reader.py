@@ -1,8 +1,5 @@
 """Strict tables: what pandas alone gets wrong, line numbers, bounded memory."""
 
-import re
-import subprocess
-import sys
 import tracemalloc
 from dataclasses import replace
 
@@ -188,13 +185,3 @@ def test_what_would_need_too_much_memory_is_refused_after_the_scan(write, monkey
         tracemalloc.stop()
     # The first one loads what is loaded once.
     assert peaks[2] < 1.2 * peaks[1]
-
-
-@pytest.mark.slow
-def test_a_long_recording_costs_less_than_three_bare_pandas():
-    """In a process of its own, because the tests check the type of every call."""
-    command = [sys.executable, "-m", "benchmarks.speed.recording_scale"]
-    options = ["--rounds", "7", "--time"]
-    ended = subprocess.run([*command, *options], check=True, capture_output=True)
-    ratio = re.search(rb"over bare pandas: (\S+)", ended.stdout)
-    assert float(ratio[1]) < 3

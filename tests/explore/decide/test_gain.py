@@ -1,7 +1,5 @@
 """Gain against brute force, and what has to be zero."""
 
-import time
-
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -150,18 +148,3 @@ def test_outlook_of_gaussian_belief_is_that_of_the_linear_formula():
     found = outlook(values[None], target, weights=weights, sigma=np.array([4.0]))
     np.testing.assert_allclose(found.expected_width, 2 * 1.645 * 2.4, rtol=SHORTEST)
     assert found.p_decided > 0.9
-
-
-@pytest.mark.slow
-def test_a_suggestion_takes_a_tenth_of_a_second():
-    rng = np.random.default_rng(9)
-    belief = belief_of(prior_draws(N_DRAWS, rng))
-    heights = predict(belief, np.tile(THETA, 2)[:17], np.zeros(17)).heights
-    times = []
-    for _ in range(20):
-        start = time.perf_counter()
-        information_gain(
-            heights, [belief.samples["theta_c"]], belief.weights, sigma=belief.sigma
-        )
-        times.append(time.perf_counter() - start)
-    assert np.median(times) < 0.1
