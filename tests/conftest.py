@@ -40,7 +40,7 @@ settings.load_profile("gate")
 
 @pytest.fixture(autouse=True)
 def shapes(request, monkeypatch) -> None:
-    """Shapes are checked, which takes two thirds of the time, but where it is enough.
+    """Shapes are checked, which takes a third of the time, but where it is enough.
 
     The tests of a module that is `repeated` go through whole recordings or explorations
     many times, by functions that other tests call as well.
