@@ -85,7 +85,8 @@ def methods(kind: type) -> dict[str, tuple[object, list[str | None]]]:
     found = {
         f"{kind.__name__}.{name}": (method, [method.__doc__])
         for name, method in bound.items()
-        if inspect.isroutine(method)
+        # What is made once and kept is a descriptor of its own, and takes nothing.
+        if inspect.isroutine(method) and callable(method)
     }
     # What other records take are their fields.
     of_fields = hasattr(kind, "__dataclass_fields__") or hasattr(kind, "model_fields")

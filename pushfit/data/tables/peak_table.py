@@ -8,6 +8,7 @@ are measured (`pushfit.data.peaks.extract`) and what they mean (`pushfit.fit`).
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +29,12 @@ from pushfit.data.units import in_degrees
 from pushfit.errors import DataError
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PeakTable:
     """Heights of the pushes of one exploration, with their directions.
 
-    Make one by `from_frame`, `from_arrays` or `read_table`, which check the rows.
+    Make one by `from_frame`, `from_arrays` or `read_table`, which check the rows. Its
+    arrays are made once, when they are first asked for, so it has no slots.
 
     Args:
         frame: One row per push: `push`, `theta_deg`, `alpha_deg`, `repeat`, heights as
@@ -139,17 +141,17 @@ class PeakTable:
         """Number of rows, used or not."""
         return len(self.frame)
 
-    @property
+    @cached_property
     def theta(self) -> Float[np.ndarray, " n"]:
         """Elevation of every push [rad]."""
         return np.radians(self.frame["theta_deg"].to_numpy(dtype=float))
 
-    @property
+    @cached_property
     def alpha(self) -> Float[np.ndarray, " n"]:
         """Azimuth of every push [rad]."""
         return np.radians(self.frame["alpha_deg"].to_numpy(dtype=float))
 
-    @property
+    @cached_property
     def channels(self) -> tuple[str, ...]:
         """Names of the height channels that the table has."""
         return tuple(c for c in CHANNELS if f"{c}_{self.unit}" in self.frame)
@@ -176,19 +178,19 @@ class PeakTable:
         name = f"{channel}_sd_{self.unit}"
         return self.frame[name].to_numpy(dtype=float) if name in self.frame else None
 
-    @property
+    @cached_property
     def flags(self) -> tuple[frozenset[str], ...]:
         """Flag words of every push."""
         texts = self.frame["flags"].tolist()
         words = {t: frozenset(filter(None, str(t).split(";"))) for t in set(texts)}
         return tuple(words[text] for text in texts)
 
-    @property
+    @cached_property
     def is_used(self) -> Bool[np.ndarray, " n"]:
         """Whether a push goes into a fit: no flag of it excludes it."""
         return np.array([not (words & EXCLUDING_FLAGS) for words in self.flags])
 
-    @property
+    @cached_property
     def groups(self) -> Int[np.ndarray, " n"]:
         """Number of each push's direction, counted from 0 by first appearance."""
         # Whole nanodegrees: directions equal on paper stay equal after a unit change.
