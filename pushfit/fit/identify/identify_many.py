@@ -14,9 +14,10 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
+from pushfit.fit.identify.fitted import Fitted, Listener
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.result_row import Cell, flat_values, pooled_draws
-from pushfit.fit.problem.setup import build_problem
+from pushfit.fit.problem.problem import Problem
 from pushfit.fit.sweep.prior import marginal_priors
 
 
@@ -56,9 +57,22 @@ def _identify_one(
     table: PeakTable, config: GraspConfig, *, seed: int, engine: str
 ) -> ItemResult | PushfitError:
     """One table, its error as a value."""
+    heard = _Heard()
     try:
-        found = identify_table(table, config, seed=seed, engine=engine, is_brief=True)
+        found = identify_table(
+            table, config, seed=seed, engine=engine, is_brief=True, listener=heard
+        )
     except PushfitError as error:
         return error
-    priors = marginal_priors(build_problem(found.table, found.config).problem)
+    priors = marginal_priors(heard.problems[found.mechanics])
     return ItemResult(values=flat_values(found), draws=pooled_draws(found, priors))
+
+
+class _Heard(Listener):
+    """Keeps the problems that a table poses, by mechanics."""
+
+    def __init__(self) -> None:
+        self.problems: dict[str, Problem] = {}
+
+    def fitted(self, fitted: Fitted) -> None:
+        self.problems[fitted.mechanics] = fitted.setup.problem

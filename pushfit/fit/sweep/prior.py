@@ -14,7 +14,6 @@ from jaxtyping import Array, Float
 
 from pushfit.fit.problem.encoding import prior_x_samples
 from pushfit.fit.problem.priors.conditional_prior import SCORES, make_conditional_prior
-from pushfit.fit.problem.priors.distributions import Prior
 from pushfit.fit.problem.priors.tabulated_density import (
     LogDensity,
     TabulatedDensity,
@@ -43,6 +42,7 @@ class PriorShape:
         draws: Sampling coordinates but for sampled noise, by name.
         mean: Of the coordinates of the sweep.
         precision: Of the normal distribution with their moments.
+        covariance: Of the same.
         shape_sd: Standard deviation of e1 and e2.
         tables: Quantiles of the conditional coordinates by name: first value of the
             number they are given, distance between its values, and entries.
@@ -50,20 +50,34 @@ class PriorShape:
 
     draws: dict[str, Float[np.ndarray, " n"]]
     mean: Float[np.ndarray, " q"]
-    precision: Float[np.ndarray, "q q"]
+    precision: Float[Array, "q q"]
+    covariance: Float[Array, "q q"]
     shape_sd: float
-    tables: dict[str, tuple[float, float, Float[np.ndarray, "r s"]]]
+    tables: dict[str, tuple[float, float, Float[Array, "r s"]]]
 
 
 class _Question:
-    """A problem that stands for all with the same prior; compares by its prior."""
+    """A problem that stands for all with the same prior; compares by its prior.
+
+    Stiffness and preload are counted in units of their own priors, so that K_sn and F_0
+    are about 1: `ln_stiffness` and `ln_force` are the logs of these units.
+    """
 
     def __init__(self, problem: Problem, reference_alpha: float) -> None:
         self.problem, self.reference_alpha = problem, reference_alpha
+        known = {n: p for n, p in problem.priors.items() if not n.startswith("sigma_")}
+        scaled = {n: float(p.first) for n, p in known.items() if p.kind == "lognormal"}
+        is_scaled = scaled.keys() >= set(STIFF)
+        self.ln_stiffness = float(np.log(scaled["K_sn"])) if is_scaled else 0.0
+        self.ln_force = float(np.log(scaled.get("F_0", 1.0)))
+        units = dict.fromkeys(STIFF, self.ln_stiffness) | {"F_0": self.ln_force}
+        self.firsts = {
+            name: float(p.first) / np.exp(units.get(name, 0.0))
+            for name, p in known.items()
+        }
         priors = (
-            (name, p.kind, _rounded(p.first), _rounded(p.second))
-            for name, p in problem.priors.items()
-            if not name.startswith("sigma_")
+            (name, p.kind, _rounded(self.firsts[name]), _rounded(p.second))
+            for name, p in known.items()
         )
         fixed = ((name, _rounded(value)) for name, value in problem.fixed.items())
         grasp = problem.grasp
@@ -73,6 +87,15 @@ class _Question:
             (grasp.mechanics, grasp.support_span is None),
             _rounded(reference_alpha),
         )
+
+    def in_own_units(self) -> Problem:
+        """The problem by priors in these units, without any of sampled noise."""
+        priors = {
+            name: replace(self.problem.priors[name], first=first)
+            for name, first in self.firsts.items()
+        }
+        names = tuple(n for n in self.problem.names if not n.startswith("ln_sigma_"))
+        return replace(self.problem, priors=priors, names=names)
 
     def __hash__(self) -> int:
         return hash(self.key)
@@ -84,9 +107,9 @@ class _Question:
 def make_target(problem: Problem, reference_alpha: float) -> Target:
     """A problem made ready for the sweep."""
     roles = roles_of(problem)
-    unit, scale, force = _in_own_units(problem)
-    shape = _shape(_Question(unit, reference_alpha))
-    shifts = {"ln_A": scale, "ln_B": scale, "ln_F_0": force}
+    question = _Question(problem, reference_alpha)
+    shape, scale = _shape(question), question.ln_stiffness
+    shifts = {"ln_A": scale, "ln_B": scale, "ln_F_0": question.ln_force}
     coordinates = ("outer", roles.inner, *roles.others)
     shift = np.array([shifts.get(str(name), 0.0) for name in coordinates])
     # All three tables are given a stiffness.
@@ -95,7 +118,7 @@ def make_target(problem: Problem, reference_alpha: float) -> Target:
         name: QuantileTable(
             as_float(start + wholes[name]),
             as_float(step),
-            as_float(values),
+            values,
             float(SCORES[0]),
             float(SCORES[1] - SCORES[0]),
         )
@@ -104,8 +127,8 @@ def make_target(problem: Problem, reference_alpha: float) -> Target:
     return Target(
         pooled=pool_repeats(problem),
         mean=as_float(shape.mean + shift),
-        precision=as_float(shape.precision),
-        covariance=as_float(np.linalg.inv(shape.precision)),
+        precision=shape.precision,
+        covariance=shape.covariance,
         shape_sd=as_float(shape.shape_sd),
         tables=tables,
         reference_alpha=as_float(reference_alpha),
@@ -117,9 +140,13 @@ def prior_points(
     problem: Problem, reference_alpha: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "n p"]:
     """Draws from the prior, in sampling coordinates."""
-    unit, scale, force = _in_own_units(problem)
-    draws = dict(_shape(_Question(unit, reference_alpha)).draws)
-    for name, shift in (("ln_A", scale), ("ln_B", scale), ("ln_F_0", force)):
+    question = _Question(problem, reference_alpha)
+    draws, scale = dict(_shape(question).draws), question.ln_stiffness
+    for name, shift in (
+        ("ln_A", scale),
+        ("ln_B", scale),
+        ("ln_F_0", question.ln_force),
+    ):
         if name in draws:
             draws[name] = draws[name] + shift
     for name, prior in problem.priors.items():
@@ -130,28 +157,9 @@ def prior_points(
 
 def marginal_priors(problem: Problem) -> dict[str, TabulatedDensity]:
     """Densities of ln A, ln B and ln C_rr by name of the number, if it is free."""
-    unit, scale, _ = _in_own_units(problem)
-    by = {"A": scale, "B": scale, "C_rr": 0.0}
-    marginals = _marginals(_Question(unit, 0.0))
-    return {name: table.shifted(by[name]) for name, table in marginals.items()}
-
-
-def _in_own_units(problem: Problem) -> tuple[Problem, float, float]:
-    """The same with K_sn about 1, and F_0 about 1; logs of both units."""
-    priors = dict(problem.priors)
-    stiff = [priors.get(name) for name in STIFF]
-    scale = force = 0.0
-    if all(prior is not None and prior.kind == "lognormal" for prior in stiff):
-        scale = float(np.log(priors["K_sn"].first))
-        priors |= {name: _scaled(priors[name], scale) for name in STIFF}
-    if "F_0" in priors and priors["F_0"].kind == "lognormal":
-        force = float(np.log(priors["F_0"].first))
-        priors["F_0"] = _scaled(priors["F_0"], force)
-    return replace(problem, priors=priors), scale, force
-
-
-def _scaled(prior: Prior, ln_unit: float) -> Prior:
-    return Prior("lognormal", float(prior.first) / np.exp(ln_unit), prior.second)
+    question = _Question(problem, 0.0)
+    by = dict.fromkeys(("A", "B"), question.ln_stiffness) | {"C_rr": 0.0}
+    return {name: t.shifted(by[name]) for name, t in _marginals(question).items()}
 
 
 def _rounded(value: float | Float[Array, ""]) -> float:
@@ -167,7 +175,7 @@ def _shape(question: _Question) -> PriorShape:
 
 @functools.lru_cache(maxsize=MAX_SHAPES)
 def _marginals(question: _Question) -> Mapping[str, TabulatedDensity]:
-    problem = question.problem
+    problem = question.in_own_units()
     given = make_conditional_prior(problem.priors, problem.fixed)
     densities = {
         "A": given.normal.density(),
@@ -178,26 +186,23 @@ def _marginals(question: _Question) -> Mapping[str, TabulatedDensity]:
 
 
 def _made(question: _Question) -> PriorShape:
-    problem, roles = question.problem, roles_of(question.problem)
-    noiseless = {n: p for n, p in problem.priors.items() if not n.startswith("sigma_")}
-    names = tuple(n for n in problem.names if n not in roles.sigmas)
-    bare = replace(problem, priors=noiseless, names=names)
-    rng = np.random.default_rng(0)
-    x = prior_x_samples(bare, rng, N_DRAWS) if names else np.zeros((N_DRAWS, 0))
+    problem = question.in_own_units()
+    roles, names, rng = roles_of(problem), problem.names, np.random.default_rng(0)
+    x = prior_x_samples(problem, rng, N_DRAWS) if names else np.zeros((N_DRAWS, 0))
     draws = {name: x[:, i] for i, name in enumerate(names)}
     columns = [rng.standard_normal(N_DRAWS), rng.standard_normal(N_DRAWS)]
     if roles.pivot is not None:
-        columns[0] = _outer_of(bare, x, question.reference_alpha)
+        columns[0] = _outer_of(problem, x, question.reference_alpha)
     if roles.inner is not None:
         columns[1] = draws[roles.inner]
     y = np.stack([*columns, *(draws[name] for name in roles.others)], axis=1)
-    given = make_conditional_prior(noiseless, problem.fixed)
+    given = make_conditional_prior(problem.priors, problem.fixed)
     pairs = {"ln_r": given.normal, "ln_s": given.tangential, "ln_L": given.rotation}
     tables = {}
     for name in roles.conditional:
         rows, values = pairs[name].quantiles
-        tables[name] = (float(rows[0]), float(rows[1] - rows[0]), values)
-    e1 = noiseless.get("e1")
+        tables[name] = (float(rows[0]), float(rows[1] - rows[0]), as_float(values))
+    e1 = problem.priors.get("e1")
     shape_sd = 1.0 if e1 is None else float(np.std(e1.sample(rng, N_DRAWS)))
     mean, precision = _moments(y, roles.names, shape_sd, has_s=roles.has_s)
     for i, name in enumerate((roles.pivot, roles.inner)):
@@ -205,7 +210,12 @@ def _made(question: _Question) -> PriorShape:
             mean[i] = 0.0
             precision[i], precision[:, i], precision[i, i] = 0.0, 0.0, 1.0
     return PriorShape(
-        draws=draws, mean=mean, precision=precision, shape_sd=shape_sd, tables=tables
+        draws=draws,
+        mean=mean,
+        precision=as_float(precision),
+        covariance=as_float(np.linalg.inv(precision)),
+        shape_sd=shape_sd,
+        tables=tables,
     )
 
 

@@ -4,7 +4,7 @@ Excluded: where they come from.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import numpy as np
@@ -66,8 +66,7 @@ class TabulatedDensity(eqx.Module):
 
     def shifted(self, by: float) -> "TabulatedDensity":
         """Density of the log of a number that is exp(by) times as large."""
-        moved = (self.start + by, self.mean + by)
-        return eqx.tree_at(lambda t: (t.start, t.mean), self, moved)
+        return replace(self, start=self.start + by, mean=self.mean + by)
 
 
 def prior_density(prior: Prior) -> LogDensity:
