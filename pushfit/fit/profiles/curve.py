@@ -179,4 +179,6 @@ def _valleys(found: Fits) -> Float[np.ndarray, "k q"]:
         is_other |= np.max(np.abs(ends[kept] - ends[i]), axis=1) > SAME_VALLEY
         if np.all(is_other):
             kept.append(int(i))
-    return ends[np.resize(kept[:N_VALLEYS], N_VALLEYS)]
+        if len(kept) == N_VALLEYS:
+            break
+    return ends[np.resize(kept, N_VALLEYS)]

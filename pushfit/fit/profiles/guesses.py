@@ -31,6 +31,7 @@ def guesses(problem: Problem) -> Float[np.ndarray, "k q"]:
     if "ln_A" not in names:
         group = contact(problem.data_state(jnp.zeros(len(names))).params)
         ln_A = float(jnp.log(group.A))
+    ln_L = _middle_log(problem, "L") if "ln_L" in names else 0.0
     tried = itertools.product(
         RATIOS if {"ln_B", "ln_C_rr"} & set(names) else RATIOS[:1],
         SHAPES if "f1" in names else SHAPES[:1],
@@ -47,7 +48,7 @@ def guesses(problem: Problem) -> Float[np.ndarray, "k q"]:
             "f2": f2,
             "ln_F_0": np.log(force) + ln_F_0,
             "ln_s": ln_s,
-            "ln_L": _middle_log(problem, "L"),
+            "ln_L": ln_L,
             "ln_p": 0.0,
         }
         points.append([values[name] for name in names])

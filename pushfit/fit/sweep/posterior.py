@@ -271,7 +271,11 @@ def _ess(log_weight: Float[np.ndarray, " n"]) -> float:
 
 
 def _log_sum(log_values: Float[np.ndarray, " n"]) -> float:
-    return float(np.logaddexp.reduce(log_values))
+    top = np.max(log_values)
+    # Where nothing is finite there is nothing to subtract.
+    if not np.isfinite(top):
+        return float(top)
+    return float(top + np.log(np.sum(np.exp(log_values - top))))
 
 
 @functools.lru_cache(maxsize=16)
