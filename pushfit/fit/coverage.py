@@ -25,9 +25,8 @@ from pushfit.fit.problem.derived import (
     samples_mapping,
 )
 from pushfit.fit.problem.encoding import prior_x_samples
-from pushfit.fit.problem.predictions import heights_of, predict_draws
+from pushfit.fit.problem.predictions import predict_draws
 from pushfit.fit.results import FitStatus, Identification, Piece, Verdict
-from pushfit.model import Pushes
 from pushfit.parameters import ANGLES, HALF_TURN
 
 # The usual probabilities, that of intervals by default among them.
@@ -190,9 +189,9 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
     truths = samples_mapping(
         problem, x, fitted.reference_alpha, reach_of(fitted.config)
     )
-    pushes = Pushes(table.theta[rows], table.alpha[rows])
-    channels = predict_draws(problem, truths, pushes)
-    clean = heights_of(problem, channels)
+    angles = np.stack([table.theta, table.alpha])[:, rows]
+    found = predict_draws(problem, truths, angles)
+    clean = found.heights
     sigma = np.asarray(problem.reference_sigma)[:, : rows.size]
     heights = clean + sigma * rng.standard_normal(clean.shape)
     if problem.shared is not None:
@@ -210,7 +209,7 @@ def simulate_tables(fitted: Fitted, n: int, rng: np.random.Generator) -> Simulat
             repeat=table.frame["repeat"].to_numpy()[rows],
             flags=tuple("" if c else "lost_contact" for c in contact),
         )
-        for values, contact in zip(heights, channels.in_contact, strict=True)
+        for values, contact in zip(heights, found.in_contact, strict=True)
     ]
     return Simulation(tables=tuple(tables), truths=truths)
 

@@ -11,13 +11,11 @@ from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.predictions import (
-    heights_of,
     predict_draws,
     predict_points,
 )
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.results import Band, FitResult
-from pushfit.model import Pushes
 
 # Two angles show no curve. The fullest sweeps are drawn; more fill pages with pictures.
 MIN_ANGLES = 3
@@ -50,10 +48,9 @@ def prediction_bands(
         grid = np.linspace(low, high, N_GRID)
         other = np.full(N_GRID, fixed_deg)
         theta, alpha = (grid, other) if swept == "theta" else (other, grid)
-        pushes = Pushes(np.radians(theta), np.radians(alpha))
-        curves = heights_of(problem, predict_draws(problem, draws, pushes))
-        found = predict_points(problem, fit.estimate[None], pushes)
-        best = heights_of(problem, found)[0]
+        swept_angles = np.radians([theta, alpha])
+        curves = predict_draws(problem, draws, swept_angles).heights
+        best = predict_points(problem, fit.estimate[None], swept_angles).heights[0]
         quantiles = np.quantile(curves, [(1 - prob) / 2, 0.5, (1 + prob) / 2], axis=0)
         for c, channel in enumerate(problem.channels):
             lower, median, upper = quantiles[:, c]

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from pushfit.fit.problem.derived import median
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.slopes import residuals_at
 from pushfit.fit.profiles.least_squares import RANK_TOLERANCE
@@ -44,7 +45,7 @@ def identifiability(
         One combination per free parameter, best determined first; no advice yet.
     """
     names = free_parameters(problem)
-    middle = np.array([np.median(_scaled(n, samples[n])) for n in names])
+    middle = np.array([median(_scaled(n, samples[n])) for n in names])
     jacobian = _log_jacobian(problem, middle, names)
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=True)
     singular_values = np.pad(singular_values, (0, len(names) - singular_values.size))

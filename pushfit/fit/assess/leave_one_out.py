@@ -22,7 +22,7 @@ from jaxtyping import Int
 
 from pushfit.data.text.faults import listed
 from pushfit.errors import FitError
-from pushfit.fit.problem.predictions import heights_of, predict_points
+from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.least_squares import (
     RANK_TOLERANCE,
@@ -182,8 +182,8 @@ def _without(
     gain = (with_it - without) / own.size
     ratio = gain * fit.degrees_of_freedom / max(without, TINY)
     chance = scipy.special.fdtrc(own.size, fit.degrees_of_freedom, max(ratio, 0.0))
-    found = predict_points(problem, fit.estimate[None], problem.pushes)
-    predicted = heights_of(problem, found)[0][own, column]
+    found = predict_points(problem, fit.estimate[None], problem.angles)
+    predicted = found.heights[0, own, column]
     observed = np.asarray(problem.observed)
     off = np.abs(observed[own, column] - predicted)
     worst = int(np.argmax(off / sigma[own, column]))

@@ -21,7 +21,7 @@ from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import Directions, pushed_directions
-from pushfit.fit.problem.predictions import heights_of, predict_draws
+from pushfit.fit.problem.predictions import predict_draws
 from pushfit.fit.problem.problem import STUDENT_DOF, Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import FitStatus, PosteriorResult, PredictiveCheck
@@ -51,8 +51,9 @@ def predictive_checks(
     n = posterior.log_prob.size
     index = np.linspace(0, n - 1, min(n, n_draws)).astype(int)
     draws = {name: values[index] for name, values in posterior.samples.items()}
-    predicted = heights_of(problem, predict_draws(problem, draws, problem.pushes))
-    residuals = problem.differences(predicted) / noise_at(problem, draws)
+    predicted = predict_draws(problem, draws, problem.angles).heights
+    residuals = problem.differences(predicted)
+    residuals /= noise_at(problem, draws)
     observed = residuals[:, :, :n_rows]
     simulated = _noise(problem, observed.shape, np.random.default_rng([seed, 3]))
     directions = pushed_directions(table, np.array(setup.rows))
@@ -72,13 +73,13 @@ def _features(
 ) -> dict[str, Float[np.ndarray, " m"]]:
     """Every feature of the residuals of each draw."""
     features = {
-        "scatter": np.sum(residuals**2, axis=(1, 2)),
+        "scatter": np.einsum("mcn,mcn->m", residuals, residuals),
         "largest": np.max(np.abs(residuals), axis=(1, 2)),
     }
     if directions is not None:
         pooled = directions.pooled(residuals[:, 0])
-        products = np.sum(pooled * pooled[:, directions.nearest], axis=1)
-        features["pattern"] = products / np.sum(pooled**2, axis=1)
+        products = np.einsum("mg,mg->m", pooled, pooled[:, directions.nearest])
+        features["pattern"] = products / np.einsum("mg,mg->m", pooled, pooled)
     return features
 
 
@@ -93,15 +94,17 @@ def _noise(
 
 def noise_at(
     problem: Problem, draws: Mapping[str, Float[np.ndarray, " m"]]
-) -> Float[np.ndarray, "m c n"]:
-    """Standard deviations of heights at each draw, 1 for padding [table unit]."""
+) -> Float[np.ndarray, "#m c n"]:
+    """Standard deviations of heights at each draw, 1 for padding [table unit].
+
+    Returns:
+        One row for all draws where no noise is sampled.
+    """
     sd, known = np.asarray(problem.sd), np.asarray(problem.reference_sigma)
-    n = next(iter(draws.values())).size
     sampled = [draws.get(f"sigma_{channel}") for channel in problem.channels]
     scale = [
-        np.broadcast_to(known[c], (n, known.shape[1]))
-        if sigma is None
-        else np.hypot(sd[c], sigma[:, None])
+        known[None, c] if sigma is None else np.hypot(sd[c], sigma[:, None])
         for c, sigma in enumerate(sampled)
     ]
-    return np.where(problem.mask, np.stack(scale, axis=1), 1.0)
+    stacked = np.stack(np.broadcast_arrays(*scale), axis=1)
+    return np.where(problem.mask, stacked, 1.0)

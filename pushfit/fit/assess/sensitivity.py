@@ -21,9 +21,9 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.fit.problem.derived import unwrapped
-from pushfit.fit.problem.predictions import heights_of, predict_draws
+from pushfit.fit.problem.predictions import predict_draws
 from pushfit.fit.problem.setup import Setup
-from pushfit.fit.profiles.angle_errors import COMMON_SD, angle_slopes
+from pushfit.fit.profiles.angle_errors import COMMON_SD
 from pushfit.fit.results import FitStatus, Identification, ResultWarning
 
 # An error of this share of the posterior's own deviation beside it leaves intervals of
@@ -34,11 +34,14 @@ N_DRAWS = 1024
 
 
 def angle_error_warnings(
-    setup: Setup, found: Identification
+    setup: Setup, found: Identification, slopes: Float[np.ndarray, "2 2 c m"]
 ) -> Iterator[ResultWarning]:
     """Say which quoted angles hang on joints that are as exact as no key says.
 
     Not where sigma is sampled: scatter about the fit holds what joints add.
+
+    Args:
+        slopes: Of the heights in θ and α at the best fit; see `angle_slopes`.
     """
     noise = found.config.noise
     stated = [noise.theta_sd_deg, noise.alpha_sd_deg]
@@ -51,7 +54,7 @@ def angle_error_warnings(
         return
     draws = {name: found.posterior.samples[name] for name in quoted.values()}
     own = [float(np.std(unwrapped(values)[1])) for values in draws.values()]
-    shifts = angle_error_shifts(setup, found, tuple(quoted.values()))
+    shifts = angle_error_shifts(setup, found, slopes, names=tuple(quoted.values()))
     words = (("elevation", "theta_sd_deg"), ("azimuth", "alpha_sd_deg"))
     for (word, key), sd, by in zip(words, stated, shifts, strict=True):
         parts = [
@@ -70,23 +73,30 @@ def angle_error_warnings(
 
 
 def angle_error_shifts(
-    setup: Setup, found: Identification, names: tuple[str, ...]
+    setup: Setup,
+    found: Identification,
+    slopes: Float[np.ndarray, "2 2 c m"],
+    *,
+    names: tuple[str, ...],
 ) -> Float[np.ndarray, "2 q"]:
     """Standard deviations by which errors of θ, and of α, move posterior means [deg].
 
     Errors of a direction are those of all its repeats and channels.
+
+    Args:
+        slopes: As for `angle_error_warnings`.
+        names: Of the quantities.
     """
     problem, n = setup.problem, found.posterior.log_prob.size
     rows = np.linspace(0, n - 1, min(n, N_DRAWS)).astype(int)
     draws = {name: values[rows] for name, values in found.posterior.samples.items()}
-    predicted = heights_of(problem, predict_draws(problem, draws, problem.pushes))
+    predicted = predict_draws(problem, draws, problem.angles).heights
     angles = np.stack([unwrapped(draws[name])[1] for name in names])
     angles -= np.mean(angles, axis=1, keepdims=True)
     covariance = np.tensordot(angles, predicted, axes=1) / rows.size
     weight = np.where(problem.mask, np.asarray(problem.reference_sigma) ** -2.0, 0.0)
-    slopes = np.mean(angle_slopes(problem, found.fit.estimate), axis=1)
-    shifts = np.einsum("qcn,cn,acn->aqn", covariance, weight, slopes)
-    pushes = np.stack([problem.pushes.theta, problem.pushes.alpha])
-    _, direction = np.unique(pushes, axis=1, return_inverse=True)
+    mean_slopes = np.mean(slopes, axis=1)
+    shifts = np.einsum("qcn,cn,acn->aqn", covariance, weight, mean_slopes)
+    _, direction = np.unique(problem.angles, axis=1, return_inverse=True)
     by_direction = shifts @ np.eye(direction.max() + 1)[direction]
     return COMMON_SD * np.sqrt(np.sum(by_direction**2, axis=2))

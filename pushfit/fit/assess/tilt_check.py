@@ -32,7 +32,7 @@ def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
     """Largest tilt that a linear solution implies at the medians of its draws."""
     problem = setup.problem
     names = [n for n in (*SIX, *SIGNED) if n in posterior.samples]
-    middle = {n: float(np.median(posterior.samples[n])) for n in names}
+    middle = {n: median(posterior.ordered[n]) for n in names}
     params = Parameters(**middle)
     tilt = np.asarray(_tilt(params, problem.pushes, problem.grasp))
     return float(np.degrees(np.max(tilt[: len(setup.rows)])))
@@ -72,7 +72,7 @@ def do_draws_tilt(
     first, second = linear.log_evidence, tilting.log_evidence
     if first is not None and second is not None and second < first - WORSE:
         return False
-    here, there = linear.samples["theta_c"], tilting.samples["theta_c"]
+    here, there = linear.ordered["theta_c"], tilting.ordered["theta_c"]
     change = abs(median(there) - median(here))
     return change >= _worth(equal_tailed_interval(here, prob))
 

@@ -100,8 +100,9 @@ def angle_quantity(
         # Draws without a critical angle are no part of any interval for it.
         if never < (1 - prob) / 2:
             sets = _with_open_ends(found, likelihood_sets)
-            interval = equal_tailed_interval(draws, prob, is_axis=is_axis)
-            estimate = median(draws, is_axis=is_axis)
+            ordered = posterior.ordered[name]
+            interval = equal_tailed_interval(ordered, prob, is_axis=is_axis)
+            estimate = median(ordered, is_axis=is_axis)
     return Quantity(
         name=name,
         unit="deg",
@@ -137,9 +138,10 @@ def quantities(
     newton = "N" if setup.is_calibrated else unit
 
     def one(name: str) -> Quantity:
-        draws, profile = posterior.samples[name], profiles.get(name)
+        draws, profile = posterior.ordered[name], profiles.get(name)
         is_noise, prior = name.startswith("sigma_"), setup.problem.priors.get(name)
-        verdict = _parameter_verdict(name, setup, posterior)
+        share = _contraction(name, posterior)
+        verdict = _parameter_verdict(share, is_fixed=name in setup.problem.fixed)
         note = FORMULAS.get(name) or ("fixed" if prior is None else prior.describe())
         if name in COMBINATIONS and profile:
             verdict = profile.verdict
@@ -159,7 +161,7 @@ def quantities(
             sets=highest_density_set(draws, prob) if with_sets else (),
             likelihood_sets=() if profile is None else profile.pieces,
             verdict=verdict,
-            contraction=_contraction(name, posterior),
+            contraction=share,
             note=note,
         )
 
@@ -169,11 +171,10 @@ def quantities(
     return tuple(map(one, names)), tuple(map(one, combinations))
 
 
-def _parameter_verdict(name: str, setup: Setup, posterior: PosteriorResult) -> Verdict:
+def _parameter_verdict(share: float | None, *, is_fixed: bool) -> Verdict:
     """Learned, partly or assumed, by how far the data shrink the prior."""
-    if name in setup.problem.fixed:
+    if is_fixed:
         return Verdict.FIXED
-    share = _contraction(name, posterior)
     if share is None or share < ASSUMED:
         return Verdict.ASSUMED
     return Verdict.LEARNED if share >= LEARNED else Verdict.PARTLY

@@ -20,10 +20,10 @@ from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
-from pushfit.fit.problem.predictions import heights_of, predict_points
+from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.problem.repeats.effects import ARTICLES, repeat_effect
 from pushfit.fit.problem.setup import Setup
-from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
+from pushfit.fit.profiles.angle_errors import steepness
 from pushfit.fit.results import FitResult, ResultWarning
 from pushfit.parameters import TINY
 
@@ -64,8 +64,16 @@ class Violation:
     text: str
 
 
-def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violation, ...]:
+def violations(
+    table: PeakTable,
+    setup: Setup,
+    fit: FitResult,
+    slopes: Float[np.ndarray, "2 2 c m"],
+) -> tuple[Violation, ...]:
     """Alternatives to the assumptions of a fit, the most telling first.
+
+    Args:
+        slopes: Of the heights in θ and α at the fit; see `angle_slopes`.
 
     Returns:
         All that were tested; none where hardly a residual is free, where the
@@ -88,7 +96,7 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     # Rows of the Jacobian beyond the data are what is known beforehand.
     basis, _ = np.linalg.qr(fit.jacobian[: fit.n_data])
     free = residuals - basis @ (basis.T @ residuals)
-    slope = steepness(angle_slopes(problem, fit.estimate))[0][mask]
+    slope = steepness(slopes)[0][mask]
     found: list[Violation | None] = [
         _steep(free, slope / fit.sigma),
         _tall(free, fit.predicted / fit.sigma, setup.noise.height_share != 0),
@@ -105,9 +113,9 @@ def violations(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[Violatio
     is_hard = np.isinf(float(problem.grasp.sharpness)) and "p" not in problem.priors
     if is_hard and not problem.grasp.law.is_searched:
         soft = replace(problem, grasp=replace(problem.grasp, sharpness=SOFT))
-        found_soft = predict_points(soft, fit.estimate[None], problem.pushes)
-        softened = heights_of(problem, found_soft)[0][mask]
-        found.append(_soft(free, basis, (softened - fit.predicted) / fit.sigma))
+        softened = predict_points(soft, fit.estimate[None], problem.angles).heights
+        change = (softened[0, mask] - fit.predicted) / fit.sigma
+        found.append(_soft(free, basis, change))
     kept = [v for v in found if v is not None and np.isfinite(v.p_value)]
     return tuple(sorted(kept, key=lambda v: v.p_value))
 

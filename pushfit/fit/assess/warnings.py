@@ -16,6 +16,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.text.faults import listed
 from pushfit.fit.assess.leave_one_out import LeftOut, unlike_words
 from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
+from pushfit.fit.problem.derived import median
 from pushfit.fit.problem.noise import stated_sds
 from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.problem.setup import Setup
@@ -55,7 +56,7 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
         Rows; by linear mechanics none without a preload, which are even in θ then.
     """
     problem = setup.problem
-    found = predict_points(problem, fit.estimate[None], problem.pushes)
+    found = predict_points(problem, fit.estimate[None], problem.angles)
     is_lost = ~found.in_contact[0, : len(setup.rows)]
     return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
 
@@ -177,9 +178,9 @@ def improbable(config: GraspConfig, posterior: PosteriorResult) -> tuple[str, ..
         return ()
     found = []
     for name in ("A", "B", "C_rr"):
-        draws, before = posterior.samples[name], posterior.prior_samples[name]
+        draws, before = posterior.ordered[name], posterior.prior_samples[name]
         is_quoted = config.push.length_known or name not in STIFFNESSES
-        share = float(np.mean(before <= np.median(draws)))
+        share = float(np.mean(before <= median(draws)))
         if is_quoted and np.ptp(before) > 0 and min(share, 1 - share) < LEVEL / 2:
             found.append(NAMED[name].prose)
     return tuple(found)
@@ -205,7 +206,7 @@ def against_prior(
     is_trusted = posterior.status is FitStatus.OK and is_adequate
     if not is_trusted or "p" not in posterior.samples:
         return
-    sharpness = np.median(posterior.samples["p"])
+    sharpness = median(posterior.ordered["p"])
     if np.mean(posterior.prior_samples["p"] <= sharpness) < SOFT:
         yield ResultWarning(
             code="unusually_soft",

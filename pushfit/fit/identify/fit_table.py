@@ -24,7 +24,7 @@ from pushfit.fit.identify.fitted import Fitted, fit_as_stated, sweep
 from pushfit.fit.problem.noise import with_noise
 from pushfit.fit.problem.repeats.effects import repeat_effect
 from pushfit.fit.problem.setup import Setup
-from pushfit.fit.profiles.angle_errors import angle_slopes, steepness
+from pushfit.fit.profiles.angle_errors import steepness
 from pushfit.fit.profiles.weights import repeat_gain, share_gain, tail_gain
 from pushfit.fit.results import FitStatus, PosteriorResult, ResultWarning
 
@@ -99,13 +99,13 @@ def _with_uneven_if_shown(
     share = share_gain(problem, fit, fit.predicted) if is_open else 0.0
     is_other = bool(even.setup.noise.shared) or noise.height_share not in ("auto", 0.0)
     if noise.theta_sd_deg is None and not is_other:
-        steep = np.hypot(*steepness(angle_slopes(problem, fit.estimate)))
+        steep = np.hypot(*steepness(even.slopes))
         groups = even.table.groups[list(even.setup.rows)]
         _, direction = np.unique(groups, return_inverse=True)
-        angles = share_gain(problem, fit, steep[np.asarray(problem.mask)])
-        is_shown = repeat_gain(problem, steep, direction) > MIN_ANGLE_GAIN
-        if is_shown and angles > max(share, tails):
-            return fit_as_stated(table, with_noise(config, theta_sd_deg="estimate"))
+        if repeat_gain(problem, steep, direction) > MIN_ANGLE_GAIN:
+            angles = share_gain(problem, fit, steep[np.asarray(problem.mask)])
+            if angles > max(share, tails):
+                return fit_as_stated(table, with_noise(config, theta_sd_deg="estimate"))
     if share > MIN_SHARE_GAIN and share > tails:
         return fit_as_stated(table, with_noise(config, height_share="estimate"))
     return even

@@ -5,9 +5,11 @@ Excluded: the judgement (`pushfit.fit.identify.identify_table`).
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
@@ -31,6 +33,7 @@ from pushfit.fit.problem.repeats.effects import (
     without_repeat_effects,
 )
 from pushfit.fit.problem.setup import Setup, build_problem
+from pushfit.fit.profiles.angle_errors import angle_slopes
 from pushfit.fit.profiles.least_squares import (
     fit_least_squares,
     searched,
@@ -48,9 +51,11 @@ from pushfit.fit.sweep.posterior import sweep_posterior
 ENGINES = ("auto", "sweep", "emcee")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Fitted:
     """A table as fitted: what precedes any sampling.
+
+    What follows from the fit is found once, when it is first asked for.
 
     Args:
         table: Peak heights, with pushes flagged that had lost contact.
@@ -59,7 +64,6 @@ class Fitted:
         fit: Least squares.
         reference_alpha: Azimuth at which θ_c is quoted [rad].
         warnings: What came up on the way.
-        shown: What residuals speak against, the most telling first, where it was asked.
         swept: Draws of the sweep that are known already, by seed.
     """
 
@@ -69,13 +73,22 @@ class Fitted:
     fit: FitResult
     reference_alpha: float
     warnings: tuple[ResultWarning, ...]
-    shown: tuple[Violation, ...] = ()
     swept: Mapping[int, PosteriorResult] = field(default_factory=dict)
 
     @property
     def mechanics(self) -> str:
         """By which it was fitted."""
         return self.setup.problem.grasp.mechanics
+
+    @cached_property
+    def slopes(self) -> Float[np.ndarray, "2 2 c n"]:
+        """Slopes of the heights in θ and α, behind and ahead [table unit/rad]."""
+        return angle_slopes(self.setup.problem, self.fit.estimate)
+
+    @cached_property
+    def shown(self) -> tuple[Violation, ...]:
+        """What residuals speak against, the most telling first."""
+        return violations(self.table, self.setup, self.fit, self.slopes)
 
 
 class Listener:
@@ -137,7 +150,6 @@ def fit_as_stated(
         fit=fit,
         reference_alpha=reference_alpha,
         warnings=(*warnings, *fit_warnings(setup, fit)),
-        shown=violations(table, setup, fit),
     )
 
 
@@ -244,11 +256,12 @@ def reference_azimuth(table: PeakTable, config: GraspConfig) -> float:
     """Azimuth with the most distinct elevations, unless the configuration names one."""
     if config.grasp.reference_alpha_deg is not None:
         return float(np.radians(config.grasp.reference_alpha_deg))
-    used = table.frame[table.is_used]
-    if used.empty:
+    names = ("alpha_deg", "theta_deg")
+    angles = np.stack([table.frame[n].to_numpy(float)[table.is_used] for n in names])
+    if not angles.size:
         return 0.0
-    counts = used.groupby("alpha_deg")["theta_deg"].nunique()
-    return float(np.radians(counts.index[counts.argmax()]))
+    azimuths, counts = np.unique(np.unique(angles, axis=1)[0], return_counts=True)
+    return float(np.radians(azimuths[np.argmax(counts)]))
 
 
 def reach_of(config: GraspConfig) -> tuple[float, float]:

@@ -175,7 +175,7 @@ def _conclude(
         profiles=profiles,
         identifiability=identifiability(
             problem,
-            posterior.samples,
+            posterior.ordered,
             posterior.prior_samples,
         ),
         goodness_of_fit=goodness,
@@ -251,7 +251,7 @@ def _with_words(
             *found.warnings,
             *result_warnings(setup, found, left_out),
             *violation_warnings(shown, is_adequate=found.goodness_of_fit.is_adequate),
-            *angle_error_warnings(setup, found),
+            *angle_error_warnings(setup, found, fitted.slopes),
             *([] if tilt is None else [tilt]),
         ),
     )

@@ -118,11 +118,11 @@ def median(samples: Float[np.ndarray, " n"], *, is_axis: bool = False) -> float:
         samples: Draws; NaN is left out.
         is_axis: Whether the draws are azimuths of period 180° [deg].
     """
-    finite = samples[np.isfinite(samples)]
+    finite = _ascending(samples)
     if finite.size == 0:
         return float("nan")
     if not is_axis:
-        return float(np.median(finite))
+        return float(_quantiles(finite, 0.5))
     centre, offsets = unwrapped(finite)
     return float(np.mod(centre + np.median(offsets), HALF_TURN))
 
@@ -147,17 +147,32 @@ def equal_tailed_interval(
         >>> [round(end, 6) for end in equal_tailed_interval(axis, 0.5, is_axis=True)]
         [179.0, 181.0]
     """
-    finite = samples[np.isfinite(samples)]
+    finite = _ascending(samples)
     if finite.size == 0:
         return float("nan"), float("nan")
     tails = [(1 - prob) / 2, (1 + prob) / 2]
     if not is_axis:
-        low, high = np.quantile(finite, tails)
+        low, high = _quantiles(finite, tails)
         return float(low), float(high)
     centre, offsets = unwrapped(finite)
     low, high = np.quantile(offsets, tails)
     start = float(np.mod(centre + low, HALF_TURN))
     return start, start + float(high - low)
+
+
+def _ascending(samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
+    """Draws without NaN in ascending order; those that are so pass unchanged."""
+    if np.all(samples[1:] >= samples[:-1]) and np.all(np.isfinite(samples[:1])):
+        return samples
+    return np.sort(samples[np.isfinite(samples)])
+
+
+def _quantiles(
+    ascending: Float[np.ndarray, " n"], shares: float | list[float]
+) -> Float[np.ndarray, "..."]:
+    """Values below which shares of the draws lie, linear between one and the next."""
+    at = np.multiply(shares, ascending.size - 1)
+    return np.asarray(np.interp(at, np.arange(ascending.size), ascending))
 
 
 def highest_density_set(

@@ -6,11 +6,12 @@ residuals and densities (`pushfit.fit.problem.problem`).
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from pushfit.fit.problem.problem import ModelPoint, Problem, grasp_with
 from pushfit.fit.programs.compile import compiled
@@ -33,47 +34,63 @@ N_POINTS, N_PUSHES = 1024, 32
 N_TOGETHER = 64
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reports:
+    """What sensors report of pushes at points.
+
+    Args:
+        heights: By channel of the problem [table unit].
+        in_contact: False where the push has lifted the finger off.
+    """
+
+    heights: Float[np.ndarray, "k c n"]
+    in_contact: Bool[np.ndarray, "k n"]
+
+
 def predict_points(
-    problem: Problem, points: Float[np.ndarray, "k q"], pushes: Pushes
-) -> Channels:
-    """What sensors report at data coordinates, by point and push."""
+    problem: Problem, points: Float[np.ndarray, "k q"], angles: Float[np.ndarray, "2 n"]
+) -> Reports:
+    """What sensors report at data coordinates, by point and push.
+
+    Args:
+        angles: θ and α of the pushes [rad].
+    """
+    of_data = problem.of_data
 
     def states(rows: Int[np.ndarray, " m"]) -> ModelPoint[Contact]:
-        return _of_points(problem.of_data, points[rows])
+        return _of_points(of_data, points[rows])
 
-    return _predict(problem.grasp, states, len(points), pushes)
+    return _predict(problem, states, len(points), angles)
 
 
 def predict_draws(
-    problem: Problem, samples: Mapping[str, Float[np.ndarray, " n"]], pushes: Pushes
-) -> Channels:
+    problem: Problem,
+    samples: Mapping[str, Float[np.ndarray, " m"]],
+    angles: Float[np.ndarray, "2 n"],
+) -> Reports:
     """What sensors report at draws, or any values, by draw and push.
 
     Args:
         samples: Values of all that is unknown by name.
+        angles: θ and α of the pushes [rad].
     """
     names = (*Parameters.__dataclass_fields__, *OF_GRASP)
     known = {name: samples[name] for name in names if name in samples}
+    of_data = problem.of_data
 
-    def states(rows: Int[np.ndarray, " m"]) -> ModelPoint[Contact]:
-        return _of_draws(problem, {n: v[rows] for n, v in known.items()})
+    def states(rows: Int[np.ndarray, " k"]) -> ModelPoint[Contact]:
+        return _of_draws(of_data, {n: v[rows] for n, v in known.items()})
 
-    return _predict(problem.grasp, states, next(iter(known.values())).size, pushes)
-
-
-def heights_of(problem: Problem, channels: Channels) -> Float[np.ndarray, "k c n"]:
-    """Heights of the channels of a problem, of what was predicted [table unit]."""
-    return np.stack([getattr(channels, name) for name in problem.channels], axis=1)
+    return _predict(problem, states, next(iter(known.values())).size, angles)
 
 
 def _predict(
-    grasp: Grasp,
+    problem: Problem,
     states: Callable[[Int[np.ndarray, " m"]], ModelPoint[Contact]],
     n_points: int,
-    pushes: Pushes,
-) -> Channels:
-    """Channels of all points and pushes, given the states of some points."""
-    angles = np.stack([pushes.theta, pushes.alpha])
+    angles: Float[np.ndarray, "2 n"],
+) -> Reports:
+    """What is reported at all points and pushes, given the states of some points."""
     # Repeats are the same direction over and over.
     unique, inverse = np.unique(angles, axis=1, return_inverse=True)
     blocks = _padded_rows(unique.shape[1], N_PUSHES)
@@ -83,10 +100,15 @@ def _predict(
     for i, rows in enumerate(_padded_rows(n_points, N_POINTS)):
         at = states(rows)
         n_left = jnp.asarray(n_points - i * N_POINTS)
-        calls.append([_channels(at, part, grasp, n_left) for part in parts])
-    found = [jax.tree.map(lambda *a: np.concatenate(a, axis=1), *row) for row in calls]
-    return jax.tree.map(
-        lambda *a: np.concatenate(a)[:n_points, inverse.ravel()], *found
+        calls.append([_channels(at, part, problem.grasp, n_left) for part in parts])
+
+    def all_of(name: str) -> Shaped[np.ndarray, "k n"]:
+        found = np.block([[getattr(part, name) for part in row] for row in calls])
+        return found[:n_points, inverse.ravel()]
+
+    return Reports(
+        heights=np.stack([all_of(name) for name in problem.channels], axis=1),
+        in_contact=all_of("in_contact"),
     )
 
 

@@ -124,6 +124,11 @@ class Problem(eqx.Module):
         return replace(self, priors={}, names=())
 
     @property
+    def angles(self) -> Float[np.ndarray, "2 d"]:
+        """θ and α of the pushes [rad]."""
+        return np.stack([self.pushes.theta, self.pushes.alpha])
+
+    @property
     def n_constraints(self) -> int:
         """Data coordinates that what is known beforehand holds in place."""
         return 0 if self.constraint is None else self.constraint.shape[0]

@@ -17,9 +17,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.fit.problem.predictions import heights_of, predict_points
+from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.problem.problem import Problem
-from pushfit.model import Pushes
 
 # Of joints that resolve whole degrees: size of errors that nobody states [rad].
 COMMON_SD = float(np.radians(1.0))
@@ -37,13 +36,15 @@ def angle_slopes(
     Args:
         sizes: Sizes of the errors of θ and α [rad].
     """
-    theta, alpha = np.asarray(problem.pushes.theta), np.asarray(problem.pushes.alpha)
+    theta, alpha = problem.angles
     s_theta, s_alpha = steps = np.maximum(sizes, SHORTEST)
-    turned = Pushes(
-        np.concatenate([theta, theta - s_theta, theta + s_theta, theta, theta]),
-        np.concatenate([alpha, alpha, alpha, alpha - s_alpha, alpha + s_alpha]),
+    turned = np.stack(
+        [
+            np.concatenate([theta, theta - s_theta, theta + s_theta, theta, theta]),
+            np.concatenate([alpha, alpha, alpha, alpha - s_alpha, alpha + s_alpha]),
+        ]
     )
-    heights = heights_of(problem, predict_points(problem, y[None], turned))[0]
+    heights = predict_points(problem, y[None], turned).heights[0]
     here, *beside = np.split(heights, 5, axis=1)
     behind, ahead = np.stack(beside[::2]), np.stack(beside[1::2])
     slopes = (

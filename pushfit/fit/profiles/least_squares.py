@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from pushfit.errors import FitError
 from pushfit.fit.problem.derived import critical_angles
-from pushfit.fit.problem.predictions import heights_of, predict_points
+from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.problem.slopes import linearised, residuals_at
@@ -324,7 +324,7 @@ def costs_at(
     problem: Problem, points: Float[np.ndarray, "k q"]
 ) -> Float[np.ndarray, " k"]:
     """Sum of squared residuals at data coordinates."""
-    heights = heights_of(problem, predict_points(problem, points, problem.pushes))
+    heights = predict_points(problem, points, problem.angles).heights
     sums = _sums_of_squares(problem.of_data, as_float(heights), as_float(points))
     return np.asarray(sums)
 
@@ -333,9 +333,8 @@ def _heights_at(
     problem: Problem, y: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "c n"]:
     """Heights of the rows at data coordinates, with what they share [table unit]."""
-    found = predict_points(problem, y[None], problem.pushes)
-    differences = problem.differences(heights_of(problem, found)[0])
-    return np.asarray(problem.observed) + differences
+    heights = predict_points(problem, y[None], problem.angles).heights[0]
+    return np.asarray(problem.observed) + problem.differences(heights)
 
 
 @compiled

@@ -5,6 +5,7 @@ Excluded: how (`pushfit.fit.profiles`, `pushfit.fit.sweep`, `pushfit.fit.sampler
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -103,9 +104,11 @@ class Diagnostics:
     problems: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PosteriorResult:
     """Draws from the posterior and how far they may be trusted.
+
+    They are put in order once, when quantiles are first asked for, so it has no slots.
 
     Args:
         samples: Draws by name: the six parameters, e1, e2, F_0, p, sigma_<channel>, A,
@@ -142,3 +145,8 @@ class PosteriorResult:
     status: FitStatus
     ess: float | None = None
     pareto_k: float | None = None
+
+    @cached_property
+    def ordered(self) -> Mapping[str, Float[np.ndarray, " _"]]:
+        """Draws of every name in ascending order, NaN left out."""
+        return {n: np.sort(v[np.isfinite(v)]) for n, v in self.samples.items()}

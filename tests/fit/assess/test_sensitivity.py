@@ -71,8 +71,8 @@ def test_predicted_shift_is_that_of_elevations_that_are_off(found):
         other = identified(table(OFF_DEG * one))
         moved.append(np.mean(other.posterior.samples["theta_c"]) - exact)
     expected = COMMON_SD_DEG / OFF_DEG * np.linalg.norm(moved)
-    setup = fit_table(table(), config()).setup
-    shifts = angle_error_shifts(setup, found, ("theta_c",))
+    fitted = fit_table(table(), config())
+    shifts = angle_error_shifts(fitted.setup, found, fitted.slopes, names=("theta_c",))
     assert shifts[0, 0] == pytest.approx(expected, rel=CURVATURE)
 
 
@@ -92,7 +92,8 @@ def test_predicted_shift_is_that_of_azimuths_that_are_off():
         )
     ]
     moved = np.linalg.norm(np.array(means[1:]) - means[0], axis=0)
-    shifts = angle_error_shifts(fit_table(exact, config()).setup, found, names)
+    fitted = fit_table(exact, config())
+    shifts = angle_error_shifts(fitted.setup, found, fitted.slopes, names=names)
     expected = COMMON_SD_DEG / OFF_DEG * moved
     np.testing.assert_allclose(shifts[1], expected, rtol=CURVATURE)
     (told,) = [n.text for n in found.warnings if n.code == "azimuths_taken_as_exact"]

@@ -67,7 +67,7 @@ def found(kind: str) -> list[tuple[Violation, ...]]:
     """Alternatives of tables of one world."""
     normal = config(CONSTANT)
     fitted = [fit_table(pushes(kind, seed), normal) for seed in range(N_TABLES)]
-    return [violations(one.table, one.setup, one.fit) for one in fitted]
+    return [violations(one.table, one.setup, one.fit, one.slopes) for one in fitted]
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_rounding_speaks_against_nothing():
         unit="n",
     )
     fitted = fit_table(table, config())
-    assert violations(table, fitted.setup, fitted.fit) == ()
+    assert violations(table, fitted.setup, fitted.fit, fitted.slopes) == ()
 
 
 def test_a_rejected_model_asks_less_of_an_explanation():
@@ -179,7 +179,7 @@ def test_heights_are_tall_in_units_of_the_noise_of_their_component(share, is_nam
     """One component scatters by a fraction of what the other does."""
     normal = config(CONSTANT)
     fitted = [fit_table(components(share, seed), normal) for seed in range(N_TABLES)]
-    each = [violations(one.table, one.setup, one.fit) for one in fitted]
+    each = [violations(one.table, one.setup, one.fit, one.slopes) for one in fitted]
     named = [found[0].code for found in each if found[0].p_value < LEVEL]
     assert (named.count("looks_proportional") > N_TABLES / 2) is is_named
 

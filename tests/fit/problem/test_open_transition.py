@@ -20,12 +20,12 @@ from pushfit.explore.belief.predict import predict
 from pushfit.fit.problem.constraint_terms import N_DRAWS
 from pushfit.fit.problem.derived import samples_mapping
 from pushfit.fit.problem.encoding import encode, prior_x_samples
-from pushfit.fit.problem.predictions import heights_of, predict_draws
+from pushfit.fit.problem.predictions import predict_draws
 from pushfit.fit.problem.problem import Problem
 from pushfit.fit.problem.setup import Setup, build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise
 from pushfit.fit.sweep.posterior import sweep_posterior
-from pushfit.model import Pushes, as_float
+from pushfit.model import as_float
 from tests.fit.kinds import KINDS
 from tests.fit.tables import SEVEN_DEG, case_table, config
 from tests.problems import CASES
@@ -129,8 +129,7 @@ def test_bands_and_beliefs_predict_what_the_problem_does(setup):
             for row in x
         ]
     )
-    predicted = predict_draws(problem, samples, Pushes(theta, alpha))
-    bands = heights_of(problem, predicted)
+    bands = predict_draws(problem, samples, np.stack([theta, alpha])).heights
     np.testing.assert_allclose(bands, expected, rtol=ROUTES)
     belief = belief_from(setup, samples, seed=0)
     # Draws of a belief are shuffled: K_sn tells which is which.

@@ -10,7 +10,6 @@ from pushfit.fit.problem.predictions import (
     N_POINTS,
     N_PUSHES,
     N_TOGETHER,
-    heights_of,
     predict_draws,
     predict_points,
 )
@@ -40,19 +39,21 @@ def test_points_are_predicted_as_one_by_one(problem, pushes):
     """More points and pushes than one call takes, in their order."""
     rng = np.random.default_rng(2)
     points = rng.normal(0.0, 0.3, (N_POINTS + 5, len(problem.data_names)))
-    found = predict_points(problem, points, pushes)
-    assert found.height.shape == (len(points), pushes.theta.size)
+    angles = np.stack([pushes.theta, pushes.alpha])
+    found = predict_points(problem, points, angles)
+    assert found.heights.shape == (len(points), 1, pushes.theta.size)
     for i in (0, N_TOGETHER, N_POINTS - 1, N_POINTS, len(points) - 1):
         state = problem.data_state(jnp.asarray(points[i]))
         one = forward(state.params, pushes, state.grasp(problem.grasp))
-        np.testing.assert_allclose(found.height[i], one.height, rtol=EXACT)
+        np.testing.assert_allclose(found.heights[i, 0], one.height, rtol=EXACT)
         np.testing.assert_array_equal(found.in_contact[i], one.in_contact)
 
 
 def test_draws_are_predicted_with_what_is_fixed_and_unknown(problem, pushes):
     x = prior_x_samples(problem, np.random.default_rng(3), 4)
     samples = samples_mapping(problem, x, np.pi / 2, (0.0, np.pi))
-    heights = heights_of(problem, predict_draws(problem, samples, pushes))
+    angles = np.stack([pushes.theta, pushes.alpha])
+    heights = predict_draws(problem, samples, angles).heights
     for i in range(len(x)):
         state = problem.state(jnp.asarray(x[i]))
         assert isinstance(state.params, Parameters)
