@@ -23,7 +23,7 @@ from benchmarks.tables import HARD
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.tilt_check import WORTH_OF_WIDTH
+from pushfit.fit.checks.tilt_check import WORTH_OF_WIDTH
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.profiles.profiles import likelihood_profiles
 from pushfit.mechanics.directions import critical_angle

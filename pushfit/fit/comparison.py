@@ -21,8 +21,8 @@ from pushfit.config import GraspConfig
 from pushfit.config.rivals import rival_configs
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import DataError, check_seed
-from pushfit.fit.assess.model_checking import goodness_of_fit
-from pushfit.fit.assess.table_checks import WRONG, table_warnings
+from pushfit.fit.checks.model_checking import goodness_of_fit
+from pushfit.fit.checks.table_checks import WRONG, table_warnings
 from pushfit.fit.identify.beside import Beside
 from pushfit.fit.identify.by_mechanics import fitted_by_leading
 from pushfit.fit.identify.fitted import Fitted, Listener, draw_posterior

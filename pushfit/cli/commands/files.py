@@ -239,7 +239,7 @@ def describe(path: Path, config: "GraspConfig") -> dict[str, object]:
         }
     if kind == "table":
         # Which takes as long as JAX does.
-        from pushfit.fit.assess.table_checks import faults_of
+        from pushfit.fit.checks.table_checks import faults_of
 
         table = read_table(path)
         return facts | {

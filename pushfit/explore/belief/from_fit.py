@@ -18,12 +18,12 @@ from pushfit.errors import FitError
 from pushfit.explore.belief.belief import N_DRAWS, Belief, Question
 from pushfit.explore.belief.tables import table_of
 from pushfit.explore.records import ToldPush
-from pushfit.fit.assess.leave_one_out import LeftOut, unpredicted
-from pushfit.fit.assess.model_checking import missed_features
-from pushfit.fit.assess.predictive import predictive_checks
-from pushfit.fit.assess.table_checks import settings_warnings
-from pushfit.fit.assess.tilt_check import do_draws_tilt, is_tilt_large
 from pushfit.fit.assess.warnings import INADEQUATE, against_prior, untested
+from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
+from pushfit.fit.checks.model_checking import missed_features
+from pushfit.fit.checks.predictive import predictive_checks
+from pushfit.fit.checks.table_checks import settings_warnings
+from pushfit.fit.checks.tilt_check import do_draws_tilt, is_tilt_large
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import (
     draw_posterior,

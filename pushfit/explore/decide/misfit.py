@@ -15,9 +15,9 @@ from pushfit.explore.belief.from_fit import unlike_others
 from pushfit.explore.belief.predict import predict
 from pushfit.explore.belief.tables import noise_is_known, sd_of, table_of
 from pushfit.explore.records import ToldPush, direction_words
-from pushfit.fit.assess.leave_one_out import unlike_words
-from pushfit.fit.assess.table_checks import unit_slips
 from pushfit.fit.assess.warnings import INADEQUATE
+from pushfit.fit.checks.leave_one_out import unlike_words
+from pushfit.fit.checks.table_checks import unit_slips
 
 # Chance of faulting heights that are those of a grasp.
 LEVEL = 1e-3

@@ -1,1 +1,1 @@
-"""What may be said of a result: verdicts, checks of the model, warnings, advice."""
+"""What may be said of a result: verdicts, reporting rules, warnings, advice."""

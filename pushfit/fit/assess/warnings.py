@@ -1,7 +1,7 @@
 """Warnings that travel with a result: each has a stable code and a sentence.
 
-Excluded: what a table says by itself (`pushfit.fit.assess.table_checks`), and whether
-the model describes the heights (`pushfit.fit.assess.model_checking`).
+Excluded: what a table says by itself (`pushfit.fit.checks.table_checks`), and whether
+the model describes the heights (`pushfit.fit.checks.model_checking`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,8 +14,8 @@ import scipy
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.text.faults import listed
-from pushfit.fit.assess.leave_one_out import LeftOut, unlike_words
-from pushfit.fit.assess.model_checking import LEVEL, MIN_TESTED, label
+from pushfit.fit.checks.leave_one_out import LeftOut, unlike_words
+from pushfit.fit.checks.model_checking import LEVEL, MIN_TESTED, label
 from pushfit.fit.problem.derived import median
 from pushfit.fit.problem.noise import stated_sds
 from pushfit.fit.problem.predictions import predict_points

@@ -1,7 +1,7 @@
 """A table by each of the mechanics that apply, side by side, and which of them lead.
 
 Excluded: what is asked of those that lead (`pushfit.fit.identify.identify_table`), and
-when a tilt matters (`pushfit.fit.assess.tilt_check`).
+when a tilt matters (`pushfit.fit.checks.tilt_check`).
 """
 
 from collections.abc import Callable, Sequence
@@ -14,8 +14,8 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import FitError
 from pushfit.fit.assess.reporting_rules import as_unknown, within_verdict
-from pushfit.fit.assess.tilt_check import does_tilt_matter, implied_tilt_deg, is_worse
 from pushfit.fit.assess.verdicts import angle_quantity
+from pushfit.fit.checks.tilt_check import does_tilt_matter, implied_tilt_deg, is_worse
 from pushfit.fit.identify.beside import Beside, Tell, at_once
 from pushfit.fit.identify.fit_table import fit_table
 from pushfit.fit.identify.fitted import (

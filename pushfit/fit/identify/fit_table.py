@@ -12,7 +12,7 @@ import numpy as np
 
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.violations import (
+from pushfit.fit.checks.violations import (
     ANGLE_ERRORS,
     HEAVY_TAILED,
     LEVEL,

@@ -14,16 +14,16 @@ from jaxtyping import Float
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
-from pushfit.fit.assess.table_checks import table_warnings
-from pushfit.fit.assess.violations import (
-    Violation,
-    violations,
-)
 from pushfit.fit.assess.warnings import (
     contact_warning,
     contradiction_warning,
     lost_contact_rows,
     scatter_warning,
+)
+from pushfit.fit.checks.table_checks import table_warnings
+from pushfit.fit.checks.violations import (
+    Violation,
+    violations,
 )
 from pushfit.fit.identify.progress import Progress
 from pushfit.fit.problem.noise import with_noise

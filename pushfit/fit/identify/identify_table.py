@@ -16,21 +16,21 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.assess.advice import measurements
 from pushfit.fit.assess.bands import prediction_bands
 from pushfit.fit.assess.identifiability import identifiability
-from pushfit.fit.assess.leave_one_out import LeftOut, unpredicted
-from pushfit.fit.assess.model_checking import contradicted_quantities, goodness_of_fit
 from pushfit.fit.assess.model_free import model_free_direction
-from pushfit.fit.assess.predictive import predictive_checks
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.sensitivity import angle_error_warnings
-from pushfit.fit.assess.table_checks import WRONG, follows_elevation
-from pushfit.fit.assess.tilt_check import implied_tilt_deg, tilt_warning
 from pushfit.fit.assess.verdicts import angle_quantity, quantities
-from pushfit.fit.assess.violations import violation_warnings
 from pushfit.fit.assess.warnings import (
     handover_warnings,
     improbable,
     result_warnings,
 )
+from pushfit.fit.checks.leave_one_out import LeftOut, unpredicted
+from pushfit.fit.checks.model_checking import contradicted_quantities, goodness_of_fit
+from pushfit.fit.checks.predictive import predictive_checks
+from pushfit.fit.checks.table_checks import WRONG, follows_elevation
+from pushfit.fit.checks.tilt_check import implied_tilt_deg, tilt_warning
+from pushfit.fit.checks.violations import violation_warnings
 from pushfit.fit.identify.by_mechanics import (
     fitted_by_leading,
     mechanics_answer,

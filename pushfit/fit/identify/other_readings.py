@@ -4,7 +4,7 @@ Elevations are often counted from the normal of a surface, and channels are exch
 a slip; with noise of a few percent the model may still describe what comes out, by
 numbers that no contact has together. Asked where the result looks wrong already, or
 where nothing tells how far heights may be off. Excluded: what a table shows without a
-fit (`pushfit.fit.assess.table_checks`).
+fit (`pushfit.fit.checks.table_checks`).
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ import numpy as np
 
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import PushfitError
-from pushfit.fit.assess.model_checking import LEVEL
+from pushfit.fit.checks.model_checking import LEVEL
 from pushfit.fit.identify.fit_table import fit_table, log_bayes_factor
 from pushfit.fit.identify.fitted import Fitted, is_comparable, sweep
 from pushfit.fit.results import ResultWarning

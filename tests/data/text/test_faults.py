@@ -19,7 +19,7 @@ from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
 from pushfit.data.simulate import BIOTAC, simulate_recording, simulate_table
 from pushfit.errors import DataError
-from pushfit.fit.assess.table_checks import table_warnings
+from pushfit.fit.checks.table_checks import table_warnings
 from pushfit.model import Grasp, Parameters
 from tests.tolerances import MAX_Z
 

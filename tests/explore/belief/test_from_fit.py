@@ -16,7 +16,7 @@ from pushfit.explore.belief.belief import N_DRAWS, Question
 from pushfit.explore.belief.from_fit import believe
 from pushfit.explore.belief.learning import learnt, weighed
 from pushfit.explore.belief.tables import told_rows
-from pushfit.fit.assess.tilt_check import do_draws_tilt
+from pushfit.fit.checks.tilt_check import do_draws_tilt
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.identify.progress import Stages
 from pushfit.fit.problem.setup import build_problem

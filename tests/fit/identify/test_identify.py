@@ -11,7 +11,7 @@ from pushfit.data.tables.peak_table import PeakTable, read_table
 from pushfit.errors import ConfigError, DataError
 from pushfit.fit.assess.reporting_rules import reported
 from pushfit.fit.assess.verdicts import angle_quantity, quantities
-from pushfit.fit.assess.violations import Violation
+from pushfit.fit.checks.violations import Violation
 from pushfit.fit.identify import fit_table as fit_table_module
 from pushfit.fit.identify import fitted as fitted_module
 from pushfit.fit.identify.by_mechanics import profiles_of

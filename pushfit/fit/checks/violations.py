@@ -19,7 +19,7 @@ import scipy
 from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.model_checking import QUIET_CHI_SQUARE
+from pushfit.fit.checks.model_checking import QUIET_CHI_SQUARE
 from pushfit.fit.problem.predictions import predict_points
 from pushfit.fit.problem.repeats.effects import ARTICLES, repeat_effect
 from pushfit.fit.problem.setup import Setup

@@ -6,7 +6,7 @@ import pytest
 from pushfit.config import parse_config
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.leave_one_out import LEVEL, WORTH, LeftOut, unpredicted
+from pushfit.fit.checks.leave_one_out import LEVEL, WORTH, LeftOut, unpredicted
 from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares, settle_noise

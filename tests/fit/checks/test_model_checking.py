@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.model_checking import (
+from pushfit.fit.checks.model_checking import (
     LEVEL,
     MIN_TESTED,
     contradicted_quantities,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pushfit.fit.assess.predictive import predictive_checks
+from pushfit.fit.checks.predictive import predictive_checks
 from pushfit.fit.results import FitStatus, PosteriorResult
 from tests.fit.tables import FRICTION_ONLY, case_table, setup_of
 from tests.problems import CASES, PUSH

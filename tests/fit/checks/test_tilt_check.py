@@ -3,7 +3,7 @@
 import pytest
 
 from pushfit.config import GraspConfig, parse_config
-from pushfit.fit.assess.tilt_check import does_tilt_matter, is_worse, tilt_warning
+from pushfit.fit.checks.tilt_check import does_tilt_matter, is_worse, tilt_warning
 from tests.report.makers import make_answer
 
 MEASURED = "[push]\nlength_mm = 5.0\n[parameters.L]\nfixed = 0.04\n"

@@ -6,7 +6,7 @@ import pytest
 
 from pushfit.config import GraspConfig, parse_config
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.table_checks import follows_elevation, table_warnings
+from pushfit.fit.checks.table_checks import follows_elevation, table_warnings
 from tests.fit.tables import case_table, config
 from tests.problems import CASES
 

@@ -3,7 +3,7 @@
 Three questions that fail apart: is the scatter about the fit larger than the noise, do
 residuals follow their neighbours in direction, and does the fit explain the heights.
 The same is asked of heights simulated from the posterior (`predictive`). Excluded:
-which assumption fails (`pushfit.fit.assess.violations`).
+which assumption fails (`pushfit.fit.checks.violations`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ import scipy
 from jaxtyping import Float, Int, Shaped
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.leave_one_out import LeftOut
+from pushfit.fit.checks.leave_one_out import LeftOut
 from pushfit.fit.problem.derived import equal_tailed_interval
 from pushfit.fit.problem.noise import Noise
 from pushfit.fit.profiles.profile_sets import profile_set

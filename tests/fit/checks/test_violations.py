@@ -7,7 +7,7 @@ import pytest
 
 from pushfit.data.simulate import simulate_table
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.violations import (
+from pushfit.fit.checks.violations import (
     LEVEL,
     Violation,
     _steep,

@@ -4,7 +4,7 @@ Where no noise is stated one wrong height is taken for noise of all, and is hard
 farther from the fit than they are. Left out it shows: by externally studentised
 residuals first, and where these doubt a push by a fit without it, as a few pushes are
 no linear problem. Excluded: heights that are far from the fit by a known noise
-(`pushfit.fit.assess.model_checking`).
+(`pushfit.fit.checks.model_checking`).
 
 References:
     Cook & Weisberg (1982), Residuals and Influence in Regression, chapter 2.

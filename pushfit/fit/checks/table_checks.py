@@ -1,6 +1,6 @@
 """What a table says of itself before anything is fitted, by a warning each.
 
-Excluded: whether the model describes the heights (`pushfit.fit.assess.model_checking`).
+Excluded: whether the model describes the heights (`pushfit.fit.checks.model_checking`).
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import counted
-from pushfit.fit.assess.model_checking import MIN_TESTED, label
+from pushfit.fit.checks.model_checking import MIN_TESTED, label
 from pushfit.fit.results import ResultWarning
 
 # Codes of tables that cannot be right, however well the model describes them.

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.data.tables.peak_table import PeakTable
-from pushfit.fit.assess.model_checking import Directions, pushed_directions
+from pushfit.fit.checks.model_checking import Directions, pushed_directions
 from pushfit.fit.problem.predictions import predict_draws
 from pushfit.fit.problem.problem import STUDENT_DOF, Problem
 from pushfit.fit.problem.setup import Setup
