@@ -4,7 +4,9 @@ A regular plan of 12 is recorded with any subset of its pushes missing and up to
 bumps between them that are no pushes. The times between pushes scatter by two percent;
 the recording begins and ends up to two periods beside them. Printed are the shares
 assigned right and refused; what is assigned wrong without a word must be none. Then the
-same of whole plans by hand, all pushes there, for gaps that scatter by several shares.
+same of regular plans with a pause of up to eight periods, whole or without one push,
+and of whole plans by hand, for gaps that scatter by several shares. A pause of whole
+periods looks like missing pushes: some of those that lack one are wrong.
 """
 
 import argparse
@@ -20,6 +22,8 @@ N_PLANNED = 12
 PERIOD, SCATTER = 3.5, 0.02
 # Bumps at most, and periods before the first push and after the last.
 MAX_EXTRA, MAX_LEAD = 5, 2.0
+# Periods that a pause lasts.
+PAUSES = (0.5, 8.0)
 # Scatter of the gaps between pushes by hand.
 BY_HAND = (0.1, 0.2, 0.3)
 
@@ -68,6 +72,27 @@ def count(n_cases: int, seed: int = 0) -> Counter[str]:
     return verdicts
 
 
+def count_with_pause(n_cases: int, n_missing: int, seed: int = 0) -> Counter[str]:
+    """Verdicts of regular plans with a pause, some of their pushes missing."""
+    rng = np.random.default_rng(seed)
+    verdicts: Counter[str] = Counter()
+    for _ in range(n_cases):
+        beats = np.arange(N_PLANNED) + SCATTER * rng.standard_normal(N_PLANNED)
+        beats[rng.integers(1, N_PLANNED) :] += rng.uniform(*PAUSES)
+        lead, out = rng.uniform(0.2, MAX_LEAD, 2)
+        missing = rng.choice(N_PLANNED, n_missing, replace=False)
+        push = np.delete(np.arange(N_PLANNED), missing)
+        found = align(
+            PERIOD * beats[push],
+            [False] * len(push),
+            n_planned=N_PLANNED,
+            planned_times=None,
+            span=(-PERIOD * lead, PERIOD * (beats[-1] + out)),
+        )
+        verdicts[verdict(found, push)] += 1
+    return verdicts
+
+
 def count_by_hand(n_cases: int, scatter: float, seed: int = 0) -> Counter[str]:
     """Verdicts of whole plans, by the scatter of the logs of their gaps."""
     rng = np.random.default_rng(seed)
@@ -92,6 +117,8 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=10_000)
     n_cases = parser.parse_args().cases
     found = {"regular": count(n_cases)}
+    found["with a pause"] = count_with_pause(n_cases // 10, 0)
+    found["and one less"] = count_with_pause(n_cases // 10, 1)
     found |= {f"by hand, {s:.0%}": count_by_hand(n_cases // 10, s) for s in BY_HAND}
     for plans, verdicts in found.items():
         for name, n in sorted(verdicts.items()):

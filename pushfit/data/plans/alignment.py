@@ -16,7 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.data.plans.assignment import IN_TIME, Case, cheapest_pairings, cost_of_gaps
+from pushfit.data.plans.assignment import (
+    IN_TIME,
+    Case,
+    cheapest_pairings,
+    cost_of_gaps,
+)
 from pushfit.data.plans.rhythm import LEAD, MISSING, SLACK, off_beat, rhythms
 
 # Scatter of a time between two pushes that keep to a plan, in periods: somewhat more
@@ -121,6 +126,8 @@ def align(
         planned=planned,
         is_timed=planned_times is not None,
         span=span,
+        # Several runs, within which anything may pause, would fit any schedule.
+        stretch=np.arange(len(planned)) // (1 if n_cycles == 1 else n_planned),
     )
     in_order = np.flatnonzero(~brush)
     if n_pushes == len(planned) and _is_in_rhythm(case, left_out):
@@ -303,8 +310,9 @@ def _rhythm_shown(
     if case.is_timed or there.size < 2:
         return np.inf if case.is_timed else 0.0
     gaps, steps = np.diff(case.times[hump[there]]), np.diff(case.planned[there])
+    may_pause = np.diff(case.stretch[there]) > 0
     shown = max(
-        -float(cost_of_gaps(gaps / scale, steps, scatter).sum())
+        -float(cost_of_gaps(gaps / scale, steps, scatter, may_pause).sum())
         for scale, scatter in scales
     )
     return shown - math.log(math.comb(len(case.times), there.size))

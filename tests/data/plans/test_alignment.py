@@ -77,11 +77,18 @@ def test_a_schedule_of_one_cycle_repeats():
     assert (result.n_cycles, result.n_odd) == (3, 0)
 
 
-@pytest.mark.parametrize(("pause", "is_of_another"), [(0, False), (9, True)])
-def test_runs_that_lack_more_pushes_than_one_has_are_of_another_schedule(
-    pause, is_of_another
-):
+@pytest.mark.parametrize("pause", [2.3, 9.0])
+def test_pauses_between_runs_through_a_schedule_take_none_of_its_pushes(pause):
     beats = np.arange(16) + pause * (np.arange(16) // 4)
+    result = aligned(PERIOD * beats, n_planned=4)
+    assert (result.n_cycles, result.n_odd, result.other) == (4, 0, None)
+
+
+@pytest.mark.parametrize(("shift", "is_of_another"), [(0.0, False), (-0.4, True)])
+def test_runs_that_lack_more_pushes_than_one_has_are_of_another_schedule(
+    shift, is_of_another
+):
+    beats = np.arange(16) + shift * (np.arange(16) // 4)
     result = aligned(PERIOD * beats, n_planned=9)
     assert result.n_cycles == 2
     assert result.is_of_another is is_of_another

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.recordings.plan_alignment import count, count_by_hand
+from benchmarks.recordings.plan_alignment import count, count_by_hand, count_with_pause
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error
@@ -24,6 +24,16 @@ def test_no_subset_of_a_regular_plan_is_paired_wrong_silently(n_cases):
     verdicts = count(n_cases)
     assert verdicts["wrong"] == 0
     assert verdicts["right"] > 0.3 * n_cases
+
+
+@pytest.mark.parametrize(
+    ("n_missing", "least", "most"), [(0, 0.6, 0.0), (1, 0.2, 0.03)]
+)
+def test_a_pause_takes_no_push_from_a_plan(n_missing, least, most):
+    """As many as planned are in order; one that is missing may be hidden by a pause."""
+    verdicts = count_with_pause(200, n_missing)
+    assert verdicts["right"] > least * 200
+    assert verdicts["wrong"] <= most * 200
 
 
 @pytest.mark.parametrize("scatter", [0.1, 0.2])
