@@ -137,7 +137,7 @@ WHERE = {
         ("fit/identify/test_identify", "test_one_azimuth_gives_no_direction"),
     ),
     "31 outlying push": (
-        ("fit/assess/test_model_checking", "test_an_outlying_push_is_named"),
+        ("fit/checks/test_model_checking", "test_an_outlying_push_is_named"),
     ),
     "32 the same recording twice": (
         ("data/tables/test_merge", "test_a_recording_named_twice_is_refused"),
