@@ -44,8 +44,10 @@ def form_of(value: Any, asked: str) -> Hashable:
         return kind, _one([(form_of(k, asked), form_of(v, asked)) for k, v in pairs])
     if isinstance(value, (list, tuple, set, frozenset)):
         forms = [form_of(one, asked) for one in value]
-        is_fixed = isinstance(value, tuple) and ANY_LENGTH not in asked
-        return kind, tuple(forms) if is_fixed else _one(forms)
+        if not isinstance(value, tuple):
+            return kind, _one(forms)
+        # Beside a tuple of any length there may be one of a certain length.
+        return kind, (len(forms), _one(forms)) if ANY_LENGTH in asked else tuple(forms)
     if isinstance(value, type) or (
         OF_VALUES in asked and isinstance(value, (str, int))
     ):

@@ -49,6 +49,11 @@ def chosen(word: Literal["mean", "median"], n: int) -> Literal[1, 2]:
 
 
 @checked
+def ends(pair: tuple[float, float], words: tuple[str, ...] = ()) -> None:
+    pass
+
+
+@checked
 def made(n: int) -> Float[np.ndarray, "{n} p"]:
     return np.zeros((min(n, 3), 2))
 
@@ -124,6 +129,7 @@ CALLS = {
     ),
     "an unknown word": (partial(chosen, "mean", 1), partial(chosen, "mode", 1)),
     "a number returned": (partial(chosen, "mean", 1), partial(chosen, "mean", 3)),
+    "a pair beside any number": (partial(ends, (0.0, 1.0)), partial(ends, (0.0,))),
     "a length of an argument": (partial(made, 3), partial(made, 4)),
     "fields that differ": (partial(Pair, TWO, TWO), partial(Pair, TWO, THREE)),
     "a property": (lambda: Pair(TWO, TWO).size, lambda: Pair(TWO[:0], TWO[:0]).size),
