@@ -111,7 +111,8 @@ def signal_unit(recording: Recording, settings: PeakSettings) -> str:
 
 def stated_unit(recording: Recording, settings: PeakSettings) -> Unit:
     """Unit that the recording has the signal in: that of messages and settings."""
-    name = settings.channel
+    normal = settings.normal
+    name = settings.channel if normal is None else normal.removeprefix("-")
     name = name if name in recording.units else next(iter(recording.units))
     canonical = recording.units[name]
     own = Unit(name=canonical, quantity="signal", canonical=canonical)

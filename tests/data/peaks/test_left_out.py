@@ -224,3 +224,17 @@ def test_heights_are_told_and_asked_for_in_the_unit_of_the_column(
         [2.0, 0.058, 2.0], rel=BLUNTED
     )
     assert told(limit=2.5 * in_unit)[1]["flags"].tolist() == ["", "saturated", ""]
+
+
+def test_thresholds_of_force_components_are_in_the_unit_of_the_normal(tmp_path):
+    """What is across may come first, and in another unit."""
+    time = np.arange(0.0, 16.0, 0.01)
+    y = 1e-3 * np.random.default_rng(5).standard_normal(time.size)
+    for top, height in ((2.0, 2.0), (7.0, 3.0), (13.0, 2.0)):
+        y += height * np.clip(1 - np.abs(time - top), 0, None)
+    path = tmp_path / "log.csv"
+    columns = {"time_s": time, "fx_mN": 300 * y, "fz_N": -y}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    settings = PeakSettings(normal="-fz", min_height=2.5)
+    made = measure_pushes(read_recording(path), settings=settings)
+    assert made.frame["height_normal_n"].to_numpy() == pytest.approx([3], rel=BLUNTED)
