@@ -52,13 +52,13 @@ class Unit:
             values = values * self.times
         return values / self.per if self.per != 1.0 else values
 
-    def shown(self, value: float) -> str:
+    def shown(self, value: float, *, n_digits: int = 3) -> str:
         """A canonical value in words, in this unit.
 
         >>> UNITS["pa"].shown(1.95432)
         '1950 pa'
         """
-        digits = f"{value * self.per / self.times:.3g}"
+        digits = f"{value * self.per / self.times:.{n_digits}g}"
         return f"{float(digits):g} {self.name}"
 
     def equals(self, other: "Unit") -> bool:

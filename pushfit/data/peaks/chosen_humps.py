@@ -233,7 +233,8 @@ def no_pushes(
         what = f"the signal falls from rest {counted(n_dips, 'time')} and never rises "
         what += "above it"
     elif spread == 0.0:
-        what = f"the signal is {unit.shown(signal[0])} throughout, no variation"
+        level = unit.shown(signal[0], n_digits=6)
+        what = f"the signal is {level} throughout, no variation"
     else:
         within = f"all readings lie within {unit.shown(spread)}"
         what = f"no hump stands out of the noise, {within}"

@@ -13,6 +13,7 @@ from pushfit.data.peaks.extract import extract_peaks, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule, read_schedule
 from pushfit.data.recordings.recording import read_recording
 from pushfit.data.recordings.records import Recording
+from pushfit.errors import DataError
 from tests.tolerances import ROUTES
 
 pytestmark = pytest.mark.repeated
@@ -238,3 +239,13 @@ def test_thresholds_of_force_components_are_in_the_unit_of_the_normal(tmp_path):
     settings = PeakSettings(normal="-fz", min_height=2.5)
     made = measure_pushes(read_recording(path), settings=settings)
     assert made.frame["height_normal_n"].to_numpy() == pytest.approx([3], rel=BLUNTED)
+
+
+def test_a_reading_that_never_changes_is_told_as_it_is():
+    recording = Recording(
+        time=np.arange(0.0, 9.0, 0.01),
+        channels={"p": np.full(900, 4095.0)},
+        units={"p": "counts"},
+    )
+    with pytest.raises(DataError, match="is 4095 counts throughout"):
+        measure_pushes(recording, settings=PEAKS)
