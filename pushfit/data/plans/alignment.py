@@ -195,8 +195,7 @@ def _joined(case: Case, hump: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
     there = np.flatnonzero(hump >= 0)
     if there.size < 2:
         return hump
-    slope = np.ptp(case.times[hump[there]]) / np.ptp(case.planned[there])
-    near = _AT_ITS_MOMENT * slope * float(np.median(np.diff(case.planned)))
+    near = _AT_ITS_MOMENT * _pace(case, hump) * float(np.median(np.diff(case.planned)))
     for i in np.flatnonzero(hump < 0):
         first = hump[:i].max(initial=-1) + 1
         after = hump[i:][hump[i:] >= 0]
@@ -254,8 +253,7 @@ def _stopped_early(
     if case.is_timed or there.size < 2 or not np.isfinite(end):
         return []
     first, last = there[[0, -1]]
-    gaps = np.diff(case.times[hump[there]]) / np.diff(case.planned[there])
-    period = float(np.median(gaps))
+    period = _pace(case, hump)
     lead = (case.times[hump[first]] - begin) / period
     is_left_out = begin > case.span[0] and lead < first - SLACK
     rest, n_after = (end - case.times[hump[last]]) / period, len(hump) - 1 - last
@@ -348,12 +346,19 @@ def _expected(case: Case, hump: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"
     if there.size < 2:
         return np.full(len(hump), np.nan)
     planned, times = case.planned[there], case.times[hump[there]]
-    slope = np.polyfit(planned, times, 1)[0]
+    slope = _pace(case, hump)
     expected = np.interp(case.planned, planned, times)
     before, after = case.planned < planned[0], case.planned > planned[-1]
     expected[before] = times[0] + slope * (case.planned[before] - planned[0])
     expected[after] = times[-1] + slope * (case.planned[after] - planned[-1])
     return expected
+
+
+def _pace(case: Case, hump: Int[np.ndarray, " n"]) -> float:
+    """Usual time from pair to pair over the planned one; a pause leaves it as it is."""
+    there = np.flatnonzero(hump >= 0)
+    gaps = np.diff(case.times[hump[there]]) / np.diff(case.planned[there])
+    return float(np.median(gaps))
 
 
 def _planned(

@@ -144,12 +144,12 @@ class PeakTable:
     @cached_property
     def theta(self) -> Float[np.ndarray, " n"]:
         """Elevation of every push [rad]."""
-        return np.radians(self.frame["theta_deg"].to_numpy(dtype=float))
+        return _kept(np.radians(self.frame["theta_deg"].to_numpy(dtype=float)))
 
     @cached_property
     def alpha(self) -> Float[np.ndarray, " n"]:
         """Azimuth of every push [rad]."""
-        return np.radians(self.frame["alpha_deg"].to_numpy(dtype=float))
+        return _kept(np.radians(self.frame["alpha_deg"].to_numpy(dtype=float)))
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
@@ -188,7 +188,7 @@ class PeakTable:
     @cached_property
     def is_used(self) -> Bool[np.ndarray, " n"]:
         """Whether a push goes into a fit: no flag of it excludes it."""
-        return np.array([not (words & EXCLUDING_FLAGS) for words in self.flags])
+        return _kept(np.array([not (w & EXCLUDING_FLAGS) for w in self.flags]))
 
     @cached_property
     def groups(self) -> Int[np.ndarray, " n"]:
@@ -199,7 +199,7 @@ class PeakTable:
             for name in ("theta_deg", "alpha_deg")
         )
         # A complex number is a pair that pandas can count.
-        return pd.factorize(theta + 1j * (alpha % 360e9))[0]
+        return _kept(pd.factorize(theta + 1j * (alpha % 360e9))[0])
 
     def with_flag(self, rows: Sequence[int], flag: str) -> "PeakTable":
         """The table with one more flag on some rows.
@@ -303,3 +303,9 @@ def write_table(table: PeakTable, path: str | Path) -> None:
             frame.to_parquet(temporary, index=False, engine="pyarrow")
         except ImportError as error:
             raise no_parquet(path) from error
+
+
+def _kept(values: np.ndarray) -> np.ndarray:
+    """An array that others see as well, which nobody may change."""
+    values.setflags(write=False)
+    return values

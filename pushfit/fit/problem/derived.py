@@ -162,7 +162,8 @@ def equal_tailed_interval(
 
 def _ascending(samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
     """Draws without NaN in ascending order; those that are so pass unchanged."""
-    if np.all(samples[1:] >= samples[:-1]) and np.all(np.isfinite(samples[:1])):
+    ends = samples[[0, -1]] if samples.size else samples
+    if np.all(samples[1:] >= samples[:-1]) and np.all(np.isfinite(ends)):
         return samples
     return np.sort(samples[np.isfinite(samples)])
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pushfit.data.plans.alignment import align
+from tests.tolerances import EXACT
 
 PERIOD = 3.5
 N = 27
@@ -82,6 +83,20 @@ def test_pauses_between_runs_through_a_schedule_take_none_of_its_pushes(pause):
     beats = np.arange(16) + pause * (np.arange(16) // 4)
     result = aligned(PERIOD * beats, n_planned=4)
     assert (result.n_cycles, result.n_odd, result.other) == (4, 0, None)
+
+
+def test_a_pause_moves_no_moment_of_a_push_after_it():
+    beats = np.arange(11) + 6.3 * (np.arange(11) > 5)
+    span = PERIOD * np.array([-0.5, beats[-1] + 2.5])
+    found = align(
+        PERIOD * beats,
+        [False] * 11,
+        n_planned=12,
+        planned_times=None,
+        span=(float(span[0]), float(span[1])),
+    )
+    assert found.missing == (11,)
+    assert found.expected[-1] == pytest.approx(PERIOD * (beats[-1] + 1), rel=EXACT)
 
 
 @pytest.mark.parametrize(("shift", "is_of_another"), [(0.0, False), (-0.4, True)])

@@ -88,6 +88,15 @@ def test_arrays_that_are_meant_otherwise_are_refused(theta, sd, named):
         )
 
 
+def test_arrays_of_a_table_stay_those_of_its_frame():
+    table = PeakTable.from_arrays(
+        theta=np.zeros(3), alpha=np.zeros(3), heights={"height": np.ones(3)}, unit="n"
+    )
+    for array in (table.theta, table.alpha, table.is_used, table.groups):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+
+
 @pytest.mark.repeated
 @pytest.mark.parametrize("heights", [np.ones(3), np.ones((2, 1))])
 def test_arrays_of_several_shapes_are_refused_by_name(heights):
