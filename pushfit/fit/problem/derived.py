@@ -172,6 +172,7 @@ def _quantiles(
     ascending: Float[np.ndarray, " n"], shares: float | list[float]
 ) -> Float[np.ndarray, "..."]:
     """Values below which shares of the draws lie, linear between one and the next."""
+    # NumPy's own would put them in order again.
     at = np.multiply(shares, ascending.size - 1)
     return np.asarray(np.interp(at, np.arange(ascending.size), ascending))
 
