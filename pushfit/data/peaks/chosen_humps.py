@@ -31,7 +31,8 @@ from pushfit.data.units import Unit
 from pushfit.errors import DataError, counted
 
 DEFAULTS = PeakSettings()
-# Share of a dip below which a hump is what noise makes of a filled signal.
+# Share of the usual dip below which a hump is what noise makes of a filled signal. Of
+# the largest, a press of `p0_Pa` is lost where the recording ends at some moments.
 _MINOR = 0.1
 # A hump that is briefer than this may be a jerk: twice what no push is [s]. Not tuned.
 _BRIEF = 2 * FIRST_SMOOTHING
@@ -186,13 +187,11 @@ def _as_told(found: FoundHumps, settings: PeakSettings) -> FoundHumps:
 
 def _beside(dips: Sequence[Extent], hump: Extent) -> Extent:
     """Call a hump a brush if it is but the shoulder of a deeper dip, or far smaller."""
-    is_minor = any(
-        hump.height < _MINOR * dip.height
-        or (
-            hump.height < dip.height
-            and dip.t_start - hump.width < hump.t_end
-            and dip.t_end + hump.width > hump.t_start
-        )
+    usual = float(np.median([dip.height for dip in dips])) if dips else 0.0
+    is_minor = hump.height < _MINOR * usual or any(
+        hump.height < dip.height
+        and dip.t_start - hump.width < hump.t_end
+        and dip.t_end + hump.width > hump.t_start
         for dip in dips
     )
     return replace(hump, is_brush=True) if is_minor else hump
