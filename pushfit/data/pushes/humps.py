@@ -152,6 +152,7 @@ class Humps:
             Valleys that are higher than that, but rests.
         """
         kept: set[int] = set()
+        every = self.peaks
         while len(self.peaks) > 1:
             tops, lows = self.y[self.peaks], self.y[self.valleys]
             rest = np.minimum(self.rests[:-2], self.rests[2:])
@@ -162,7 +163,7 @@ class Humps:
             if ratio[worst] <= split:
                 break
             if self._is_new_rest(worst) or (
-                ratio[worst] < 1 - _ON_TOP and self._is_level(worst)
+                ratio[worst] < 1 - _ON_TOP and self._is_level(worst, every)
             ):
                 kept.add(int(self.valleys[worst + 1]))
                 self.rests[worst + 1] = lows[worst + 1]
@@ -189,11 +190,14 @@ class Humps:
                 return True
         return False
 
-    def _is_level(self, pair: int) -> bool:
+    def _is_level(self, pair: int, every: Int[np.ndarray, " t"]) -> bool:
         """Whether the signal rests between two humps, and beside one of them as well.
 
         One flat valley may be that of a push with two tops; a level that is come back
-        to is a rest.
+        to, outside of the humps that are one by now, is a rest.
+
+        Args:
+            every: Tops of all humps before any were joined.
         """
         a, b = (int(k) for k in self.peaks[pair : pair + 2])
         low = float(self.y[self.valleys[pair + 1]])
@@ -208,10 +212,12 @@ class Humps:
             third, run = max(1, n // 3), part[begin : begin + n]
             return bool(abs(run[:third].mean() - run[-third:].mean()) <= _FLAT * height)
 
-        outer_left = int(self.peaks[pair - 1]) if pair > 0 else 0
-        is_last = pair + 2 >= len(self.peaks)
-        outer_right = len(self.y) - 1 if is_last else int(self.peaks[pair + 2])
-        return held(a, b) and (held(outer_left, a) or held(b, outer_right))
+        tops = every[self.y[every] > low + _LEVEL * height]
+        bounds = np.concatenate([[0], tops, [len(self.y) - 1]])
+        before = int(np.searchsorted(tops, self.valleys[pair]))
+        after = int(np.searchsorted(tops, self.valleys[pair + 2], side="right"))
+        sides = (bounds[k : k + 2].tolist() for k in (before, after))
+        return held(a, b) and any(held(*side) for side in sides)
 
     def _width_over(self, k: int, low: float) -> float:
         """Bins around a top that stay above half of its height over a level.

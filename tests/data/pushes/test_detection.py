@@ -84,6 +84,20 @@ def test_two_tops_over_a_valley_that_is_no_rest_are_one_push():
     assert tops(*course(*corners)) in ([3], [5])
 
 
+def test_the_valley_of_one_push_with_two_tops_is_no_rest_of_the_next_one():
+    """Flat valleys at 0.6 of the lower tops, each push as it would be alone."""
+
+    def double(start, second):
+        tops = (0.0, 0.0), (0.8, 100.0), (1.0, 60.0), (1.4, 60.0), (1.7, second)
+        return [(start + t, level) for t, level in (*tops, (2.5, 0.0))]
+
+    doubles = [*double(2.0, 90.0), *double(8.0, 100.0)]
+    time, y = course((0.0, 0.0), *doubles, *push(13.0), (16.0, 0.0))
+    assert len(found(time, y)) == 3
+    alone = time > 6.0
+    assert len(found(time[alone], y[alone])) == 2
+
+
 @pytest.mark.parametrize(
     ("drift", "after", "end"), [(1.0, 0.0, 8), (0.0, 12.0, 8), (0.0, 40.0, 4.52)]
 )
