@@ -212,7 +212,7 @@ class Humps:
             third, run = max(1, n // 3), part[begin : begin + n]
             return bool(abs(run[:third].mean() - run[-third:].mean()) <= _FLAT * height)
 
-        tops = every[self.y[every] > low + _LEVEL * height]
+        tops = np.union1d(self.peaks, every[self.y[every] > low + _LEVEL * height])
         bounds = np.concatenate([[0], tops, [len(self.y) - 1]])
         before = int(np.searchsorted(tops, self.valleys[pair]))
         after = int(np.searchsorted(tops, self.valleys[pair + 2], side="right"))

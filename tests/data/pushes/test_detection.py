@@ -96,6 +96,10 @@ def test_the_valley_of_one_push_with_two_tops_is_no_rest_of_the_next_one():
     assert len(found(time, y)) == 3
     alone = time > 6.0
     assert len(found(time[alone], y[alone])) == 2
+    # Nor is a hold that the recording begins in, beyond a low push.
+    held = (2.0, 60.0), (3.0, 60.0), (3.3, 0.0), *push(4.0, height=30.0)
+    extents = found(*course(*held, *double(8.0, 100.0), *push(13.0), (16.0, 0.0)))
+    assert [extent.is_cut for extent in extents] == [True, False, False, False]
 
 
 @pytest.mark.parametrize(
