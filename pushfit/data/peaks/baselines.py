@@ -187,11 +187,20 @@ class _Parts:
 
 @dataclass(frozen=True, slots=True)
 class _Beside:
-    """Samples, feet of pushes in order, and which have a valley after them, no rest."""
+    """Samples, and feet of humps in order.
+
+    Args:
+        time: Sample times [s].
+        signal: Samples [unit].
+        feet: Feet of the humps.
+        is_push: Which are no brushes.
+        is_valley: Which have a valley after them, no rest.
+    """
 
     time: Float[np.ndarray, " n"]
     signal: Float[np.ndarray, " n"]
     feet: Feet[np.ndarray]
+    is_push: Bool[np.ndarray, " p"]
     is_valley: Bool[np.ndarray, " q"]
 
     def windows(
@@ -255,9 +264,10 @@ class _Beside:
         moves = np.hypot(*(own.unsettled(rate, noise) for own in rests))
         calm = likeness(moves, _UNSETTLED)
         trust = np.where(only_after, 0.0, waited * small * calm)
-        # One rest alone shows no drift; beside other pushes it may be as usual.
+        # One rest alone shows no drift; it may be as usual beside other pushes, but not
+        # as beside what rings after them.
         is_alone = only_after | (n_after < few)
-        usual = _usual_rate(rate[~is_alone])
+        usual = _usual_rate(rate[~is_alone & self.is_push])
         doubt = (1 - trust) * np.abs(rate) / 2
         begin, end = ends_of_chains(self.is_valley)
         steps = level_after[end] - level[begin]
@@ -332,7 +342,8 @@ def rests_of(
     order = np.argsort([hump.t_peak for hump in extents], kind="stable")
     rows = np.argsort(order)
     feet = Feet.together([extents[k].feet for k in order])
-    beside = _Beside(time, signal, feet, are_valleys(feet))
+    is_push = np.array([not extents[k].is_brush for k in order])
+    beside = _Beside(time, signal, feet, is_push, are_valleys(feet))
     noise = beside.noise()
     return rows_of(noise, rows), rows_of(beside.baselines(noise), rows)
 
