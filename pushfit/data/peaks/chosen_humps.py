@@ -61,7 +61,8 @@ def search(
     """Find humps as `find` does, without jerks that would pass for some.
 
     A hump that is briefer than any push is a jerk where, without its samples, there are
-    humps ten times as long: on a hold, which it would hide, or somewhere else.
+    humps ten times as long: on a hold, which it would hide, or somewhere else. What
+    rings is brief as well, but keeps its samples: they belong to the rest.
 
     Args:
         time: Sample times [s].
@@ -71,12 +72,12 @@ def search(
     """
     signed = bool(settings.signed)
     found = find(time, signal, settings, signed=signed)
-    brief = [
-        hump
-        for hump in found.extents
-        if hump.width < _BRIEF
-        and not (hump.is_brush or is_in(hump.t_peak, settings.include))
-    ]
+
+    def may_be_jerk(hump: Extent) -> bool:
+        is_asked_for = is_in(hump.t_peak, settings.include)
+        return hump.width < _BRIEF and not (hump.is_brush or is_asked_for)
+
+    brief = tuple(filter(may_be_jerk, found.extents))
     if not brief or settings.normal is not None:
         return time, signal, found
     near = np.zeros(len(time), dtype=bool)
@@ -104,7 +105,33 @@ def search(
     clear = CLEAR * SignalNoise.of(time[kept], signal[kept]).sigma
     if not any(e.width > BRIEFER * longest and e.height > clear for e in pushes):
         return time, signal, found
-    return time[kept], signal[kept], replace(without, jerks=tuple(brief))
+    left = [hump for hump in without.extents if may_be_jerk(hump)]
+    return time[kept], signal[kept], _without_ringing(without, left, brief)
+
+
+def _without_ringing(
+    found: FoundHumps, left: Sequence[Extent], brief: Sequence[Extent]
+) -> FoundHumps:
+    """Humps of which those that are left of brief ones, which ring, are no pushes.
+
+    Args:
+        found: Humps without the samples of jerks.
+        left: Those of them that are brief all the same.
+        brief: All brief ones. The others of these are the jerks.
+    """
+    ringing = {hump for hump in left if not hump.is_cut}
+    return replace(
+        found,
+        extents=tuple(
+            replace(hump, is_brush=hump.is_brush or hump in ringing)
+            for hump in found.extents
+        ),
+        jerks=tuple(
+            hump
+            for hump in brief
+            if not any(own.t_start < hump.t_peak < own.t_end for own in left)
+        ),
+    )
 
 
 def find(

@@ -280,32 +280,18 @@ def _are_jerks(
 ) -> Bool[np.ndarray, " p"]:
     """What is far briefer than a push beside it: a jerk on contact or on retracting.
 
-    So is what follows a jerk as closely: it rings. A push that is cut may be as wide as
-    the others are.
+    A push that is cut may be as wide as the others are.
     """
-    width = feet.width
-    others = width[~is_cut & ~_are_briefer(feet, width)]
+    gap, width = feet.start[1:] - feet.end[:-1], feet.width
+
+    def jerks(width: Float[np.ndarray, " p"]) -> Bool[np.ndarray, " p"]:
+        before = BRIEFER * np.maximum(width[:-1], gap) < width[1:]
+        after = BRIEFER * np.maximum(width[1:], gap) < width[:-1]
+        return np.append(before, False) | np.append(False, after)
+
+    others = width[~is_cut & ~jerks(width)]
     usual = float(np.median(others)) if others.size else 0.0
-    return _are_briefer(feet, np.where(is_cut, np.maximum(width, usual), width))
-
-
-def _are_briefer(
-    feet: Feet[np.ndarray], width: Float[np.ndarray, " p"]
-) -> Bool[np.ndarray, " p"]:
-    """What is far briefer than the push that it follows or leads, at no distance."""
-    are_briefer = np.zeros(len(width), dtype=bool)
-    gap = feet.start[1:] - feet.end[:-1]
-    for own, gaps, found in (
-        (width, gap, are_briefer),
-        (width[::-1], gap[::-1], are_briefer[::-1]),
-    ):
-        push = own[0] if len(own) else 0.0
-        for k, between in enumerate(gaps.tolist(), start=1):
-            if BRIEFER * max(own[k], between) < push:
-                found[k] = True
-            else:
-                push = own[k]
-    return are_briefer
+    return jerks(np.where(is_cut, np.maximum(width, usual), width))
 
 
 def _smallest_push(heights: Float[np.ndarray, " k"]) -> float:
