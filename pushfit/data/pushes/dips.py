@@ -23,14 +23,23 @@ _DIP = 0.25
 # Beside such a dip lower ones are dips as well, beyond this share of it. It came with
 # cuts anywhere of the barometer, whose p0 has dips; half or twice changes no whole one.
 _LESSER = 0.4
-# Time at either end of a recording that stands for rest, too short for a push [s].
-_END = 0.2
+# Time at either end of a recording that stands for rest, too short for a push [s], and
+# samples of it at least.
+_END, _FEWEST = 0.2, 5
 # Noise of the ends of a recording that is no difference of level, once in 16 000
 # [sigma].
 _SLACK = 4.0
 # Densest stretches of readings that differ by less, as a share of all, are alike: far
 # above rounding, 1e-16, far below a count of any sensor.
 _ROUNDING = 1e-9
+# Where the recording ends at the level that it began at, but for this share of what it
+# spans, that level is the rest: pushes that are held for twice as long as they are
+# apart dwell at theirs for longer. Not tuned.
+_ALIKE = 0.25
+# A level is that of so many readings of a stretch at least, as a share, which are not
+# spread farther than so many times the densest of as many: flanks are. With twice the
+# share, or half of the times, more rests an eighth as long as equal holds are missed.
+_SHARE, _AS_DENSE = 0.04, 20.0
 # Blocks whose extremes tell whether there are dips at all: more would only cost time.
 _MAX_BLOCKS = 1 << 14
 # Samples of a stretch that show its level well enough.
@@ -43,7 +52,8 @@ def rest_curve(
     """Rest level, at sample times [s], of a signal that pushes may raise or lower.
 
     The middle of the densest quarter of the readings, in stretches of half a minute:
-    rest is what a signal that goes both ways has in common with itself.
+    rest is what a signal that goes both ways has in common with itself. Where another
+    level, of fewer readings, is nearer to both ends of the recording, that one.
     """
     return np.interp(time, *_rest_points(time, signal))
 
@@ -56,20 +66,71 @@ def _rest_points(
     edges = np.linspace(time[0], time[-1], n_stretches + 1)
     index = np.searchsorted(time, edges)
     index[-1] = len(time)
+    ends = _end_levels(time, signal)
+    are_alike = abs(ends[1] - ends[0]) <= _ALIKE * np.ptp(signal)
     middles, levels = [], []
     for first, last in pairwise(index):
-        ordered = np.sort(signal[first : last : max(1, (last - first) // _ENOUGH)])
-        if len(ordered) == 0:
+        some = slice(first, last, max(1, (last - first) // _ENOUGH))
+        if first == last:
             continue
-        n = max(1, len(ordered) // 4)
-        widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
-        # Of counts many stretches are equally dense; rounding must not choose.
-        narrow = widths.min() + _ROUNDING * (ordered[-1] - ordered[0])
-        ties = np.flatnonzero(widths <= narrow)
-        start = int(ties[len(ties) // 2])
-        levels.append(np.median(ordered[start : start + n]))
-        middles.append((time[first] + time[last - 1]) / 2)
+        middle = (time[first] + time[last - 1]) / 2
+        ordered = np.sort(signal[some])
+        level = _densest(ordered)
+        if are_alike:
+            near = float(np.interp(middle, time[[0, -1]], ends))
+            level = _level_near(near, ordered, level)
+        levels.append(level)
+        middles.append(middle)
     return np.array(middles), np.array(levels)
+
+
+def _end_levels(
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+) -> tuple[float, float]:
+    """Levels at both ends of a recording."""
+    n_first, n_last = np.searchsorted(time, [time[0] + _END, time[-1] - _END]).tolist()
+    last = min(n_last, len(time) - _FEWEST)
+    return (
+        float(np.median(signal[: max(_FEWEST, n_first)])),
+        float(np.median(signal[last:])),
+    )
+
+
+def _densest(ordered: Float[np.ndarray, " m"]) -> float:
+    """Middle of the densest quarter of readings that are in order."""
+    n = max(1, len(ordered) // 4)
+    widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
+    # Of counts many stretches are equally dense; rounding must not choose.
+    narrow = widths.min() + _ROUNDING * (ordered[-1] - ordered[0])
+    ties = np.flatnonzero(widths <= narrow)
+    start = int(ties[len(ties) // 2])
+    return float(np.median(ordered[start : start + n]))
+
+
+def _level_near(
+    expected: float, ordered: Float[np.ndarray, " m"], densest: float
+) -> float:
+    """The level of many readings, in order, that is nearest to an expected one.
+
+    Args:
+        densest: Where most of them lie, which it may be.
+    """
+    n = max(2, int(_SHARE * len(ordered)))
+    if len(ordered) <= n:
+        return densest
+    widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
+    own = int(np.searchsorted(ordered, densest)) - n // 2
+    own = min(max(own, 0), len(widths) - 1)
+    is_dense = widths <= max(_AS_DENSE * widths.min(), widths[own])
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_dense, [0]])))
+    first, last = edges[::2], edges[1::2] + n - 2
+    off = np.maximum(ordered[first] - expected, expected - ordered[last])
+    nearest = int(np.argmin(np.maximum(off, 0.0)))
+    if ordered[first[nearest]] <= densest <= ordered[last[nearest]]:
+        return densest
+    begin = first[nearest]
+    start = int(begin + np.argmin(widths[begin : edges[2 * nearest + 1]]))
+    return float(np.median(ordered[start : start + n]))
 
 
 def without_dips(
@@ -91,11 +152,8 @@ def without_dips(
     Returns:
         The signal with the dips filled, itself if there are none; and the dips.
     """
-    n_first, n_last = np.searchsorted(time, [time[0] + _END, time[-1] - _END])
-    n_last = min(int(n_last), len(time) - 5)
-    ends = (np.median(signal[: max(5, int(n_first))]), np.median(signal[n_last:]))
-    points = _rest_points(time, signal)
-    n_end = max(5, int(n_first))
+    ends, points = _end_levels(time, signal), _rest_points(time, signal)
+    n_end = max(_FEWEST, int(np.searchsorted(time, time[0] + _END)))
     slack = _SLACK * noise.sigma / n_end**0.5
 
     def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:

@@ -1,0 +1,67 @@
+"""Rests between holds that are longer, where pushes may go both ways."""
+
+import numpy as np
+import pytest
+
+from pushfit.config.inputs import PeakSettings
+from pushfit.data.peaks.extract import measure_pushes
+from pushfit.data.recordings.records import Recording
+
+RATE, NOISE = 100.0, 0.02
+# Holds and rests scatter by 0.002 and 0.005 N, and ramps belong to neither.
+NEAR = 0.05
+RAMP = 0.2
+EQUAL = [5.0] * 8
+REPEATED = [1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 5.0, 5.0, 5.0]
+BOTH_WAYS = [3.0, 3.0, 3.0, 3.0, -3.0, -3.0, -3.0, -3.0]
+SHARES = {"fx": 0.3, "fy": 0.0, "fz": 0.954}
+
+
+def course(heights, hold, rest, drift):
+    """Holds with a rest before each and after the last."""
+    starts = rest + (hold + rest) * np.arange(len(heights))
+    time = np.arange(0.0, starts[-1] + hold + rest, 1 / RATE)
+    since = time[:, None] - starts
+    share = np.clip(np.minimum(since, hold - since) / RAMP, 0, 1)
+    return time, share @ heights + drift * time
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.003])
+@pytest.mark.parametrize(
+    ("hold", "rest"), [(1.0, 2.0), (2.0, 1.0), (3.0, 1.0), (5.0, 1.0)]
+)
+@pytest.mark.parametrize("heights", [EQUAL, REPEATED, BOTH_WAYS])
+class TestLongHolds:
+    def test_of_a_signal(self, heights, hold, rest, drift):
+        time, y = course(heights, hold, rest, drift)
+        y += NOISE * np.random.default_rng(1).standard_normal(len(time))
+        recording = Recording(time=time, channels={"f": y}, units={"f": "n"})
+        found = measure_pushes(recording, settings=PeakSettings(signed=True)).frame
+        np.testing.assert_allclose(found["height_n"], heights, rtol=0, atol=NEAR)
+        assert not any(found["flags"])
+
+    def test_of_components(self, heights, hold, rest, drift):
+        time, y = course(heights, hold, rest, drift)
+        rng = np.random.default_rng(2)
+        forces = {
+            name: share * y + NOISE * rng.standard_normal(len(time))
+            for name, share in SHARES.items()
+        }
+        recording = Recording(
+            time=time, channels=forces, units=dict.fromkeys(forces, "n")
+        )
+        found = measure_pushes(recording, settings=PeakSettings(normal="fz")).frame
+        normal = SHARES["fz"] * np.array(heights)
+        np.testing.assert_allclose(found["height_normal_n"], normal, rtol=0, atol=NEAR)
+        assert not any(found["flags"])
+
+
+def test_a_recording_that_begins_in_a_hold_says_nothing_by_its_begin():
+    """Its rest is what most readings have in common, as of one that ends in a hold."""
+    time, y = course([4.0, 5.0, 5.0, 5.0, 5.0], 1.0, 2.0, 0.0)
+    y += NOISE * np.random.default_rng(3).standard_normal(len(time))
+    part = time > 2.5
+    recording = Recording(time=time[part], channels={"f": y[part]}, units={"f": "n"})
+    found = measure_pushes(recording, settings=PeakSettings(signed=True)).frame
+    np.testing.assert_allclose(found["height_n"][1:], 5.0, rtol=0, atol=NEAR)
+    assert found["flags"].tolist() == ["clipped", "", "", "", ""]
