@@ -1,5 +1,8 @@
 """Configuration shared by all tests."""
 
+import contextlib
+import ctypes
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -10,7 +13,7 @@ import jaxtyping
 import pytest
 from hypothesis import settings
 
-from pushfit.fit.programs.compile import OPTIONS
+from pushfit.fit.programs import compile as compiling
 from pushfit.mechanics.registry import mechanics_named
 
 # A (3,) against a (3, 1) is a mistake in the model, never a wish.
@@ -22,7 +25,7 @@ CACHE.mkdir(mode=0o700, parents=True, exist_ok=True)
 jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
 # What tests compile themselves is compiled as pushfit does, in half of the time.
-FLAGS = [f"--{name}={value}".lower() for name, value in OPTIONS.items()]
+FLAGS = [f"--{name}={value}".lower() for name, value in compiling.OPTIONS.items()]
 # Once only: they are part of the name that a program is kept by, and workers inherit.
 flags = dict.fromkeys([*os.environ.get("XLA_FLAGS", "").split(), *FLAGS])
 os.environ["XLA_FLAGS"] = " ".join(flags)
@@ -32,6 +35,8 @@ os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["PUSHFIT_CACHE"] = "off"
 os.environ.pop("PUSHFIT_PROGRAMS", None)
+# Of one process, of which two run at once [bytes].
+MAX_MEMORY = 3e9
 # A gate says the same of the same code: the same examples each time, and no deadline,
 # which would say how busy the machine is. --hypothesis-profile=default tries others.
 settings.register_profile("gate", deadline=None, derandomize=True)
@@ -47,6 +52,22 @@ def shapes(request, monkeypatch) -> None:
     """
     if request.node.get_closest_marker("repeated"):
         monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def programs() -> Iterator[None]:
+    """Compiled programs are let go between modules where they take too much memory.
+
+    Each takes some 25 MB, and the tests marked slow compile hundreds.
+    """
+    yield
+    with contextlib.suppress(OSError):
+        resident = int(Path("/proc/self/statm").read_text("ascii").split()[1])
+        if resident * os.sysconf("SC_PAGE_SIZE") > MAX_MEMORY:
+            compiling._program.cache_clear()
+            jax.clear_caches()
+            gc.collect()
+            ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 @pytest.fixture
