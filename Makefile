@@ -32,7 +32,7 @@ test-quick: .stamps/test         ## Files, text, tables and reports, without a f
 	PUSHFIT_REAL_DATA=none $(BIN)/pytest -q -n 2 --dist loadfile -m "not slow" \
 	  --jaxtyping-packages= $(QUICK)
 
-test-slow: .stamps/test          ## Statistical calibration and other long tests
+test-slow: .stamps/test          ## Statistical calibration and other long tests; over an hour
 	$(BIN)/pytest -q -n 2 --dist loadfile -m slow
 
 lint: .stamps/test
