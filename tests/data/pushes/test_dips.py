@@ -6,6 +6,7 @@ import pytest
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import measure_pushes
 from pushfit.data.recordings.records import Recording
+from pushfit.errors import DataError
 
 RATE, NOISE = 100.0, 0.02
 # Holds and rests scatter by 0.002 and 0.005 N, and ramps belong to neither.
@@ -14,6 +15,8 @@ RAMP = 0.2
 EQUAL = [5.0] * 8
 REPEATED = [1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 5.0, 5.0, 5.0]
 BOTH_WAYS = [3.0, 3.0, 3.0, 3.0, -3.0, -3.0, -3.0, -3.0]
+# Of holds, and of the rests between them [s].
+LENGTHS = [(1.0, 2.0), (2.0, 1.0), (3.0, 1.0), (5.0, 1.0)]
 SHARES = {"fx": 0.3, "fy": 0.0, "fz": 0.954}
 
 
@@ -27,9 +30,7 @@ def course(heights, hold, rest, drift):
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.003])
-@pytest.mark.parametrize(
-    ("hold", "rest"), [(1.0, 2.0), (2.0, 1.0), (3.0, 1.0), (5.0, 1.0)]
-)
+@pytest.mark.parametrize(("hold", "rest"), LENGTHS)
 @pytest.mark.parametrize("heights", [EQUAL, REPEATED, BOTH_WAYS])
 class TestLongHolds:
     def test_of_a_signal(self, heights, hold, rest, drift):
@@ -54,6 +55,16 @@ class TestLongHolds:
         normal = SHARES["fz"] * np.array(heights)
         np.testing.assert_allclose(found["height_normal_n"], normal, rtol=0, atol=NEAR)
         assert not any(found["flags"])
+
+
+@pytest.mark.parametrize(("hold", "rest"), LENGTHS)
+@pytest.mark.parametrize("heights", [EQUAL, REPEATED])
+def test_rests_between_long_dips_are_no_pushes(heights, hold, rest):
+    time, y = course(heights, hold, rest, 0.0)
+    y = NOISE * np.random.default_rng(4).standard_normal(len(time)) - y
+    recording = Recording(time=time, channels={"f": y}, units={"f": "n"})
+    with pytest.raises(DataError, match=r"never rises above it.*try `invert=True`"):
+        measure_pushes(recording)
 
 
 def test_a_recording_that_begins_in_a_hold_says_nothing_by_its_begin():
