@@ -17,7 +17,6 @@ REPEATED = [1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 5.0, 5.0, 5.0]
 BOTH_WAYS = [3.0, 3.0, 3.0, 3.0, -3.0, -3.0, -3.0, -3.0]
 # Of holds, and of the rests between them [s].
 LENGTHS = [(1.0, 2.0), (2.0, 1.0), (3.0, 1.0), (5.0, 1.0)]
-SHARES = {"fx": 0.3, "fy": 0.0, "fz": 0.954}
 
 
 def course(heights, hold, rest, drift):
@@ -32,29 +31,23 @@ def course(heights, hold, rest, drift):
 @pytest.mark.parametrize("drift", [0.0, 0.003])
 @pytest.mark.parametrize(("hold", "rest"), LENGTHS)
 @pytest.mark.parametrize("heights", [EQUAL, REPEATED, BOTH_WAYS])
-class TestLongHolds:
-    def test_of_a_signal(self, heights, hold, rest, drift):
-        time, y = course(heights, hold, rest, drift)
-        y += NOISE * np.random.default_rng(1).standard_normal(len(time))
-        recording = Recording(time=time, channels={"f": y}, units={"f": "n"})
-        found = measure_pushes(recording, settings=PeakSettings(signed=True)).frame
-        np.testing.assert_allclose(found["height_n"], heights, rtol=0, atol=NEAR)
-        assert not any(found["flags"])
-
-    def test_of_components(self, heights, hold, rest, drift):
-        time, y = course(heights, hold, rest, drift)
-        rng = np.random.default_rng(2)
-        forces = {
-            name: share * y + NOISE * rng.standard_normal(len(time))
-            for name, share in SHARES.items()
-        }
-        recording = Recording(
-            time=time, channels=forces, units=dict.fromkeys(forces, "n")
-        )
-        found = measure_pushes(recording, settings=PeakSettings(normal="fz")).frame
-        normal = SHARES["fz"] * np.array(heights)
-        np.testing.assert_allclose(found["height_normal_n"], normal, rtol=0, atol=NEAR)
-        assert not any(found["flags"])
+@pytest.mark.parametrize("share", [{"fz": 1.0}, {"fx": 0.3, "fy": 0.0, "fz": 0.954}])
+def test_rests_between_longer_holds_are_the_rest(share, heights, hold, rest, drift):
+    """Of a signal that goes both ways, and of force components."""
+    time, y = course(heights, hold, rest, drift)
+    rng = np.random.default_rng(1)
+    forces = {
+        name: own * y + NOISE * rng.standard_normal(len(time))
+        for name, own in share.items()
+    }
+    is_one = len(share) == 1
+    recording = Recording(time=time, channels=forces, units=dict.fromkeys(forces, "n"))
+    settings = PeakSettings(signed=True) if is_one else PeakSettings(normal="fz")
+    found = measure_pushes(recording, settings=settings).frame
+    column = found["height_n" if is_one else "height_normal_n"]
+    normal = share["fz"] * np.array(heights)
+    np.testing.assert_allclose(column, normal, rtol=0, atol=NEAR)
+    assert not any(found["flags"])
 
 
 @pytest.mark.parametrize(("hold", "rest"), LENGTHS)
