@@ -66,21 +66,18 @@ def _rest_points(
     edges = np.linspace(time[0], time[-1], n_stretches + 1)
     index = np.searchsorted(time, edges)
     index[-1] = len(time)
-    ends = _end_levels(time, signal)
-    are_alike = abs(ends[1] - ends[0]) <= _ALIKE * np.ptp(signal)
-    middles, levels = [], []
+    middles, stretches = [], []
     for first, last in pairwise(index):
-        some = slice(first, last, max(1, (last - first) // _ENOUGH))
-        if first == last:
-            continue
-        middle = (time[first] + time[last - 1]) / 2
-        ordered = np.sort(signal[some])
-        level = _densest(ordered)
-        if are_alike:
-            near = float(np.interp(middle, time[[0, -1]], ends))
-            level = _level_near(near, ordered, level)
-        levels.append(level)
-        middles.append(middle)
+        if first < last:
+            some = slice(first, last, max(1, (last - first) // _ENOUGH))
+            stretches.append(np.sort(signal[some]))
+            middles.append((time[first] + time[last - 1]) / 2)
+    levels = [_densest(ordered) for ordered in stretches]
+    begin, end = _end_levels(time, signal)
+    spread = max(own[-1] for own in stretches) - min(own[0] for own in stretches)
+    if abs(end - begin) <= _ALIKE * spread:
+        near = np.interp(middles, time[[0, -1]], [begin, end]).tolist()
+        levels = [*map(_level_near, near, stretches, levels)]
     return np.array(middles), np.array(levels)
 
 
