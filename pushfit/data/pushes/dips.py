@@ -40,6 +40,9 @@ _ALIKE = 0.25
 # spread farther than so many times the densest of as many: flanks are. With twice the
 # share, or half of the times, more rests an eighth as long as equal holds are missed.
 _SHARE, _AS_DENSE = 0.04, 20.0
+# Resolutions that lie between readings of one level, where counts are coarse. Of 288
+# trains of counted holds two are misread, at half of it eight, at twice four.
+_COUNTS = 3.0
 # Blocks whose extremes tell whether there are dips at all: more would only cost time.
 _MAX_BLOCKS = 1 << 14
 # Samples of a stretch that show its level well enough.
@@ -118,7 +121,10 @@ def _level_near(
     widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
     own = int(np.searchsorted(ordered, densest)) - n // 2
     own = min(max(own, 0), len(widths) - 1)
-    is_dense = widths <= max(_AS_DENSE * widths.min(), widths[own])
+    # Where counts are equal, some of the next ones are as dense.
+    count = np.min(widths, where=widths > 0, initial=np.inf)
+    most = max(_AS_DENSE * widths.min(), _COUNTS * count, widths[own])
+    is_dense = widths <= most
     edges = np.flatnonzero(np.diff(np.concatenate([[0], is_dense, [0]])))
     first, last = edges[::2], edges[1::2] + n - 2
     off = np.maximum(ordered[first] - expected, expected - ordered[last])

@@ -28,18 +28,27 @@ def course(heights, hold, rest, drift):
     return time, share @ heights + drift * time
 
 
-@pytest.mark.parametrize("drift", [0.0, 0.003])
+@pytest.mark.parametrize(("drift", "count"), [(0.0, 0.0), (0.003, 0.0), (0.0, 0.04)])
 @pytest.mark.parametrize(("hold", "rest"), LENGTHS)
 @pytest.mark.parametrize("heights", [EQUAL, REPEATED, BOTH_WAYS])
 @pytest.mark.parametrize("share", [{"fz": 1.0}, {"fx": 0.3, "fy": 0.0, "fz": 0.954}])
-def test_rests_between_longer_holds_are_the_rest(share, heights, hold, rest, drift):
-    """Of a signal that goes both ways, and of force components."""
+def test_rests_between_longer_holds_are_the_rest(
+    share, heights, hold, rest, drift, count
+):
+    """Of a signal that goes both ways, and of force components, some of them counted.
+
+    Args:
+        drift: Of the rest [N/s].
+        count: Resolution; 0 for the finest [N].
+    """
     time, y = course(heights, hold, rest, drift)
     rng = np.random.default_rng(1)
     forces = {
         name: own * y + NOISE * rng.standard_normal(len(time))
         for name, own in share.items()
     }
+    if count:
+        forces = {name: count * np.round(own / count) for name, own in forces.items()}
     is_one = len(share) == 1
     recording = Recording(time=time, channels=forces, units=dict.fromkeys(forces, "n"))
     settings = PeakSettings(signed=True) if is_one else PeakSettings(normal="fz")
