@@ -40,6 +40,9 @@ _ALIKE = 0.25
 # spread farther than so many times the densest of as many: flanks are. With twice the
 # share, or half of the times, more rests an eighth as long as equal holds are missed.
 _SHARE, _AS_DENSE = 0.04, 20.0
+# Fewer readings show no level. With four, pushes of `short_dropouts` are lost where it
+# ends inside one, as it begins.
+_LEAST = 8
 # Resolutions that lie between readings of one level, where counts are coarse. Of 288
 # trains of counted holds two are misread, at half of it eight, at twice four.
 _COUNTS = 3.0
@@ -115,7 +118,7 @@ def _level_near(
     Args:
         densest: Where most of them lie, which it may be.
     """
-    n = max(2, int(_SHARE * len(ordered)))
+    n = max(_LEAST, int(_SHARE * len(ordered)))
     if len(ordered) <= n:
         return densest
     widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]

@@ -411,6 +411,8 @@ HARD_CUTS = {
     # Wiggles of a hold that is cut, beside pushes that are no higher on their own.
     "force_N": (53.42, 99.26),
     "peg_poke": (7.61,),
+    # As many readings inside a push at either end as at rest.
+    "short_dropouts": (5.603, 5.91, 6.3),
     "p1_Pa": (95.53,),
     "p0_Pa": (68.67, 68.85, 69.14),
     # A rest level that steps under a push; its flank, at the level of the later rest.
