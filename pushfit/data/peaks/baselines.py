@@ -20,7 +20,7 @@ from pushfit.data.peaks.blocks import (
     scatter,
 )
 from pushfit.data.peaks.valleys import are_valleys, ends_of_chains
-from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.detection import BRIEFER, Extent
 from pushfit.data.pushes.feet import (
     FOOT,
     LEAST,
@@ -193,14 +193,14 @@ class _Beside:
         time: Sample times [s].
         signal: Samples [unit].
         feet: Feet of the humps.
-        is_push: Which are no brushes.
+        is_ringing: Which are brushes far briefer than the pushes.
         is_valley: Which have a valley after them, no rest.
     """
 
     time: Float[np.ndarray, " n"]
     signal: Float[np.ndarray, " n"]
     feet: Feet[np.ndarray]
-    is_push: Bool[np.ndarray, " p"]
+    is_ringing: Bool[np.ndarray, " p"]
     is_valley: Bool[np.ndarray, " q"]
 
     def windows(
@@ -267,7 +267,7 @@ class _Beside:
         # One rest alone shows no drift; it may be as usual beside other pushes, but not
         # as beside what rings after them.
         is_alone = only_after | (n_after < few)
-        usual = _usual_rate(rate[~is_alone & self.is_push])
+        usual = _usual_rate(rate[~is_alone & ~self.is_ringing])
         doubt = (1 - trust) * np.abs(rate) / 2
         begin, end = ends_of_chains(self.is_valley)
         steps = level_after[end] - level[begin]
@@ -342,8 +342,10 @@ def rests_of(
     order = np.argsort([hump.t_peak for hump in extents], kind="stable")
     rows = np.argsort(order)
     feet = Feet.together([extents[k].feet for k in order])
-    is_push = np.array([not extents[k].is_brush for k in order])
-    beside = _Beside(time, signal, feet, is_push, are_valleys(feet))
+    is_brush = np.array([extents[k].is_brush for k in order])
+    usual = np.median(feet.width[~is_brush]) if not is_brush.all() else 0.0
+    is_ringing = is_brush & (BRIEFER * feet.width < usual)
+    beside = _Beside(time, signal, feet, is_ringing, are_valleys(feet))
     noise = beside.noise()
     return rows_of(noise, rows), rows_of(beside.baselines(noise), rows)
 

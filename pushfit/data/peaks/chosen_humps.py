@@ -36,6 +36,8 @@ DEFAULTS = PeakSettings()
 _MINOR = 0.1
 # A hump that is briefer than this may be a jerk: twice what no push is [s]. Not tuned.
 _BRIEF = 2 * FIRST_SMOOTHING
+# What rings is lower than this share of its push. Not tuned.
+_RINGING = 0.5
 
 
 def find_pushes(
@@ -62,7 +64,7 @@ def search(
 
     A hump that is briefer than any push is a jerk where, without its samples, there are
     humps ten times as long: on a hold, which it would hide, or somewhere else. What
-    rings is brief as well, but keeps its samples: they belong to the rest.
+    rings after one of these is brief as well, but keeps its samples, those of a rest.
 
     Args:
         time: Sample times [s].
@@ -105,33 +107,29 @@ def search(
     clear = CLEAR * SignalNoise.of(time[kept], signal[kept]).sigma
     if not any(e.width > BRIEFER * longest and e.height > clear for e in pushes):
         return time, signal, found
+    long = [push for push in pushes if push.width > BRIEFER * longest]
     left = [hump for hump in without.extents if may_be_jerk(hump)]
-    return time[kept], signal[kept], _without_ringing(without, left, brief)
-
-
-def _without_ringing(
-    found: FoundHumps, left: Sequence[Extent], brief: Sequence[Extent]
-) -> FoundHumps:
-    """Humps of which those that are left of brief ones, which ring, are no pushes.
-
-    Args:
-        found: Humps without the samples of jerks.
-        left: Those of them that are brief all the same.
-        brief: All brief ones. The others of these are the jerks.
-    """
-    ringing = {hump for hump in left if not hump.is_cut}
-    return replace(
-        found,
-        extents=tuple(
-            replace(hump, is_brush=hump.is_brush or hump in ringing)
-            for hump in found.extents
-        ),
-        jerks=tuple(
-            hump
-            for hump in brief
-            if not any(own.t_start < hump.t_peak < own.t_end for own in left)
-        ),
+    ringing = {hump for hump in left if any(_is_after(push, hump) for push in long)}
+    extents = tuple(
+        replace(hump, is_brush=hump.is_brush or hump in ringing)
+        for hump in without.extents
     )
+    jerks = tuple(
+        hump
+        for hump in brief
+        if not any(own.t_start < hump.t_peak < own.t_end for own in left)
+    )
+    return time[kept], signal[kept], replace(without, extents=extents, jerks=jerks)
+
+
+def _is_after(push: Extent, hump: Extent) -> bool:
+    """Whether a hump follows the begin of a push so closely, and is so low, as to ring.
+
+    No farther from it than that is long.
+    """
+    until = 2 * push.t_end - push.t_start
+    is_near = push.t_start - hump.width < hump.t_peak < until
+    return is_near and hump.height < _RINGING * push.height and not hump.is_cut
 
 
 def find(

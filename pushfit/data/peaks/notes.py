@@ -5,6 +5,7 @@ Excluded: refusals for want of pushes (`pushfit.data.peaks.chosen_humps`).
 
 from collections.abc import Sequence
 
+import numpy as np
 import pandas as pd
 
 from pushfit.config.inputs import PeakSettings
@@ -14,6 +15,10 @@ from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.data.text.faults import listed
 from pushfit.data.units import Unit
 from pushfit.errors import stated
+
+# Tops that differ by less than this share of a height are one level; two pushes have
+# one by chance. Not tuned.
+_ONE_LEVEL, _FEW = 0.05, 3
 
 
 def extraction_notes(
@@ -34,6 +39,7 @@ def extraction_notes(
         *mixed,
         *_rests(paired, frame),
         *_on_shelves(paired, frame),
+        *_upside_down(frame, settings, unit),
         *_left_out(paired, unit),
         *paired.cautions(unit),
     ]
@@ -93,6 +99,25 @@ def _on_shelves(paired: Paired, frame: pd.DataFrame) -> list[str]:
         f"{pushes}; if the grip changed there and back, the push is what rises from "
         "that level, and is read so between `begin` and `end` within it; or leave it "
         f"out, as by {stated(exclude=[paired.chosen[held[0]].window])}"
+    ]
+
+
+def _upside_down(frame: pd.DataFrame, settings: PeakSettings, unit: Unit) -> list[str]:
+    """Pushes of one channel that all rise to the level that the recording ends at."""
+    height, baseline = (f"{name}_{unit.canonical}" for name in ("height", "baseline"))
+    if settings.signed or baseline not in frame or len(frame) < _FEW:
+        return []
+    own = frame.sort_values("t_peak_s")
+    turned = -1.0 if settings.invert else 1.0
+    tops = own[height] + turned * own[baseline]
+    is_cut = own["flags"].str.contains("clipped")
+    if not (is_cut.iloc[0] and is_cut.iloc[-1]):
+        return []
+    if np.ptp(tops) > _ONE_LEVEL * own[height].median():
+        return []
+    return [
+        "all pushes rise to the level that the recording begins and ends at; if that "
+        f"is its rest, they go down: state `invert={not settings.invert}`"
     ]
 
 

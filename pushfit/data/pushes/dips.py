@@ -33,9 +33,12 @@ _SLACK = 4.0
 # above rounding, 1e-16, far below a count of any sensor.
 _ROUNDING = 1e-9
 # Where the recording ends at the level that it began at, but for this share of what it
-# spans, that level is the rest: pushes that are held for twice as long as they are
-# apart dwell at theirs for longer. Not tuned.
-_ALIKE = 0.25
+# spans, a level near both is the rest: pushes that are held for twice as long as they
+# are apart dwell at theirs for longer. By the other share either end may move, as a
+# flank does not, and the rest be off the line between them. Not tuned.
+_ALIKE, _AT = 0.25, 0.05
+# Readings beyond these shares of all, as of a jerk, span nothing. Not tuned.
+_SPANNED = 0.01, 0.99
 # A level is that of so many readings of a stretch at least, as a share, which are not
 # spread farther than so many times the densest of as many: flanks are. With twice the
 # share, or half of the times, more rests an eighth as long as equal holds are missed.
@@ -59,15 +62,29 @@ def rest_curve(
 
     The middle of the densest quarter of the readings, in stretches of half a minute:
     rest is what a signal that goes both ways has in common with itself. Where another
-    level, of fewer readings, is nearer to both ends of the recording, that one.
+    level, of fewer readings, is that of both ends of the recording, that one.
     """
-    return np.interp(time, *_rest_points(time, signal))
+    middles, stretches = _stretches(time, signal)
+    levels = [_densest(ordered) for ordered in stretches]
+    lows, highs = np.array([np.quantile(own, _SPANNED) for own in stretches]).T
+    span = float(highs.max() - lows.min())
+    ends = np.array([_end_levels(time, signal, _END * k) for k in (0, 1)])
+    are_still = np.ptp(ends, axis=0) <= _AT * span
+    if are_still.all() and np.ptp(ends[0]) <= _ALIKE * span:
+        near = np.interp(middles, time[[0, -1]], ends[0])
+        levels = [
+            _level_near(expected, ordered, densest=level, slack=_AT * span)
+            for expected, ordered, level in zip(
+                near.tolist(), stretches, levels, strict=True
+            )
+        ]
+    return np.interp(time, middles, levels)
 
 
-def _rest_points(
+def _stretches(
     time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Middles of stretches and their rest levels."""
+) -> tuple[list[float], list[Float[np.ndarray, " m"]]]:
+    """Middles of stretches [s], and some of their readings in order."""
     n_stretches = max(1, round((time[-1] - time[0]) / _STRETCH))
     edges = np.linspace(time[0], time[-1], n_stretches + 1)
     index = np.searchsorted(time, edges)
@@ -77,25 +94,26 @@ def _rest_points(
         if first < last:
             some = slice(first, last, max(1, (last - first) // _ENOUGH))
             stretches.append(np.sort(signal[some]))
-            middles.append((time[first] + time[last - 1]) / 2)
-    levels = [_densest(ordered) for ordered in stretches]
-    begin, end = _end_levels(time, signal)
-    spread = max(own[-1] for own in stretches) - min(own[0] for own in stretches)
-    if abs(end - begin) <= _ALIKE * spread:
-        near = np.interp(middles, time[[0, -1]], [begin, end]).tolist()
-        levels = [*map(_level_near, near, stretches, levels)]
-    return np.array(middles), np.array(levels)
+            middles.append(float((time[first] + time[last - 1]) / 2))
+    return middles, stretches
 
 
 def _end_levels(
-    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
+    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"], inside: float = 0.0
 ) -> tuple[float, float]:
-    """Levels at both ends of a recording."""
-    n_first, n_last = np.searchsorted(time, [time[0] + _END, time[-1] - _END]).tolist()
-    last = min(n_last, len(time) - _FEWEST)
+    """Levels near both ends of a recording.
+
+    Args:
+        inside: How far from them [s].
+    """
+    begin, end, n = time[0] + inside, time[-1] - inside, len(time)
+    few = min(_FEWEST, n)
+    first, stop, last = np.searchsorted(time, [begin, begin + _END, end - _END])
+    until = max(int(np.searchsorted(time, end, side="right")), few)
+    first, last = min(first, n - few), min(last, until - few)
     return (
-        float(np.median(signal[: max(_FEWEST, n_first)])),
-        float(np.median(signal[last:])),
+        float(np.median(signal[first : max(stop, first + few)])),
+        float(np.median(signal[last:until])),
     )
 
 
@@ -111,12 +129,14 @@ def _densest(ordered: Float[np.ndarray, " m"]) -> float:
 
 
 def _level_near(
-    expected: float, ordered: Float[np.ndarray, " m"], densest: float
+    expected: float, ordered: Float[np.ndarray, " m"], *, densest: float, slack: float
 ) -> float:
-    """The level of many readings, in order, that is nearest to an expected one.
+    """The level of many readings that is nearest to an expected one, if it is near.
 
     Args:
-        densest: Where most of them lie, which it may be.
+        ordered: Readings in order.
+        densest: Where most of them lie, which stands for what is not there.
+        slack: How far it may be off.
     """
     n = max(_LEAST, int(_SHARE * len(ordered)))
     if len(ordered) <= n:
@@ -132,7 +152,8 @@ def _level_near(
     first, last = edges[::2], edges[1::2] + n - 2
     off = np.maximum(ordered[first] - expected, expected - ordered[last])
     nearest = int(np.argmin(np.maximum(off, 0.0)))
-    if ordered[first[nearest]] <= densest <= ordered[last[nearest]]:
+    is_own = ordered[first[nearest]] <= densest <= ordered[last[nearest]]
+    if is_own or off[nearest] > slack:
         return densest
     begin = first[nearest]
     start = int(begin + np.argmin(widths[begin : edges[2 * nearest + 1]]))
@@ -158,12 +179,14 @@ def without_dips(
     Returns:
         The signal with the dips filled, itself if there are none; and the dips.
     """
-    ends, points = _end_levels(time, signal), _rest_points(time, signal)
+    ends = _end_levels(time, signal)
+    middles, stretches = _stretches(time, signal)
+    levels = [_densest(ordered) for ordered in stretches]
     n_end = max(_FEWEST, int(np.searchsorted(time, time[0] + _END)))
     slack = _SLACK * noise.sigma / n_end**0.5
 
     def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        usual = np.interp(when, *points)
+        usual = np.interp(when, middles, levels)
         return np.where(usual > min(ends) + slack, min(ends), usual)
 
     # Nearly all recordings end here, so this looks at the extremes of short blocks.

@@ -61,20 +61,39 @@ def test_rests_between_longer_holds_are_the_rest(
 
 @pytest.mark.parametrize(("hold", "rest"), LENGTHS)
 @pytest.mark.parametrize("heights", [EQUAL, REPEATED])
-def test_rests_between_long_dips_are_no_pushes(heights, hold, rest):
+def test_it_is_told_that_pushes_may_go_down(heights, hold, rest):
     time, y = course(heights, hold, rest, 0.0)
     y = NOISE * np.random.default_rng(4).standard_normal(len(time)) - y
     recording = Recording(time=time, channels={"f": y}, units={"f": "n"})
-    with pytest.raises(DataError, match=r"never rises above it.*try `invert=True`"):
-        measure_pushes(recording)
+    try:
+        told = " ".join(measure_pushes(recording).cautions)
+    except DataError as error:
+        told = str(error)
+    assert "go down" in told
+    assert "`invert=True`" in told
+    found = measure_pushes(recording, settings=PeakSettings(invert=True))
+    np.testing.assert_allclose(found.frame["height_n"], heights, rtol=0, atol=NEAR)
+    assert found.cautions == ()
 
 
-def test_a_recording_that_begins_in_a_hold_says_nothing_by_its_begin():
-    """Its rest is what most readings have in common, as of one that ends in a hold."""
-    time, y = course([4.0, 5.0, 5.0, 5.0, 5.0], 1.0, 2.0, 0.0)
+def test_a_recording_that_begins_and_ends_inside_pushes_has_them_all():
+    time, y = course(EQUAL, 1.0, 2.0, 0.0)
+    y += NOISE * np.random.default_rng(5).standard_normal(len(time))
+    part = (time > 2.5) & (time < time[-1] - 2.5)
+    recording = Recording(time=time[part], channels={"f": y[part]}, units={"f": "n"})
+    found = measure_pushes(recording)
+    np.testing.assert_allclose(found.frame["height_n"], EQUAL, rtol=0, atol=NEAR)
+    assert found.frame["flags"].tolist() == ["clipped", *[""] * 6, "clipped"]
+
+
+@pytest.mark.parametrize("jerk", [0.0, 25.0])
+def test_a_recording_that_begins_in_a_hold_says_nothing_by_its_begin(jerk):
+    """Its rest is what most readings have in common, whatever a jerk spans."""
+    time, y = course([5.0] * 30, 1.0, 2.0, 0.0)
     y += NOISE * np.random.default_rng(3).standard_normal(len(time))
+    y[(time > 47.0) & (time < 47.05)] += jerk
     part = time > 2.5
     recording = Recording(time=time[part], channels={"f": y[part]}, units={"f": "n"})
     found = measure_pushes(recording, settings=PeakSettings(signed=True)).frame
-    np.testing.assert_allclose(found["height_n"][1:], 5.0, rtol=0, atol=NEAR)
-    assert found["flags"].tolist() == ["clipped", "", "", "", ""]
+    np.testing.assert_allclose(found["height_n"], 5.0, rtol=0, atol=NEAR)
+    assert found["flags"].tolist() == ["clipped", *[""] * 29]
