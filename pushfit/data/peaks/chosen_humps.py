@@ -105,9 +105,9 @@ def search(
     pushes = [hump for hump in without.extents if not hump.is_brush]
     longest = max(hump.width for hump in brief)
     clear = CLEAR * SignalNoise.of(time[kept], signal[kept]).sigma
-    if not any(e.width > BRIEFER * longest and e.height > clear for e in pushes):
+    long = [e for e in pushes if e.width > BRIEFER * longest and e.height > clear]
+    if not long:
         return time, signal, found
-    long = [push for push in pushes if push.width > BRIEFER * longest]
     left = [hump for hump in without.extents if may_be_jerk(hump)]
     ringing = {hump for hump in left if any(_is_after(push, hump) for push in long)}
     extents = tuple(

@@ -32,10 +32,9 @@ _SLACK = 4.0
 # Densest stretches of readings that differ by less, as a share of all, are alike: far
 # above rounding, 1e-16, far below a count of any sensor.
 _ROUNDING = 1e-9
-# Where the recording ends at the level that it began at, but for this share of what it
-# spans, a level near both is the rest: pushes that are held for twice as long as they
-# are apart dwell at theirs for longer. By the other share either end may move, as a
-# flank does not, and the rest be off the line between them. Not tuned.
+# By this share of what a recording spans its ends may differ and be its rest, as by a
+# drift; by the other either end may move in itself, less than a flank does, and a rest
+# be off the line from end to end. Not tuned.
 _ALIKE, _AT = 0.25, 0.05
 # Readings beyond these shares of all, as of a jerk, span nothing. Not tuned.
 _SPANNED = 0.01, 0.99
