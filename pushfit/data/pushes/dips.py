@@ -42,11 +42,10 @@ _SPANNED = 0.01, 0.99
 # spread farther than so many times the densest of as many: flanks are. With twice the
 # share, or half of the times, more rests an eighth as long as equal holds are missed.
 _SHARE, _AS_DENSE = 0.04, 20.0
-# Fewer readings show no level. With four, pushes of `short_dropouts` are lost where it
-# ends inside one, as it begins.
+# Fewer readings show no level. A quarter or twice as many change no test.
 _LEAST = 8
-# Resolutions that lie between readings of one level, where counts are coarse. Of 288
-# trains of counted holds two are misread, at half of it eight, at twice four.
+# Resolutions that lie between readings of one level, where counts are coarse. At half
+# or twice more trains of counted holds are misread.
 _COUNTS = 3.0
 # Blocks whose extremes tell whether there are dips at all: more would only cost time.
 _MAX_BLOCKS = 1 << 14
