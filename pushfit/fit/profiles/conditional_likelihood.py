@@ -78,19 +78,19 @@ class Likelihood(eqx.Module):
         return is_free
 
     def _second_pivots(self) -> list[tuple[Bool[Array, ""], str]]:
-        """Coordinates that may keep θ_c while another quantity is held, and when."""
+        """Coordinates that may keep θ_c while another quantity is held, and when.
+
+        The first, or the second where the first is itself held.
+        """
         names = self.problem.data_names
-        is_left = ~jnp.isnan(self.angle) & (self.index != len(names))
         law = self.problem.grasp.law
         if "theta_c" not in self.quantities or law.is_searched:
             return []
-        found = []
-        for pivot in law.ties:
-            if pivot in names:
-                is_other = self.index != names.index(pivot)
-                found.append((is_left & is_other, pivot))
-                is_left = is_left & ~is_other
-        return found
+        is_left = ~jnp.isnan(self.angle) & (self.index != len(names))
+        pivots = [pivot for pivot in law.ties if pivot in names][:2]
+        is_first_held = self.index == names.index(pivots[0])
+        is_used = is_left & ~is_first_held, is_left & is_first_held
+        return list(zip(is_used, pivots, strict=False))
 
     def critical_angle(self, y: Float[Array, " q"]) -> Scalar:
         """θ_c at data coordinates; NaN where the contact never rolls [rad]."""
@@ -112,20 +112,22 @@ class Likelihood(eqx.Module):
     def point(self, w: Float[Array, " w"]) -> Float[Array, " q"]:
         """Data coordinates."""
         y = self.impose(w[0], w[1:])
+        names, kept = self.problem.data_names, y
         for is_used, pivot in self._second_pivots():
-            at = self.problem.data_names.index(pivot)
+            at = names.index(pivot)
             angle = jnp.nan_to_num(self.angle, nan=SOME_ANGLE)
             value = self._pivot_value(pivot, angle, y)
-            y = y.at[at].set(jnp.where(is_used, value, y[at]))
-        return y
+            kept = kept.at[at].set(jnp.where(is_used, value, y[at]))
+        return kept
 
     def expand(self, w: Float[Array, " w"]) -> Expansion:
         """Second-order expansion by Gauss-Newton."""
-        residuals, jacobian = with_slopes(
-            lambda w: self.problem.data_residuals(self.point(w)), w
-        )
+        # In two steps: in one the point is worked out anew for every slope.
+        y, turned = with_slopes(self.point, w)
+        residuals, jacobian = with_slopes(self.problem.data_residuals, y)
+        jacobian = turned @ jacobian
         cost = finite(jnp.sum(residuals**2) / 2)
-        cost = jnp.where(self.is_possible(w[0], self.point(w)), cost, IMPOSSIBLE)
+        cost = jnp.where(self.is_possible(w[0], y), cost, IMPOSSIBLE)
         return Expansion(
             y=w,
             misfit=cost,

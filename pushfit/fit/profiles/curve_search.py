@@ -65,6 +65,26 @@ class Fits(eqx.Module):
     points: Float[Array, "n q"]
     costs: Float[Array, " n"]
 
+    @property
+    def ascending(self) -> "Fits":
+        """The same by rising values."""
+        order = jnp.argsort(self.values)
+        return jax.tree.map(lambda a: a[order], self)
+
+
+class Met(eqx.Module):
+    """What a round ended with.
+
+    Args:
+        ends: Where its searches ended.
+        fits: The same as fits.
+        number: Of the round.
+    """
+
+    ends: Expansion
+    fits: Fits
+    number: Int[Array, ""]
+
 
 @compiled
 def best_fits(
@@ -104,9 +124,9 @@ def best_fits(
         level=level,
     )
     numbers = jnp.arange(len(course.held))
-    _, nodes = in_rounds(course.objective, numbers, course.first(best), best, course)
-    curve, ends = (jax.tree.map(lambda a, i=i: a[i], nodes) for i in (-2, -1))
-    return _fits(target, curve), _fits(course.free, ends)
+    _, found = in_rounds(course.objective, numbers, course.first(best), best, course)
+    curve, ends = (jax.tree.map(lambda a, i=i: a[i], found) for i in (-2, -1))
+    return curve, ends
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,11 +165,6 @@ class CurveRounds:
         """Coordinates that are free where θ_c is held."""
         return replace(self.target, angle=jnp.zeros(())).is_free
 
-    @property
-    def free(self) -> Likelihood:
-        """What is least on the ways down: no value is held there."""
-        return self.objective(self.held[-1, 0])
-
     def objective(self, held: Float[Array, "3"]) -> Likelihood:
         """What is to be least in a search."""
         index = held[2].astype(int)
@@ -162,51 +177,49 @@ class CurveRounds:
 
     def __call__(
         self, number: Int[Array, ""], ends: Expansion, best: Best
-    ) -> tuple[Expansion, Round, Best]:
+    ) -> tuple[Fits, Round, Best]:
         """From one round to the next."""
+        # For all stages and for what is kept: the map takes long to compile.
+        points = jax.vmap(lambda w, held: self.objective(held).point(w))(
+            ends.y, self.held[number]
+        )
+        met = Met(ends, Fits(ends.y[:, 0], points, ends.cost), number)
         ahead = (self._within, self._beyond) if self.n_ahead else ()
         stages = (*ahead, self._onward, self._downward)
         after = len(ahead) + (number >= self.last)
         stage = jnp.where(number < self.n_ahead, number % 2, after)
-        following, best = jax.lax.switch(stage, stages, number, ends, best)
-        return ascending(ends), replace(following, held=self.held[number + 1]), best
+        following, best = jax.lax.switch(stage, stages, met, best)
+        following = replace(following, held=self.held[number + 1])
+        return met.fits.ascending, following, best
 
     def _ahead(self, way: Count) -> Round:
         """Families begun."""
         return begun(self.ways[way], self.is_free_ahead)
 
-    def _within(
-        self, _: Int[Array, ""], ends: Expansion, best: Best
-    ) -> tuple[Round, Best]:
+    def _within(self, met: Met, best: Best) -> tuple[Round, Best]:
         """From the first round of families to their second."""
 
         def starts(nodes: Expansion) -> Float[Array, "m k w"]:
             at = nodes.y[:, 0]
             return neighbouring(self.target, nodes, self.is_free_ahead, at)
 
-        found = jax.vmap(starts)(jax.tree.map(_by_family, ends))
+        found = jax.vmap(starts)(jax.tree.map(_by_family, met.ends))
         found = found.reshape(N_VALUES, *found.shape[2:])
         return again(found, self.is_free_ahead), best
 
-    def _beyond(
-        self, number: Int[Array, ""], ends: Expansion, best: Best
-    ) -> tuple[Round, Best]:
+    def _beyond(self, met: Met, best: Best) -> tuple[Round, Best]:
         """From families to others, or to the curve."""
-
-        def without_angle(
-            w: Float[Array, " w"], held: Float[Array, "3"]
-        ) -> Float[Array, " w"]:
-            return self.target.at(w[0], self.objective(held).point(w))
-
-        w = jax.vmap(without_angle)(ends.y, self.held[number])
+        fits, after = met.fits, met.number + 1
+        # Without their θ_c.
+        w = jax.vmap(self.target.at)(fits.values, fits.points)
         best = _lowest(
             jnp.concatenate([best[0][None], _by_family(w)]),
-            jnp.concatenate([best[1][None], _by_family(ends.cost)]),
+            jnp.concatenate([best[1][None], _by_family(fits.costs)]),
         )
         following = jax.tree.map(
-            partial(jnp.where, number + 1 == self.n_ahead),
+            partial(jnp.where, after == self.n_ahead),
             self._along(best),
-            self._ahead((number + 1) // 2),
+            self._ahead(after // 2),
         )
         return following, best
 
@@ -215,12 +228,10 @@ class CurveRounds:
         which = jnp.sort(jnp.arange(N_VALUES) % N_FIRST)
         return begun(best[0][which], self.target.is_free)
 
-    def _onward(
-        self, number: Int[Array, ""], ends: Expansion, best: Best
-    ) -> tuple[Round, Best]:
+    def _onward(self, met: Met, best: Best) -> tuple[Round, Best]:
         """From round to round of the curve."""
-        target, is_final = self.target, number == self.last - 1
-        nodes = ascending(ends)
+        target, is_final = self.target, met.number == self.last - 1
+        nodes = ascending(met.ends)
         return next_round(target, nodes, target.is_free, self._placing, is_final), best
 
     def _placing(self, nodes: Expansion) -> Float[Array, " g"]:
@@ -231,20 +242,14 @@ class CurveRounds:
         at_level = tempered(u, -(miss**2) / 2, ((1.0, AT_CROSSING),))
         return tempered(u, -delta, TEMPERS) + at_level
 
-    def _downward(
-        self, _: Int[Array, ""], ends: Expansion, best: Best
-    ) -> tuple[Round, Best]:
+    def _downward(self, met: Met, best: Best) -> tuple[Round, Best]:
         """From the curve to what it leads down to."""
-        points = jax.vmap(self.target.point)(ascending(ends).y[::EVERY])
+        free = self.objective(self.held[-1, 0])
+        points = met.fits.ascending.points[::EVERY]
         points = jnp.concatenate([points, self.down])
-        starts = jax.vmap(lambda y: self.free.at(y[0], y))(points)
-        down = begun(starts, self.free.is_free.at[0].set(True), self.n_down)
+        starts = jax.vmap(lambda y: free.at(y[0], y))(points)
+        down = begun(starts, free.is_free.at[0].set(True), self.n_down)
         return replace(down, n_starts=jnp.minimum(self.n_down, 1)), best
-
-
-def _fits(target: Likelihood, nodes: Expansion) -> Fits:
-    """Fits at nodes, by data coordinates."""
-    return Fits(nodes.y[:, 0], jax.vmap(target.point)(nodes.y), nodes.cost)
 
 
 def _held(angles: Float[Array, " p"], index: Int[Array, ""]) -> Float[Array, "r n 3"]:
