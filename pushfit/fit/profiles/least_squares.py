@@ -46,7 +46,9 @@ RTOL = ATOL = 1e-10
 MAX_STEPS = 48
 # On a kink of the hard switch steps shrink to nothing short of the optimum; started
 # again from there with a full step, the solver mostly gets across.
-MAX_ROUNDS = 8
+MAX_ROUNDS = 24
+# Of these between two estimates of the noise.
+N_SETTLING = 4
 # Modes closer than this in every coordinate are one mode found twice [log units].
 SAME_MODE = 1e-3
 # Modes worse than the best by more than this never matter to a 99.9 % set.
@@ -211,8 +213,9 @@ def settle_noise(setup: Setup, reference_alpha: float | None = None) -> Setup:
     # of which is a restart of the one before.
     has_sd = bool(np.any(np.asarray(stated.sd)))
     has_weights = noise.follows_fit or len(problem.channels) > 1 or has_sd
+    n_rounds = N_SETTLING if has_weights else MAX_ROUNDS
     for _ in range(3 if has_weights else 1):
-        points, _, _ = polish(problem, points, 1 if has_weights else MAX_ROUNDS)
+        points, _, _ = polish(problem, points, n_rounds)
         predicted = _heights_at(problem, points[0])
         added, shares = uneven_noise(stated, noise, points[0], predicted)
         problem = with_known_noise(stated, added)
