@@ -42,7 +42,7 @@ TracedOptima = tuple[Float[Array, "k q"], Float[Array, " k"], Bool[Array, " k"]]
 RTOL = ATOL = 1e-10
 # Steps of a start: along what the heights do not see the solver walks until they run
 # out, and where it has walked to is as good as any other place. On a kink they run out,
-# too, while all other starts wait: four times as many took twice as long, to no use.
+# too, and all other starts wait for it.
 MAX_STEPS = 48
 # On a kink of the hard switch steps shrink to nothing short of the optimum; started
 # again from there with a full step, the solver mostly gets across.
