@@ -2,10 +2,11 @@
 
 Counting does not tell where a push is missing. The rhythm does: pushes of a schedule
 follow each other in regular time, from soon after the recording begins until shortly
-before it ends. Every way of pairing in order has a likelihood by the times between its
-humps, the pushes it leaves missing, the humps it leaves over and the time before and
-after; the best one counts if no other comes near. Excluded: the
-rhythms that humps may have (`pushfit.data.plans.rhythm`), finding and measuring them.
+before it ends, but for jumps of the direction, which take another time. Every way of
+pairing in order has a likelihood by the times between its humps, the heights of those
+of one direction, the pushes it leaves missing, the humps it leaves over and the time
+before and after; the best one counts if no other comes near. Excluded: the rhythms that
+humps may have (`pushfit.data.plans.rhythm`), finding and measuring them.
 Constants were tried in the cases of `benchmarks.recordings.plan_alignment`.
 """
 
@@ -16,20 +17,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.data.plans.assignment import (
-    IN_TIME,
-    Case,
-    cheapest_pairings,
-    cost_of_gaps,
+from pushfit.data.plans.assignment import cheapest_pairings
+from pushfit.data.plans.case import Case
+from pushfit.data.plans.rhythm import (
+    LEAD,
+    MISSING,
+    SLACK,
+    off_beat,
+    rhythms,
+    rhythms_with_jumps,
 )
-from pushfit.data.plans.rhythm import LEAD, MISSING, SLACK, off_beat, rhythms
+from pushfit.data.plans.schedule import PushSchedule
 
 # Scatter of a time between two pushes that keep to a plan, in periods: somewhat more
 # than `_LEAST_SCATTER` of those that show it. Half or twice changes no test.
 _TIMED_SCATTER = 0.05
-# Humps on time that show that plan and recording have one clock; share of all humps.
-# Two may be so by chance; six, or half of the share, change no test.
-_FEWEST, _ON_CLOCK = 3, 0.75
 # How much likelier the best way must be: this many nats, 55 times. With twice as many
 # 131 cases more are refused, and pushes missing inside a run are not placed.
 _CLEAR = 4.0
@@ -37,9 +39,6 @@ _CLEAR = 4.0
 # many times longer speaks against the best way unless that is so much likelier [nats]:
 # at 4 two of 10 000 cases are paired wrong. 1.2 times or 10 nats refuse none more.
 _LONGER, _CLEAR_OF_LONGER = 1.5, 8.0
-# A hand pushes after as many medians of its gaps, or as small a part of one, at most: a
-# bump among regular pushes leaves less. At 2.5 four of 30 000 cases are paired wrong.
-_BY_HAND = 2.0
 # A hump this near to the moment of a missing push is that push, in periods: a bump is
 # seldom just there. At 0.15 one case more of 10 000 that scatter by 4 % and 8 % is
 # paired wrong; at 0.25 bumps pass for pushes in one of 1000 regular plans.
@@ -56,6 +55,9 @@ _FEW_OFF, _MOST_OF_A_BEAT = 1 / 3, 130
 # Nats of rhythm that an assignment with missing or extra pushes needs: some four pairs,
 # of five humps. Half pairs 23 cases more by the rhythm of fewer, twice refuses 95.
 _EVIDENCE = 8.0
+
+# A plan by one of its rhythms, with the period [s] and the scatter of gaps [periods].
+Way = tuple[Case, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,56 +101,57 @@ def align(
     times: Float[np.ndarray, " m"],
     is_brush: Sequence[bool],
     *,
-    n_planned: int,
-    planned_times: Float[np.ndarray, " n"] | None,
+    plan: PushSchedule,
     span: tuple[float, float] = (-np.inf, np.inf),
     begin: float = -np.inf,
     left_out: Sequence[float] = (),
+    heights: Float[np.ndarray, " m"] | None = None,
 ) -> Alignment:
     """Pair humps with planned pushes, in order and in rhythm.
 
     Args:
         times: Middle of every hump, brushes included [s].
         is_brush: Whether a hump is so small that it may be no push.
-        planned_times: Their times, from any origin, that of the recording where they
-            agree with it; None for a steady rhythm [s].
+        plan: Planned pushes. Where their times are known these have any origin, that of
+            the recording where they agree with it.
         span: Begin and end of the recording; unbounded where unknown [s].
         begin: Begin of the part of it that humps were looked for in [s].
         left_out: When there are humps that the user calls no pushes [s].
+        heights: Heights of the humps, in any unit; None if nobody knows.
     """
     brush = np.asarray(is_brush, dtype=bool)
     n_pushes = int(np.count_nonzero(~brush))
-    n_cycles = max(1, round(n_pushes / n_planned))
-    planned = _planned(n_planned, n_cycles, planned_times)
-    case = Case(
-        times=times,
-        brush=brush,
-        planned=planned,
-        is_timed=planned_times is not None,
-        span=span,
-        # Several runs, within which anything may pause, would fit any schedule.
-        stretch=np.arange(len(planned)) // (1 if n_cycles == 1 else n_planned),
-    )
+    n_cycles = max(1, round(n_pushes / plan.n_pushes))
+    alike = np.ones(len(times)) if heights is None else heights
+    case = Case.of(times, alike, brush, plan, n_cycles=n_cycles, span=span)
+    n_planned = len(case.planned)
     in_order = np.flatnonzero(~brush)
-    if n_pushes == len(planned) and _is_in_rhythm(case, left_out):
+    if n_pushes == n_planned and case.is_in_rhythm(left_out):
         return _alignment(case, in_order, None, n_cycles)
-    if planned_times is not None:
-        hump = _on_the_clock(case, float(planned_times[0]))
+    if plan.time is not None:
+        hump = case.on_the_clock(float(plan.time[0]))
         if hump is not None:
             return _alignment(case, _joined(case, hump), None, n_cycles)
-        scales = [(1.0, _TIMED_SCATTER)]
+        ways = [(case, 1.0, _TIMED_SCATTER)]
     else:
         certain = times[~brush] if n_pushes > 1 else times
-        scales = rhythms(certain, len(planned), span[1] - span[0])
-    if n_pushes == len(planned) and not np.isfinite(scales[0][1]):
+        ways = [
+            (case, *scale) for scale in rhythms(certain, n_planned, span[1] - span[0])
+        ]
+        if np.any(case.is_jump):
+            ways += [
+                (case.with_jumps(*jump), period, scatter)
+                for period, scatter, *jump in rhythms_with_jumps(certain)
+            ]
+    if n_pushes == n_planned and not any(np.isfinite(scatter) for *_, scatter in ways):
         # A hand has no rhythm that could tell otherwise.
         return _by_number(case, n_cycles)
-    best, others = _likeliest(case, scales)
-    shown = _rhythm_shown(case, best, scales)
-    if n_pushes == len(planned) and shown < _EVIDENCE and _may_be_by_hand(case):
+    case, best, others = _likeliest(ways)
+    shown = max(_rhythm_shown(*way, best) for way in ways)
+    if n_pushes == n_planned and shown < _EVIDENCE and case.may_be_by_hand():
         # As many as planned: nothing speaks against their order.
         return _by_number(case, n_cycles)
-    if n_pushes == len(planned) and not np.array_equal(best, in_order):
+    if n_pushes == n_planned and not np.array_equal(best, in_order):
         if not case.is_timed and brush[best[best >= 0]].any():
             # A brush is less likely a push than as many as planned are the pushes.
             return _alignment(case, in_order, best, n_cycles)
@@ -156,7 +159,7 @@ def align(
     best = _joined(case, best)
     others = [_joined(case, other) for other in others]
     others = [*_stopped_early(case, best, begin), *others]
-    if _skips_beats(case, best):
+    if case.skips_beats(best):
         # The plan has no room for the rhythm, as where a recording was stopped early.
         best, *rest = _in_order(case)
         others = [*rest, *others]
@@ -168,22 +171,26 @@ def align(
 
 
 def _likeliest(
-    case: Case, scales: Sequence[tuple[float, float]]
-) -> tuple[Int[np.ndarray, " n"], list[Int[np.ndarray, " n"]]]:
-    """The likeliest assignment in any of some rhythms, and those that come near."""
+    ways: Sequence[Way],
+) -> tuple[Case, Int[np.ndarray, " n"], list[Int[np.ndarray, " n"]]]:
+    """The likeliest assignment by any of some rhythms, and those that come near.
+
+    Returns:
+        The plan by its rhythm, the assignment and the others.
+    """
     pairings = [
-        (one.cost, scale, one.hump)
-        for scale, scatter in scales
+        (one.cost, scale, case, one.hump)
+        for case, scale, scatter in ways
         for one in cheapest_pairings(case, scale, scatter)
     ]
     pairings.sort(key=lambda own: own[0])
-    least, period, best = pairings[0]
+    least, period, case, best = pairings[0]
     others = [
         hump
-        for cost, scale, hump in pairings[1:]
+        for cost, scale, _, hump in pairings[1:]
         if cost - least < (_CLEAR_OF_LONGER if scale > _LONGER * period else _CLEAR)
     ]
-    return best, others
+    return case, best, others
 
 
 def _joined(case: Case, hump: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
@@ -191,11 +198,11 @@ def _joined(case: Case, hump: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
 
     A normal density of the gaps gives up too early what scatters more than the others.
     """
-    expected, hump = _expected(case, hump), hump.copy()
+    expected, hump = case.expected(hump), hump.copy()
     there = np.flatnonzero(hump >= 0)
     if there.size < 2:
         return hump
-    near = _AT_ITS_MOMENT * _pace(case, hump) * float(np.median(np.diff(case.planned)))
+    near = _AT_ITS_MOMENT * case.pace(hump) * case.period
     for i in np.flatnonzero(hump < 0):
         first = hump[:i].max(initial=-1) + 1
         after = hump[i:][hump[i:] >= 0]
@@ -253,52 +260,23 @@ def _stopped_early(
     if case.is_timed or there.size < 2 or not np.isfinite(end):
         return []
     first, last = there[[0, -1]]
-    period = _pace(case, hump)
+    period, planned = case.pace(hump), case.planned
+    before, after = planned[first] - planned[0], planned[-1] - planned[last]
     lead = (case.times[hump[first]] - begin) / period
-    is_left_out = begin > case.span[0] and lead < first - SLACK
-    rest, n_after = (end - case.times[hump[last]]) / period, len(hump) - 1 - last
-    # Pushes after its last hump that the recording has room for.
-    room = int(rest + SLACK)
-    if first == 0 or is_left_out or room >= first + n_after:
+    is_left_out = begin > case.span[0] and lead < before - SLACK
+    rest = (end - case.times[hump[last]]) / period
+    # Where the recording has room for all later pushes it was not stopped.
+    has_room = rest + SLACK >= planned[-1] - planned[last - first]
+    if first == 0 or is_left_out or has_room:
         return []
-    off = (first - max(rest - n_after, 0.0)) / LEAD + MISSING * max(room - n_after, 0)
+    made = max(int(rest - after + SLACK), 0)
+    off = (before - max(rest - after, 0.0)) / LEAD + MISSING * made
     earlier = np.append(hump[first:], np.full(first, -1))
     return [earlier] if off < _CLEAR else []
 
 
-def _may_be_by_hand(case: Case) -> bool:
-    """Whether no two pushes are much nearer, or much further apart, than others."""
-    gaps = np.diff(case.times[~case.brush])
-    return bool(np.all(np.abs(np.log(gaps / np.median(gaps))) < np.log(_BY_HAND)))
-
-
-def _skips_beats(case: Case, hump: Int[np.ndarray, " n"]) -> bool:
-    """Whether humps that follow each other evenly are no neighbours in the plan."""
-    gaps = np.diff(case.times[~case.brush])
-    is_even = np.abs(gaps / np.median(gaps) - 1) < IN_TIME if len(gaps) else gaps > 0
-    skips = np.any(np.diff(np.flatnonzero(hump >= 0)) > 1)
-    return bool(skips and is_even.all() and not case.is_timed)
-
-
-def _on_the_clock(case: Case, first: float) -> Int[np.ndarray, " n"] | None:
-    """Humps at the stated times as they are; None if the clock is another.
-
-    What begins before the recording, such as at 0, is no time of its clock.
-    """
-    if len(case.planned) < _FEWEST or not case.span[0] < first < case.span[1]:
-        return None
-    off = np.abs(case.times - first - case.planned[:, None])
-    late = IN_TIME * float(np.median(np.diff(case.planned)))
-    hump = np.where(off.min(axis=1) < late, off.argmin(axis=1), -1)
-    taken = np.unique(hump[hump >= 0])
-    if len(taken) < np.count_nonzero(hump >= 0):
-        return None
-    n_on, n_pushes = np.count_nonzero(~case.brush[taken]), np.sum(~case.brush)
-    return hump if n_on >= max(_FEWEST, _ON_CLOCK * n_pushes) else None
-
-
 def _rhythm_shown(
-    case: Case, hump: Int[np.ndarray, " n"], scales: Sequence[tuple[float, float]]
+    case: Case, scale: float, scatter: float, hump: Int[np.ndarray, " n"]
 ) -> float:
     """How much likelier a rhythm makes the times of the pairs than chance [nats].
 
@@ -307,21 +285,22 @@ def _rhythm_shown(
     there = np.flatnonzero(hump >= 0)
     if case.is_timed or there.size < 2:
         return np.inf if case.is_timed else 0.0
-    gaps, steps = np.diff(case.times[hump[there]]), np.diff(case.planned[there])
-    may_pause = np.diff(case.stretch[there]) > 0
-    shown = max(
-        -float(cost_of_gaps(gaps / scale, steps, scatter, may_pause).sum())
-        for scale, scatter in scales
-    )
-    return shown - math.log(math.comb(len(case.times), there.size))
+    gaps = np.diff(case.times[hump[there]]) / (scale * case.period)
+    cost = case.cost_of_gaps(gaps, there[:-1], there[1:], scatter)
+    return -float(cost.sum()) - math.log(math.comb(len(case.times), there.size))
 
 
 def _differs(
     case: Case, one: Int[np.ndarray, " n"], other: Int[np.ndarray, " n"]
 ) -> bool:
-    """Whether two differ by more than taking a brush for a push or for none."""
-    is_brush = np.append(case.brush, True)
-    return bool(np.any((one != other) & ~(is_brush[one] & is_brush[other])))
+    """Whether two differ by more than taking a brush for a push or for none.
+
+    Which of the repeats of one direction a hump is makes no difference.
+    """
+    taken = np.full((2, len(case.times)), -1)
+    for hump, own in zip((one, other), taken, strict=True):
+        own[hump[hump >= 0]] = case.direction[hump >= 0]
+    return bool(np.any(taken[0, ~case.brush] != taken[1, ~case.brush]))
 
 
 def _alignment(
@@ -336,56 +315,5 @@ def _alignment(
         extra=tuple(np.setdiff1d(np.flatnonzero(~case.brush), hump).tolist()),
         other=other,
         n_cycles=n_cycles,
-        expected=_expected(case, hump),
+        expected=case.expected(hump),
     )
-
-
-def _expected(case: Case, hump: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Times of all planned pushes, by those that are there."""
-    there = np.flatnonzero(hump >= 0)
-    if there.size < 2:
-        return np.full(len(hump), np.nan)
-    planned, times = case.planned[there], case.times[hump[there]]
-    slope = _pace(case, hump)
-    expected = np.interp(case.planned, planned, times)
-    before, after = case.planned < planned[0], case.planned > planned[-1]
-    expected[before] = times[0] + slope * (case.planned[before] - planned[0])
-    expected[after] = times[-1] + slope * (case.planned[after] - planned[-1])
-    return expected
-
-
-def _pace(case: Case, hump: Int[np.ndarray, " n"]) -> float:
-    """Usual time from pair to pair over the planned one; a pause leaves it as it is."""
-    there = np.flatnonzero(hump >= 0)
-    gaps = np.diff(case.times[hump[there]]) / np.diff(case.planned[there])
-    return float(np.median(gaps))
-
-
-def _planned(
-    n_planned: int, n_cycles: int, planned_times: Float[np.ndarray, " n"] | None
-) -> Float[np.ndarray, " n"]:
-    """Planned times, in periods where only the order is known."""
-    if planned_times is None:
-        return np.arange(n_planned * n_cycles, dtype=float)
-    period = float(np.median(np.diff(planned_times))) if n_planned > 1 else 1.0
-    one = planned_times - planned_times[0]
-    return np.concatenate([one + k * (one[-1] + period) for k in range(n_cycles)])
-
-
-def _is_in_rhythm(case: Case, left_out: Sequence[float]) -> bool:
-    """Whether pairing one by one is the likeliest, which needs no search.
-
-    It is if no time between two pushes is off by what it takes to be another pair. What
-    the user calls no push may have taken the time of one.
-    """
-    times = case.times[~case.brush]
-    gaps = np.diff(times)
-    steps = np.diff(case.planned)
-    if len(gaps) < 1:
-        return True
-    scale = 1.0 if case.is_timed else float(np.median(gaps / steps))
-    off = gaps / scale - steps
-    if not case.is_timed:
-        between = np.histogram(np.asarray(left_out, dtype=float), times)[0]
-        off = off - np.clip(np.round(off), 0, between)
-    return bool(np.all(np.abs(off) / float(np.median(steps)) < IN_TIME))

@@ -178,11 +178,11 @@ def _aligned(
         return align(
             np.array([extent.middle for extent in humps]),
             [extent.is_brush for extent in humps],
-            n_planned=schedule.n_pushes,
-            planned_times=schedule.time,
+            plan=schedule,
             span=span,
             begin=float(found.course.time[0]),
             left_out=[extent.middle for extent in found.excluded],
+            heights=np.array([extent.height for extent in humps]),
         )
 
     humps = found.extents

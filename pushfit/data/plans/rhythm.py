@@ -38,6 +38,9 @@ _FEW_BEATS = 4
 # Periods worth trying are as good as the best one but for so many nats, and so many.
 # Half or twice of either changes no case; fewer are faster.
 _WORTH, _MOST_PERIODS = 8.0, 10
+# Gaps of one kind differ by less than this share from one to the next, and so many
+# kinds of them are tried.
+_SAME, _MOST_JUMPS = 0.04, 3
 # Humps apart whose times are tried as a period or several: two bumps may lie between
 # any two pushes. Two or six change no case.
 _MAX_SKIPPED_LAGS = 3
@@ -78,6 +81,51 @@ def rhythms(
     best = best[cost[best] <= cost[best[0]] + _WORTH]
     steady = [_refined(times, float(periods[k])) for k in best if on_beat[k] > _STEADY]
     return steady or [(np.inf, np.inf)]
+
+
+def rhythms_with_jumps(
+    times: Float[np.ndarray, " m"],
+) -> list[tuple[float, float, float, float]]:
+    """Rhythms in which a jump of the direction takes longer than another move.
+
+    The usual time comes again and again. The longer ones do so as well, also with a
+    push that is missing, or scatter.
+
+    Args:
+        times: Times of humps [s].
+
+    Returns:
+        Usual periods [s], scatters of these, times of a jump and by how much more these
+        scatter [periods].
+    """
+    gaps = np.sort(np.diff(times))
+    groups = np.split(gaps, 1 + np.flatnonzero(np.diff(np.log(gaps)) > _SAME))
+    common = [group for group in groups if group.size > 1]
+    found = []
+    for usual in sorted(common, key=len, reverse=True)[:_MOST_JUMPS]:
+        period, scatter = _middle(usual)
+        scatter = max(scatter / period, _LEAST_SCATTER)
+        longer = [g / period for g in groups if np.median(g) > (1 + _BEAT) * period]
+        often = sorted(longer, key=len, reverse=True)[:_MOST_JUMPS]
+        jumps = [*often, *(group - 1 for group in often)]
+        if len(longer) > 1:
+            jumps.append(np.concatenate(longer))
+        found += [
+            (period, scatter, *_middle(group))
+            for group in jumps
+            if np.median(group) > 1 + _BEAT
+        ]
+    return found
+
+
+def _middle(values: Float[np.ndarray, " k"]) -> tuple[float, float]:
+    """Median, and standard deviation by that of a normal distribution.
+
+    That of few is wider than it seems.
+    """
+    middle = float(np.median(values))
+    wider = _WIDER * (1 + _FEW_BEATS / len(values))
+    return middle, wider * float(np.median(np.abs(values - middle)))
 
 
 def off_beat(

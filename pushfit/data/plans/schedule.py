@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from pushfit.atomic import atomic_path
 from pushfit.data.pushes.rows import rows_of
@@ -21,6 +21,9 @@ from pushfit.data.text.files import Source
 from pushfit.data.units import in_degrees
 
 KNOWN: Known = {**COMMON, "time": "time"}
+
+# Angles that are equal but for rounding are one direction [decimals of a rad].
+ANGLE_DECIMALS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +55,27 @@ class PushSchedule:
     def is_numbered_in_order(self) -> bool:
         """Whether the numbers of the pushes rise from row to row."""
         return bool(np.all(np.diff(self.push) > 0))
+
+    @property
+    def direction(self) -> Int[np.ndarray, " n"]:
+        """Which of the directions each push has, in any order."""
+        both = np.stack([self.theta, self.alpha], axis=1).round(ANGLE_DECIMALS)
+        return np.unique(both, axis=0, return_inverse=True)[1].ravel()
+
+    @property
+    def is_jump(self) -> Bool[np.ndarray, " n"]:
+        """Whether the direction changes by another angle than before most pushes.
+
+        The first push is compared with the last, which it follows where a plan is
+        repeated. Where no angle is that of most pushes there are no jumps.
+        """
+        both = np.stack([self.theta, self.alpha], axis=1)
+        change = np.abs(both - np.roll(both, 1, axis=0)).round(ANGLE_DECIMALS)
+        kind = np.unique(change, axis=0, return_inverse=True)[1].ravel()
+        count = np.bincount(kind[1:], minlength=1)
+        if count.max() < max(2, (self.n_pushes - 1) / 2):
+            return np.zeros(self.n_pushes, dtype=bool)
+        return kind != count.argmax()
 
     @classmethod
     def planned(

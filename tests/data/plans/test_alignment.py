@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.recordings.plan_alignment import evenly
 from pushfit.data.plans.alignment import align
 from tests.tolerances import EXACT
 
@@ -17,7 +18,7 @@ def humps(n=N, jitter=0.1, seed=0):
 
 def aligned(times, brush=None, n_planned=N):
     brush = [False] * len(times) if brush is None else brush
-    return align(times, brush, n_planned=n_planned, planned_times=None)
+    return align(times, brush, plan=evenly(n_planned))
 
 
 def test_as_many_humps_as_pushes_are_paired_in_order():
@@ -91,8 +92,7 @@ def test_a_pause_moves_no_moment_of_a_push_after_it():
     found = align(
         PERIOD * beats,
         [False] * 11,
-        n_planned=12,
-        planned_times=None,
+        plan=evenly(12),
         span=(float(span[0]), float(span[1])),
     )
     assert found.missing == (11,)
@@ -120,7 +120,7 @@ def test_a_few_odd_pushes_of_many_short_runs_are_no_other_schedule():
 def test_planned_times_locate_a_push_in_an_uneven_schedule():
     planned = np.cumsum([0, 2, 2, 6, 2, 9, 2, 2, 4, 2.0])
     recorded = np.delete(planned + 100.0, 5)
-    result = align(recorded, [False] * 9, n_planned=10, planned_times=planned)
+    result = align(recorded, [False] * 9, plan=evenly(10, planned))
     assert result.missing == (5,)
 
 
@@ -133,8 +133,7 @@ def test_times_of_the_recordings_own_clock_place_what_is_missing_at_its_begin(
     result = align(
         3.0 + planned[3:],
         [False] * (N - 3),
-        n_planned=N,
-        planned_times=origin + planned,
+        plan=evenly(N, origin + planned),
         span=(0.0, 3.0 + planned[-1] + 20.0),
     )
     assert (result.other is None) is is_plain

@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.recordings.plan_alignment import count, count_by_hand, count_with_pause
+from benchmarks.recordings.plan_alignment import (
+    count,
+    count_by_hand,
+    count_with_jumps,
+    count_with_pause,
+    evenly,
+)
 from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error
@@ -17,6 +23,8 @@ from pushfit.data.recordings.records import Recording
 PERIOD = 3.5
 # Sequences by hand, and the share of them that is paired; the rest is refused.
 N_BY_HAND, MOST = 50, 0.75
+# Sweeps whose direction jumps.
+N_JUMPS = 15
 
 
 @pytest.mark.parametrize("n_cases", [50, pytest.param(10_000, marks=pytest.mark.slow)])
@@ -36,6 +44,54 @@ def test_a_pause_takes_no_push_from_a_plan(n_missing, least, most):
     assert verdicts["wrong"] <= most * 200
 
 
+@pytest.mark.parametrize("is_in_a_row", [True, False])
+@pytest.mark.parametrize(
+    ("n_missing", "n_bumps", "least"),
+    [(0, 0, 1.0), (1, 0, 0.8), (0, 1, 0.9), (2, 2, 0.3)],
+)
+def test_a_jump_of_the_direction_takes_its_time(is_in_a_row, n_missing, n_bumps, least):
+    """A robot pushes three times in a row, then moves on, or begins again."""
+    verdicts = count_with_jumps(
+        N_JUMPS, is_in_a_row=is_in_a_row, n_missing=n_missing, n_bumps=n_bumps
+    )
+    assert verdicts["wrong"] == 0
+    assert verdicts["right"] >= least * N_JUMPS
+
+
+FIVE = evenly(5)
+IN_A_ROW = PushSchedule.planned(FIVE.theta, FIVE.alpha, repeats=2)
+
+
+def with_one_lost(plan: PushSchedule, gaps, lost, heights=None) -> Alignment:
+    times = np.delete(5.0 + PERIOD * np.append(0.0, np.cumsum(gaps)), lost)
+    return align(
+        times,
+        [False] * len(times),
+        plan=plan,
+        span=(0.0, times[-1] + 5.0),
+        heights=None if heights is None else np.delete(heights, lost),
+    )
+
+
+@pytest.mark.parametrize("lost", [2, 3])
+def test_which_of_two_repeats_is_missing_is_no_doubt(lost):
+    found = with_one_lost(IN_A_ROW, [1, 2, 1, 2, 1, 2, 1, 2, 1], lost)
+    assert found.other is None
+    assert len(found.missing) == 1
+    assert found.missing[0] in (2, 3)
+
+
+def test_heights_of_repeats_tell_a_missing_push_from_a_longer_jump():
+    """The last push of the first run is missing, or the first one of the second run."""
+    gaps = [1, 1, 1, 1, 2, 1, 1, 1, 1]
+    heights = np.tile([1.0, 0.8, 0.4, 0.2, 0.6], 2)
+    twice = FIVE.repeated(2)
+    found = with_one_lost(twice, gaps, 4, heights)
+    assert found.missing == (4,)
+    assert found.other is None
+    assert with_one_lost(twice, gaps, 4, np.ones(10)).other is not None
+
+
 @pytest.mark.parametrize("scatter", [0.1, 0.2])
 def test_as_many_as_planned_by_hand_are_paired_in_order(scatter):
     """A rhythm found among gaps of a hand is chance."""
@@ -50,8 +106,7 @@ def test_one_push_of_seven_is_placed_where_there_is_no_room_for_another(lost):
     found = align(
         times,
         [False] * 6,
-        n_planned=7,
-        planned_times=None,
+        plan=evenly(7),
         span=(-0.6 * PERIOD, 6.6 * PERIOD),
     )
     assert found.other is None
@@ -65,8 +120,7 @@ def test_a_recording_that_was_stopped_early_is_never_shifted_silently(n_made, le
     found = align(
         PERIOD * np.arange(n_made),
         [False] * n_made,
-        n_planned=12,
-        planned_times=None,
+        plan=evenly(12),
         span=(-lead * PERIOD, (n_made - 0.6) * PERIOD),
     )
     made = np.append(np.arange(n_made), [-1] * (12 - n_made))
@@ -77,7 +131,7 @@ def test_a_recording_that_was_stopped_early_is_never_shifted_silently(n_made, le
 def test_where_few_pushes_show_no_rhythm_mere_order_is_the_other_candidate():
     times = np.delete(PERIOD * np.arange(5.0), 2)
     span = (-0.6 * PERIOD, 4.6 * PERIOD)
-    found = align(times, [False] * 4, n_planned=5, planned_times=None, span=span)
+    found = align(times, [False] * 4, plan=evenly(5), span=span)
     assert found.hump.tolist() == [0, 1, -1, 2, 3]
     assert found.other is not None
     assert found.other.tolist() == [0, 1, 2, 3, -1]
@@ -91,8 +145,7 @@ def test_a_recording_that_was_stopped_early_is_no_plan_with_every_other_push_mis
     found = align(
         3.0 + 4.0 * np.arange(6),
         [False] * 6,
-        n_planned=n_planned,
-        planned_times=None,
+        plan=evenly(n_planned),
         span=(0.0, 24.0),
     )
     missing = [-1] * (n_planned - 6)
@@ -116,8 +169,7 @@ def test_bumps_halfway_between_pushes_set_no_rhythm_of_half_the_period(
     found = align(
         times,
         [False] * len(times),
-        n_planned=12,
-        planned_times=None,
+        plan=evenly(12),
         span=(times[0] - 4.0 * lead, times[-1] + 4.0 * rest),
     )
     missing = np.setdiff1d(np.arange(12), made)
@@ -140,8 +192,7 @@ def test_as_many_humps_as_planned_are_told_which_are_off_the_beat(times, off):
     found = align(
         np.array(times),
         [False] * 12,
-        n_planned=12,
-        planned_times=None,
+        plan=evenly(12),
         span=(times[0] - 8.9, times[-1] + 3.8),
     )
     assert found.other is None
@@ -159,15 +210,8 @@ def recorded(times, heights) -> Recording:
     return Recording(time=clock, channels={"p": signal}, units={"p": "n"})
 
 
-def plan_of(n: int) -> PushSchedule:
-    """Directions of some pushes, in no stated time."""
-    return PushSchedule.in_order(
-        theta=np.radians(np.linspace(5.0, 85.0, n)), alpha=np.zeros(n)
-    )
-
-
 def test_humps_off_the_beat_of_a_whole_plan_are_told_with_how_to_leave_them_out():
-    table = extract_peaks(recorded(WITH_BUMPS, [100.0] * 12), plan_of(12))
+    table = extract_peaks(recorded(WITH_BUMPS, [100.0] * 12), evenly(12))
     told = [line for line in table.cautions if "off the beat" in line]
     assert len(told) == 1
     assert "those at 14.19 s, 38.71 s, 43.20 s are off" in told[0]
@@ -184,7 +228,7 @@ def test_a_step_that_a_recording_ends_with_leaves_a_whole_plan_as_it_is(is_early
     if is_early:
         signal = signal[::-1]
     stepped = Recording(time=clock, channels={"p": signal}, units={"p": "n"})
-    table = extract_peaks(stepped, plan_of(4))
+    table = extract_peaks(stepped, evenly(4))
     assert len(table.frame) == 4
     assert not table.frame["flags"].str.contains("clipped|missing").any()
     assert any("is no planned push" in line for line in table.cautions)
@@ -196,8 +240,7 @@ def test_a_plan_whose_first_pushes_feel_nothing_is_paired_with_its_last():
     found = align(
         times[15:],
         [False] * 12,
-        n_planned=27,
-        planned_times=None,
+        plan=evenly(27),
         span=(-1.5, 26 * PERIOD + 3.0),
     )
     assert found.hump.tolist() == [-1] * 15 + list(range(12))
@@ -213,8 +256,7 @@ def test_bumps_between_the_beats_are_named_as_extra(is_timed):
     found = align(
         times,
         [False] * 56,
-        n_planned=51,
-        planned_times=PERIOD * np.arange(51.0) if is_timed else None,
+        plan=evenly(51, PERIOD * np.arange(51.0) if is_timed else None),
         span=(-2.0, 50 * PERIOD + 3.0),
     )
     assert found.other is None
@@ -236,14 +278,11 @@ def extents_at(times: np.ndarray) -> list[Extent]:
 
 def told(n_planned: int, n_found: int) -> str:
     """The refusal of a regular plan whose last pushes are missing."""
-    schedule = PushSchedule.in_order(
-        theta=np.radians(np.linspace(5.0, 85.0, n_planned)), alpha=np.zeros(n_planned)
-    )
+    schedule = evenly(n_planned)
     found = align(
         3.0 + PERIOD * np.arange(n_found),
         [False] * n_found,
-        n_planned=n_planned,
-        planned_times=None,
+        plan=schedule,
         span=(0.0, PERIOD * n_planned + 3.0),
     )
     extents = extents_at(3.0 + PERIOD * np.arange(n_found))
@@ -257,8 +296,7 @@ def test_a_push_off_its_beat_is_not_both_missing_and_a_hump_too_many(off, is_tim
     found = align(
         5.0 + 4.0 * beats,
         [False] * 9,
-        n_planned=12,
-        planned_times=5.0 + 4.0 * np.arange(12.0) if is_timed else None,
+        plan=evenly(12, 5.0 + 4.0 * np.arange(12.0) if is_timed else None),
         span=(0.0, 55.0),
     )
     assert found.other is None
@@ -271,8 +309,7 @@ def test_a_bump_between_two_beats_does_not_stand_for_the_missing_push_beside_it(
     found = align(
         5.0 + 4.0 * beats,
         [False] * 12,
-        n_planned=12,
-        planned_times=5.0 + 4.0 * np.arange(12.0),
+        plan=evenly(12, 5.0 + 4.0 * np.arange(12.0)),
         span=(0.0, 55.0),
     )
     assert found.missing == (1,)
@@ -295,14 +332,13 @@ def test_three_faults_of_a_pairing_are_told_and_the_rest_counted(n_planned, n_fo
 def test_a_silent_begin_is_shown_first_where_a_recording_ends_late(lead, tail, first):
     """It is as likely as pushes that were not made; times from 0 do not tell either."""
     beats = 9.0 * np.arange(8.0)
-    schedule = plan_of(8)
+    schedule = evenly(8)
     if first is not None:
         schedule = replace(schedule, time=first + beats)
     found = align(
         lead + beats[2:],
         [False] * 6,
-        n_planned=8,
-        planned_times=schedule.time,
+        plan=evenly(8, schedule.time),
         span=(0.0, lead + beats[-1] + tail),
     )
     assert found.other is not None
@@ -321,8 +357,7 @@ def brushed(left_out=()) -> Alignment:
     return align(
         times,
         [k == 6 and not left_out for k in range(len(times))],
-        n_planned=10,
-        planned_times=None,
+        plan=evenly(10),
         span=(-3.0, 43.0),
         left_out=left_out,
     )
@@ -334,7 +369,7 @@ def test_a_brush_on_the_beat_is_what_the_remedy_leaves_out():
     assert found.other is not None
     extents = extents_at(WITH_BRUSH)
     extents[6] = replace(extents[6], is_brush=True)
-    message = str(mismatch_error(plan_of(10), found, extents))
+    message = str(mismatch_error(evenly(10), found, extents))
     assert message.count("exclude=") == 1
     assert "exclude=[(23.0, 25.0)]" in message
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pushfit.data.plans.schedule import read_schedule
+from pushfit.data.plans.schedule import PushSchedule, read_schedule
 from pushfit.errors import DataError
 from tests.tolerances import ROUNDING
 
@@ -56,3 +56,29 @@ def test_a_schedule_without_directions_is_refused(tmp_path):
     with pytest.raises(DataError) as caught:
         read_schedule(written(tmp_path, "push,repeat\n1,1\n"))
     assert caught.value.code == "missing_column"
+
+
+THETA = np.radians(np.arange(-60.0, 61.0, 30.0))
+TWICE = PushSchedule.planned(THETA, 1.5, repeats=2)
+IN_RUNS = PushSchedule.planned(THETA, 1.5, repeats=1).repeated(2)
+FORTH_AND_BACK = PushSchedule.in_order(np.append(THETA, THETA[-2::-1]), np.full(9, 1.5))
+
+
+@pytest.mark.parametrize(
+    ("plan", "jumps"),
+    [
+        (TWICE, [0, 2, 4, 6, 8]),
+        (IN_RUNS, [0, 5]),
+        (FORTH_AND_BACK, [0]),
+        (PushSchedule.in_order(np.array([0.1, 0.5, 0.2, 1.1]), np.full(4, 1.5)), []),
+        (PushSchedule.in_order(np.array([0.1, 0.5]), np.array([1.5, 1.5])), []),
+        (PushSchedule.in_order(np.array([0.1]), np.array([1.5])), []),
+    ],
+)
+def test_jumps_are_moves_unlike_most(plan, jumps):
+    assert np.flatnonzero(plan.is_jump).tolist() == jumps
+
+
+def test_directions_are_those_of_the_angles():
+    assert TWICE.direction.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    assert IN_RUNS.direction.tolist() == [0, 1, 2, 3, 4, 0, 1, 2, 3, 4]
