@@ -22,6 +22,9 @@ from pushfit.data.text.faults import listed
 from pushfit.data.units import Unit
 from pushfit.errors import stated
 
+# A hump so many times briefer than most is told of: of hands and robots none is.
+_BRIEF = 4.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
@@ -102,9 +105,20 @@ class Paired:
                 f"{stated(exclude=[bump.window for bump in bumps])}"
             )
         plan = self.schedule.repeated(self.alignment.n_cycles)
+        taken = [self.found.extents[j] for j in self.alignment.hump if j >= 0]
+        usual = float(np.median([extent.width for extent in taken])) if taken else 0.0
         for i, j in enumerate(self.alignment.hump):
-            if j >= 0 and self.found.extents[j].is_brush:
-                extent = self.found.extents[j]
+            if j < 0:
+                continue
+            extent = self.found.extents[j]
+            if _BRIEF * extent.width < usual:
+                lines.append(
+                    f"{push_name(plan, i)} is taken to be the hump at "
+                    f"{extent.t_peak:.2f} s, which lasts {extent.width:.2g} s at half "
+                    f"its height where most last {usual:.2g} s; leave it out, if it is "
+                    f"no push, by {stated(exclude=[extent.window])}"
+                )
+            elif extent.is_brush:
                 lines.append(
                     f"{push_name(plan, i)} is taken to be the hump of only "
                     f"{unit.shown(extent.height)} at {extent.t_peak:.2f} s, far "

@@ -219,6 +219,20 @@ def test_humps_off_the_beat_of_a_whole_plan_are_told_with_how_to_leave_them_out(
     assert len(table.frame) == 12
 
 
+def test_a_bump_far_briefer_than_the_pushes_is_told_where_it_stands_for_one():
+    """Gaps are those of a hand, so that as many as planned are paired in order."""
+    whole = recorded([3.0, 8.1, 11.2, 18.0, 20.9], [100.0, 150.0, 0.0, 90.0, 120.0])
+    bump = 60.0 * np.exp(-(((whole.time - 13.6) / 0.08) ** 2))
+    signal = whole.channels["p"] + bump
+    table = extract_peaks(
+        Recording(time=whole.time, channels={"p": signal}, units={"p": "n"}), evenly(5)
+    )
+    told = [line for line in table.cautions if "which lasts 0.1" in line]
+    assert len(told) == 1
+    assert "push 3 " in told[0]
+    assert "exclude=[(13." in told[0]
+
+
 @pytest.mark.parametrize("is_early", [False, True])
 def test_a_step_that_a_recording_ends_with_leaves_a_whole_plan_as_it_is(is_early):
     """Turned, it is a step that the recording begins with."""
