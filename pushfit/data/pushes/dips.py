@@ -39,9 +39,13 @@ _ALIKE, _AT = 0.25, 0.05
 # Readings beyond these shares of all, as of a jerk, span nothing. Not tuned.
 _SPANNED = 0.01, 0.99
 # A level is that of so many readings of a stretch at least, as a share, which are not
-# spread farther than so many times the densest of as many: flanks are. With twice the
-# share, or half of the times, more rests an eighth as long as equal holds are missed.
-_SHARE, _AS_DENSE = 0.04, 20.0
+# spread farther than so many times the densest of as many, and less than those between
+# by so many sd: flanks are. With twice the share, or half of the times, more rests an
+# eighth as long as equal holds are missed.
+_SHARE, _AS_DENSE, _DENSER = 0.04, 20.0, 4.0
+# Readings of a level lie so many widths of its densest around these: those alone may be
+# at its edge by chance.
+_AROUND = 3.0
 # Fewer readings show no level. A quarter or twice as many change no test.
 _LEAST = 8
 # Resolutions that lie between readings of one level, where counts are coarse. At half
@@ -140,22 +144,24 @@ def _level_near(
     if len(ordered) <= n:
         return densest
     widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
-    own = int(np.searchsorted(ordered, densest)) - n // 2
-    own = min(max(own, 0), len(widths) - 1)
     # Where counts are equal, some of the next ones are as dense.
     count = np.min(widths, where=widths > 0, initial=np.inf)
-    most = max(_AS_DENSE * widths.min(), _COUNTS * count, widths[own])
-    is_dense = widths <= most
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_dense, [0]])))
-    first, last = edges[::2], edges[1::2] + n - 2
-    off = np.maximum(ordered[first] - expected, expected - ordered[last])
-    nearest = int(np.argmin(np.maximum(off, 0.0)))
-    is_own = ordered[first[nearest]] <= densest <= ordered[last[nearest]]
-    if is_own or off[nearest] > slack:
+    widths = np.maximum(widths, _COUNTS * count)
+    middles = ordered[n // 2 : n // 2 + len(widths)]
+    first, last = np.searchsorted(middles, [expected - slack, expected + slack])
+    if first == last:
         return densest
-    begin = first[nearest]
-    start = int(begin + np.argmin(widths[begin : edges[2 * nearest + 1]]))
-    return float(np.median(ordered[start : start + n]))
+    nearest = int(first + np.argmin(widths[first:last]))
+    own = int(np.clip(np.searchsorted(middles, densest), 0, len(widths) - 1))
+    between = widths[min(nearest, own) : max(nearest, own) + 1].max()
+    # Widths of so many readings scatter by chance.
+    denser = 1 + _DENSER * np.sqrt(2 / n)
+    is_level = widths[nearest] <= min(_AS_DENSE * widths.min(), between / denser)
+    if not is_level:
+        return densest
+    level, reach = middles[nearest], _AROUND * widths[nearest]
+    around = slice(*np.searchsorted(ordered, [level - reach, level + reach]))
+    return float(np.median(ordered[around]))
 
 
 def without_dips(

@@ -19,12 +19,12 @@ BOTH_WAYS = [3.0, 3.0, 3.0, 3.0, -3.0, -3.0, -3.0, -3.0]
 LENGTHS = [(1.0, 2.0), (2.0, 1.0), (3.0, 1.0), (5.0, 1.0)]
 
 
-def course(heights, hold, rest, drift):
+def course(heights, hold, rest, drift, ramp=RAMP):
     """Holds with a rest before each and after the last."""
     starts = rest + (hold + rest) * np.arange(len(heights))
     time = np.arange(0.0, starts[-1] + hold + rest, 1 / RATE)
     since = time[:, None] - starts
-    share = np.clip(np.minimum(since, hold - since) / RAMP, 0, 1)
+    share = np.clip(np.minimum(since, hold - since) / ramp, 0, 1)
     return time, share @ heights + drift * time
 
 
@@ -56,6 +56,24 @@ def test_rests_between_longer_holds_are_the_rest(
     column = found["height_n" if is_one else "height_normal_n"]
     normal = share["fz"] * np.array(heights)
     np.testing.assert_allclose(column, normal, rtol=0, atol=NEAR)
+    assert not any(found["flags"])
+
+
+@pytest.mark.parametrize("is_one", [True, False])
+def test_slow_ramps_between_rests_and_holds_that_are_as_long_hide_no_rest(is_one):
+    """Noise of 2 % makes flanks as dense as either."""
+    time, y = course([5.0] * 19, 3.5, 1.06, 0.0, ramp=1.2)
+    rng = np.random.default_rng(6)
+    forces = {name: 0.1 * rng.standard_normal(len(time)) for name in ("fx", "fy", "fz")}
+    forces["fz"] -= y
+    settings = PeakSettings(normal="-fz")
+    if is_one:
+        forces = {"fz": forces["fz"]}
+        settings = PeakSettings(signed=True)
+    recording = Recording(time=time, channels=forces, units=dict.fromkeys(forces, "n"))
+    found = measure_pushes(recording, settings=settings).frame
+    column = -found["height_n"] if is_one else found["height_normal_n"]
+    np.testing.assert_allclose(column, [5.0] * 19, rtol=0, atol=2 * NEAR)
     assert not any(found["flags"])
 
 
