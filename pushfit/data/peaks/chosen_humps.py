@@ -21,7 +21,7 @@ from pushfit.data.pushes.detection import (
     Extent,
     find_extents,
 )
-from pushfit.data.pushes.dips import rest_curve, without_dips
+from pushfit.data.pushes.dips import rest_curves, without_dips
 from pushfit.data.pushes.feet import CLEAR
 from pushfit.data.pushes.found_humps import FoundHumps, is_in
 from pushfit.data.pushes.noise import SignalNoise
@@ -171,7 +171,7 @@ def find(
         dips = ()
         extents = [
             replace(hump, sign=-1 if _is_dip(time, signal, hump) else 1)
-            for hump in extents_of(np.abs(signal - rest_curve(time, signal)))
+            for hump in extents_of(np.abs(signal - rest_curves(time, signal[None])[0]))
         ]
     if settings.min_height is not None and extents:
         # By the height that is reported: the course that humps are found in is lower.

@@ -18,7 +18,7 @@ from pushfit.data.peaks.heights import Height
 from pushfit.data.peaks.jerks import are_jerks
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.dips import rest_curve
+from pushfit.data.pushes.dips import rest_curves
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.traces import (
     MAX_KEPT,
@@ -84,7 +84,7 @@ def push_signal(
         forces = np.stack(list(recording.channels.values()))
         known = np.isfinite(forces).all(axis=0)
         time = _enough(recording.time[known], name)
-        change = [f - rest_curve(time, f) for f in forces[:, known]]
+        change = forces[:, known] - rest_curves(time, forces[:, known])
         return time, np.linalg.norm(change, axis=0)
     name = _channel(recording, settings.channel)
     samples = recording.channels[name]

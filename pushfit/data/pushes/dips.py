@@ -57,30 +57,44 @@ _MAX_BLOCKS = 1 << 14
 _ENOUGH = 4096
 
 
-def rest_curve(
-    time: Float[np.ndarray, " n"], signal: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Rest level, at sample times [s], of a signal that pushes may raise or lower.
+def rest_curves(
+    time: Float[np.ndarray, " n"], signals: Float[np.ndarray, "k n"]
+) -> Float[np.ndarray, "k n"]:
+    """Rest levels, at sample times [s], of signals that pushes may raise or lower.
 
     The middle of the densest quarter of the readings, in stretches of half a minute:
     rest is what a signal that goes both ways has in common with itself. Where another
-    level, of fewer readings, is that of both ends of the recording, that one.
+    level, of fewer readings, is that of both ends of the recording, that one; whether
+    these are at rest is told by all signals together, such as those of one force.
     """
-    middles, stretches = _stretches(time, signal)
-    levels = [_densest(ordered) for ordered in stretches]
+    parts = [_stretches(time, signal) for signal in signals]
+    spans = np.array([_span(stretches) for _, stretches in parts])
+    ends = np.array(
+        [[_end_levels(time, own, _END * k) for k in (0, 1)] for own in signals]
+    )
+    whole = float(np.linalg.norm(spans))
+    moved = np.linalg.norm(np.ptp(ends, axis=1), axis=0)
+    apart = np.linalg.norm(np.ptp(ends[:, 0], axis=1))
+    is_rest = moved.max() <= _AT * whole and apart <= _ALIKE * whole
+    curves = []
+    for (middles, stretches), span, own in zip(parts, spans, ends, strict=True):
+        levels = [_densest(ordered) for ordered in stretches]
+        if is_rest:
+            near = np.interp(middles, time[[0, -1]], own[0])
+            levels = [
+                _level_near(expected, ordered, densest=level, slack=_AT * span)
+                for expected, ordered, level in zip(
+                    near.tolist(), stretches, levels, strict=True
+                )
+            ]
+        curves.append(np.interp(time, middles, levels))
+    return np.array(curves)
+
+
+def _span(stretches: list[Float[np.ndarray, " _"]]) -> float:
+    """What nearly all readings span."""
     lows, highs = np.array([np.quantile(own, _SPANNED) for own in stretches]).T
-    span = float(highs.max() - lows.min())
-    ends = np.array([_end_levels(time, signal, _END * k) for k in (0, 1)])
-    are_still = np.ptp(ends, axis=0) <= _AT * span
-    if are_still.all() and np.ptp(ends[0]) <= _ALIKE * span:
-        near = np.interp(middles, time[[0, -1]], ends[0])
-        levels = [
-            _level_near(expected, ordered, densest=level, slack=_AT * span)
-            for expected, ordered, level in zip(
-                near.tolist(), stretches, levels, strict=True
-            )
-        ]
-    return np.interp(time, middles, levels)
+    return float(highs.max() - lows.min())
 
 
 def _stretches(
@@ -133,7 +147,7 @@ def _densest(ordered: Float[np.ndarray, " m"]) -> float:
 def _level_near(
     expected: float, ordered: Float[np.ndarray, " m"], *, densest: float, slack: float
 ) -> float:
-    """The level of many readings that is nearest to an expected one, if it is near.
+    """The densest of the levels near an expected one, if any is there.
 
     Args:
         ordered: Readings in order.
@@ -141,7 +155,7 @@ def _level_near(
         slack: How far it may be off.
     """
     n = max(_LEAST, int(_SHARE * len(ordered)))
-    if len(ordered) <= n:
+    if len(ordered) <= n or abs(densest - expected) < slack:
         return densest
     widths = ordered[n - 1 :] - ordered[: len(ordered) - n + 1]
     # Where counts are equal, some of the next ones are as dense.

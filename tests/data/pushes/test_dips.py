@@ -59,6 +59,23 @@ def test_rests_between_longer_holds_are_the_rest(
     assert not any(found["flags"])
 
 
+def test_one_component_that_drifts_far_rests_when_the_others_do():
+    """By 1.4 N of the 3.57 N that pushes change it by, between holds thrice as long."""
+    time, y = course([5.0] * 16, 3.0, 1.0, 0.0)
+    rng = np.random.default_rng(7)
+    forces = {
+        name: 0.02 * rng.standard_normal(len(time)) for name in ("fx", "fy", "fz")
+    }
+    forces["fy"] += 0.714 * y + 1.4 * time / time[-1]
+    forces["fz"] += 0.7 * y
+    recording = Recording(time=time, channels=forces, units=dict.fromkeys(forces, "n"))
+    found = measure_pushes(recording, settings=PeakSettings(normal="fz")).frame
+    normal, across = found["height_normal_n"], found["height_tangential_n"]
+    np.testing.assert_allclose(normal, [3.5] * 16, rtol=0, atol=NEAR)
+    np.testing.assert_allclose(across, [3.57] * 16, rtol=0, atol=NEAR)
+    assert not any(found["flags"])
+
+
 @pytest.mark.parametrize("is_one", [True, False])
 def test_slow_ramps_between_rests_and_holds_that_are_as_long_hide_no_rest(is_one):
     """Noise of 2 % makes flanks as dense as either."""
