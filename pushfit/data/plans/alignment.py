@@ -87,6 +87,11 @@ class Alignment:
         return self.n_cycles > 1 and self.n_odd > share
 
     @property
+    def is_in_doubt(self) -> bool:
+        """Whether it is not the only one, or hardly one of this plan."""
+        return self.other is not None or self.is_of_another
+
+    @property
     def missing(self) -> tuple[int, ...]:
         """Planned pushes without a hump, as positions in the repeated schedule."""
         return tuple(np.flatnonzero(self.hump < 0).tolist())
@@ -120,11 +125,32 @@ def align(
         heights: Heights of the humps, in any unit; None if nobody knows.
     """
     brush = np.asarray(is_brush, dtype=bool)
-    n_pushes = int(np.count_nonzero(~brush))
-    n_cycles = max(1, round(n_pushes / plan.n_pushes))
+    n_cycles = max(1, round(np.count_nonzero(~brush) / plan.n_pushes))
     alike = np.ones(len(times)) if heights is None else heights
-    case = Case.of(times, alike, brush, plan, n_cycles=n_cycles, span=span)
-    n_planned = len(case.planned)
+
+    def runs(n_cycles: int) -> Alignment:
+        case = Case.of(times, alike, brush, plan, n_cycles=n_cycles, span=span)
+        return _align(case, plan, n_cycles, begin=begin, left_out=left_out)
+
+    found = runs(n_cycles)
+    if n_cycles > 1 and found.is_in_doubt:
+        # Some directions may show nothing in any of more runs.
+        more = runs(n_cycles + 1)
+        found = found if more.is_in_doubt else more
+    return found
+
+
+def _align(
+    case: Case,
+    plan: PushSchedule,
+    n_cycles: int,
+    *,
+    begin: float,
+    left_out: Sequence[float],
+) -> Alignment:
+    """The same for so many runs through the plan."""
+    times, brush, span = case.times, case.brush, case.span
+    n_pushes, n_planned = int(np.count_nonzero(~brush)), len(case.planned)
     in_order = np.flatnonzero(~brush)
     if n_pushes == n_planned and case.is_in_rhythm(left_out):
         return _alignment(case, in_order, None, n_cycles)

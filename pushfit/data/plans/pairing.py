@@ -70,7 +70,7 @@ class Paired:
         """
         if self.schedule is None or self.alignment is None or settings.allow_missing:
             return
-        if self.alignment.other is not None or self.alignment.is_of_another:
+        if self.alignment.is_in_doubt:
             raise mismatch_error(self.schedule, self.alignment, self.found.extents)
 
     def notes(self) -> list[str]:

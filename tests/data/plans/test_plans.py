@@ -92,6 +92,24 @@ def test_heights_of_repeats_tell_a_missing_push_from_a_longer_jump():
     assert with_one_lost(twice, gaps, 4, np.ones(10)).other is not None
 
 
+@pytest.mark.parametrize("silent", [2, 3])
+def test_a_direction_that_shows_nothing_in_any_run_leaves_as_many_runs(silent):
+    """Of 18 pushes 15 are found, which is as near to two runs as to three."""
+    push = np.delete(np.arange(18), np.arange(silent, 18, 6))
+    times = 4.0 + PERIOD * (push + push // 6)
+    heights = np.array([1.0, 0.8, 0.4, 0.2, 0.6, 0.9])[push % 6]
+    found = align(
+        times,
+        [False] * 15,
+        plan=evenly(6),
+        span=(0.0, times[-1] + 3.0),
+        heights=heights,
+    )
+    assert found.n_cycles == 3
+    assert found.missing == (silent, silent + 6, silent + 12)
+    assert found.other is None
+
+
 @pytest.mark.parametrize("scatter", [0.1, 0.2])
 def test_as_many_as_planned_by_hand_are_paired_in_order(scatter):
     """A rhythm found among gaps of a hand is chance."""
