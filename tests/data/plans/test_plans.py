@@ -110,6 +110,26 @@ def test_a_direction_that_shows_nothing_in_any_run_leaves_as_many_runs(silent):
     assert found.other is None
 
 
+@pytest.mark.parametrize("jumps", [(1.5, 1.5), (1.6, 2.1), (6.7, 9.5)])
+@pytest.mark.parametrize("silent", [0, 8])
+def test_whether_the_first_or_the_last_of_all_runs_shows_nothing_is_open(silent, jumps):
+    gaps = np.ones(26)
+    gaps[[8, 17]] = jumps
+    beats = np.append(0.0, np.cumsum(gaps))
+    push = np.delete(np.arange(27), np.arange(silent, 27, 9))
+    times = 7.0 + PERIOD * beats[push]
+    found = align(
+        times,
+        [False] * 24,
+        plan=evenly(9),
+        span=(0.0, times[-1] + 7.0),
+        heights=np.linspace(1.0, 0.2, 9)[push % 9],
+    )
+    assert found.other is not None
+    ends = {tuple(found.missing), tuple(np.flatnonzero(found.other < 0))}
+    assert {(0, 9, 18), (8, 17, 26)} == ends
+
+
 @pytest.mark.parametrize("scatter", [0.1, 0.2])
 def test_as_many_as_planned_by_hand_are_paired_in_order(scatter):
     """A rhythm found among gaps of a hand is chance."""
