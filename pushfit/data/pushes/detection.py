@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float, Int
 from pushfit.data.pushes.doubles import join_one, part_doubles
 from pushfit.data.pushes.feet import GUARD, LEAST, WIDTH_PER_SMOOTHING, Feet, are_cut
 from pushfit.data.pushes.hump_search import search_humps
+from pushfit.data.pushes.rows import rows_of
 from pushfit.data.pushes.running_means import View
 from pushfit.data.pushes.shelves import shelves
 from pushfit.data.pushes.tracing import trace_feet
@@ -49,6 +50,11 @@ _LIGHT = 0.2
 # Of the level its two halves may differ by so much, and the way to it takes so much of
 # its time. Half or twice either changes no real recording.
 _UNLEVEL, _ON_THE_WAY = 0.25, 0.25
+# Means of the signal that differ by so many sd are no chance.
+_BEYOND = 6.0
+# A level that is not left is a rest if so many pushes return to it, up to this share of
+# their heights: wiggles of one that the recording cuts do not. Not tuned.
+_RETURNS, _SAME_REST = 3, 0.1
 # Times that pushes are joined, and parted, by their own course: an end for what would
 # go on for ever. Half or twice as many change no real recording.
 _MOST_ONE, _MOST_TWO = 8, 2
@@ -124,23 +130,30 @@ def find_extents(view: View) -> tuple[Extent, ...]:
         return ()
     time, tau = view.time, view.smoothing or FIRST_SMOOTHING
     found, is_low, is_rest, wander = search_humps(view, tau=tau)
-    if view.smoothing is None and not is_low.all():
-        wider = float(np.median(found.width[~is_low])) / WIDTH_PER_SMOOTHING
+    if found.start.size == 0:
+        return ()
+    # What never falls to half of its height may be a step, and shows no width.
+    is_open = (found.half_up <= found.start) | (found.half_down >= found.end)
+    has_width = ~is_low & ~is_open
+    if view.smoothing is None and has_width.any():
+        wider = float(np.median(found.width[has_width])) / WIDTH_PER_SMOOTHING
         if wider > _LONGER * tau:
             wide = search_humps(view, tau=wider, wander=wander)
             # What is lost to averaging stands out without it.
             if _n_large(wide[0], wide[1]) >= _n_large(found, is_low):
                 found, is_low, is_rest, _ = wide
-    if found.start.size == 0:
-        return ()
     # A hump that is too low is no part of a push.
     is_rest |= is_low | np.append(is_low[1:], True)
     feet, whose = _resolved(view, found, is_rest)
     is_low = is_low[whose]
     is_cut = are_cut(view, feet)
     is_push = ~_are_trends(feet, is_cut=is_cut, time=time, is_low=is_low)
-    is_jerk = _are_jerks(feet, is_cut=is_cut)
-    heights = feet.height[is_push & ~is_jerk]
+    beyond = _beyond_steps(view, rows_of(feet, np.flatnonzero(~is_push & is_cut)))
+    is_jerk, rows = ~is_push, np.flatnonzero(is_push)
+    if rows.size:
+        is_jerk[rows] = _are_jerks(rows_of(feet, rows), is_cut=is_cut[rows])
+    others = np.array([e.height for e in beyond if not e.is_brush])
+    heights = np.append(feet.height[~is_jerk], others)
     smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
     is_brush = (feet.height < smallest) | is_jerk
     within, contact = _from_within(view, feet)
@@ -149,7 +162,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
     last = np.maximum(last, first + 1)
-    return tuple(
+    own = [
         Extent(
             start=int(first[k]),
             end=int(last[k]),
@@ -162,7 +175,56 @@ def find_extents(view: View) -> tuple[Extent, ...]:
         )
         for k, own in enumerate(feet.apart())
         if is_push[k]
-    )
+    ]
+    own += [replace(e, is_brush=e.is_brush or e.height < smallest) for e in beyond]
+    return tuple(sorted(own, key=lambda extent: extent.t_peak))
+
+
+def _beyond_steps(view: View, steps: Feet[np.ndarray]) -> list[Extent]:
+    """Pushes on levels that the signal begins with, or goes to and does not leave."""
+    begin, end = float(view.time[0]), float(view.time[-1])
+    found = []
+    for step in steps.apart():
+        is_after = step.half_down >= end
+        edge = step.half_up if is_after else step.half_down
+        edge = _off_flank(view, edge, 1 if is_after else -1)
+        if not begin < edge < end:
+            continue
+        part = view.between(edge, np.inf) if is_after else view.between(begin, edge)
+        pushes = [
+            push
+            for push in find_extents(part)
+            if not push.is_cut or push.t_start > edge or push.t_end < edge
+        ]
+        if sum(_returns_to_rest(push) for push in pushes) >= _RETURNS:
+            first = int(np.searchsorted(view.time, edge)) if is_after else 0
+            found += [
+                replace(push, start=push.start + first, end=push.end + first)
+                for push in pushes
+            ]
+    return found
+
+
+def _off_flank(view: View, edge: float, sign: int) -> float:
+    """Where the signal is no longer on its way up, after a time (1) or before it."""
+    way = sign * FIRST_SMOOTHING
+    chance = _BEYOND * view.noise.of_mean(FIRST_SMOOTHING / view.course.step)
+
+    def level(steps: int) -> float:
+        ends = sorted((edge + steps * way, edge + (steps + 1) * way))
+        return float(view.course.mean(*np.array(ends)[:, None])[0])
+
+    while (
+        view.time[0] < edge + 2 * way < view.time[-1] and level(1) - level(0) > chance
+    ):
+        edge += way
+    return edge
+
+
+def _returns_to_rest(push: Extent) -> bool:
+    """Whether a push ends on the level that it began on."""
+    is_whole = not (push.is_cut or push.is_brush)
+    return is_whole and abs(push.feet.moved) <= _SAME_REST * push.height
 
 
 def _n_large(found: Feet[np.ndarray], is_low: Bool[np.ndarray, " p"]) -> int:

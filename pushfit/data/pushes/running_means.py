@@ -6,7 +6,7 @@ Excluded: what is traced in them (`pushfit.data.pushes.tracing`).
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -125,6 +125,13 @@ class View:
     min_height: float | None
     smoothing: float | None
     split: float
+
+    def between(self, begin: float, end: float) -> "View":
+        """The samples between two times, as if there were no others."""
+        part = slice(*np.searchsorted(self.time, [begin, end]))
+        time, signal = self.time[part], self.signal[part]
+        course = RunningMeans.of(time, signal) if len(time) > 1 else self.course
+        return replace(self, time=time, signal=signal, course=course)
 
     @functools.cached_property
     def bends(self) -> tuple[RunningMeans, RunningMeans]:

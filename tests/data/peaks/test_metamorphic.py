@@ -209,6 +209,27 @@ def test_a_step_of_the_rest_level_is_no_push_and_hides_none(shape, step):
 
 
 @SHAPES
+@pytest.mark.parametrize("rise", [0.01, 0.2])
+@pytest.mark.parametrize(
+    ("when", "step"),
+    [
+        (1.0, 1000.0),
+        (1.0, 3000.0),
+        *((13.0, k) for k in (-3000.0, -500.0, 500.0, 3000.0)),
+    ],
+)
+def test_a_step_far_larger_than_the_pushes_hides_none(shape, rise, when, step):
+    """Beside it less of a rest is read, so that heights agree to two of their sd."""
+    time, y = simulated(shape=shape)
+    whole = measured(time, y)
+    found = measured(time, y + step * np.clip((time - when) / rise, 0, 1))
+    assert len(found) == len(whole)
+    for own, other in zip(found, whole, strict=True):
+        assert abs(own.height - other.height) < 2 * own.sd
+        assert not own.flags
+
+
+@SHAPES
 @pytest.mark.parametrize("when", [9.6, 12.7])
 @pytest.mark.parametrize("step", [-100.0, 100.0])
 def test_a_step_beside_a_push_is_not_read_into_it(shape, when, step):
