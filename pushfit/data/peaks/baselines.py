@@ -263,7 +263,10 @@ class _Beside:
         rests = [self._parts(own) for own in self.windows(feet.span)]
         moves = np.hypot(*(own.unsettled(rate, noise) for own in rests))
         calm = likeness(moves, _UNSETTLED)
-        trust = np.where(only_after, 0.0, waited * small * calm)
+        # A larger drift goes on in both rests, where a shift leaves them level.
+        alone = [np.abs(own.unsettled(np.zeros_like(rate), noise)) for own in rests]
+        goes_on = 1 - likeness(np.minimum(*alone), _UNSETTLED)
+        trust = np.where(only_after, 0.0, waited * calm * np.maximum(small, goes_on))
         # One rest alone shows no drift; it may be as usual beside other pushes, but not
         # as beside what rings after them.
         is_alone = only_after | (n_after < few)

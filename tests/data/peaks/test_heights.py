@@ -165,6 +165,26 @@ def test_where_the_level_wanders_sds_of_holds_say_so(seconds, power):
     assert np.sqrt(np.mean(np.square(pulls))) < WANDERING
 
 
+@pytest.mark.parametrize("noise", [0.05, 0.5])
+@pytest.mark.parametrize("rate", [-5.0, 2.0, 5.0])
+def test_a_drift_that_goes_on_in_both_rests_is_taken_off(rate, noise):
+    """From push to push by up to a quarter of the height, all of it one line.
+
+    A recording that falls from its begin may begin inside the first push.
+    """
+    time = np.arange(0.0, 42.0, 0.01)
+    since = time[:, None] - 3.0 - 5.0 * np.arange(8)
+    y = HEIGHT * np.clip(2.5 * (1 - np.abs(since)), 0, 1).sum(axis=1)
+    y += rate * time + noise * np.random.default_rng(RNG).standard_normal(time.size)
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    rows = measure_pushes(recording).frame.iloc[1:]
+    off = np.abs(rows["height_n"] - HEIGHT)
+    assert len(rows) == 7
+    assert not any(rows["flags"])
+    assert (off / rows["height_sd_n"]).max() < MAX_Z
+    assert off.max() < 0.04 * HEIGHT
+
+
 def test_where_the_level_bends_sds_are_how_far_it_is_off_the_line():
     """A parabola is off its chord of a length g by c (g / 2)² in the middle."""
     time = np.arange(0.0, 10.0, 0.01)
