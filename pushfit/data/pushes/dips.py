@@ -203,9 +203,12 @@ def without_dips(
     n_end = max(_FEWEST, int(np.searchsorted(time, time[0] + _END)))
     slack = _SLACK * noise.sigma / n_end**0.5
 
+    # Where both ends lie inside pushes, a stretch without a rest is told by the others.
+    highest = min(*ends, sorted(levels)[(len(levels) - 1) // 2])
+
     def rest_at(when: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
         usual = np.interp(when, middles, levels)
-        return np.where(usual > min(ends) + slack, min(ends), usual)
+        return np.where(usual > highest + slack, highest, usual)
 
     # Nearly all recordings end here, so this looks at the extremes of short blocks.
     blocks = np.arange(0, len(time), 1 + len(time) // _MAX_BLOCKS)

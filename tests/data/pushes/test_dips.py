@@ -121,6 +121,20 @@ def test_a_recording_that_begins_and_ends_inside_pushes_has_them_all():
     assert found.frame["flags"].tolist() == ["clipped", *[""] * 6, "clipped"]
 
 
+def test_a_hold_longer_than_a_stretch_is_no_rest_of_a_recording_cut_at_both_ends():
+    """Of four holds, the first and the last of which the recording cuts."""
+    ends = np.cumsum([6.0, 20.0, 40.0, 20.0, 6.0, 20.0, 6.0])
+    time = np.arange(0.0, ends[-1], 1 / RATE)
+    edges = np.append(0.0, np.repeat(ends[:-1], 2) + np.tile([-RAMP, RAMP], 6))
+    level = np.repeat([4.0, 0.0, 8.0, 0.0, 2.0, 0.0, 5.0], 2)
+    y = np.interp(time, np.append(edges, time[-1]), level)
+    y += NOISE * np.random.default_rng(8).standard_normal(len(time))
+    recording = Recording(time=time, channels={"f": y}, units={"f": "n"})
+    found = measure_pushes(recording)
+    np.testing.assert_allclose(found.frame["height_n"], [4, 8, 2, 5], rtol=0, atol=NEAR)
+    assert found.frame["flags"].tolist() == ["clipped", "", "", "clipped"]
+
+
 @pytest.mark.parametrize("jerk", [0.0, 25.0])
 def test_a_recording_that_begins_in_a_hold_says_nothing_by_its_begin(jerk):
     """Its rest is what most readings have in common, whatever a jerk spans."""
