@@ -6,7 +6,7 @@ Excluded: recognising columns by name (`pushfit.data.recordings.recognise`).
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pushfit.data.recordings.recognise import ANGLES, RecordingColumns, units_of
@@ -38,6 +38,8 @@ _DIALECT_CLOCKS: dict[str, tuple[tuple[str, str], ...]] = {
 }
 # Numbers that points, strokes or colons part, as of a date or of a time of day.
 _DATE = re.compile(r"\d[./:-]\d+[./:-]\d")
+# The index of a message in a list of messages.
+_ELEMENT = re.compile(r"\[\d+\](?=\.)")
 _SECONDS = re.compile(r"^(?P<stem>.*?)[._]?(?P<part>n?secs?|nanosecs?|seconds)$", re.I)
 
 
@@ -88,17 +90,33 @@ class _Columns(RecordingColumns):
         units: Mapping[str, str],
         path: str,
     ) -> None:
-        super().__init__(layout.names, path=path, unit_row=layout.unit_row, units=units)
+        names = layout.names
+        units = {_indexed(key, names): unit for key, unit in units.items()}
+        super().__init__(names, path=path, unit_row=layout.unit_row, units=units)
         self.line = layout.header_line
         self.first_row = layout.first_row
         self.writer, self.rate = layout.writer, layout.rate
-        self.mapped = {split_unit(key)[0]: (key, name) for key, name in mapping.items()}
+        self.mapped = {
+            split_unit(key)[0]: (key, _indexed(name, names))
+            for key, name in mapping.items()
+        }
         self.problems: list[InputProblem] = []
 
     def add(self, code: str, text: str, column: str | None = None) -> None:
         self.problems.append(
             problem(code, text, path=self.path, line=self.line, column=column)
         )
+
+
+def _elements(name: str, names: Sequence[str]) -> list[str]:
+    """Columns that are called so but for the index of a message in a list."""
+    return [n for n in names if n != name and _ELEMENT.sub("", n) == name]
+
+
+def _indexed(name: str, names: Sequence[str]) -> str:
+    """Name of a column, with the index that goes without saying in a list of one."""
+    elements = _elements(name, names)
+    return elements[0] if len(elements) == 1 and name not in names else name
 
 
 def assign_roles(
@@ -170,7 +188,12 @@ def _check_stated_names(columns: _Columns) -> None:
     """Find mapped columns that are not there, and units stated for nothing."""
     for key, name in columns.mapped.values():
         if name not in columns.position and not _pair(columns, name):
-            hint = did_you_mean(name, columns.position)
+            elements = _elements(name, columns.names)
+            hint = (
+                f" but the elements {listed(elements)}; state one of them"
+                if elements
+                else did_you_mean(name, columns.position)
+            )
             columns.add(
                 "missing_column",
                 f"{stated(mapping={key: name})} names no column{hint}; "

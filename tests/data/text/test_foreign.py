@@ -124,3 +124,62 @@ def test_a_table_in_the_preamble_is_not_that_of_the_samples(tmp_path):
     )
     recording = read_recording(path)
     np.testing.assert_array_equal(recording.channels["force"], np.arange(40) + 0.5)
+
+
+# As the two generations of ROS print a list of messages.
+FINGERS = {
+    "ROS 1": (
+        "header: \n  seq: {k}\n  stamp: \n    secs: 16\n    nsecs: {ns}\nbt_data: \n",
+        "  - \n    bt_serial: '{i}'\n    pdc_data: {p}\n    pac_data: [{p}, 7]\n",
+    ),
+    "ROS 2": (
+        "header:\n  seq: {k}\n  stamp:\n    secs: 16\n    nsecs: {ns}\nbt_data:\n",
+        "- bt_serial: '{i}'\n  pdc_data: {p}\n  pac_data:\n  - {p}\n  - 7\n",
+    ),
+}
+
+
+def hand(ros: str, n_fingers: int) -> str:
+    """Eight messages of a hand; finger i reads i hundreds and the count of messages."""
+    head, finger = FINGERS[ros]
+    return "".join(
+        head.format(k=k, ns=10_000_000 * k)
+        + "".join(finger.format(i=i, p=100 * i + k) for i in range(n_fingers))
+        + "hand: 3\n---\n"
+        for k in range(8)
+    )
+
+
+@pytest.mark.parametrize("ros", FINGERS)
+@pytest.mark.parametrize("finger", [0, 1, 2])
+@pytest.mark.parametrize("name", ["pdc_data", "pac_data[0]"])
+def test_each_element_of_a_printed_list_is_a_column(ros, finger, name, write):
+    recording = read_recording(
+        write(hand(ros, 3), "echo.txt"),
+        mapping={"p": f"bt_data[{finger}].{name}", "hand": "hand"},
+        units={"p": "counts", "hand": "au"},
+    )
+    assert recording.channels["p"].tolist() == [100 * finger + k for k in range(8)]
+    assert set(recording.channels["hand"]) == {3.0}
+
+
+@pytest.mark.parametrize("ros", FINGERS)
+def test_a_name_without_index_is_refused_where_there_are_several(ros, write):
+    path = write(hand(ros, 2), "echo.txt")
+    with pytest.raises(
+        DataError,
+        match=r"names no column but the elements bt_data\[0\]\.pdc_data, "
+        r"bt_data\[1\]\.pdc_data; state one of them",
+    ):
+        read_recording(path, mapping={"p": "bt_data.pdc_data"}, units={"p": "counts"})
+
+
+@pytest.mark.parametrize("ros", FINGERS)
+@pytest.mark.parametrize("unit", ["p", "bt_data.pdc_data"])
+def test_the_index_of_a_list_of_one_goes_without_saying(ros, unit, write):
+    recording = read_recording(
+        write(hand(ros, 1), "echo.txt"),
+        mapping={"p": "bt_data.pdc_data"},
+        units={unit: "counts"},
+    )
+    assert recording.channels["p"].tolist() == list(range(8))
