@@ -68,7 +68,7 @@ class RecordingColumns:
         said = [(suffix, "by its name")]
         said += [(split_unit(key)[1], f"by the name {key!r}") for key in keys]
         if self.unit_row:
-            said.append((find_unit(self.unit_row[i]), "by the lines above the samples"))
+            said.append((find_unit(self.unit_row[i]), "by the file itself"))
         said += [
             (parse_unit(self.units[key]), f"by {stated(units={key: self.units[key]})}")
             for key in dict.fromkeys((name, stem, *keys))

@@ -24,7 +24,7 @@ from pushfit.data.text.dialects import Layout, find_layout
 from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import Source, existing_file, is_bag, sha256_of
-from pushfit.data.text.foreign import foreign_table
+from pushfit.data.text.foreign import ForeignTable, foreign_table
 from pushfit.data.text.textfile import TextFile, open_text
 from pushfit.data.units import UNITS, Calibration, Unit
 from pushfit.errors import DataError
@@ -103,7 +103,7 @@ def read_recording(
         )
     elif foreign := foreign_table(given, columns=columns):
         samples = _foreign_samples(
-            given, *foreign, mapping=mapping, units=units, rate=rate
+            given, foreign, mapping=mapping, units=units, rate=rate
         )
     else:
         text = open_text(given, encoding=encoding)
@@ -128,17 +128,30 @@ def read_recording(
 
 def _foreign_samples(
     path: str,
-    table: Mapping[str, Shaped[np.ndarray, " n"]],
-    dialect: str,
+    table: ForeignTable,
     *,
     mapping: Mapping[str, str],
     units: Mapping[str, str],
     rate: float | None,
 ) -> Samples:
     """Sort the columns of a log that is no table by their roles."""
-    layout = Layout(writer="native", delimiter=",", decimal=".", names=(*table,))
+    layout = Layout(
+        writer="native",
+        delimiter=",",
+        decimal=".",
+        names=(*table.columns,),
+        unit_row=tuple(table.units.get(name, "") for name in table.columns),
+    )
     roles = assign_roles(layout, mapping=mapping, units=units, path=path, rate=rate)
-    series = list(table.values())
+    needed = [
+        layout.names[i]
+        for role in (*roles.clocks, *roles.channels, *roles.angles)
+        for i in role.columns
+    ]
+    problems = [p for name in needed for p in table.problems.get(name, ())]
+    if problems:
+        raise data_error(problems)
+    series, lines = list(table.columns.values()), table.lines
     n = len(series[0])
     clock = roles.clocks[0] if roles.clocks else None
     time = np.arange(n) / (rate or 1.0) if clock is None else series[clock.columns[0]]
@@ -148,9 +161,10 @@ def _foreign_samples(
         time_unit=UNITS["s"] if clock is None else clock.unit,
         channels={r.name: (series[r.columns[0]], r.unit) for r in roles.channels},
         angles={r.name: (series[r.columns[0]], r.unit) for r in roles.angles},
-        sources=(Source(path=path, sha256=sha256_of(path), dialect=dialect),),
-        notes=(f"recognised {dialect}", *roles.notes),
-        cautions=roles.cautions,
+        lines=None if lines is None else lambda at: lines[at],
+        sources=(Source(path=path, sha256=sha256_of(path), dialect=table.dialect),),
+        notes=(f"recognised {table.dialect}", *roles.notes),
+        cautions=(*table.cautions, *roles.cautions),
     )
 
 

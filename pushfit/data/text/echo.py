@@ -11,31 +11,41 @@ from collections import Counter
 from collections.abc import Iterator
 
 from pushfit.data.text.faults import refuse
-from pushfit.data.text.ros_logs import NUMBER, LogRecord
+from pushfit.data.text.ros_logs import VALUE, LogRecord
 
 _LINE = re.compile(
     r"(?P<indent> *)(?P<dash>-(?:\s+|$))?(?:(?P<key>[A-Za-z_]\w*):\s*)?"
     r"(?P<value>.*?)\s*$"
 )
-_VALUE = re.compile(rf"(?:\[.*\]|{NUMBER})?")
+_VALUE = re.compile(rf"(?:\[.*\]|{VALUE})?")
 _END = "---"
+# Messages of one field that is printed alone.
+_BARE = re.compile(rf"(?:{VALUE}\s*\n{_END}\s*\n){{2}}")
+# What is printed before the first message.
+_WARNED = re.compile(r"\A(?:WARNING: .*\n(?:Is /clock .*\n)?)+")
 
 
 def is_echo(text: str) -> bool:
     """Whether a text begins with a message, and the message ends within."""
+    text = _WARNED.sub("", text)
+    if _BARE.match(text):
+        return True
     first = _LINE.match(text.lstrip("-\n ").partition("\n")[0])
     is_field = first is not None and first["key"] and _VALUE.fullmatch(first["value"])
     return bool(is_field) and re.search(rf"^{_END}\s*$", text, re.M) is not None
 
 
-def echo_records(path: str) -> list[LogRecord]:
-    """Numbers of all messages that have some.
+def echo_records(path: str, *, bare: str = "value") -> list[LogRecord]:
+    """What all messages hold.
+
+    Args:
+        bare: Name of what is printed without one.
 
     Raises:
         DataError: If none has (`no_rows`).
     """
-    messages = list(_messages(path))
-    if not messages:
+    messages = list(_messages(path, bare))
+    if not any(message.numbers for message in messages):
         raise refuse(
             "no_rows",
             "holds no message with a number; print the topic of the sensor, or record "
@@ -45,21 +55,24 @@ def echo_records(path: str) -> list[LogRecord]:
     return messages
 
 
-def _messages(path: str) -> Iterator[LogRecord]:
-    """Numbers of each message by their path."""
-    message: LogRecord = {}
+def _messages(path: str, bare: str) -> Iterator[LogRecord]:
+    """What each message holds, by the path that leads there."""
+    message: LogRecord | None = None
     above: list[tuple[int, str]] = []
     counts: Counter[str] = Counter()
     with open(path, encoding="utf-8", errors="replace") as file:
-        for line in file:
+        for place, line in enumerate(file, 1):
             if line.startswith(_END):
-                if message:
+                if message is not None:
                     yield message
-                message, above, counts = {}, [], Counter()
+                message, above, counts = None, [], Counter()
                 continue
             match = _LINE.match(line.rstrip("\n"))
-            if match is None or not (match["dash"] or match["key"]):
+            # A last line without its end may be cut inside a number.
+            if match is None or not line.endswith("\n"):
                 continue
+            message = message or LogRecord(line=place, at=place)
+            message.at = place
             depth = len(match["indent"])
             if match["dash"]:
                 # ROS 2 prints dashes right below the name of their list, ROS 1 deeper.
@@ -71,14 +84,19 @@ def _messages(path: str) -> Iterator[LogRecord]:
             if match["key"]:
                 above = [(d, step) for d, step in above if d < depth]
                 above.append((depth, match["key"]))
-            name, value = _joined(above), match["value"]
-            if value.startswith("["):
-                cells = re.findall(NUMBER, value)
-                message |= {f"{name}[{k}]": float(c) for k, c in enumerate(cells)}
-            elif re.fullmatch(NUMBER, value):
-                message[name] = float(value)
-    if message:
+            _put(message, _joined(above) or bare, match["value"])
+    if message is not None:
         yield message
+
+
+def _put(message: LogRecord, name: str, value: str) -> None:
+    """Put a value into a message, or all of a list."""
+    if value.startswith("["):
+        cells = value.strip("[]").split(",") if value != "[]" else ()
+        for k, cell in enumerate(cells):
+            message.put(f"{name}[{k}]", cell.strip())
+    elif value:
+        message.put(name, value)
 
 
 def _joined(above: list[tuple[int, str]]) -> str:

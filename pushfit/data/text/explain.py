@@ -8,7 +8,7 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -66,6 +66,21 @@ def slow_scan(
     skip_array = np.array(skips, dtype=np.int64)
     result = Scan(n_rows=n_rows, data_line=layout.data_line, skips=skip_array)
     return result, check.finish()
+
+
+def cell_problems(
+    path: str, column: str, cells: Iterable[tuple[int, str]]
+) -> list[InputProblem]:
+    """Check cells that are to be numbers, of what has no rows of fields.
+
+    Args:
+        cells: Line and text of each.
+    """
+    layout = Layout(writer="native", delimiter=",", decimal=".", names=(column,))
+    check = _RowCheck(path=path, layout=layout, kinds={}, missing=frozenset(_MISSING))
+    for line, cell in cells:
+        check.cell(line, column, cell=cell, kind="float")
+    return check.finish()
 
 
 def _rows(body: Body, check: "_RowCheck") -> Iterator[tuple[int, list[str]]]:
@@ -128,7 +143,7 @@ class _RowCheck:
             self.add("field_count", line, self._miscount(row))
         else:
             for position, kind in self.kinds.items():
-                self._cell(
+                self.cell(
                     line, names[position], cell=row[position].strip(" \t"), kind=kind
                 )
 
@@ -150,7 +165,8 @@ class _RowCheck:
             hint = "mend or remove the row"
         return f"{len(row)} fields, but {n} {where}; {hint}"
 
-    def _cell(self, line: int, column: str, *, cell: str, kind: Kind) -> None:
+    def cell(self, line: int, column: str, *, cell: str, kind: Kind) -> None:
+        """Check that a cell is what its column must be."""
         if kind == "text" or (kind == "float" and cell in self.missing):
             return
         if kind in STAMPS:

@@ -6,18 +6,20 @@ next to nothing else has numbers, for there are many of them that are no reading
 Excluded: which records make the columns of a table (`pushfit.data.text.foreign`).
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 from pushfit.data.text.faults import refuse
-from pushfit.data.units import find_unit
+from pushfit.data.units import Unit, find_unit
 from pushfit.errors import DataError
 
-LogRecord = dict[str, float]
-
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+# A reading, also one that is missing.
+VALUE = rf"(?:{NUMBER}|[+-]?\.?(?i:nan))"
 _LEVEL = "(?:DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL)"
 # What a node prints, what it writes to its own log, and what rosout writes to its.
 _LOG = re.compile(
@@ -28,16 +30,24 @@ _LOG = re.compile(
     re.M,
 )
 _NAME = r"[A-Za-z_]\w*"
-_PAIR = re.compile(rf"(?P<key>{_NAME})\s*[:=]\s*(?P<value>{NUMBER})?\s*(?:,|$|\s)")
+# What begins as a number and is none, as one with a decimal comma.
+_WORD = r"[+-]?(?:\.?\d(?:[^\s,;:=]|,(?=\d))*|(?i:inf(?:inity)?))"
+_PAIR = re.compile(
+    rf"(?P<key>{_NAME})\s*[:=]\s*(?P<value>{VALUE}(?!,\d)|{_WORD})?\s*(?:,|$|\s)"
+)
+# A word after a number, unless it is the next name.
+_UNIT = re.compile(
+    r"[\[(]?(?P<unit>[^\W\d][^\s.,;:=\])]*)[\])]?(?=[.,;]|\s|$)(?!\s*[:=])"
+)
 # A name may have its unit, as in `force (N): 2.3`, and a sentence that of its number.
 _NAMED = rf"(?P<key>{_NAME}(?:\s*[\[(][^\W\d][^\s\])]*[\])])?)"
-_NAMED_PAIR = re.compile(rf"{_NAMED}\s*[:=]\s*(?P<value>{NUMBER})\s*(?:,|;|$|\s)")
+_NAMED_PAIR = re.compile(rf"{_NAMED}\s*[:=]\s*(?P<value>{VALUE})\s*(?:,|;|$|\s)")
 _SENTENCE = re.compile(
-    rf"{_NAMED}\s+(?:is\s+)?(?P<value>{NUMBER})\s*(?P<unit>[^\W\d]\S*?)?\.?"
+    rf"{_NAMED}\s+(?:is\s+)?(?P<value>{VALUE})\s*(?P<unit>[^\W\d]\S*?)?\.?"
 )
 _LIST = re.compile(
     rf"(?:(?P<key>{_NAME})\s*(?:[:=]|is\b)?\s*)?"
-    rf"[\[(]\s*(?P<cells>{NUMBER}(?:(?:\s*,\s*|\s+){NUMBER})*)\s*[\])]"
+    rf"[\[(]\s*(?P<cells>{VALUE}(?:(?:\s*,\s*|\s+){VALUE})*)\s*[\])]"
 )
 # What colours a terminal.
 _COLOURS = re.compile(r"\x1b\[[\d;]*m")
@@ -46,6 +56,37 @@ _COLOURS = re.compile(r"\x1b\[[\d;]*m")
 _FEW = 0.02
 # Characters of a line that are shown.
 _SHOWN = 80
+
+
+@dataclass(slots=True, kw_only=True)
+class LogRecord:
+    """What a log tells of one moment, or by one message.
+
+    Args:
+        line: Where it begins, counted from 1.
+        at: The line that is being read.
+        time_s: The moment, where it is told beside the record [s].
+        numbers: Numbers by their names, NaN where they are missing.
+        words: What stands in place of numbers, with its line.
+        units: Units that are written beside numbers, with their lines.
+    """
+
+    line: int
+    at: int
+    time_s: float | None = None
+    numbers: dict[str, float] = field(default_factory=dict)
+    words: dict[str, tuple[int, str]] = field(default_factory=dict)
+    units: dict[str, tuple[int, Unit]] = field(default_factory=dict)
+
+    def put(self, name: str, text: str) -> None:
+        """Take a number, or what stands in its place."""
+        if re.fullmatch(VALUE, text):
+            is_missing = text.lower().endswith("nan")
+            self.numbers[name] = math.nan if is_missing else float(text)
+            self.words.pop(name, None)
+        else:
+            self.words[name] = (self.at, text)
+            self.numbers.pop(name, None)
 
 
 def uncoloured(text: str) -> str:
@@ -59,16 +100,17 @@ def is_log(text: str) -> bool:
 
 
 def log_records(path: str) -> list[LogRecord]:
-    """Numbers of each moment by their names, with its time.
+    """What is told of each moment.
 
     Raises:
         DataError: If no line has a number that is understood (`no_rows`).
     """
     pairs = list(_records(path, _pairs))
-    if len(pairs) >= _FEW * sum(1 for _ in _lines(path)):
+    n_pairs = sum(1 for record in pairs if record.numbers)
+    if n_pairs and n_pairs >= _FEW * sum(1 for _ in _lines(path)):
         return pairs
     others = list(_records(path, _sentences))
-    records = pairs if len(pairs) >= _FEW * len(others) else others
+    records = pairs if n_pairs and n_pairs >= _FEW * len(others) else others
     if not records:
         raise _not_understood(path)
     return records
@@ -80,62 +122,72 @@ def _lines(path: str) -> Iterator[str]:
 
 
 def _records(
-    path: str, read: Callable[[str, bool], dict[str, float | None]]
+    path: str, read: Callable[[str, bool, LogRecord], str | None]
 ) -> Iterator[LogRecord]:
-    """Numbers of each log record; a value may be on the line below its name.
+    """What is told of each moment; a value may be on the line below its name.
 
     Args:
-        read: Gives the numbers of a text by name, None for one that is to come. It is
-            told whether a record begins with the text.
+        read: Puts the numbers of a text into a record, and gives the name of one that
+            is to come. It is told whether a line of the log begins with the text.
     """
-    record: LogRecord = {}
+    record: LogRecord | None = None
     waiting: str | None = None
-    for line in _lines(path):
+    for place, line in enumerate(_lines(path), 1):
         match = _LOG.match(line)
         text = line.strip() if match is None else match["text"].strip()
         if match is not None:
             now = _seconds(match)
-            if len(record) > 1 and now != record["time_s"]:
-                yield record
-                record = {}
-            record["time_s"] = now
-        if waiting is not None and re.fullmatch(NUMBER, text):
-            record[waiting], waiting = float(text), None
+            if record is None or now != record.time_s:
+                if record is not None and (record.numbers or record.words):
+                    yield record
+                record = LogRecord(line=place, at=place, time_s=now)
+        if record is None:
             continue
-        for name, value in read(text, match is not None).items():
-            if value is None:
-                waiting = name
-            else:
-                record[name] = value
-    if len(record) > 1:
+        record.at = place
+        if waiting is not None and re.fullmatch(VALUE, text):
+            record.put(waiting, text)
+            waiting = None
+            continue
+        waiting = read(text, match is not None, record) or waiting
+    if record is not None and (record.numbers or record.words):
         yield record
 
 
-def _pairs(text: str, begins: bool) -> dict[str, float | None]:
-    """Numbers after names with `:` or `=`, or a number alone."""
-    if begins and re.fullmatch(NUMBER, text):
-        return {"value": float(text)}
-    return {
-        found["key"]: float(found["value"]) if found["value"] else None
-        for found in _PAIR.finditer(text)
-    }
+def _pairs(text: str, begins: bool, record: LogRecord) -> str | None:
+    """Numbers after names with `:` or `=`, with their units, or a number alone."""
+    if begins and re.fullmatch(VALUE, text):
+        record.put("value", text)
+        return None
+    waiting = None
+    for found in _PAIR.finditer(text):
+        name, value = found["key"], found["value"]
+        if value is None:
+            waiting = name
+            continue
+        record.put(name, value)
+        word = None if found[0].endswith(",") else _UNIT.match(text, found.end())
+        unit = None if word is None else find_unit(word["unit"])
+        if unit is not None:
+            record.units[name] = (record.at, unit)
+    return waiting
 
 
-def _sentences(text: str, begins: bool) -> dict[str, float | None]:
+def _sentences(text: str, begins: bool, record: LogRecord) -> None:
     """Numbers of a list, after names with their units, or in a sentence of one."""
     if not begins:
-        return {}
+        return
     if row := _LIST.fullmatch(text):
-        cells = re.findall(NUMBER, row["cells"])
-        return {f"{row['key'] or 'value'}[{k}]": float(c) for k, c in enumerate(cells)}
+        for k, cell in enumerate(re.findall(VALUE, row["cells"])):
+            record.put(f"{row['key'] or 'value'}[{k}]", cell)
+        return
     named = list(_NAMED_PAIR.finditer(text))
-    if named:
-        return {pair["key"]: float(pair["value"]) for pair in named}
-    said = _SENTENCE.fullmatch(text)
+    for pair in named:
+        record.put(pair["key"], pair["value"])
+    said = None if named else _SENTENCE.fullmatch(text)
     if said is None or (said["unit"] and find_unit(said["unit"]) is None):
-        return {}
+        return
     unit = f" ({said['unit']})" if said["unit"] else ""
-    return {f"{said['key']}{unit}": float(said["value"])}
+    record.put(f"{said['key']}{unit}", said["value"])
 
 
 def _not_understood(path: str) -> DataError:

@@ -43,7 +43,7 @@ def test_another_unit_than_that_of_the_file_is_refused_with_both_places(gain, lo
         read_recording(log, units={"AI1": gain})
     assert caught.value.code == "unit_conflict"
     assert (
-        "column AI1: the unit is 500.000000 mn/v by the lines above the samples, but "
+        "column AI1: the unit is 500.000000 mn/v by the file itself, but "
         f"{gain.lower()} by `units={{'AI1': '{gain}'}}`; mend or leave out"
     ) in str(caught.value)
 

@@ -183,3 +183,92 @@ def test_the_index_of_a_list_of_one_goes_without_saying(ros, unit, write):
         units={unit: "counts"},
     )
     assert recording.channels["p"].tolist() == list(range(8))
+
+
+def forces(texts) -> str:
+    """What `rostopic echo` prints of a wrench, with its force as these texts."""
+    return "".join(
+        ECHO.format(k=k, ns=10_000_000 * k, x=text) for k, text in enumerate(texts)
+    )
+
+
+WRENCH = {"mapping": {"f": "wrench.force.x"}, "units": {"f": "n"}}
+
+
+@pytest.mark.parametrize("missing", ["nan", ".nan", "-nan", "NaN"])
+def test_a_missing_number_of_a_message_is_a_missing_sample(missing, write):
+    path = write(forces([0, 1, missing, 3, missing, 5]), "echo.txt")
+    with pytest.raises(DataError, match=r"2 of 6 samples are missing \(lines 23, 45"):
+        read_recording(path, **WRENCH)
+    recording = read_recording(path, gaps="interpolate", **WRENCH)
+    np.testing.assert_allclose(recording.channels["f"], np.arange(6), rtol=EXACT)
+
+
+@pytest.mark.parametrize("word", ["12.3.4", "inf", "5,25", "true"])
+def test_what_is_no_number_in_a_message_is_refused_where_it_is_needed(word, write):
+    path = write(forces([0, 1, word, 3, 4, 5]), "echo.txt")
+    with pytest.raises(
+        DataError, match=f"line 31, column wrench.force.x: '{word}' is not "
+    ):
+        read_recording(path, **WRENCH)
+    other = read_recording(path, mapping={"f": "wrench.force.y"}, units={"f": "n"})
+    assert len(other.time) == 6
+
+
+def test_a_list_keeps_its_indices_where_one_number_is_missing(write):
+    path = write("".join(f"data: [nan, {k}]\n---\n" for k in range(6)), "echo.txt")
+    recording = read_recording(
+        path, mapping={"f": "data[1]"}, units={"f": "n"}, rate=10.0
+    )
+    assert recording.channels["f"].tolist() == list(range(6))
+
+
+def test_a_message_that_was_cut_is_left_out_and_told(write):
+    """The number of the last line, 5.25, was cut as well."""
+    whole = forces([0, 1, 2, 3, 4, 5.25])
+    path = write(whole[: whole.index("5.25") + 1], "echo.txt")
+    recording = read_recording(path, **WRENCH)
+    assert recording.channels["f"].tolist() == [0, 1, 2, 3, 4]
+    assert recording.cautions == (
+        "left out 1 of 6 records, which lack numbers of the others: that of line 56 "
+        "has no wrench.force.x, wrench.force.y",
+    )
+
+
+@pytest.mark.parametrize(
+    ("columns", "options"),
+    [
+        (("force_n",), {}),
+        ((), {"mapping": {"force": "value"}, "units": {"force": "n"}}),
+    ],
+)
+def test_a_field_that_is_printed_alone_has_a_rate(columns, options, write):
+    path = write("".join(f"{k / 4}\n---\n" for k in range(6)), "echo.txt")
+    recording = read_recording(path, columns=columns, rate=10.0, **options)
+    assert recording.channels["force"].tolist() == [k / 4 for k in range(6)]
+
+
+@pytest.mark.parametrize(
+    "warning",
+    [
+        "WARNING: topic [/finger] does not appear to be published yet\n",
+        "WARNING: no messages received and simulated time is active.\n"
+        "Is /clock being published?\n",
+    ],
+)
+def test_a_warning_before_the_messages_is_passed_over(warning, write):
+    recording = read_recording(write(warning + forces(range(6)), "echo.txt"), **WRENCH)
+    assert recording.channels["f"].tolist() == list(range(6))
+    assert recording.cautions == ()
+
+
+def test_the_stamp_of_ros_2_is_the_clock(write):
+    text = "".join(
+        f"header:\n  stamp:\n    sec: {16 + k // 4}\n"
+        f"    nanosec: {k % 4 * 250_000_000}\n  frame_id: base\ndata: {k}\n---\n"
+        for k in range(8)
+    )
+    recording = read_recording(
+        write(text, "echo.txt"), mapping={"f": "data"}, units={"f": "n"}
+    )
+    np.testing.assert_allclose(recording.time, 16 + np.arange(8) / 4, rtol=EXACT)

@@ -6,6 +6,7 @@ import pytest
 from pushfit.data.recordings.recording import read_recording
 from pushfit.errors import ConfigError, DataError
 from tests.data.recordings.makers import refusal
+from tests.tolerances import EXACT
 
 # Times since 1970 keep a quarter of a microsecond of a step of 10 ms.
 STAMPS = 1e-4
@@ -151,3 +152,62 @@ def test_the_columns_of_a_log_are_not_named_without_a_word(write):
     path = write(lines("fz: {x}"), "node.log")
     with pytest.raises(ConfigError, match="have names: time_s, fz; leave out columns"):
         read_recording(path, columns=("time_s", "force_n"))
+
+
+@pytest.mark.parametrize(
+    "form", ["force: {x} mN", "force = {x} [mN], n: 3", "n: 3 force: {x} mN."]
+)
+def test_the_unit_behind_a_number_is_that_of_the_channel(form, write):
+    path = write(lines(form), "node.log")
+    recording = read_recording(path, mapping={"f": "force"})
+    np.testing.assert_allclose(recording.channels["f"], FORCE / 1000, rtol=EXACT)
+    error = refusal(path, mapping={"f": "force"}, units={"f": "n"})
+    assert error.code == "unit_conflict"
+    assert "column force: the unit is mn by the file itself, but n by" in str(error)
+
+
+def test_a_unit_that_changes_within_a_log_is_refused(write):
+    path = write(lines("force: {x} mN") + lines("force: {x} N", 1), "node.log")
+    error = refusal(path, mapping={"f": "force"})
+    assert error.code == "unit_conflict"
+    assert "line 7, column force: the unit is n here, but mn on the" in str(error)
+
+
+def test_a_name_behind_a_number_is_no_unit(write):
+    path = write(lines("fz: {x} n = 3 pa: 2"), "node.log")
+    recording = read_recording(path, mapping={"f": "fz"}, units={"f": "counts"})
+    np.testing.assert_array_equal(recording.channels["f"], FORCE)
+
+
+@pytest.mark.parametrize("form", ["fz: {x}", "fz (N): {x}", "fz {x}", "[{x}, 2]"])
+def test_a_missing_number_of_a_log_is_a_missing_sample(form, write):
+    text = lines(form)
+    path = write(text + lines(form, 1).replace("0.25", "nan"), "node.log")
+    name = {"f": "value[0]" if "[" in form else form.split(":")[0].split(" {")[0]}
+    error = refusal(path, mapping=name, units={"f": "n"})
+    assert error.code == "missing_samples"
+    assert "line 8, column f: 1 of 12 samples are missing (lines 8)" in str(error)
+
+
+@pytest.mark.parametrize("word", ["12.3.4", "-inf", "5,25", "3x"])
+def test_what_is_no_number_in_a_log_is_refused_where_it_is_needed(word, write):
+    path = write(lines("fz: {x}, k: 2").replace("1.25", word), "node.log")
+    error = refusal(path, mapping={"f": "fz"}, units={"f": "n"})
+    assert f"line 6, column fz: '{word}' is not " in str(error)
+    assert len(read_recording(path, mapping={"f": "k"}, units={"f": "n"}).time) == 6
+
+
+def test_a_record_that_lacks_a_number_is_left_out_and_told(write):
+    path = write(lines("fz: {x}, k: 2").replace("1.25, k: 2", "1.25"), "node.log")
+    recording = read_recording(path, mapping={"f": "fz"}, units={"f": "n"})
+    np.testing.assert_array_equal(recording.channels["f"], FORCE[:5])
+    assert recording.cautions == (
+        "left out 1 of 6 records, which lack numbers of the others: that of line 6 has "
+        "no k",
+    )
+
+
+def test_numbers_before_the_first_line_of_a_log_have_no_time(write):
+    path = write("args: a: 1 b: 2\n" + lines("fz: {x}"), "node.log")
+    recording = read_recording(path, mapping={"f": "fz"}, units={"f": "n"})
+    np.testing.assert_array_equal(recording.channels["f"], FORCE)
