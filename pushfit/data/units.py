@@ -38,6 +38,7 @@ class Unit:
         canonical: Unit used inside.
         times: Numerator of the conversion.
         per: Denominator of the conversion.
+        volts: Volts that the values are in, as `mv`; empty where the unit is no gain.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Unit:
     canonical: str
     times: float = 1.0
     per: float = 1.0
+    volts: str = ""
 
     def to_canonical(self, values: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Convert values in this unit to the canonical one."""
@@ -60,6 +62,17 @@ class Unit:
         """
         digits = f"{value * self.per / self.times:.{n_digits}g}"
         return f"{float(digits):g} {self.name}"
+
+    def of_volts(self, volts: str) -> "Unit":
+        """The same gain for values in other volts; itself where it is no gain.
+
+        >>> float(find_unit("500 mN/V").of_volts("mv").to_canonical(1000.0))
+        0.5
+        """
+        if self.volts in ("", volts):
+            return self
+        times, per = self.times * _NANOVOLTS[volts], self.per * _NANOVOLTS[self.volts]
+        return replace(self, times=times, per=per, volts=volts)
 
     def equals(self, other: "Unit") -> bool:
         """Whether values are the same in both, as in 500 mN/V and 0.5 N/V."""
@@ -92,8 +105,16 @@ UNITS: dict[str, Unit] = {
 
 # Two letters look like the micro sign.
 _MICRO = str.maketrans("µμ", "uu")
-# Volts of an amplifier with its gain, as `500 mN/V`.
-_GAIN = re.compile(r"(?P<gain>[+-]?\d*\.?\d+(?:e[+-]?\d+)?)\s*(?P<unit>[a-z]+)/v")
+_NANOVOLTS = {"nv": 1.0, "uv": 1e3, "mv": 1e6, "v": 1e9, "kv": 1e12}
+# Volts of an amplifier with its gain, as `500 mN/V` or `N/mV`.
+_GAIN = re.compile(
+    r"(?P<gain>[+-]?\d*\.?\d+(?:e[+-]?\d+)?)?\s*(?P<unit>[a-z]+)/(?P<volts>[numk]?v)"
+)
+# Volts anywhere in a name, but for those of a gain.
+_IN_VOLTS = re.compile(
+    r"(?<![a-z0-9/])(?P<prefix>milli|micro|kilo|[numk]?)v(olts?)?(?![a-z0-9])"
+)
+_PREFIXES = {"milli": "m", "micro": "u", "kilo": "k"}
 
 
 def find_unit(text: str) -> Unit | None:
@@ -115,7 +136,21 @@ def find_unit(text: str) -> Unit | None:
     unit = UNITS.get(gain["unit"])
     if unit is None or unit.quantity != "signal":
         return None
-    return replace(unit, name=name, times=float(gain["gain"]) * unit.times)
+    times = float(gain["gain"] or 1.0) * unit.times
+    return replace(unit, name=name, times=times, volts=gain["volts"])
+
+
+def volts_of(name: str) -> str:
+    """Volts that the name of a column says its samples are in; empty where it does not.
+
+    >>> volts_of("Force (mV)"), volts_of("force_v"), volts_of("Force (500 mN/V)")
+    ('mv', 'v', '')
+    """
+    said = [*_IN_VOLTS.finditer(name.lower().translate(_MICRO))]
+    if not said:
+        return ""
+    prefix = said[-1]["prefix"]
+    return _PREFIXES.get(prefix, prefix) + "v"
 
 
 _BRACKETED = re.compile(r"^(?P<stem>.*\S)\s*[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]$")
@@ -157,7 +192,7 @@ def parse_unit(text: str) -> Unit:
         hint = did_you_mean(text.lower(), known)
         raise ConfigError(
             f"unit {text!r} is not known; known here: {', '.join(known)}, and volts "
-            f"with their gain, such as 500mN/V{hint}",
+            f"with their gain, such as 500mN/V or N/mV{hint}",
             code="unknown_unit",
         )
     return unit

@@ -16,6 +16,7 @@ from pushfit.data.units import (
     find_unit,
     parse_unit,
     split_unit,
+    volts_of,
 )
 from pushfit.errors import ConfigError, stated
 
@@ -54,6 +55,8 @@ class RecordingColumns:
     def unit(self, i: int, *keys: str) -> Unit | None:
         """Unit of a column, if all that is stated about it agrees.
 
+        A gain is that for the volts of the column.
+
         Args:
             *keys: Names of what it is for.
 
@@ -74,7 +77,8 @@ class RecordingColumns:
             for key in dict.fromkeys((name, stem, *keys))
             if key in self.units
         ]
-        known = [(unit, by) for unit, by in said if unit is not None]
+        volts = self.volts(i, *keys)
+        known = [(unit.of_volts(volts or unit.volts), by) for unit, by in said if unit]
         others = [(unit, by) for unit, by in known if not unit.equals(known[0][0])]
         if others:
             (first, by), (other, by_other) = known[0], others[0]
@@ -84,6 +88,15 @@ class RecordingColumns:
                 code="unit_conflict",
             )
         return known[0][0] if known else None
+
+    def volts(self, i: int, *keys: str) -> str:
+        """Volts that a column is in, as `mv`; empty where none are stated.
+
+        Args:
+            *keys: Names of what it is for.
+        """
+        row = self.unit_row[i : i + 1]
+        return next(filter(None, map(volts_of, (*row, self.names[i], *keys))), "")
 
     def called(self, *stems: str) -> list[int]:
         """Positions of the columns of some names, whatever their units.

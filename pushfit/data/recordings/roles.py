@@ -26,8 +26,6 @@ from pushfit.errors import ConfigError, InputProblem, did_you_mean, stated
 NO_SIGNAL = re.compile(r"(^t|seq|time|stamp|n?secs?|frame_id|index)$")
 
 _NANOSECONDS = UNITS["ns"]
-# A volt is no unit of a push, until a gain makes one of it.
-_IN_VOLTS = re.compile(r"(\b|_)m?v(olts?)?\W*$")
 _CLOCK_STEMS = ("time", "t", "timestamp", "stamp", "elapsed", "time_stamp")
 # Clocks that a dialect defines, the better one first: the sensor's own stamp tells when
 # a sample was taken, the other when it was received.
@@ -153,7 +151,8 @@ def assign_roles(
         signals = [name for name in ignored if not NO_SIGNAL.search(name.lower())]
         first = signals[0] if signals else "pdc"
         channel, unit, how = "pressure", "counts", ""
-        if _IN_VOLTS.search(first.lower()):
+        # A volt is no unit of a push, until a gain makes one of it.
+        if first in columns.position and columns.volts(columns.position[first]):
             channel, unit, how = "force", "500mN/V", ", with the gain of the sensor"
         columns.add(
             "no_channel",

@@ -79,6 +79,11 @@ def build_recording(
         notes=list(samples.notes),
         cautions=list(samples.cautions),
     )
+    findings.notes += [
+        f"{name}: 1 {unit.volts} is {unit.times / unit.per:g} {unit.canonical}"
+        for name, (_, unit) in samples.channels.items()
+        if unit.volts
+    ]
     time = _seconds(samples.time, samples.time_unit)
     check_clock(time, samples.time_unit.name, findings)
     _check_values(samples, findings, trust_units, gaps)

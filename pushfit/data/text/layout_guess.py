@@ -199,7 +199,10 @@ def _find_header(
 
 def _is_unit_row(cells: list[str]) -> bool:
     words = [cell.strip("[]()") for cell in cells]
-    return any(cells) and all(word in ("", "-") or find_unit(word) for word in words)
+    # What a gain may be stated for are volts.
+    return any(cells) and all(
+        word in ("", "-") or find_unit(word) or find_unit(f"n/{word}") for word in words
+    )
 
 
 def _no_table(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pushfit.data.recordings.recording import read_recording
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, DataError
 from tests.tolerances import ROUNDING
 
 # As an indenter writes it, with its gain above the columns.
@@ -54,3 +54,35 @@ def test_units_that_two_names_state_are_named_with_them(write):
         ConfigError, match="n by its name, but mn by the name 'push_mn'"
     ):
         read_recording(path, mapping={"push_mn": "force_n"})
+
+
+@pytest.mark.parametrize(
+    ("names", "gain", "newtons"),
+    [
+        ("time_s,Force (V)", "500 mN/V", 500.0),
+        ("time_s,Force (mV)", "500 mN/V", 0.5),
+        ("time_s,force_mv", "0.5 mN/mV", 0.5),
+        ("time_s,V out [mV] raw", "N/V", 1.0),
+        ("time_s,force millivolts", "N/mV", 1000.0),
+        ("time_s,force (µV)", "500 mN/V", 5e-4),
+        ("time_s,force_kV", "2 mN/mV", 2e6),
+        ("time,force\ns,mV", "500 mN/V", 0.5),
+        ("time_s,force", "2 mN/mV", 2.0),
+    ],
+)
+def test_a_gain_is_applied_to_the_volts_of_the_column(names, gain, newtons, write):
+    """Thousand of what the column is in, which a note tells the newtons of."""
+    path = write(names + "\n0,1000\n0.01,2000\n")
+    column = names.split("\n")[0].split(",")[1]
+    recording = read_recording(path, mapping={"push": column}, units={"push": gain})
+    np.testing.assert_allclose(
+        recording.channels["push"], [newtons, 2 * newtons], rtol=ROUNDING
+    )
+    told = next(note for note in recording.notes if note.startswith("push: 1 "))
+    assert float(told.split()[-2]) == pytest.approx(newtons / 1000, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("column", ["AI1 (V)", "AI1 (µV)", "ai1_kv", "AI1 (mV) raw"])
+def test_a_column_of_volts_is_offered_a_gain(column, write):
+    with pytest.raises(DataError, match="'500mN/V'}`, with the gain of the sensor"):
+        read_recording(write(f"time_s,{column}\n0,1\n0.01,2\n"))

@@ -14,7 +14,7 @@ import numpy as np
 from pushfit.data.recordings.recognise import ANGLES
 from pushfit.data.text.faults import listed, refuse
 from pushfit.data.text.layout_guess import NUMBER
-from pushfit.data.units import UNITS, Unit, parse_unit, split_unit
+from pushfit.data.units import UNITS, Unit, parse_unit, split_unit, volts_of
 from pushfit.errors import ConfigError, DataError, stated
 
 # What messages of known types hold, in units that their definitions fix.
@@ -76,7 +76,12 @@ def mapped_fields(
                 f"name a field of one of its topics: {_described(reader)}",
                 path=path,
             )
-        known = [u for u in (suffix, *_stated(units, name, key)) if u]
+        volts = volts_of(target) or volts_of(key)
+        known = [
+            unit.of_volts(volts or unit.volts)
+            for unit in (suffix, *_stated(units, name, key))
+            if unit
+        ]
         quantity = "angle" if name in ANGLES else "signal"
         unit = known[0] if known and all(map(known[0].equals, known)) else None
         if unit is None or unit.quantity != quantity:

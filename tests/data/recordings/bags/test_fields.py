@@ -10,6 +10,7 @@ from pushfit.data.recordings.bags.fields import (
     Field,
     bad_field,
     known_fields,
+    mapped_fields,
     number_at,
     numbers_in,
 )
@@ -52,6 +53,18 @@ def test_what_a_bag_holds_is_listed_with_an_example_that_can_be_typed():
         "first messages are array.layout.size, array.data[0..2], text.data[0..2], "
         "where [0..n] is an index from 0 to n"
     )
+
+
+@pytest.mark.parametrize(
+    ("key", "topic", "newtons"),
+    [("f", "/amp_mv", 0.5), ("f_mv", "/amp", 0.5), ("f", "/amp", 500.0)],
+)
+def test_a_gain_is_applied_to_the_volts_of_a_field(key, topic, newtons):
+    reader = SimpleNamespace(topics={topic: None})
+    (field,) = mapped_fields(
+        "a.bag", {key: f"{topic}.data"}, units={key: "500mN/V"}, reader=reader
+    )
+    assert field.unit.to_canonical(np.array([1000.0])) == [newtons]
 
 
 @pytest.mark.parametrize(
