@@ -12,7 +12,7 @@ import pandas as pd
 
 from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.chosen_humps import find, no_pushes
+from pushfit.data.peaks.chosen_humps import find, no_pushes, tops
 from pushfit.data.peaks.components import (
     component_traces,
     in_signal_unit,
@@ -25,6 +25,7 @@ from pushfit.data.peaks.components import (
 from pushfit.data.peaks.extract import Heights, extract_peaks, measure_pushes, within
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.found_humps import is_in
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.columns import Origin
 from pushfit.data.tables.traces import ComponentTrace, SignedHeights
@@ -99,6 +100,7 @@ class Look:
         pushes = {hump.t_peak for hump in as_told.extents if not hump.is_brush}
         self.signed: bool = signed
         self.humps: tuple[Extent, ...] = found.extents
+        self._tops = tops(self.time, self.signal, found, told)
         self.counts: list[bool] = [hump.t_peak in pushes for hump in self.humps]
         self.theta_deg: list[float] = [np.nan] * len(self.humps)
         self.alpha_deg: list[float] = [np.nan] * len(self.humps)
@@ -256,11 +258,10 @@ class Look:
 
     def _windows(self, key: str, chosen: Sequence[bool]) -> tuple[Window, ...]:
         """Windows around some humps, with those of the settings in which none is."""
-        tops = [hump.t_peak for hump in self.humps]
         kept = [
-            (first, last)
-            for first, last in getattr(self.config.peaks, key)
-            if not any(first <= top <= last for top in tops)
+            window
+            for window in getattr(self.config.peaks, key)
+            if not any(is_in(own, [window]) for own in self._tops)
         ]
         own = [self._window(k) for k, is_chosen in enumerate(chosen) if is_chosen]
         return tuple(sorted([*kept, *own]))

@@ -76,7 +76,7 @@ def search(
     found = find(time, signal, settings, signed=signed)
 
     def may_be_jerk(hump: Extent) -> bool:
-        is_asked_for = is_in(hump.t_peak, settings.include)
+        is_asked_for = is_in([hump.t_peak], settings.include)
         return hump.width < _BRIEF and not (hump.is_brush or is_asked_for)
 
     brief = tuple(filter(may_be_jerk, found.extents))
@@ -182,30 +182,60 @@ def find(
             replace(hump, is_low=abs(own.height) < settings.min_height)
             for hump, own in zip(extents, heights, strict=True)
         ]
-    return _as_told(
-        FoundHumps(extents=tuple(extents), course=course, dips=dips), settings
+    found = FoundHumps(extents=tuple(extents), course=course, dips=dips)
+    is_named = bool(settings.exclude or settings.include)
+    times = tops(time, signal, found, settings) if is_named else None
+    return _as_told(found, settings, times or [[e.t_peak] for e in extents])
+
+
+def tops(
+    time: Float[np.ndarray, " n"],
+    signal: Float[np.ndarray, " n"],
+    found: FoundHumps,
+    settings: PeakSettings,
+) -> list[list[float]]:
+    """Times by which windows name each hump [s].
+
+    Messages tell when it is at its highest, and tables where its height is read, which
+    on a plateau is its middle.
+
+    Args:
+        time: Sample times [s].
+    """
+    if not found.extents:
+        return []
+    heights = measure_heights(
+        time, signal, found.extents, definition=settings.height, course=found.course
     )
+    read = np.clip([own.t_peak for own in heights], time[0], time[-1]).tolist()
+    return [[e.t_peak, own] for e, own in zip(found.extents, read, strict=True)]
 
 
-def _as_told(found: FoundHumps, settings: PeakSettings) -> FoundHumps:
-    """Leave out and take in the humps that the user names by their time or height."""
+def _as_told(
+    found: FoundHumps, settings: PeakSettings, times: Sequence[Sequence[float]]
+) -> FoundHumps:
+    """Leave out and take in the humps that the user names by their time or height.
 
-    def is_out(hump: Extent) -> bool:
-        return hump.is_low or is_in(hump.t_peak, settings.exclude)
-
+    Args:
+        times: Of each hump [s].
+    """
+    extents, excluded = [], []
+    for hump, own in zip(found.extents, times, strict=True):
+        if hump.is_low or is_in(own, settings.exclude):
+            excluded.append(hump)
+        else:
+            is_brush = hump.is_brush and not is_in(own, settings.include)
+            extents.append(replace(hump, is_brush=is_brush))
+    every = [*times, *([dip.t_peak] for dip in found.dips)]
     return FoundHumps(
-        extents=tuple(
-            replace(e, is_brush=e.is_brush and not is_in(e.t_peak, settings.include))
-            for e in found.extents
-            if not is_out(e)
-        ),
+        extents=tuple(extents),
         course=found.course,
-        dips=tuple(e for e in found.dips if not is_in(e.t_peak, settings.exclude)),
-        excluded=tuple(filter(is_out, found.extents)),
+        dips=tuple(e for e in found.dips if not is_in([e.t_peak], settings.exclude)),
+        excluded=tuple(excluded),
         idle=tuple(
             window
             for window in (*settings.exclude, *settings.include)
-            if not any(is_in(e.t_peak, [window]) for e in (*found.extents, *found.dips))
+            if not any(is_in(own, [window]) for own in every)
         ),
     )
 

@@ -139,9 +139,10 @@ def _left_out(paired: Paired, unit: Unit) -> list[str]:
             f"{stated(include=[found.jerks[0].window])}"
         )
     if found.idle:
-        windows = ", ".join(f"{first:g}:{last:g}" for first, last in found.idle)
+        windows = ", ".join(f"{first:.15g}:{last:.15g}" for first, last in found.idle)
         notes.append(
-            f"no hump is at its highest in {windows} s, which is excluded or included"
+            f"no hump is at its highest, or has its t_peak_s, in {windows} s, which is "
+            "excluded or included"
         )
     if found.excluded:
         notes.append(f"left out as told: {_times(found.excluded, unit)}")

@@ -166,8 +166,9 @@ def pair(
         elif seen[0] < when < seen[-1]:
             there = _where_it_was_to_be(when, found, pushes, left_out)
             extents.append(there)
+            is_out = there in found.excluded and not there.is_low
             times = (when, there.t_peak)
-            is_excluded.append(any(is_in(t, settings.exclude) for t in times))
+            is_excluded.append(is_out or is_in(times, settings.exclude))
         else:
             continue
         rows.append(i)

@@ -19,7 +19,7 @@ class FoundHumps:
         course: Running means of the signal that was searched [unit].
         dips: Dips that are not asked for; only where all humps go up.
         excluded: Humps that the user left out, by their time or their height.
-        idle: Windows of the user's in which no hump is at its highest [s].
+        idle: Windows of the user's in which no hump has its top [s].
         jerks: What was far briefer than any push; its samples were left out before
             these were found.
     """
@@ -37,6 +37,6 @@ class FoundHumps:
         return tuple(e for e in (*self.extents, *self.excluded) if e not in known)
 
 
-def is_in(when: float, windows: Sequence[tuple[float, float]]) -> bool:
-    """Whether a time lies in one of some windows, of first and last times [s]."""
-    return any(first <= when <= last for first, last in windows)
+def is_in(moments: Sequence[float], windows: Sequence[tuple[float, float]]) -> bool:
+    """Whether one of some times lies in one of some windows, from first to last [s]."""
+    return any(first <= when <= last for when in moments for first, last in windows)

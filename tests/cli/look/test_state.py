@@ -85,6 +85,17 @@ def test_a_hump_taken_in_again_has_no_window_left():
     assert peaks.include == ()
 
 
+def test_a_push_left_out_by_the_time_of_its_table_has_no_window_left():
+    """Two holds that creep up: the middle is in the table, the end is highest."""
+    course = np.interp(TIME % 13 - 6, [-2.2, -2.0, 2.0, 2.2], [0, 1, 1.03, 0])
+    held = recording(channels={"force": rounded() + course})
+    changes = {"peaks": {"exclude": [(5.9, 6.1)]}}
+    look = Look(held, read_config(None, changes=changes))
+    assert look.counts == [False, True]
+    look.toggle(0)
+    assert look.settled().peaks.exclude == ()
+
+
 def test_a_window_in_which_no_hump_is_stays():
     look = a_look(exclude=[(13.0, 15.0)])
     look.toggle(TOUCH)

@@ -249,3 +249,60 @@ def test_a_reading_that_never_changes_is_told_as_it_is():
     )
     with pytest.raises(DataError, match="is 4095 counts throughout"):
         measure_pushes(recording, settings=PEAKS)
+
+
+# Pushes hold a level that creeps up from 2 s to 6 s, and is highest at its end, and one
+# is far smaller; the middle of each hold is on paper.
+CREEP = np.arange(0.0, 42.0, 0.01)
+MIDDLES = np.array([4.0, 14.0, 24.0, 34.0])
+LEVELS = (3.0, 2.0, 0.06, 2.5)
+MIDDLE = 0.1  # what is read of a hold may be longer on one side [s]
+
+
+def creeping() -> Recording:
+    signal = 1e-4 * np.random.default_rng(3).standard_normal(CREEP.size)
+    for middle, level in zip(MIDDLES, LEVELS, strict=True):
+        held = np.interp(CREEP - middle, [-2.2, -2.0, 2.0, 2.2], [0, 1, 1.03, 0])
+        signal += level * held
+    return Recording(time=CREEP, channels={"p": signal}, units={"p": "n"})
+
+
+def test_a_window_names_a_push_by_the_time_that_its_table_gives():
+    recording = creeping()
+    whole = measure_pushes(recording).frame
+    assert whole["t_peak_s"].tolist() == pytest.approx([4.0, 14.0, 34.0], abs=MIDDLE)
+
+    def told(**windows):
+        made = measure_pushes(recording, settings=PeakSettings(**windows))
+        assert not any("no hump" in note for note in made.notes)
+        return made.frame["height_n"].tolist()
+
+    heights = whole["height_n"].tolist()
+    # The middle, and the end, where it is highest.
+    for window in ((13.8, 14.2), (15.0, 16.0)):
+        left = told(exclude=[window])
+        assert left == pytest.approx([heights[0], heights[2]], rel=ROUTES)
+    assert len(told(include=[(23.8, 24.2)])) == len(told(include=[(25.0, 26.0)])) == 4
+
+
+def test_a_planned_push_left_out_by_the_time_of_its_table_is_no_reading():
+    planned = [0, 1, 3]
+    schedule = PushSchedule.in_order(
+        theta=np.radians([0.0, 30.0, 60.0]), alpha=np.zeros(3)
+    )
+    schedule = replace(schedule, time=MIDDLES[planned])
+    settings = PeakSettings(
+        exclude=((13.9, 14.1),), allow_missing=True, use_missing=True
+    )
+    frame = extract_peaks(creeping(), schedule, settings=settings).frame
+    assert frame["flags"].tolist() == ["", "missing", ""]
+
+
+def test_a_window_that_names_nothing_is_told_as_it_was_typed():
+    recording = creeping()
+    recording = replace(recording, time=recording.time + 1663502488.25)
+    settings = PeakSettings(exclude=((1663502497.5, 1663502499.0),))
+    (note,) = [
+        n for n in measure_pushes(recording, settings=settings).notes if "no hump" in n
+    ]
+    assert "in 1663502497.5:1663502499 s, which is excluded or included" in note
