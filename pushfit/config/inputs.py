@@ -171,7 +171,7 @@ class PeakSettings(Section):
         for first, last in windows:
             if not first < last:
                 raise ValueError(
-                    f"[{first:g}, {last:g}] ends before it begins; give the earlier "
-                    "time first"
+                    f"[{first:.15g}, {last:.15g}] ends before it begins; give the "
+                    "earlier time first"
                 )
         return windows

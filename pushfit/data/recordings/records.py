@@ -10,7 +10,10 @@ from jaxtyping import Float, Int
 
 from pushfit.data.text.files import Source
 from pushfit.data.units import Calibration, Unit
-from pushfit.errors import ConfigError, DataError
+from pushfit.errors import ConfigError, DataError, stated
+
+# Share of a recording by which a time that is asked for lies outside of it on purpose.
+_FAR = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,16 +63,29 @@ class Recording:
         if end is not None:
             last = int(np.searchsorted(self.time, end, side="right"))
         if last <= first:
-            stated = {"from": begin, "to": end}.items()
-            bounds = [f"{word} {t:g} s" for word, t in stated if t is not None]
+            asked = {"from": begin, "to": end}.items()
+            bounds = [f"{word} {t:.15g} s" for word, t in asked if t is not None]
             raise DataError(
                 f"no samples {' '.join(bounds)}: the recording runs from "
-                f"{self.time[0]:.2f} to {self.time[-1]:.2f} s; state times within it",
+                f"{self.time[0]:.2f} to {self.time[-1]:.2f} s; state times within it, "
+                "the earlier one first",
                 code="no_rows",
             )
         note = f"took {last - first} of {len(self.time)} samples"
         part = self.taken(slice(first, last))
-        return replace(part, notes=(*self.notes, note))
+        far = _FAR * (self.time[-1] - self.time[0])
+        cautions = [
+            f"{stated(**{name: asked})} leaves out nothing: the recording {word} at "
+            f"{own:.2f} s; state times as the recording has them"
+            for name, word, asked, own, sign in (
+                ("begin", "begins", begin, self.time[0], 1),
+                ("end", "ends", end, self.time[-1], -1),
+            )
+            if asked is not None and sign * (own - asked) > far
+        ]
+        return replace(
+            part, notes=(*self.notes, note), cautions=(*self.cautions, *cautions)
+        )
 
     def taken(self, rows: slice | Int[np.ndarray, " m"]) -> "Recording":
         """Some samples, in a given order."""

@@ -5,13 +5,16 @@ Excluded: what is refused, and by which sentence (`test_refusals`).
 
 import codecs
 import gzip
+import re
 
 import numpy as np
 import pytest
 
+from pushfit.config.inputs import PeakSettings
 from pushfit.data.recordings.recording import read_recording
+from pushfit.data.recordings.records import Recording
 from pushfit.data.units import BIOTAC_PDC
-from pushfit.errors import ConfigError
+from pushfit.errors import ConfigError, DataError
 from tests.data.recordings.makers import GOOD
 from tests.tolerances import ROUNDING
 
@@ -230,3 +233,32 @@ def test_the_unit_of_the_time_is_stated_for_it_or_for_its_column(write, key):
     path = write("timestamp,force_n\n0,1\n10,2\n20,1\n")
     recording = read_recording(path, units={key: "ms"})
     np.testing.assert_array_equal(recording.time, TIME)
+
+
+def at_a_clock() -> Recording:
+    """A minute of samples, stamped with the seconds since 1970."""
+    time = 1663502488.25 + np.arange(0.0, 60.0, 0.5)
+    return Recording(time=time, channels={"p": np.zeros(120)}, units={"p": "n"})
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "told"),
+    [
+        (15.0, None, ["`begin=15.0` leaves out nothing: the recording begins at 1663"]),
+        (None, 2e9, ["`end=2000000000.0` leaves out nothing: the recording ends at"]),
+        (1663502487.0, None, []),
+        (1663502500.0, 1663502520.0, []),
+    ],
+)
+def test_times_of_another_clock_are_told(begin, end, told):
+    cautions = at_a_clock().between(begin, end).cautions
+    assert len(cautions) == len(told)
+    assert all(map(str.startswith, cautions, told))
+
+
+def test_times_of_a_clock_are_told_with_all_digits():
+    said = "from 1663502508.5 s to 1663502489 s: the recording runs from 1663502488.25 "
+    with pytest.raises(DataError, match=re.escape(said)):
+        at_a_clock().between(1663502508.5, 1663502489.0)
+    with pytest.raises(ValueError, match=re.escape("[1663502502, 1663502501.5] ends")):
+        PeakSettings(exclude=((1663502502.0, 1663502501.5),))
