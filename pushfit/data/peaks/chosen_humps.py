@@ -284,7 +284,8 @@ def no_pushes(
             code="no_pushes",
         )
     if n_dips:
-        what = f"the signal falls from rest {counted(n_dips, 'time')} and never rises "
+        which = "inverted signal" if settings.invert else "signal"
+        what = f"the {which} falls from rest {counted(n_dips, 'time')} and never rises "
         what += "above it"
     elif spread == 0.0:
         level = unit.shown(signal[0], n_digits=6)
@@ -292,8 +293,8 @@ def no_pushes(
     else:
         within = f"all readings lie within {unit.shown(spread)}"
         what = f"no hump stands out of the noise, {within}"
-    turn = "it is inverted already" if settings.invert else "try `invert=True`"
-    dips = f"; pushes may go down ({turn})" if n_dips else ""
+    turn = "up (leave out `invert`)" if settings.invert else "down (try `invert=True`)"
+    dips = f"; pushes may go {turn}" if n_dips else ""
     return DataError(
         f"no pushes found: {what}{dips}; check the channel"
         f"{f' {settings.channel!r}' if settings.channel else ''}, or state the "

@@ -115,9 +115,10 @@ def _upside_down(frame: pd.DataFrame, settings: PeakSettings, unit: Unit) -> lis
         return []
     if np.ptp(tops) > _ONE_LEVEL * own[height].median():
         return []
+    way = "up: leave out `invert`" if settings.invert else "down: state `invert=True`"
     return [
         "all pushes rise to the level that the recording begins and ends at; if that "
-        f"is its rest, they go down: state `invert={not settings.invert}`"
+        f"is its rest, they go {way}"
     ]
 
 

@@ -396,6 +396,8 @@ def test_an_upside_down_signal_is_refused_with_the_way_out(n_dips):
     times = "1 time" if n_dips == 1 else f"{n_dips} times"
     with pytest.raises(DataError, match=rf"from rest {times} and.*`invert=True`"):
         extract_peaks(mixed_recording([-1] * n_dips))
+    with pytest.raises(DataError, match=rf"{times} and.* go up \(leave out `invert`\)"):
+        extract_peaks(mixed_recording([1] * n_dips), settings=PeakSettings(invert=True))
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Rests between holds that are longer, where pushes may go both ways."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -109,6 +111,19 @@ def test_it_is_told_that_pushes_may_go_down(heights, hold, rest):
     found = measure_pushes(recording, settings=PeakSettings(invert=True))
     np.testing.assert_allclose(found.frame["height_n"], heights, rtol=0, atol=NEAR)
     assert found.cautions == ()
+
+
+def test_it_is_told_that_inverted_pushes_may_go_up():
+    """What can be typed: an option has no value to turn it off by."""
+    time, y = course(EQUAL, *LENGTHS[0], 0.0)
+    y += NOISE * np.random.default_rng(4).standard_normal(len(time))
+    recording = Recording(time=time, channels={"f": y}, units={"f": "n"})
+    try:
+        settings = PeakSettings(invert=True)
+        told = " ".join(measure_pushes(recording, settings=settings).cautions)
+    except DataError as error:
+        told = str(error)
+    assert re.search(r"go up\b.* leave out `invert`|go up \(leave out `invert`\)", told)
 
 
 def test_a_recording_that_begins_and_ends_inside_pushes_has_them_all():
