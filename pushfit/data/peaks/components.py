@@ -6,7 +6,7 @@ the rest: the `height_normal` and `height_tangential` of the model. Excluded: tu
 the sensor's frame; one of its axes must be the contact normal.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +27,7 @@ from pushfit.data.tables.traces import (
     envelope,
 )
 from pushfit.data.text.faults import listed
-from pushfit.data.units import Unit
+from pushfit.data.units import Unit, split_unit
 from pushfit.errors import ConfigError, DataError
 from pushfit.parameters import TINY
 
@@ -301,7 +301,7 @@ def _channel(recording: Recording, wanted: str | None) -> str:
     raise ConfigError(
         f"{found}; the recording has {', '.join(names) or 'none'}: name one by "
         "`channel`, or for force components the one along the contact normal by "
-        "`normal`",
+        f"`normal`{_without_unit(wanted, names)}",
         code="channel",
     )
 
@@ -312,7 +312,8 @@ def _normal(recording: Recording, normal: str) -> tuple[float, str]:
     if name not in recording.channels or len(recording.channels) < 2:
         raise ConfigError(
             f"peaks.normal = {normal!r} needs that channel and one across it; map "
-            f"both, the recording has {', '.join(recording.channels) or 'none'}",
+            f"both, the recording has {', '.join(recording.channels) or 'none'}"
+            f"{_without_unit(name, recording.channels)}",
             code="channel",
         )
     units = set(recording.units.values())
@@ -323,6 +324,13 @@ def _normal(recording: Recording, normal: str) -> tuple[float, str]:
             code="channel",
         )
     return sign, name
+
+
+def _without_unit(wanted: str | None, names: Collection[str]) -> str:
+    """Give the end of a sentence that names the channel meant, if one has that unit."""
+    stem = split_unit(wanted or "")[0]
+    is_meant = stem != wanted and stem in names
+    return f"; channels are named without their units: {stem}" if is_meant else ""
 
 
 def _refuse_constant(recording: Recording, normal: str) -> None:

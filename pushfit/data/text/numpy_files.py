@@ -17,6 +17,8 @@ from pushfit.data.text.faults import STATE_COLUMNS, listed, refuse, refuse_colum
 Table = dict[str, np.ndarray]
 
 _SAVE_COLUMNS = "as in np.savez(NAME, time_s=time, pressure_kpa=pressure)"
+# Arrays whose lengths differ by a smaller share were to be columns of one table.
+_ONE_TABLE = 0.1
 
 
 def numpy_table(path: str, columns: Sequence[str]) -> tuple[Table, str]:
@@ -70,7 +72,7 @@ def _columns_of(
         taken, rows = _only(tables, path=path)
         named, length = _named(rows, columns, path=path, array=taken), len(rows)
     else:
-        length = length or max(sizes, default=0)
+        length = length or _longest(lone, path=path)
         if length == 0:
             raise refuse(
                 "no_rows",
@@ -82,6 +84,25 @@ def _columns_of(
     own = {n: a for n, a in lone.items() if a.size == length and n not in named}
     aside = ", ".join(n for n in arrays.files if n != taken and n not in own)
     return {**own, **named}, f"NumPy .npz{f', left aside {aside}' if aside else ''}"
+
+
+def _longest(lone: Table, *, path: str) -> int:
+    """Length of the longest of some arrays, no two of which are as long.
+
+    Raises:
+        DataError: If one is nearly as long.
+    """
+    sizes = {name: array.size for name, array in lone.items()}
+    length = max(sizes.values(), default=0)
+    alike = [f"{n} ({k})" for n, k in sizes.items() if k > (1 - _ONE_TABLE) * length]
+    if len(alike) > 1:
+        raise refuse(
+            "unequal_lengths",
+            f"the arrays are of unequal length: {listed(alike)}; save as many samples "
+            f"of each, {_SAVE_COLUMNS}",
+            path=path,
+        )
+    return length
 
 
 def _numbers(arrays: NpzFile) -> Table:

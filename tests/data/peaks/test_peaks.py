@@ -10,7 +10,7 @@ from scipy import stats
 
 from pushfit.config import GraspConfig
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.extract import extract_peaks, find_pushes
+from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
 from pushfit.data.peaks.notes import extraction_notes
 from pushfit.data.plans.pairing import pair
 from pushfit.data.plans.schedule import PushSchedule
@@ -415,6 +415,19 @@ def test_a_signal_without_pushes_is_refused(signal):
     with pytest.raises(DataError, match=r"flat\.csv: no pushes found") as caught:
         extract_peaks(recording)
     assert caught.value.code == "no_pushes"
+
+
+@pytest.mark.parametrize("named", ["channel", "normal"])
+def test_a_channel_that_is_named_with_its_unit_is_offered_without(named):
+    force = np.zeros(100)
+    recording = Recording(
+        time=np.arange(100) / 100,
+        channels={"fx": force, "fz": force},
+        units={"fx": "n", "fz": "n"},
+    )
+    settings = PeakSettings(**{named: "fz_n"})
+    with pytest.raises(ConfigError, match=r"named without their units: fz$"):
+        measure_pushes(recording, settings=settings)
 
 
 def test_several_channels_need_a_choice():

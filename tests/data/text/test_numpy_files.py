@@ -30,6 +30,17 @@ def test_arrays_of_other_lengths_are_left_aside_and_named(tmp_path):
     assert "left aside pac, gain, serial, cal, meta" in recording.notes[0]
 
 
+def test_arrays_that_differ_by_a_sample_are_named_with_their_lengths(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, time_s=np.arange(50) / 100, force_n=np.arange(49.0), gain=0.5)
+    with pytest.raises(
+        DataError, match=r"unequal length: time_s \(50\), force_n \(49\); save as many"
+    ):
+        read_recording(path)
+    np.savez(path, force_n=np.arange(50.0), cal=np.arange(6.0))
+    assert read_recording(path, rate=100.0).time.size == 50
+
+
 TIME, FORCE = np.arange(5) / 100, np.arange(5.0)
 ROWS = np.stack([TIME, FORCE], axis=1)
 CALIBRATION = np.eye(6)
