@@ -124,5 +124,5 @@ def _note_irregular_steps(
     findings.notes.append(
         f"irregular sampling: usual step {usual * 1e3:.3g} ms, 5 to 95 % within "
         f"{low * 1e3:.3g} to {high * 1e3:.3g} ms; {n_long} gaps over {_LONG_STEP:g} "
-        f"steps, the longest {step[longest]:.3g} s at {time[longest]:.6g} s"
+        f"steps, the longest {step[longest]:.3g} s at {time[longest]:.2f} s"
     )

@@ -188,13 +188,14 @@ def test_columns_without_unit_are_left_alone_with_a_note(write):
     assert any("nx, ny, nz" in note for note in recording.notes)
 
 
-def test_irregular_sampling_is_a_note_not_an_error(write):
+@pytest.mark.parametrize("clock", ["0.", "1663502488."])
+def test_irregular_sampling_is_a_note_not_an_error(clock, write):
     rows = "time_s,p_n\n" + "".join(
-        f"{t},1.5\n" for t in (0, 0.01, 0.02, 0.1, 0.11, 0.12, 0.13, 0.77, 0.78)
+        f"{clock}{t},1.5\n" for t in "00 01 02 10 11 12 13 77 78".split()
     )
     notes = " ".join(read_recording(write(rows)).notes)
     assert "irregular sampling: usual step 10 ms" in notes
-    assert "the longest 0.64 s at 0.13 s" in notes
+    assert f"the longest 0.64 s at {clock}13 s" in notes
     assert "p does not vary: always 1.5" in notes
 
 
