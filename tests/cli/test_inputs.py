@@ -269,10 +269,10 @@ def heights(text: str) -> list[float]:
 
 def test_the_picture_is_drawn_when_pushes_are_missing(tmp_path, capsys):
     plan = tmp_path / "plan.csv"
-    text = (EXAMPLE / "theta_schedule.csv").read_text()
-    plan.write_text(text + "199,80,90,1\n")
+    text = (EXAMPLE / "alpha_schedule.csv").read_text()
+    plan.write_text(text + "".join(f"{k},15,170,{k - 198}\n" for k in (199, 200, 201)))
     picture = tmp_path / "peaks.png"
-    sweep = str(EXAMPLE / "theta_sweep.csv")
+    sweep = str(EXAMPLE / "alpha_sweep.csv")
     assert main(["peaks", sweep, "-s", str(plan), "--plot", str(picture)]) == 3
     assert "push 199" in capsys.readouterr().err
     assert picture.stat().st_size > 10_000
@@ -353,10 +353,10 @@ def test_a_wrong_schedule_is_not_answered_by_a_page_of_pushes(capsys):
 def test_a_schedule_that_is_too_short_is_named_with_what_to_add(tmp_path, capsys):
     plan = tmp_path / "short.csv"
     rows = (EXAMPLE / "alpha_schedule.csv").read_text().splitlines()
-    plan.write_text("\n".join(rows[:-1]))
+    plan.write_text("\n".join(rows[:-3]))
     assert main(["peaks", str(ALPHA_SWEEP), "-s", str(plan)]) == 3
     said = capsys.readouterr().err
-    assert f"17 pushes are planned in {plan}, 18 found" in said
+    assert f"15 pushes are planned in {plan}, 18 found" in said
     assert "Give the schedule a row for each push that was made, or a column" in said
 
 
