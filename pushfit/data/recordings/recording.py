@@ -7,7 +7,9 @@ needed ones are parsed (`csv_reader`), and the samples must make sense as a reco
 (`pushfit.data.peaks.extract`).
 """
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -25,6 +27,7 @@ from pushfit.data.text.explain import Kind
 from pushfit.data.text.faults import data_error
 from pushfit.data.text.files import Source, existing_file, is_bag, sha256_of
 from pushfit.data.text.foreign import ForeignTable, foreign_table
+from pushfit.data.text.ros_logs import NUMBER
 from pushfit.data.text.textfile import TextFile, open_text
 from pushfit.data.units import UNITS, Calibration, Unit
 from pushfit.errors import DataError
@@ -101,10 +104,12 @@ def read_recording(
             is_salvage=tail == "salvage",
             max_bytes=max_bytes,
         )
+        samples = _without(samples, missing)
     elif foreign := foreign_table(given, columns=columns):
         samples = _foreign_samples(
             given, foreign, mapping=mapping, units=units, rate=rate
         )
+        samples = _without(samples, missing)
     else:
         text = open_text(given, encoding=encoding)
         layout = find_layout(text, format=format, columns=columns)
@@ -124,6 +129,27 @@ def read_recording(
     for channel, conversion in calibration.items():
         recording = recording.calibrated(channel, conversion)
     return recording
+
+
+def _without(samples: Samples, missing: Sequence[str]) -> Samples:
+    """The same, numbers that stand for missing ones left out where there are no cells.
+
+    Args:
+        missing: Texts of the numbers; others stand in cells alone.
+    """
+    sentinels = [float(text) for text in missing if re.fullmatch(NUMBER, text.strip())]
+    if not sentinels:
+        return samples
+    series = {**samples.channels, **samples.angles}
+    known = {
+        name: (np.where(np.isin(values, sentinels), np.nan, values), unit)
+        for name, (values, unit) in series.items()
+    }
+    return replace(
+        samples,
+        channels={name: known[name] for name in samples.channels},
+        angles={name: known[name] for name in samples.angles},
+    )
 
 
 def _foreign_samples(

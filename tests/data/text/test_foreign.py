@@ -36,6 +36,22 @@ def test_what_rostopic_echo_prints_is_read(tmp_path):
     np.testing.assert_allclose(np.diff(recording.time), 0.01, rtol=STAMPS)
 
 
+def test_a_number_that_stands_for_a_missing_one_is_left_out_of_an_echo(tmp_path):
+    path = tmp_path / "echo.txt"
+    values = [-9999 if k == 5 else k / 4 for k in range(40)]
+    messages = enumerate(values)
+    path.write_text(
+        "".join(ECHO.format(k=k, ns=10_000_000 * k, x=x) for k, x in messages)
+    )
+    given = {"mapping": {"fx": "wrench.force.x"}, "units": {"fx": "n"}}
+    with pytest.raises(DataError, match=r"`missing=\['-9999'\]` and `gaps='split'`"):
+        read_recording(path, **given)
+    signal = read_recording(path, missing=["-9999", "lost"], gaps="split", **given)
+    np.testing.assert_array_equal(
+        signal.channels["fx"], [np.nan if k == 5 else k / 4 for k in range(40)]
+    )
+
+
 @pytest.mark.parametrize("name", [None, "force_n"])
 def test_a_file_of_one_column_has_a_rate(tmp_path, name):
     path = tmp_path / "one.txt"
