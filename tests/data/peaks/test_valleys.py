@@ -18,11 +18,16 @@ MAX_PULL = 5.0
 MAX_SD = 1.5 * NOISE
 
 
-def measured(offsets, *, rate, step=0.0):
-    """Rows of the joined pushes; their tops lie beside a middle by so much [s]."""
+def measured(offsets, *, rate, step=0.0, held=0.0):
+    """Rows of the joined pushes; their tops lie beside a middle by so much [s].
+
+    Args:
+        held: Share of the height below which nothing falls for 0.6 s between them.
+    """
     time = np.arange(0.0, 32.0, 1 / rate)
     tops = [*WHOLE, *(JOINED + own for own in offsets)]
     course = np.max([np.clip(1 - np.abs(time - top), 0, None) for top in tops], axis=0)
+    course = np.maximum(course, held * (np.abs(time - JOINED) < 0.3))
     noise = np.random.default_rng(4).standard_normal(len(time))
     y = HEIGHT * course + NOISE * noise + step * (time > JOINED)
     recording = Recording(time=time, channels={"f": y}, units={"f": "n"})
@@ -38,6 +43,15 @@ def measured(offsets, *, rate, step=0.0):
 def test_a_valley_is_the_rest_of_no_push_beside_it(offsets, rate):
     """It lies at 0.7, 0.3, 0.1 and 0.25 of the height; the rest is as steady."""
     rows = measured(offsets, rate=rate)
+    assert set(rows["flags"]) == {""}
+    pulls = (rows.height_n - HEIGHT) / rows.height_sd_n
+    assert pulls.abs().max() < MAX_PULL
+    assert rows.height_sd_n.max() < MAX_SD
+
+
+@pytest.mark.parametrize("held", [0.7, 0.8])
+def test_a_valley_that_is_held_high_up_for_less_than_a_push_is_no_rest(held):
+    rows = measured((-0.5, 0.5), rate=100.0, held=held)
     assert set(rows["flags"]) == {""}
     pulls = (rows.height_n - HEIGHT) / rows.height_sd_n
     assert pulls.abs().max() < MAX_PULL
