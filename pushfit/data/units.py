@@ -66,8 +66,9 @@ class Unit:
     def of_volts(self, volts: str) -> "Unit":
         """The same gain for values in other volts; itself where it is no gain.
 
-        >>> float(find_unit("500 mN/V").of_volts("mv").to_canonical(1000.0))
-        0.5
+        >>> unit = find_unit("500 mN/V").of_volts("mv")
+        >>> unit.to_canonical(np.array([1000.0])).tolist()
+        [0.5]
         """
         if self.volts in ("", volts):
             return self
