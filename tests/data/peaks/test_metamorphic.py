@@ -438,6 +438,8 @@ HARD_CUTS = {
     "p0_Pa": (68.67, 68.85, 69.14),
     # A rest level that steps under a push; its flank, at the level of the later rest.
     "real_hall": (1663502488.5572, 1663502488.5832),
+    # What follows the last 2 ms of a push, whose top lies before it.
+    "AI1": (1.201,),
 }
 
 
