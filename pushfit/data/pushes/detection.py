@@ -132,9 +132,9 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     found, is_low, is_rest, wander = search_humps(view, tau=tau)
     if found.start.size == 0:
         return ()
-    # What never falls to half of its height may be a step, and shows no width.
+    # A step shows no width: what never comes, or never falls, to half of its height.
     is_open = (found.half_up <= found.start) | (found.half_down >= found.end)
-    has_width = ~is_low & ~is_open
+    has_width = ~is_low & ~(is_open & _are_long(found, is_open | is_low, time))
     if view.smoothing is None and has_width.any():
         wider = float(np.median(found.width[has_width])) / WIDTH_PER_SMOOTHING
         if wider > _LONGER * tau:
@@ -222,9 +222,9 @@ def _off_flank(view: View, edge: float, sign: int) -> float:
 
 
 def _returns_to_rest(push: Extent) -> bool:
-    """Whether a push ends on the level that it began on."""
+    """Whether a push ends on the level that it began on, if either is seen."""
     is_whole = not (push.is_cut or push.is_brush)
-    return is_whole and abs(push.feet.moved) <= _SAME_REST * push.height
+    return is_whole and 0 < abs(push.feet.moved) <= _SAME_REST * push.height
 
 
 def _n_large(found: Feet[np.ndarray], is_low: Bool[np.ndarray, " p"]) -> int:
@@ -323,18 +323,30 @@ def _are_trends(
     is_low: Bool[np.ndarray, " p"],
 ) -> Bool[np.ndarray, " p"]:
     """What begins before the signal or never ends, unless it is as short as a push."""
-    length = feet.end - feet.start
-    whole = length[~is_cut & ~is_low]
-    duration = float(time[-1] - time[0])
-    longest = _CUT_LENGTHS * whole.max() if whole.size else _MAX_CUT * duration
     slack = 2 * float(np.median(feet.step))
     # What is left of it in its own smoothing is one reading.
     is_reading = (feet.width < slack) & ~is_cut
     # Of what does both, more than half is there on either side.
     rises = feet.half_up > time[0] + slack
     falls = feet.half_down < time[-1] - slack
-    is_long = is_cut & (length > longest)
+    is_long = is_cut & _are_long(feet, is_cut | is_low, time)
     return is_reading | ~(rises | falls) | (is_long & ~(rises & falls))
+
+
+def _are_long(
+    feet: Feet[np.ndarray],
+    is_other: Bool[np.ndarray, " p"],
+    time: Float[np.ndarray, " n"],
+) -> Bool[np.ndarray, " p"]:
+    """Whether each is far longer than the whole pushes, or most of the signal.
+
+    Args:
+        is_other: Which of them are no whole pushes.
+    """
+    length = feet.end - feet.start
+    whole = length[~is_other]
+    duration = float(time[-1] - time[0])
+    return length > (_CUT_LENGTHS * whole.max() if whole.size else _MAX_CUT * duration)
 
 
 def _are_jerks(
