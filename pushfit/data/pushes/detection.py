@@ -162,7 +162,7 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     first, last = np.searchsorted(time, [feet.start, feet.end])
     first = np.minimum(first, len(time) - 1)
     last = np.maximum(last, first + 1)
-    own = [
+    pushes = [
         Extent(
             start=int(first[k]),
             end=int(last[k]),
@@ -176,8 +176,8 @@ def find_extents(view: View) -> tuple[Extent, ...]:
         for k, own in enumerate(feet.apart())
         if is_push[k]
     ]
-    own += [replace(e, is_brush=e.is_brush or e.height < smallest) for e in beyond]
-    return tuple(sorted(own, key=lambda extent: extent.t_peak))
+    pushes += [replace(e, is_brush=e.is_brush or e.height < smallest) for e in beyond]
+    return tuple(sorted(pushes, key=lambda push: push.t_peak))
 
 
 def _beyond_steps(view: View, steps: Feet[np.ndarray]) -> list[Extent]:
@@ -222,7 +222,7 @@ def _off_flank(view: View, edge: float, sign: int) -> float:
 
 
 def _returns_to_rest(push: Extent) -> bool:
-    """Whether a push ends on the level that it began on, if either is seen."""
+    """Whether a push ends on the level that it began on, and both are seen."""
     is_whole = not (push.is_cut or push.is_brush)
     return is_whole and 0 < abs(push.feet.moved) <= _SAME_REST * push.height
 

@@ -189,7 +189,8 @@ def without_dips(
 
     Rest is the level that most readings have in common. That may be one of long
     plateaus: where it lies clearly above the lower end of the recording, rest is that
-    end. The lower one, because the other may lie inside a push or beyond a step.
+    end. The lower one, because the other may lie inside a push or beyond a step. Where
+    both ends do, rest is what most stretches of the recording have in common.
 
     Args:
         time: Sample times [s].
