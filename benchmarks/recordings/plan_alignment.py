@@ -3,13 +3,15 @@
 A regular plan of 12 is recorded with any subset of its pushes missing and up to five
 bumps between them that are no pushes. The times between pushes scatter by two percent;
 the recording begins and ends up to two periods beside them. Printed are the shares
-assigned right and refused; what is assigned wrong without a word must be none. Then the
+assigned right and refused; what is assigned wrong without a word must be none. `told`
+is what is paired wrong in order, with humps named that are off the beat. Then the
 same of regular plans with a pause of up to eight periods, whole or without one push,
-and of whole plans by hand, for gaps that scatter by several shares. A pause of whole
-periods looks like missing pushes: some of those that lack one are wrong. Last of nine
-directions with three pushes each, in a row or in three runs, where a jump of the
-direction takes up to eight periods and scatters by up to 30 %, whole, without some
-pushes and with some bumps; which repeat a hump is does not count.
+and of whole plans by hand, for gaps that scatter by several shares, or with any number
+of pauses. A pause of whole periods looks like missing pushes: some of those that lack
+one are wrong. Last of nine directions with three pushes each, in a row or in three
+runs, where a jump of the direction takes up to eight periods and scatters by up to
+30 %, whole, without some pushes and with some bumps; which repeat a hump is does not
+count.
 """
 
 import argparse
@@ -36,7 +38,9 @@ JUMPS, JUMP_SCATTER, REPEATS = (1.0, 8.0), 0.3, 0.03
 # Pushes that are missing and bumps beside the others.
 ODD = ((0, 0), (1, 0), (3, 0), (0, 1), (1, 1), (2, 2))
 # Scatter of the gaps between pushes by hand.
-BY_HAND = (0.1, 0.2, 0.3)
+BY_HAND = (0.1, 0.2, 0.3, 0.5)
+# Shares of gaps in which a robot pauses.
+OFTEN = (0.1, 0.3, 0.6)
 
 
 def evenly(n: int, time: np.ndarray | None = None) -> PushSchedule:
@@ -71,9 +75,8 @@ def verdict(
     there = found.hump >= 0
     taken = np.full(len(push), -1)
     taken[found.hump[there]] = own[there]
-    return (
-        "right" if np.array_equal(taken, np.where(push < 0, -1, own[push])) else "wrong"
-    )
+    is_right = np.array_equal(taken, np.where(push < 0, -1, own[push]))
+    return "right" if is_right else "told" if found.off_beat else "wrong"
 
 
 def count(n_cases: int, seed: int = 0) -> Counter[str]:
@@ -156,12 +159,17 @@ def count_with_jumps(
     return verdicts
 
 
-def count_by_hand(n_cases: int, scatter: float, seed: int = 0) -> Counter[str]:
-    """Verdicts of whole plans, by the scatter of the logs of their gaps."""
+def count_whole(
+    n_cases: int, scatter: float, pauses: float = 0.0, seed: int = 0
+) -> Counter[str]:
+    """Verdicts of whole plans, by the scatter of the logs of their gaps and pauses."""
     rng = np.random.default_rng(seed)
     verdicts: Counter[str] = Counter()
     for _ in range(n_cases):
         gaps = PERIOD * np.exp(scatter * rng.standard_normal(N_PLANNED - 1))
+        if pauses:
+            is_long = rng.random(N_PLANNED - 1) < pauses
+            gaps += PERIOD * is_long * rng.uniform(*PAUSES, N_PLANNED - 1)
         times = np.append(0.0, np.cumsum(gaps))
         found = align(
             times,
@@ -181,7 +189,11 @@ def main() -> None:
     found = {"regular": count(n_cases)}
     found["with a pause"] = count_with_pause(n_cases // 10, 0)
     found["and one less"] = count_with_pause(n_cases // 10, 1)
-    found |= {f"by hand, {s:.0%}": count_by_hand(n_cases // 10, s) for s in BY_HAND}
+    found |= {f"by hand, {s:.0%}": count_whole(n_cases // 10, s) for s in BY_HAND}
+    found |= {
+        f"{share:.0%} of gaps pause": count_whole(n_cases // 10, SCATTER, share)
+        for share in OFTEN
+    }
     for is_in_a_row in (True, False):
         for n_missing, n_bumps in ODD:
             kind = "in a row" if is_in_a_row else "in runs"

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from pushfit.data.plans.assignment import cheapest_pairings
+from pushfit.data.plans.assignment import cheapest_pairings, cost_in_order
 from pushfit.data.plans.case import Case
 from pushfit.data.plans.rhythm import (
     LEAD,
@@ -35,6 +35,8 @@ _TIMED_SCATTER = 0.05
 # How much likelier the best way must be: this many nats, 55 times. With twice as many
 # 131 cases more are refused, and pushes missing inside a run are not placed.
 _CLEAR = 4.0
+# An order that is not likelier by so much is told to be in doubt.
+_TOLD = 8.0
 # Bumps halfway between pushes make a rhythm of half the period. A rhythm of a period so
 # many times longer speaks against the best way unless that is so much likelier [nats]:
 # at 4 two of 10 000 cases are paired wrong. 1.2 times or 10 nats refuse none more.
@@ -169,19 +171,12 @@ def _align(
                 (case.with_jumps(*jump), period, scatter)
                 for period, scatter, *jump in rhythms_with_jumps(certain)
             ]
-    if n_pushes == n_planned and not any(np.isfinite(scatter) for *_, scatter in ways):
-        # A hand has no rhythm that could tell otherwise.
-        return _by_number(case, n_cycles)
-    case, best, others = _likeliest(ways)
-    shown = max(_rhythm_shown(*way, best) for way in ways)
-    if n_pushes == n_planned and shown < _EVIDENCE and case.may_be_by_hand():
-        # As many as planned: nothing speaks against their order.
-        return _by_number(case, n_cycles)
+    if n_pushes == n_planned and not case.is_timed:
+        return _as_many(case, ways, n_cycles)
+    case, best, others, _ = _likeliest(ways)
     if n_pushes == n_planned and not np.array_equal(best, in_order):
-        if not case.is_timed and brush[best[best >= 0]].any():
-            # A brush is less likely a push than as many as planned are the pushes.
-            return _alignment(case, in_order, best, n_cycles)
-        return _alignment(case, best, None if case.is_timed else in_order, n_cycles)
+        return _alignment(case, best, None, n_cycles)
+    shown = max(_rhythm_shown(*way, best) for way in ways)
     best = _joined(case, best)
     others = [_joined(case, other) for other in others]
     others = [*_stopped_early(case, best, begin), *others]
@@ -196,13 +191,36 @@ def _align(
     return _alignment(case, best, others[0] if others else None, n_cycles)
 
 
+def _as_many(case: Case, ways: Sequence[Way], n_cycles: int) -> Alignment:
+    """As many humps as planned: in order, unless a rhythm speaks against it."""
+    ways = [way for way in ways if np.isfinite(way[1])]
+    if not ways:
+        # A hand has no rhythm that could tell otherwise.
+        return _by_number(case, n_cycles)
+    own, best, others, least = _likeliest(ways)
+    in_order = np.flatnonzero(~case.brush)
+    is_shown = max(_rhythm_shown(*way, best) for way in ways) > _EVIDENCE
+    is_by_hand = not is_shown and case.may_be_by_hand()
+    more = min(cost_in_order(*way) for way in ways) - least
+    if np.array_equal(best, in_order):
+        near = others[:1]
+    elif more < (-_CLEAR if is_shown else 0.0):
+        near = [best] if more > -_TOLD else []
+    elif case.brush[best[best >= 0]].any():
+        # A brush is less likely a push than as many as planned are the pushes.
+        return _alignment(own, in_order, best, n_cycles)
+    else:
+        return _alignment(own, best, in_order, n_cycles)
+    return _by_number(case, n_cycles, None if is_by_hand or not near else near[0])
+
+
 def _likeliest(
     ways: Sequence[Way],
-) -> tuple[Case, Int[np.ndarray, " n"], list[Int[np.ndarray, " n"]]]:
+) -> tuple[Case, Int[np.ndarray, " n"], list[Int[np.ndarray, " n"]], float]:
     """The likeliest assignment by any of some rhythms, and those that come near.
 
     Returns:
-        The plan by its rhythm, the assignment and the others.
+        The plan by its rhythm, the assignment, the others, and its cost [nats].
     """
     pairings = [
         (one.cost, scale, case, one.hump)
@@ -216,7 +234,7 @@ def _likeliest(
         for cost, scale, _, hump in pairings[1:]
         if cost - least < (_CLEAR_OF_LONGER if scale > _LONGER * period else _CLEAR)
     ]
-    return case, best, others
+    return case, best, others, least
 
 
 def _joined(case: Case, hump: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
@@ -240,11 +258,18 @@ def _joined(case: Case, hump: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
     return hump
 
 
-def _by_number(case: Case, n_cycles: int) -> Alignment:
-    """As many humps as planned in order, and which of them are off the beat."""
+def _by_number(
+    case: Case, n_cycles: int, other: Int[np.ndarray, " n"] | None = None
+) -> Alignment:
+    """As many humps as planned in order, and which of them are off the beat.
+
+    Args:
+        other: Another assignment, whose humps are on it; None where no one comes near.
+    """
     pushes = np.flatnonzero(~case.brush)
     pairs = _alignment(case, pushes, None, n_cycles)
-    return replace(pairs, off_beat=tuple(pushes[_off_beat(case)].tolist()))
+    off = pushes[_off_beat(case)] if other is None else np.setdiff1d(pushes, other)
+    return replace(pairs, off_beat=tuple(off.tolist()))
 
 
 def _off_beat(case: Case) -> Int[np.ndarray, " k"]:

@@ -79,6 +79,14 @@ def cheapest_pairings(
     return pairings
 
 
+def cost_in_order(case: Case, scale: float, scatter: float) -> float:
+    """Cost of as many humps as planned in order, whether in rhythm or not."""
+    counted = case.in_periods(scale)
+    in_order = np.flatnonzero(~case.brush)
+    gaps = counted.cost_of_all_gaps(scatter)
+    return _Steady(counted, scatter).cost(in_order, gaps)
+
+
 def _traced(
     total: Float[np.ndarray, "n m"],
     back: Int[np.ndarray, "n m 2"],
@@ -139,8 +147,12 @@ class _Steady:
             back[i] = np.where(better[:, None], links, back[i])
         return cost, back
 
-    def cost(self, hump: Int[np.ndarray, " n"]) -> float:
-        """What one assignment costs."""
+    def cost(self, hump: Int[np.ndarray, " n"], gaps: float | None = None) -> float:
+        """What one assignment costs.
+
+        Args:
+            gaps: What its gaps do; None if they are those of the rhythm.
+        """
         case, there = self.case, np.flatnonzero(hump >= 0)
         taken, first, last = hump[there], there[:-1], there[1:]
         own = np.where(case.brush, _PAIR_BRUSH, 0.0)[taken].sum()
@@ -148,8 +160,10 @@ class _Steady:
         left[taken] = False
         extra = np.where(case.brush, _EXTRA_BRUSH, _EXTRA)[left].sum()
         missing = MISSING * (len(hump) - len(there))
-        gaps = np.diff(case.times[taken])
-        off = case.cost_of_gaps(gaps, first, last, self.scatter).sum()
+        off = gaps
+        if off is None:
+            times = np.diff(case.times[taken])
+            off = case.cost_of_gaps(times, first, last, self.scatter).sum()
         is_same = case.direction[first] == case.direction[last]
         off = off + case.cost_of_repeats(taken[:-1][is_same], taken[1:][is_same])
         off = off + case.cost_of_other_repeats(hump)
