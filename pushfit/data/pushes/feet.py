@@ -307,7 +307,7 @@ def are_cut(view: View, feet: Feet[np.ndarray]) -> Bool[np.ndarray, " p"]:
     is_short = length < LEAST * feet.span
     noise = SIGMAS * feet.noise(np.maximum(length.min(axis=0), feet.step))
     is_far = np.abs(after - before - drift) > np.maximum(high, noise)
-    is_way = is_short & ~is_short[::-1] & is_far
+    is_way = is_short & (length < length[::-1]) & is_far
     # So is what the samples leave of a rest where it is as steep as a flank.
     is_way |= (length < feet.span) & _are_steep(view, feet, beside)
     begins = (shown[0] < _SHOWN) | is_high[0] | is_way[0] | (feet.start >= feet.half_up)
