@@ -431,7 +431,8 @@ HARD_CUTS = {
     "trial2": (13.01, 38.24, 58.005),
     # Wiggles of a hold that is cut, beside pushes that are no higher on their own.
     "force_N": (53.42, 99.26),
-    "peg_poke": (7.61,),
+    # On the first flank, where the push that swings looks like two.
+    "peg_poke": (6.08, 7.61),
     # As many readings inside a push at either end as at rest.
     "short_dropouts": (5.603, 5.91, 6.3),
     "p1_Pa": (95.53,),
