@@ -35,6 +35,8 @@ _TIMED_SCATTER = 0.05
 # How much likelier the best way must be: this many nats, 55 times. With twice as many
 # 131 cases more are refused, and pushes missing inside a run are not placed.
 _CLEAR = 4.0
+# That as many pushes are missing as humps are over is so much rarer than none [nats].
+_AS_MANY = 2.0
 # An order that is not likelier by so much is told to be in doubt.
 _TOLD = 8.0
 # Bumps halfway between pushes make a rhythm of half the period. A rhythm of a period so
@@ -113,6 +115,7 @@ def align(
     begin: float = -np.inf,
     left_out: Sequence[float] = (),
     heights: Float[np.ndarray, " m"] | None = None,
+    starts: Float[np.ndarray, " m"] | None = None,
 ) -> Alignment:
     """Pair humps with planned pushes, in order and in rhythm.
 
@@ -125,21 +128,30 @@ def align(
         begin: Begin of the part of it that humps were looked for in [s].
         left_out: When there are humps that the user calls no pushes [s].
         heights: Heights of the humps, in any unit; None if nobody knows.
+        starts: When the humps begin, which planned times may mean as well [s].
     """
     brush = np.asarray(is_brush, dtype=bool)
-    n_cycles = max(1, round(np.count_nonzero(~brush) / plan.n_pushes))
     alike = np.ones(len(times)) if heights is None else heights
 
-    def runs(n_cycles: int) -> Alignment:
-        case = Case.of(times, alike, brush, plan, n_cycles=n_cycles, span=span)
-        return _align(case, plan, n_cycles, begin=begin, left_out=left_out)
+    def runs(n_cycles: int) -> Case:
+        return Case.of(times, alike, brush, plan, n_cycles=n_cycles, span=span)
 
-    found = runs(n_cycles)
-    if n_cycles > 1 and found.is_in_doubt:
-        # Some directions may show nothing in any of more runs.
-        more = runs(n_cycles + 1)
-        found = found if more.is_in_doubt else more
-    return found
+    if plan.time is not None:
+        case = runs(1)
+        hump = case.on_the_clock(float(plan.time[0]), starts)
+        if hump is not None:
+            return _alignment(case, _joined(case, hump), None, 1)
+    likely = max(1, round(np.count_nonzero(~brush) / plan.n_pushes))
+    # Some directions may show nothing in any of more runs, or bumps pass for a run.
+    several = [likely, likely + 1, likely - 1] if len(times) > plan.n_pushes else [1]
+    found = []
+    for n_cycles in filter(None, several):
+        case = runs(n_cycles)
+        one = _align(case, plan, n_cycles, begin=begin, left_out=left_out)
+        if not one.is_in_doubt:
+            return one
+        found.append(one)
+    return found[0]
 
 
 def _align(
@@ -156,10 +168,7 @@ def _align(
     in_order = np.flatnonzero(~brush)
     if n_pushes == n_planned and case.is_in_rhythm(left_out):
         return _alignment(case, in_order, None, n_cycles)
-    if plan.time is not None:
-        hump = case.on_the_clock(float(plan.time[0]))
-        if hump is not None:
-            return _alignment(case, _joined(case, hump), None, n_cycles)
+    if case.is_timed:
         ways = [(case, 1.0, _TIMED_SCATTER)]
     else:
         certain = times[~brush] if n_pushes > 1 else times
@@ -174,8 +183,6 @@ def _align(
     if n_pushes == n_planned and not case.is_timed:
         return _as_many(case, ways, n_cycles)
     case, best, others, _ = _likeliest(ways)
-    if n_pushes == n_planned and not np.array_equal(best, in_order):
-        return _alignment(case, best, None, n_cycles)
     shown = max(_rhythm_shown(*way, best) for way in ways)
     best = _joined(case, best)
     others = [_joined(case, other) for other in others]
@@ -201,12 +208,12 @@ def _as_many(case: Case, ways: Sequence[Way], n_cycles: int) -> Alignment:
     in_order = np.flatnonzero(~case.brush)
     is_shown = max(_rhythm_shown(*way, best) for way in ways) > _EVIDENCE
     is_by_hand = not is_shown and case.may_be_by_hand()
-    more = min(cost_in_order(*way) for way in ways) - least
+    more = min(cost_in_order(*way) for way in ways) - _AS_MANY - least
     if np.array_equal(best, in_order):
         near = others[:1]
     elif more < (-_CLEAR if is_shown else 0.0):
         near = [best] if more > -_TOLD else []
-    elif case.brush[best[best >= 0]].any():
+    elif more < _CLEAR or case.brush[best[best >= 0]].any():
         # A brush is less likely a push than as many as planned are the pushes.
         return _alignment(own, in_order, best, n_cycles)
     else:

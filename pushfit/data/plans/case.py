@@ -26,9 +26,9 @@ _ALIKE, _UNLIKE = 0.1, 3.0
 # Gaps off by less than this are in time without a search, in periods: five times the
 # least scatter. At half 2 cases more are refused; twice changes none.
 IN_TIME = 0.15
-# Humps on time that show that plan and recording have one clock; share of all humps.
-# Two may be so by chance; six, or half of the share, change no test.
-_FEWEST, _ON_CLOCK = 3, 0.75
+# Humps on time that show that plan and recording have one clock; share of all humps:
+# of two runs, of which the times are those of one, it is half.
+_FEWEST, _ON_CLOCK = 3, 0.6
 # Where there are as many humps as planned a pause is no rarer than this [nats], but
 # for one that a missing push would leave; hands scatter by this share or more.
 _ONE_PAUSE, _PAUSE_OF_BEATS, _LEAST_BY_HAND = 3.0, 7.0, 0.1
@@ -232,21 +232,35 @@ class Case:
         gaps = np.diff(self.times[~self.brush])
         return bool(np.all(np.abs(np.log(gaps / np.median(gaps))) < np.log(_BY_HAND)))
 
-    def on_the_clock(self, first: float) -> Int[np.ndarray, " n"] | None:
+    def on_the_clock(
+        self, first: float, starts: Float[np.ndarray, " m"] | None
+    ) -> Int[np.ndarray, " n"] | None:
         """Humps at the stated times as they are; None if the clock is another.
 
         What begins before the recording, such as at 0, is no time of its clock.
+
+        Args:
+            first: Stated time of the first push [s].
+            starts: When the humps begin, which stated times may mean as well [s].
         """
         if len(self.planned) < _FEWEST or not self.span[0] < first < self.span[1]:
             return None
-        off = np.abs(self.times - first - self.planned[:, None])
-        late = IN_TIME * self.period
-        hump = np.where(off.min(axis=1) < late, off.argmin(axis=1), -1)
-        taken = np.unique(hump[hump >= 0])
-        if len(taken) < np.count_nonzero(hump >= 0):
-            return None
-        n_on, n_pushes = np.count_nonzero(~self.brush[taken]), np.sum(~self.brush)
-        return hump if n_on >= max(_FEWEST, _ON_CLOCK * n_pushes) else None
+        n_pushes, late = np.sum(~self.brush), IN_TIME * self.period
+        best, least = None, np.inf
+        for times in (self.times, starts):
+            if times is None:
+                continue
+            off = np.abs(times - first - self.planned[:, None])
+            hump = np.where(off.min(axis=1) < late, off.argmin(axis=1), -1)
+            taken = np.unique(hump[hump >= 0])
+            n_on = np.count_nonzero(~self.brush[taken])
+            is_own = n_on >= max(_FEWEST, _ON_CLOCK * n_pushes)
+            if not is_own or len(taken) < np.count_nonzero(hump >= 0):
+                continue
+            usual = float(np.median(off.min(axis=1)[hump >= 0]))
+            if usual < least:
+                best, least = hump, usual
+        return best
 
     def skips_beats(self, hump: Int[np.ndarray, " n"]) -> bool:
         """Whether humps that follow each other evenly are no neighbours in the plan."""

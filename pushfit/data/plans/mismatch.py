@@ -54,6 +54,8 @@ def mismatch_error(
     ]
     n_found = plan.n_pushes - len(pairs.missing) + len(pairs.extra)
     where = f" in {path}" if path else ""
+    if pairs.n_cycles > 1:
+        where += f", run through {pairs.n_cycles} times,"
     verb = "is" if plan.n_pushes == 1 else "are"
     return DataError(
         f"{counted(plan.n_pushes, 'push')} {verb} planned{where}, {n_found} found: "
@@ -82,20 +84,27 @@ def _doubt(schedule: PushSchedule, pairs: Alignment, extents: Sequence[Extent]) 
         for hump in (pairs.hump, pairs.other)
     ]
     brushes = _brushes_taken(pairs, extents)
-    humps = (brushes or pairs.extra)[:1]
-    window = _left_out(extents[humps[0]]) if humps else "`exclude`"
+    only = np.setdiff1d(pairs.hump, [-1, *pairs.other]).tolist()
+    doubtful = (*brushes, *pairs.extra, *only)
+    remedies = []
+    if doubtful:
+        remedies.append(
+            f"leave out what is no push by {_left_out(extents[doubtful[0]])}"
+        )
     if brushes:
-        window += f", the hump far lower than the others {_at(extents, humps[0])}"
+        remedies[0] += (
+            f", the hump far lower than the others {_at(extents, brushes[0])}"
+        )
     is_short = len(pairs.extra) > len(pairs.missing)
     rows = "a row for each push that was made, or " if is_short else ""
-    times = "a column time_s"
+    times = "a column time_s, when each push begins"
     if schedule.time is not None:
-        times = "the time_s that its pushes had on the clock of the recording"
+        times = "the time_s at which its pushes begin on the clock of the recording"
+    remedies += ["state `min_height`", "or take (a) by `allow_missing=True`"]
     return (
         f". Two assignments fit nearly as well: (a) {shown[0]}; (b) {shown[1]}. Give "
-        f"the schedule {rows}{times}, leave out what is no push by "
-        f"{window}, state `min_height`, or take (a) by `allow_missing=True`. "
-        f"In (a) {_counts(plan, pairs)}"
+        f"the schedule {rows}{times}, {', '.join(remedies)}. In (a) "
+        f"{_counts(plan, pairs)}"
     )
 
 

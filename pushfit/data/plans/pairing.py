@@ -99,9 +99,9 @@ class Paired:
         if bumps:
             when = listed([f"{bump.t_peak:.2f} s" for bump in bumps])
             lines.append(
-                "as many humps as planned are paired in order, but the rhythm speaks "
-                f"against it: those at {when} are off the beat of the others. Leave "
-                "out what is no push, where another push is missing, as by "
+                "as many humps as planned are paired in order, but the rhythm would "
+                f"be more even without those at {when}. Look whether they are "
+                "pushes; leave out what is none, where another one is missing, by "
                 f"{stated(exclude=[bump.window for bump in bumps])}"
             )
         plan = self.schedule.repeated(self.alignment.n_cycles)
@@ -198,6 +198,7 @@ def _aligned(
             begin=float(found.course.time[0]),
             left_out=[extent.middle for extent in found.excluded],
             heights=np.array([extent.height for extent in humps]),
+            starts=np.array([extent.t_start for extent in humps]),
         )
 
     humps = found.extents

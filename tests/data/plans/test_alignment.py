@@ -139,3 +139,46 @@ def test_times_of_the_recordings_own_clock_place_what_is_missing_at_its_begin(
     assert (result.other is None) is is_plain
     if is_plain:
         np.testing.assert_array_equal(result.missing, [0, 1, 2])
+
+
+@pytest.mark.parametrize("are_onsets", [True, False])
+def test_times_of_the_own_clock_may_be_onsets_and_six_in_ten_keep_to_them(are_onsets):
+    """Seven of ten pushes, and a bump between two pairs of them and after the last."""
+    onsets = 3.0 * np.arange(1, 11)
+    pushes = np.delete(onsets, [4, 5, 9])
+    starts = np.sort([*pushes, 10.8, 13.8, 34.8])
+    result = align(
+        starts + 0.5,
+        [False] * 10,
+        plan=evenly(10, onsets if are_onsets else onsets + 0.5),
+        span=(0.0, 37.0),
+        starts=starts,
+    )
+    assert result.other is None
+    np.testing.assert_array_equal(result.missing, [4, 5, 9])
+    np.testing.assert_array_equal(starts[list(result.extra)], [10.8, 13.8, 34.8])
+
+
+def test_as_many_humps_as_planned_by_times_from_the_first_push_are_no_proof():
+    """Two pushes are missing, the last among them, beside two bumps."""
+    planned = 3.0 * np.arange(10)
+    humps = np.sort([*np.delete(planned + 3.5, [3, 9]), 10.85, 19.85])
+    result = align(humps, [False] * 10, plan=evenly(10, planned), span=(0.0, 32.5))
+    assert result.other is not None
+    shown = [tuple(np.flatnonzero(one < 0)) for one in (result.hump, result.other)]
+    assert (3, 9) in shown
+
+
+@pytest.mark.parametrize("is_timed", [True, False])
+def test_half_as_many_bumps_as_pushes_are_no_second_run(is_timed):
+    middles = 2.5 + 3.0 * np.arange(8)
+    bumps = middles[1:6] + 1.3
+    result = align(
+        np.sort([*middles, *bumps]),
+        [False] * 13,
+        plan=evenly(8, middles if is_timed else None),
+        span=(0.0, 27.0),
+    )
+    assert result.n_cycles == 1
+    assert result.other is None
+    assert not result.missing
