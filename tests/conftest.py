@@ -24,7 +24,10 @@ CACHE = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
 CACHE.mkdir(mode=0o700, parents=True, exist_ok=True)
 jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
-# What tests compile themselves is compiled as pushfit does, in half of the time.
+# A test runs what it compiles a few times: what LLVM takes as it is runs slower, but is
+# made in half of the time. The processes that tests start compile as users' do.
+compiling.OPTIONS["xla_backend_optimization_level"] = 0
+# What tests compile themselves is compiled in the same way.
 FLAGS = [f"--{name}={value}".lower() for name, value in compiling.OPTIONS.items()]
 # Once only: they are part of the name that a program is kept by, and workers inherit.
 flags = dict.fromkeys([*os.environ.get("XLA_FLAGS", "").split(), *FLAGS])
