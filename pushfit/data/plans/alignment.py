@@ -143,9 +143,9 @@ def align(
             return _alignment(case, _joined(case, hump), None, 1)
     likely = max(1, round(np.count_nonzero(~brush) / plan.n_pushes))
     # Some directions may show nothing in any of more runs, or bumps pass for a run.
-    several = [likely, likely + 1, likely - 1] if len(times) > plan.n_pushes else [1]
+    several = [likely, likely + 1, likely - 1] if likely > 1 else [1]
     found = []
-    for n_cycles in filter(None, several):
+    for n_cycles in several:
         case = runs(n_cycles)
         one = _align(case, plan, n_cycles, begin=begin, left_out=left_out)
         if not one.is_in_doubt:
