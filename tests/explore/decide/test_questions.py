@@ -56,7 +56,9 @@ def is_inside(truth, interval, period=np.inf):
     return 0 <= np.mod(truth - low, period) <= high - low
 
 
-@pytest.mark.parametrize("ask", ["alpha_star", "both"])
+@pytest.mark.parametrize(
+    "ask", [pytest.param("alpha_star", marks=pytest.mark.slow), "both"]
+)
 def test_a_hand_finds_the_soft_axis(ask):
     """Directions over elevation and azimuth, until each angle is within ± 20°.
 
@@ -150,7 +152,9 @@ def test_a_table_is_given_up_after_as_many_truths(chances, answer, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ask", ["alpha_star", "both"])
+@pytest.mark.parametrize(
+    "ask", [pytest.param("alpha_star", marks=pytest.mark.slow), "both"]
+)
 def test_the_soft_axis_is_explored_and_read_back(ask, tmp_path, capsys):
     """From the command to the folder, by the engine and the peaks of a recording."""
     truth, settings = tmp_path / "truth.toml", tmp_path / "grasp.toml"

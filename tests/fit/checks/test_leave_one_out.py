@@ -84,7 +84,7 @@ def several(channels: tuple[str, ...], repeats: int, *, is_stated: bool) -> Peak
 @pytest.mark.parametrize(
     ("channels", "repeats", "is_stated", "row", "factor"),
     [
-        (COMPONENTS, 1, True, 4, 0.1),
+        pytest.param(COMPONENTS, 1, True, 4, 0.1, marks=pytest.mark.slow),
         (COMPONENTS, 1, False, 6, 10.0),
         (("height",), 3, False, 13, 10.0),
     ],
