@@ -89,22 +89,24 @@ def calmed(
 def held_part(course: Float[np.ndarray, " m"]) -> tuple[int, int]:
     """First and one past the last part of a course, of 0..1, that stay near a level.
 
-    That is the upper level; or, where the push does not stay there for long, the one
-    that it settles to before its release.
+    That is the upper level; or, where it is none of its top, the one that the push
+    settles to before its release.
     """
     high = course[course >= _HIGH]
     if high.size == 0:
         return 0, 0
-    n, begin = longest_run(np.abs(course - np.median(high)) <= _BAND)
-    upper = begin, begin + n
-    if _is_long(course, upper):
-        return upper
     last = int(np.flatnonzero(course > 0.5)[-1]) + 1
     for first in range(int(np.argmax(course)), last):
         tail = course[first:last]
-        if np.abs(tail - np.median(tail)).max() <= _BAND:
-            return (first, last) if _is_long(course, (first, last)) else upper
-    return upper
+        n, begin = longest_run(np.abs(tail - np.median(tail)) <= _BAND)
+        lower = first, first + n
+        # However long the release takes: that is beyond it.
+        if begin == 0 and _is_long(course, lower):
+            if _is_low(course, lower):
+                return lower
+            break
+    n, begin = longest_run(np.abs(course - np.median(high)) <= _BAND)
+    return begin, begin + n
 
 
 def held_window(course: Float[np.ndarray, " m"]) -> tuple[float, float]:
@@ -160,7 +162,8 @@ def are_held(
         n_samples = extents[k].end - extents[k].start
         if n_samples >= 2 * PROFILE_BINS or counts[k].min() > 0:
             is_steady = _is_steady(scaled[k])
-            held[k] = is_steady and (is_level[k] or _is_low(scaled[k]))
+            is_low = _is_low(scaled[k], held_part(scaled[k]))
+            held[k] = is_steady and (is_level[k] or is_low)
     return held
 
 
@@ -171,9 +174,14 @@ def _may_settle(course: Float[np.ndarray, "p m"]) -> Bool[np.ndarray, " p"]:
     return between.sum(axis=1) >= _HELD_SHARE * (course > 0.5).sum(axis=1)
 
 
-def _is_low(course: Float[np.ndarray, " m"]) -> bool:
-    """Whether the level of a course is so far below its top that it is none of it."""
-    return bool(np.median(course[slice(*held_part(course))]) < 1 - 2 * _BAND)
+def _is_low(course: Float[np.ndarray, " m"], part: tuple[int, int]) -> bool:
+    """Whether the level that a part ends at is so far below the top to be none of it.
+
+    By its later half: where it begins, of a level that is still relaxed to, is decided
+    by noise.
+    """
+    end = course[sum(part) // 2 : part[1]]
+    return bool(end.size and np.median(end) < 1 - 2 * _BAND)
 
 
 def _is_steady(course: Float[np.ndarray, " m"]) -> bool:

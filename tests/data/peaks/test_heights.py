@@ -92,6 +92,39 @@ def test_a_push_that_overshoots_and_is_then_held_is_read_at_its_hold(hold):
     assert np.abs(pulls).max() < MAX_Z
 
 
+def relaxing(noise: float, rate: float, seed: int) -> Recording:
+    """Ten pushes of 1 N that relax towards 0.75 N and are released over 0.2 s."""
+    time = np.arange(0.0, 35.0, 1 / rate)
+    y = noise * np.random.default_rng(seed).standard_normal(time.size)
+    for start in 1.5 + 3.007 * np.arange(10):
+        since = time - start
+        flanks = np.interp(since, [0.0, 0.3, 1.8, 2.0], [0.0, 1.0, 1.0, 0.0])
+        y += flanks * (0.75 + 0.25 * np.exp(-np.clip(since - 0.3, 0, None) / 0.4))
+    return Recording(time=time, channels={"p": y}, units={"p": "n"})
+
+
+@pytest.mark.parametrize(("noise", "rate"), [(0.005, 100.0), (0.01, 50.0)])
+@pytest.mark.parametrize("seed", range(4))
+def test_equal_pushes_that_relax_are_all_read_alike(noise, rate, seed):
+    """Of ten one had been 0.78, and the others 0.98, by the noise of that one."""
+    frame = measure_pushes(relaxing(noise, rate, seed)).frame
+    assert len(frame) == 10
+    assert frame["definition"].nunique() == 1
+    assert np.ptp(frame["height_n"]) < 5 * frame["height_sd_n"].max()
+
+
+@pytest.mark.parametrize("beyond", [0.5, 0.9, 0.96, 1.02, 1.1])
+def test_where_a_recording_ends_decides_of_no_push_whether_it_relaxes(beyond):
+    """Around the onset of the next: one had been 0.78 instead of 0.98, 18 sd lower."""
+    whole = relaxing(0.01, 50.0, 3)
+    heights = measure_pushes(whole).frame["height_n"]
+    for k in range(1, 9):
+        end = 3.5 + 3.007 * k + beyond
+        frame = measure_pushes(whole.between(None, end)).frame
+        off = (frame["height_n"] - heights)[: k + 1]
+        assert np.all(np.abs(off) < frame["height_sd_n"][: k + 1])
+
+
 @pytest.mark.parametrize(("rate", "seconds"), [(50.0, 1.0), (100.0, 0.6)])
 def test_a_hold_of_few_samples_is_read_at_its_level(rate, seconds):
     """Read at a top of their noise of 1, 50 and 60 samples were 0.77 and 0.48 high."""
