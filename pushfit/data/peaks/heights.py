@@ -149,11 +149,10 @@ def measure_heights(
     windows = np.array([[e.t_start, e.t_end] for e in extents])
     profile = bin_means(course, windows, PROFILE_BINS)[0]
     calm = calmed(profile, base.level, extents, noise)
-    held = are_held(course, extents, calm=calm, base=base.level, noise=noise)
-    if definition != "auto":
-        held = np.full(len(extents), definition == "plateau")
     missing = np.array(is_missing or [False] * len(extents))
-    held &= ~missing
+    shaped = are_held(course, extents, calm=calm, base=base.level, noise=noise)
+    stated = np.full(len(extents), definition == "plateau")
+    held = (shaped if definition == "auto" else stated) & ~missing
     pushes = _Pushes(
         course=course, extents=extents, profile=profile, base=base.level, noise=noise
     )
@@ -165,7 +164,8 @@ def measure_heights(
         signs=signs.tolist(),
         limit=limit,
         sigma=noise.sigma,
-        held=held,
+        # By its shape: what is read of a hold does not make it pointed.
+        held=shaped & ~missing,
         quantum=noise.quantum,
     )
     # The drift of an upright picture of a dip goes the other way.

@@ -151,10 +151,11 @@ def course(heights, shapes, *, rate=100.0):
     return time, y
 
 
-def flags_of(time, readings):
+def flags_of(time, readings, **settings):
     """Flags of the pushes of a signal."""
     recording = Recording(time=time, channels={"p": readings}, units={"p": "n"})
-    return measure_pushes(recording).frame["flags"].tolist()
+    own = PeakSettings(**settings)
+    return measure_pushes(recording, settings=own).frame["flags"].tolist()
 
 
 HEIGHTS = np.array([90.0, 150.0, 110.0, 170.0, 80.0, 200.0])
@@ -199,6 +200,15 @@ def test_a_hold_is_no_limit_whichever_pushes_are_beside_it(shape, rate):
     for end in (9.0, 13.0, 19.0):
         keep = time < end
         assert not any(flags_of(time[keep], y[keep]))
+
+
+@pytest.mark.parametrize("definition", ["auto", "apex", "plateau"])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_read_of_equal_holds_makes_no_limit_of_their_level(definition, seed):
+    """Read at their apex, all ten had been flagged: they had counted as pointed."""
+    time, y = course(np.full(10, 100.0), ["hold"] * 10)
+    y += np.random.default_rng(seed).standard_normal(y.size)
+    assert not any(flags_of(time, y, height=definition))
 
 
 def test_what_a_cut_leaves_of_a_hold_is_no_limit():
