@@ -23,7 +23,7 @@ VALUE = rf"(?:{NUMBER}|[+-]?\.?(?i:nan))"
 _LEVEL = "(?:DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL)"
 # What a node prints, what it writes to its own log, and what rosout writes to its.
 _LOG = re.compile(
-    rf"(?:\[{_LEVEL}\]\s*\[(?:WallTime:\s*)?(?P<time>{NUMBER})[^\]]*\]:?"
+    rf"(?:\[ *{_LEVEL}\]\s*\[(?:WallTime:\s*)?(?P<time>{NUMBER})[^\]]*\]:?"
     r"(?:\s*\[[A-Za-z][\w./]*\]:)?"  # the node, which ROS 2 names
     rf"|\[[\w./]+\]\[{_LEVEL}\] (?P<date>\d{{4}}-\d\d-\d\d \d\d:\d\d:\d\d,\d+):"
     rf"|(?P<stamp>{NUMBER})\s+{_LEVEL} /\S+(?:\s+\[[^\]]*\])*)\s*(?P<text>.*)",

@@ -30,6 +30,9 @@ def test_a_rospy_log_with_values_below_their_names_is_read(tmp_path):
         "[rosout][INFO] 2020-09-13 12:26:4{s},{ms}0: {text}",
         "160000000{s}.{ms} INFO /bio [bio.py:12(run)] [topics: /rosout, /p] {text}",
         "[INFO] [160000000{s}.{ms}] [bio]: {text}",
+        # As a node in C++ prints it, also in simulated time.
+        "[ INFO] [160000000{s}.{ms}3456789]: {text}",
+        "[ WARN] [160000000{s}.{ms}3456789, 23.400000000]: {text}",
     ],
 )
 def test_a_log_of_ros_is_read_past_what_is_no_reading(tmp_path, line):
