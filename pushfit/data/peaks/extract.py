@@ -32,7 +32,7 @@ from pushfit.data.peaks.components import (
 )
 from pushfit.data.peaks.directions import recorded_directions, turning
 from pushfit.data.peaks.heights import Height, measure_heights
-from pushfit.data.peaks.notes import extraction_notes
+from pushfit.data.peaks.notes import brushes_left_out, extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.pushes.detection import Extent
@@ -219,14 +219,17 @@ class _Look:
             both = replace(both, jerks=self.found.jerks)
             better = pair(both, schedule, settings, span=span)
             paired = better if paired.n_odd > better.n_odd else paired
+        unit = stated_unit(self.recording, settings)
         try:
             if all(extent.is_brush for extent in paired.found.extents):
-                unit = stated_unit(self.recording, settings)
                 raise no_pushes(signal, settings, paired.found, unit=unit)
             paired.refuse_doubt(settings)
         except DataError as error:
             files = ", ".join(source.path for source in self.recording.sources)
             message = f"{files}: {error}" if files else str(error)
+            if error.code == "push_mismatch":
+                # One of them may be what a plan is found to lack.
+                message = "; ".join([message, *brushes_left_out(paired, unit)])
             raise DataError(message, code=error.code, problems=error.problems) from None
         return paired
 

@@ -122,17 +122,22 @@ def _upside_down(frame: pd.DataFrame, settings: PeakSettings, unit: Unit) -> lis
     ]
 
 
+def brushes_left_out(paired: Paired, unit: Unit) -> list[str]:
+    """Humps that may be no pushes, and are no rows; nothing where there are none."""
+    own = [e for e in paired.found.extents if e.is_brush and e not in paired.chosen]
+    if not own:
+        return []
+    return [
+        "humps far smaller than the pushes, or far briefer than one beside them, "
+        f"are left out: {_times(own, unit)}; take one in by "
+        f"{stated(include=[own[0].window])}"
+    ]
+
+
 def _left_out(paired: Paired, unit: Unit) -> list[str]:
     """Brushes, dips and excluded humps that are no rows."""
-    found, chosen = paired.found, paired.chosen
-    brushes = [e for e in found.extents if e.is_brush and e not in chosen]
-    notes = []
-    if brushes:
-        notes.append(
-            "humps far smaller than the pushes, or far briefer than one beside them, "
-            f"are left out: {_times(brushes, unit)}; take one in by "
-            f"{stated(include=[brushes[0].window])}"
-        )
+    found = paired.found
+    notes = brushes_left_out(paired, unit)
     if found.jerks:
         notes.append(
             "jerks far briefer than a push are left out, with their samples: "
@@ -156,9 +161,9 @@ def _left_out(paired: Paired, unit: Unit) -> list[str]:
 
 
 def _times(extents: Sequence[Extent], unit: Unit) -> str:
-    """When the first of some humps are, and how high."""
+    """When humps are, and how high: all of them, for no table has what is left out."""
     humps = [f"{e.t_peak:.2f} s ({unit.shown(e.height)})" for e in extents]
-    return f"at {listed(humps)}"
+    return f"at {', '.join(humps)}"
 
 
 def _flagged(frame: pd.DataFrame) -> dict[str, str]:

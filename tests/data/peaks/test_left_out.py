@@ -306,3 +306,25 @@ def test_a_window_that_names_nothing_is_told_as_it_was_typed():
         n for n in measure_pushes(recording, settings=settings).notes if "no hump" in n
     ]
     assert "in 1663502497.5:1663502499 s, which is excluded or included" in note
+
+
+def test_all_that_is_left_out_as_far_smaller_is_listed():
+    """Of fifteen humps of 0.6 N beside pushes of 30 N three had been "and 3 more"."""
+    time = np.arange(0.0, 70.0, 0.01)
+    small = np.arange(32.0, 62.0, 2.0)
+    y = 0.01 * np.random.default_rng(4).standard_normal(time.size)
+    for middle in (5.0, 11.0, 17.0, 23.0):
+        y += 30.0 * np.clip(1 - np.abs(time - middle), 0, None)
+    for middle in small:
+        y += 0.6 * np.clip(1 - 2 * np.abs(time - middle), 0, None)
+    recording = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    found = measure_pushes(recording)
+    assert len(found.frame) == 4
+    (told,) = (line for line in found.cautions if "far smaller" in line)
+    # Nor does a refusal hide which hump may be the push that it lacks.
+    plan = PushSchedule.planned(np.radians(45.0), np.radians(90.0), repeats=3)
+    with pytest.raises(DataError, match="Two assignments") as caught:
+        extract_peaks(recording, plan)
+    for line in (told, str(caught.value).partition("far smaller")[2]):
+        when = [float(word) for word in re.findall(r"([\d.]+) s \(", line)]
+        np.testing.assert_allclose(when, small, rtol=0, atol=0.1)
