@@ -53,7 +53,8 @@ _UNLEVEL, _ON_THE_WAY = 0.25, 0.25
 # Means of the signal that differ by so many sd are no chance.
 _BEYOND = 6.0
 # A level that is not left is a rest if so many pushes return to it, up to this share of
-# their heights: wiggles of one that the recording cuts do not. Not tuned.
+# their heights: wiggles of one that the recording cuts do not. So is one that is held
+# again after a dip. Not tuned.
 _RETURNS, _SAME_REST = 3, 0.1
 # Times that pushes are joined, and parted, by their own course: an end for what would
 # go on for ever. Half or twice as many change no real recording.
@@ -69,7 +70,7 @@ class Extent:
         end: One past the last sample above the foot.
         feet: Its course in time [s].
         is_brush: Whether it is so small among the others, or so brief beside one, that
-            it may be no push.
+            it may be no push, or but the return from a dip to rest.
         is_cut: Whether the signal begins or ends inside the push.
         is_low: Whether it is lower than the smallest push asked for.
         contact: Level that it holds on the way up, below which its rest is, as a share
@@ -149,14 +150,15 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     is_cut = are_cut(view, feet)
     is_push = ~_are_trends(feet, is_cut=is_cut, time=time, is_low=is_low)
     beyond = _beyond_steps(view, rows_of(feet, np.flatnonzero(~is_push & is_cut)))
+    within, contact = _from_within(view, feet)
     is_jerk, rows = ~is_push, np.flatnonzero(is_push)
     if rows.size:
         is_jerk[rows] = _are_jerks(rows_of(feet, rows), is_cut=is_cut[rows])
+    is_jerk |= _are_returns(view, feet, within, is_cut=is_cut)
     others = np.array([e.height for e in beyond if not e.is_brush])
     heights = np.append(feet.height[~is_jerk], others)
     smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
     is_brush = (feet.height < smallest) | is_jerk
-    within, contact = _from_within(view, feet)
     feet = within.where(~is_cut, feet)
     shelf = shelves(view, feet)
     first, last = np.searchsorted(time, [feet.start, feet.end])
@@ -282,9 +284,43 @@ def _from_within(
     before, after = (_held_beside(view, feet, found, sign) for sign in (-1, 1))
     is_same[0] |= before <= _LIGHT
     is_same[3] |= (before <= _LIGHT) & (after <= _LIGHT)
+    # A dip after a release is no rest, and the level of the last rest is no touch.
+    dips = _are_dips(feet)
+    rest = view.course.mean(*found.before)
+    is_back = np.abs(np.diff(rest)) <= _SAME_REST * found.height[1:]
+    is_after_dip = dips[0] & np.isfinite(before) & np.append(False, is_back)
+    is_same[:3] |= is_after_dip
+    is_same[3] |= is_after_dip & dips[1]
     is_found = np.logical_and.reduce(is_same)
     is_named = ~is_found & (before <= 2 * _LIGHT)
     return found.where(is_found, feet), np.where(is_named, before, 0.0)
+
+
+def _are_dips(feet: Feet[np.ndarray]) -> Bool[np.ndarray, "2 p"]:
+    """Whether what is before pushes, and after them, is too brief for a rest."""
+    length = np.diff(np.array([feet.before, feet.after()]), axis=1)[:, 0]
+    return (length < LEAST * feet.span) & ~np.array(feet.are_outer)
+
+
+def _are_returns(
+    view: View,
+    feet: Feet[np.ndarray],
+    within: Feet[np.ndarray],
+    *,
+    is_cut: Bool[np.ndarray, " p"],
+) -> Bool[np.ndarray, " p"]:
+    """Which is the last and rises from a dip to no more than the rest before that.
+
+    The push before it is whole: what it begins with is no rest otherwise.
+
+    Args:
+        within: Feet that pushes reach from half of their heights.
+    """
+    top = view.course.mean(feet.half_up, feet.half_down)
+    rest = view.course.mean(*within.before)
+    is_rest = np.abs(top[1:] - rest[:-1]) <= _SAME_REST * feet.height[1:]
+    is_last = feet.are_outer[1]
+    return is_last & _are_dips(feet)[0] & np.append(False, is_rest & ~is_cut[:-1])
 
 
 def _held_beside(

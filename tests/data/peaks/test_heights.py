@@ -317,6 +317,51 @@ def test_pushes_on_a_firm_touch_are_named_where_others_are_measured_from_it():
     assert base.tolist() == [22, 22, 20, 22, 20, 22]
 
 
+COURSES = {
+    "triangle": lambda u: 1 - np.abs(2 * u - 1),
+    "half sine": lambda u: np.sin(np.pi * u),
+    "hann": lambda u: np.sin(np.pi * u) ** 2,
+    "hold": lambda u: np.minimum(4 * np.minimum(u, 1 - u), 1),
+}
+
+
+def pulled_off(shape, heights, depths, seconds):
+    """Pushes of 2 s every 4 s, and a dip right after each; noise of 0.01."""
+    time = np.arange(0.0, 4.0 * len(heights) + 6.0, 0.01)
+    y = 0.01 * np.random.default_rng(RNG).standard_normal(time.size)
+    for k, (height, depth) in enumerate(zip(heights, depths, strict=True)):
+        since = time - 4.0 * k - 3.0
+        y += height * COURSES[shape](np.clip(since / 2, 0, 1))
+        y -= depth * np.sin(np.pi * np.clip((since - 2) / seconds, 0, 1))
+    return Recording(time=time, channels={"p": y}, units={"p": "n"})
+
+
+@pytest.mark.parametrize(
+    ("share", "seconds"), [(0.1, 0.2), (0.1, 0.5), (0.2, 0.2), (0.2, 0.3), (0.2, 0.5)]
+)
+@pytest.mark.parametrize("shape", list(COURSES))
+def test_a_dip_after_a_release_is_no_rest_of_the_next_push(shape, share, seconds):
+    """A finger that sticks. Read from the bottom of a dip, heights are 12 to 24 % more.
+
+    Nor is the rest after the last dip a push.
+    """
+    heights = np.linspace(1.0, 0.4, 8)
+    frame = measure_pushes(pulled_off(shape, heights, share * heights, seconds)).frame
+    assert len(frame) == len(heights)
+    assert frame["baseline_n"].abs().max() < 0.02
+    assert np.abs((frame["height_n"] - heights) / frame["height_sd_n"]).max() < MAX_Z
+
+
+def test_dips_of_one_depth_are_no_rests_of_pushes_of_many_heights():
+    """Of pushes below 4 the dips, of 1, are too shallow to be told by their depth."""
+    heights = np.array([5.0, 4.5, 4.0, 3.5, 5.0, 3.0, 2.5, 2.0])
+    found = measure_pushes(pulled_off("half sine", heights, [1.0] * 8, 0.3))
+    pulls = (found.frame["height_n"] - heights) / found.frame["height_sd_n"]
+    assert np.abs(pulls).max() < MAX_Z
+    assert not found.frame["flags"].any()
+    assert not any("mixed rests" in caution for caution in found.cautions)
+
+
 @pytest.mark.parametrize("moment", np.linspace(0.0, 1.0, 5, endpoint=False))
 def test_the_sd_of_a_tip_holds_what_lies_between_few_samples(moment):
     """Triangles of 8 to 24 samples from foot to foot, at 500 times their noise."""
