@@ -241,7 +241,11 @@ def _as_told(
 
 
 def _beside(dips: Sequence[Extent], hump: Extent) -> Extent:
-    """Call a hump a brush if it is but the shoulder of a deeper dip, or far smaller."""
+    """Call a hump a brush if it is but the shoulder of a deeper dip, or far smaller.
+
+    Dips that are briefer than any push are jerks, which have no shoulders.
+    """
+    dips = [dip for dip in dips if dip.width >= FIRST_SMOOTHING]
     usual = float(np.median([dip.height for dip in dips])) if dips else 0.0
     is_minor = hump.height < _MINOR * usual or any(
         hump.height < dip.height
@@ -285,8 +289,13 @@ def no_pushes(
         )
     if n_dips:
         which = "inverted signal" if settings.invert else "signal"
-        what = f"the {which} falls from rest {counted(n_dips, 'time')} and never rises "
-        what += "above it"
+        what = f"the {which} falls from rest {counted(n_dips, 'time')} and "
+        if found.extents:
+            top = max(found.extents, key=lambda hump: hump.height)
+            what += f"rises above it by {unit.shown(top.height)} at most, at "
+            what += f"{top.t_peak:.2f} s"
+        else:
+            what += "never rises above it"
     elif spread == 0.0:
         level = unit.shown(signal[0], n_digits=6)
         what = f"the signal is {level} throughout, no variation"

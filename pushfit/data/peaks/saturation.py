@@ -73,7 +73,7 @@ def saturated_pushes(
     is_push = np.array([not extent.is_brush for extent in extents])
     # Where most are held, pushes end at levels by themselves; among pointed ones a
     # level that several end at is that of the limit.
-    is_usual = held & (float(held[is_push].mean()) > _MOST)
+    is_usual = held & (held[is_push].sum() > _MOST * is_push.sum())
     is_cut = np.zeros(len(extents), dtype=bool)
     for sign in set(signs):
         rows = [k for k, own in enumerate(signs) if own == sign]

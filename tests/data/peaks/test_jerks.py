@@ -7,6 +7,7 @@ from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.extract import extract_peaks, find_pushes, measure_pushes
 from pushfit.data.plans.schedule import PushSchedule
 from pushfit.data.recordings.records import Recording
+from pushfit.errors import DataError
 
 HOLDS = (5.0, 5.5, 4.5)
 # Of a hold in noise of 0.02 N [N].
@@ -41,6 +42,35 @@ def test_a_jerk_is_neither_a_push_nor_the_height_of_one(at, height, rate):
     found = measure_pushes(own)
     np.testing.assert_allclose(found.frame["height_n"], HOLDS, rtol=0, atol=NEAR)
     assert not any(found.frame["flags"])
+
+
+@pytest.mark.parametrize("rate", [60.0, 100.0, 500.0])
+@pytest.mark.parametrize("depth", [3.0, 6.0, 70.0])
+@pytest.mark.parametrize("every", [1, 2])
+@pytest.mark.parametrize("at", [3.98, 4.05, 4.3])
+def test_a_jerk_down_on_retracting_leaves_the_pushes(at, every, depth, rate):
+    """Deeper than the pushes are high: none of these is the shoulder of a brief dip."""
+    moments = at + 4.0 * np.arange(0, 3, every)
+    own = recording(held, jerks=[(when, -depth) for when in moments], rate=rate)
+    found = measure_pushes(own)
+    np.testing.assert_allclose(found.frame["height_n"], HOLDS, rtol=0, atol=NEAR)
+    assert not any(found.frame["flags"])
+    assert any("the signal falls below rest" in caution for caution in found.cautions)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("min_height", [None, 1.0])
+def test_what_rises_beside_deeper_dips_is_named_where_none_is_a_push(min_height):
+    """Pulls of 12 after each push, for 0.3 s: which of them are pushes is not known."""
+    time = np.arange(0.0, 15.0, 0.01)
+    since = time[:, None] - 3.0 - 4.0 * np.arange(3)
+    y = (held(np.abs(since)) @ HOLDS) - 12 * np.sin(
+        np.pi * np.clip((since - 1) / 0.3, 0, 1)
+    ).sum(axis=1)
+    y += 0.02 * np.random.default_rng(5).standard_normal(len(time))
+    own = Recording(time=time, channels={"f": y}, units={"f": "n"})
+    with pytest.raises(DataError, match=r"rises above it by 5\.\d+ n at most, at 6\."):
+        measure_pushes(own, settings=PeakSettings(min_height=min_height))
 
 
 def test_a_jerk_at_the_begin_of_a_recording_makes_no_brush_of_pushes():
