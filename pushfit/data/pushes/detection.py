@@ -13,7 +13,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.doubles import join_one, part_doubles
-from pushfit.data.pushes.feet import GUARD, LEAST, WIDTH_PER_SMOOTHING, Feet, are_cut
+from pushfit.data.pushes.feet import (
+    FOOT,
+    GUARD,
+    LEAST,
+    WIDTH_PER_SMOOTHING,
+    Feet,
+    are_cut,
+)
 from pushfit.data.pushes.hump_search import search_humps
 from pushfit.data.pushes.rows import rows_of
 from pushfit.data.pushes.running_means import View
@@ -38,6 +45,9 @@ _SMALL, _GAP_RATIO = 0.15, 5.0
 # signal, or than so many whole pushes, is a trend. At twice the first a drift alone is
 # a push; half, and both of the second, change no test and no real recording.
 _MAX_CUT, _CUT_LENGTHS = 0.5, 3.0
+# A trend falls, or rises, all the way: it holds a push where its course has a top that
+# is this share as high as the usual push, seen at so many points. Not tuned.
+_OF_USUAL, _POINTS = 0.5, 240
 # A jerk is so many times briefer than the push, and nearer to it: those of the
 # tests last 50 ms. Half or twice changes none of them, and no real recording.
 BRIEFER = 10.0
@@ -150,6 +160,10 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     is_cut = are_cut(view, feet)
     is_push = ~_are_trends(feet, is_cut=is_cut, time=time, is_low=is_low)
     beyond = _beyond_steps(view, rows_of(feet, np.flatnonzero(~is_push & is_cut)))
+    trends = np.flatnonzero(~is_push & is_cut)
+    if trends.size and not beyond and not (is_cut | is_low).all():
+        least = _OF_USUAL * float(np.median(feet.height[~is_cut & ~is_low]))
+        is_push[trends] = _have_tops(view, rows_of(feet, trends), least=least)
     within, contact = _from_within(view, feet)
     is_jerk, rows = ~is_push, np.flatnonzero(is_push)
     if rows.size:
@@ -367,6 +381,25 @@ def _are_trends(
     falls = feet.half_down < time[-1] - slack
     is_long = is_cut & _are_long(feet, is_cut | is_low, time)
     return is_reading | ~(rises | falls) | (is_long & ~(rises & falls))
+
+
+def _have_tops(
+    view: View, feet: Feet[np.ndarray], *, least: float
+) -> Bool[np.ndarray, " p"]:
+    """Whether each course falls from one of its ends before it rises to its top.
+
+    Args:
+        least: By so much it rises at least, and falls by a foot of that [unit].
+    """
+    tau = feet.averaging(view)[:, None]
+    ends = feet.lowest[:, None], feet.highest[:, None]
+    have = np.zeros(len(feet.start), dtype=bool)
+    for outer in (feet.start, feet.end):
+        when = np.linspace(outer, feet.peak, _POINTS, axis=1)
+        y = view.course.smooth(when, tau=tau, ends=ends)
+        low = y.min(axis=1)
+        have |= (y[:, -1] - low >= least) & (y[:, 0] - low >= FOOT * least)
+    return have
 
 
 def _are_long(

@@ -317,6 +317,8 @@ def test_pushes_on_a_firm_touch_are_named_where_others_are_measured_from_it():
     assert base.tolist() == [22, 22, 20, 22, 20, 22]
 
 
+# Twice the noise, and a fifth of the shallowest dip that a rest may be taken from.
+AT_REST = 0.02
 COURSES = {
     "triangle": lambda u: 1 - np.abs(2 * u - 1),
     "half sine": lambda u: np.sin(np.pi * u),
@@ -348,7 +350,7 @@ def test_a_dip_after_a_release_is_no_rest_of_the_next_push(shape, share, seconds
     heights = np.linspace(1.0, 0.4, 8)
     frame = measure_pushes(pulled_off(shape, heights, share * heights, seconds)).frame
     assert len(frame) == len(heights)
-    assert frame["baseline_n"].abs().max() < 0.02
+    assert frame["baseline_n"].abs().max() < AT_REST
     assert np.abs((frame["height_n"] - heights) / frame["height_sd_n"]).max() < MAX_Z
 
 

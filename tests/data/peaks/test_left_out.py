@@ -327,4 +327,4 @@ def test_all_that_is_left_out_as_far_smaller_is_listed():
         extract_peaks(recording, plan)
     for line in (told, str(caught.value).partition("far smaller")[2]):
         when = [float(word) for word in re.findall(r"([\d.]+) s \(", line)]
-        np.testing.assert_allclose(when, small, rtol=0, atol=0.1)
+        np.testing.assert_allclose(when, small, rtol=0, atol=MIDDLE)

@@ -7,7 +7,7 @@ import pytest
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.peaks.baselines import rests_of
-from pushfit.data.peaks.extract import find_pushes
+from pushfit.data.peaks.extract import find_pushes, measure_pushes
 from pushfit.data.peaks.heights import measure_heights
 from pushfit.data.pushes.feet import Feet, are_cut
 from pushfit.data.pushes.noise import SignalNoise
@@ -216,3 +216,23 @@ def test_jerks_of_contact_are_no_pushes_also_where_the_last_push_is_cut():
         pushes = found(time[time < end], y[time < end])
         assert [one.is_cut for one in pushes] == [False, False, False, is_cut]
         assert all(one.t_start % 7 > 3.1 for one in pushes)
+
+
+@pytest.mark.parametrize("decay", [1.5, 2.0, 2.5])
+def test_a_push_on_a_decay_from_the_begin_is_no_part_of_a_trend(decay):
+    """The rest falls by more than half of a push before the first: it looks cut."""
+    time = np.arange(0.0, 34.0, 0.01)
+    since = time[:, None] - 3.0 - 3.0 * np.arange(10)
+    y = 0.8 * np.clip(4 * np.minimum(since, 1 - since), 0, 1).sum(axis=1)
+    y += decay * np.exp(-time / 15)
+    y += 0.005 * np.random.default_rng(1).standard_normal(time.size)
+    own = Recording(time=time, channels={"f": y}, units={"f": "n"})
+    frame = measure_pushes(own).frame
+    starts = 3.0 + 3.0 * np.arange(10)
+    is_own = np.abs(frame["t_peak_s"].to_numpy()[:, None] - starts - 0.5) < 0.5
+    assert is_own.any(axis=0).all()
+    # What is more is the begin of the decay, or looks so.
+    is_off = np.abs(frame["height_n"] - 0.8) > 0.1
+    assert all(
+        "clipped" in cell for cell in frame["flags"][is_off | ~is_own.any(axis=1)]
+    )
