@@ -24,14 +24,6 @@ CACHE = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
 CACHE.mkdir(mode=0o700, parents=True, exist_ok=True)
 jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
-# A test runs what it compiles a few times: what LLVM takes as it is runs slower, but is
-# made in half of the time. The processes that tests start compile as users' do.
-compiling.OPTIONS["xla_backend_optimization_level"] = 0
-# What tests compile themselves is compiled in the same way.
-FLAGS = [f"--{name}={value}".lower() for name, value in compiling.OPTIONS.items()]
-# Once only: they are part of the name that a program is kept by, and workers inherit.
-flags = dict.fromkeys([*os.environ.get("XLA_FLAGS", "").split(), *FLAGS])
-os.environ["XLA_FLAGS"] = " ".join(flags)
 # Processes that tests start share it as well. Traced programs are not kept: a test that
 # replaces part of the package must not leave its program to others.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
@@ -44,6 +36,22 @@ MAX_MEMORY = 3e9
 # which would say how busy the machine is. --hypothesis-profile=default tries others.
 settings.register_profile("gate", deadline=None, derandomize=True)
 settings.load_profile("gate")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Say how programs are compiled, before the first is.
+
+    What LLVM takes as it is is made in half of the time and runs 2.4 times slower: that
+    pays unless tests run it thousands of times, as those marked slow do. The processes
+    that tests start compile as users' do.
+    """
+    if "not slow" in config.option.markexpr:
+        compiling.OPTIONS["xla_backend_optimization_level"] = 0
+    # What tests compile themselves is compiled in the same way.
+    flags = [f"--{name}={value}".lower() for name, value in compiling.OPTIONS.items()]
+    # Once only: they are part of the name that a program is kept by; workers inherit.
+    flags = dict.fromkeys([*os.environ.get("XLA_FLAGS", "").split(), *flags])
+    os.environ["XLA_FLAGS"] = " ".join(flags)
 
 
 @pytest.fixture(autouse=True)
