@@ -243,9 +243,11 @@ def _as_told(
 def _beside(dips: Sequence[Extent], hump: Extent) -> Extent:
     """Call a hump a brush if it is but the shoulder of a deeper dip, or far smaller.
 
-    Dips that are briefer than any push are jerks, which have no shoulders.
+    Dips that are briefer than any push, and far briefer than the hump, are jerks, which
+    have no shoulders.
     """
-    dips = [dip for dip in dips if dip.width >= FIRST_SMOOTHING]
+    long = min(FIRST_SMOOTHING, hump.width / BRIEFER)
+    dips = [dip for dip in dips if dip.width >= long]
     usual = float(np.median([dip.height for dip in dips])) if dips else 0.0
     is_minor = hump.height < _MINOR * usual or any(
         hump.height < dip.height

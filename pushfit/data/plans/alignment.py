@@ -137,18 +137,16 @@ def align(
     def runs(n_cycles: int) -> Case:
         return Case.of(times, alike, brush, plan, n_cycles=n_cycles, span=span)
 
-    if plan.time is not None:
-        case = runs(1)
-        hump = case.on_the_clock(float(plan.time[0]), starts)
-        if hump is not None:
-            return _alignment(case, _joined(case, hump), None, 1)
     likely = max(1, round(np.count_nonzero(~brush) / plan.n_pushes))
     # Some directions may show nothing in any of more runs, or bumps pass for a run.
     several = [likely, likely + 1, likely - 1] if likely > 1 else [1]
+    if plan.time is not None and runs(1).on_the_clock(plan.time[0], starts) is not None:
+        several = [1]
     found = []
     for n_cycles in several:
         case = runs(n_cycles)
-        one = _align(case, plan, n_cycles, begin=begin, left_out=left_out)
+        clock = None if plan.time is None else case.on_the_clock(plan.time[0], starts)
+        one = _align(case, clock, n_cycles, begin=begin, left_out=left_out)
         if not one.is_in_doubt:
             return one
         found.append(one)
@@ -157,18 +155,24 @@ def align(
 
 def _align(
     case: Case,
-    plan: PushSchedule,
+    clock: Int[np.ndarray, " n"] | None,
     n_cycles: int,
     *,
     begin: float,
     left_out: Sequence[float],
 ) -> Alignment:
-    """The same for so many runs through the plan."""
+    """The same for so many runs through the plan.
+
+    Args:
+        clock: Humps at the stated times; None if these are of another clock.
+    """
     times, brush, span = case.times, case.brush, case.span
     n_pushes, n_planned = int(np.count_nonzero(~brush)), len(case.planned)
     in_order = np.flatnonzero(~brush)
     if n_pushes == n_planned and case.is_in_rhythm(left_out):
         return _alignment(case, in_order, None, n_cycles)
+    if clock is not None:
+        return _alignment(case, _joined(case, clock), None, n_cycles)
     if case.is_timed:
         ways = [(case, 1.0, _TIMED_SCATTER)]
     else:

@@ -26,12 +26,16 @@ _ALIKE, _UNLIKE = 0.1, 3.0
 # Gaps off by less than this are in time without a search, in periods: five times the
 # least scatter. At half 2 cases more are refused; twice changes none.
 IN_TIME = 0.15
-# Humps on time that show that plan and recording have one clock; share of all humps:
-# of two runs, of which the times are those of one, it is half.
-_FEWEST, _ON_CLOCK = 3, 0.6
+# Humps on time that show that plan and recording have one clock; share of all humps
+# between them, and of those before and after, which may be another run.
+_FEWEST, _ON_CLOCK, _BESIDE = 3, 0.6, 1 / 3
 # Where there are as many humps as planned a pause is no rarer than this [nats], but
 # for one that a missing push would leave; hands scatter by this share or more.
 _ONE_PAUSE, _PAUSE_OF_BEATS, _LEAST_BY_HAND = 3.0, 7.0, 0.1
+# Where most are off by more than this they are on time by chance, in periods: times of
+# another clock are in one case of five. At half again as much half as many cases more
+# of plans that lack a push are taken for those of the own clock.
+_SAME_CLOCK = 0.05
 # A hand pushes after as many medians of its gaps, or as small a part of one, at most.
 _BY_HAND = 2.0
 
@@ -250,15 +254,20 @@ class Case:
         for times in (self.times, starts):
             if times is None:
                 continue
-            off = np.abs(times - first - self.planned[:, None])
-            hump = np.where(off.min(axis=1) < late, off.argmin(axis=1), -1)
-            taken = np.unique(hump[hump >= 0])
-            n_on = np.count_nonzero(~self.brush[taken])
-            is_own = n_on >= max(_FEWEST, _ON_CLOCK * n_pushes)
-            if not is_own or len(taken) < np.count_nonzero(hump >= 0):
+            off = times - first - self.planned[:, None]
+            nearest = np.abs(off).argmin(axis=1)
+            off = np.take_along_axis(off, nearest[:, None], axis=1)[:, 0]
+            hump = np.where(np.abs(off) < late, nearest, -1)
+            on = hump[hump >= 0]
+            if len(np.unique(on)) < max(len(on), 1):
                 continue
-            usual = float(np.median(off.min(axis=1)[hump >= 0]))
-            if usual < least:
+            n_on = np.count_nonzero(~self.brush[on])
+            n_after = np.count_nonzero(~self.brush[max(on) + 1 :])
+            n_beside = n_after + np.count_nonzero(~self.brush[: min(on)])
+            usual = abs(float(np.median(off[hump >= 0])))
+            is_own = n_on >= max(_FEWEST, _ON_CLOCK * (n_pushes - n_beside))
+            is_own &= n_beside <= _BESIDE * n_on and usual < _SAME_CLOCK * self.period
+            if is_own and usual < least:
                 best, least = hump, usual
         return best
 
@@ -304,7 +313,7 @@ def _cost_by_hand(
 
 def _planned(
     n_planned: int, n_cycles: int, planned_times: Float[np.ndarray, " n"] | None
-) -> Float[np.ndarray, " n"]:
+) -> Float[np.ndarray, " m"]:
     """Planned times, in periods where only the order is known."""
     if planned_times is None:
         return np.arange(n_planned * n_cycles, dtype=float)

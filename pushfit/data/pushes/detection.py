@@ -323,7 +323,7 @@ def _are_returns(
     *,
     is_cut: Bool[np.ndarray, " p"],
 ) -> Bool[np.ndarray, " p"]:
-    """Which is the last and rises from a dip to no more than the rest before that.
+    """Which is the last, and rises from a dip to the rest before that and stays there.
 
     The push before it is whole: what it begins with is no rest otherwise.
 
@@ -333,7 +333,7 @@ def _are_returns(
     top = view.course.mean(feet.half_up, feet.half_down)
     rest = view.course.mean(*within.before)
     is_rest = np.abs(top[1:] - rest[:-1]) <= _SAME_REST * feet.height[1:]
-    is_last = feet.are_outer[1]
+    is_last = feet.are_outer[1] & is_cut
     return is_last & _are_dips(feet)[0] & np.append(False, is_rest & ~is_cut[:-1])
 
 

@@ -354,6 +354,19 @@ def test_a_dip_after_a_release_is_no_rest_of_the_next_push(shape, share, seconds
     assert np.abs((frame["height_n"] - heights) / frame["height_sd_n"]).max() < MAX_Z
 
 
+@pytest.mark.parametrize("gap", [0.15, 0.3])
+def test_a_last_push_after_a_step_down_is_no_return_to_rest(gap):
+    """Its top is at the level of the rest before the step, and it comes down again."""
+    starts = 2.0 + (1.2 + gap) * np.arange(10)
+    time = np.arange(0.0, starts[-1] + 4.0, 0.01)
+    since = time[:, None] - starts
+    y = 1.5 * np.clip(1 - np.abs(since / 0.6 - 1), 0, None).sum(axis=1)
+    y -= 1.0 * (time >= starts[-1] - gap / 2)
+    y += 0.005 * np.random.default_rng(RNG).standard_normal(time.size)
+    own = Recording(time=time, channels={"p": y}, units={"p": "n"})
+    assert len(measure_pushes(own).frame) == 10
+
+
 def test_dips_of_one_depth_are_no_rests_of_pushes_of_many_heights():
     """Of pushes below 4 the dips, of 1, are too shallow to be told by their depth."""
     heights = np.array([5.0, 4.5, 4.0, 3.5, 5.0, 3.0, 2.5, 2.0])

@@ -107,6 +107,21 @@ def test_a_jerk_on_top_of_a_slow_push_is_not_its_height(seconds, rate):
     assert 5 < found.frame["height_n"].iloc[1] < 6.1
 
 
+@pytest.mark.parametrize("seconds", [0.05, 0.08, 0.12, 0.2])
+def test_what_rebounds_from_taps_downwards_is_no_push(seconds):
+    """Taps that are hardly briefer than the rebounds are what the finger did."""
+    time = np.arange(0.0, 23.0, 0.005)
+    since = time[:, None] - 2.0 - 2.0 * np.arange(10)
+    tap, rebound = (
+        np.sin(np.pi * np.clip(u, 0, 1)) ** 2
+        for u in (since / seconds, (since - seconds) / 0.3)
+    )
+    y = (0.37 * rebound - 1.5 * tap).sum(axis=1)
+    y += 0.005 * np.random.default_rng(5).standard_normal(len(time))
+    with pytest.raises(DataError, match="invert"):
+        measure_pushes(Recording(time=time, channels={"f": y}, units={"f": "n"}))
+
+
 def test_taps_by_themselves_are_pushes():
     """All of them are as brief as a jerk; there is nothing else."""
     found = measure_pushes(recording(lambda since: since < 0.03, rate=1000.0))

@@ -169,6 +169,34 @@ def test_as_many_humps_as_planned_by_times_from_the_first_push_are_no_proof():
     assert (3, 9) in shown
 
 
+@pytest.mark.parametrize("off", [3.5, -3.5, 0.3, 8.2])
+def test_a_whole_plan_in_its_rhythm_needs_no_clock(off):
+    """By another one, at nearly a period from that of the recording."""
+    middles = 2.6 + 4.0 * np.arange(10)
+    plan = evenly(10, middles + off)
+    span = (0.0, middles[-1] + 4.0)
+    result = align(middles, [False] * 10, plan=plan, span=span, starts=middles - 0.5)
+    np.testing.assert_array_equal(result.hump, np.arange(10))
+    assert result.other is None
+
+
+@pytest.mark.parametrize("n_made", [15, 18])
+@pytest.mark.parametrize("early", [0.0, 0.5])
+def test_a_second_run_that_was_stopped_is_no_row_of_bumps(n_made, early):
+    """By the times of the first run, of the middles or of the begins."""
+    middles = 2.0 + 4.0 * np.arange(n_made)
+    result = align(
+        middles,
+        [False] * n_made,
+        plan=evenly(10, middles[:10] - early),
+        span=(0.0, middles[-1] + 2.5),
+        starts=middles - 0.5,
+    )
+    assert result.n_cycles == 2
+    assert result.other is None
+    np.testing.assert_array_equal(result.missing, np.arange(n_made, 20))
+
+
 @pytest.mark.parametrize("is_timed", [True, False])
 def test_half_as_many_bumps_as_pushes_are_no_second_run(is_timed):
     middles = 2.5 + 3.0 * np.arange(8)
