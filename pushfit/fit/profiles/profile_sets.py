@@ -15,6 +15,9 @@ from pushfit.fit.results import LikelihoodProfile, Piece, Verdict
 # Two modes are told apart by a barrier of at least this much Δχ² above the level; the
 # hard switch puts lower ripples of no meaning on every profile.
 LOWEST_BARRIER = 0.3
+# And, of angles, of this width [deg]: what is narrower is one search that ended early,
+# and means nothing to a hand.
+NARROWEST = 0.25
 
 
 def threshold(prob: float, degrees_of_freedom: float) -> float:
@@ -36,7 +39,11 @@ def threshold(prob: float, degrees_of_freedom: float) -> float:
 
 
 def pieces_below(
-    values: Float[np.ndarray, " g"], delta: Float[np.ndarray, " g"], level: float
+    values: Float[np.ndarray, " g"],
+    delta: Float[np.ndarray, " g"],
+    level: float,
+    *,
+    narrowest: float = 0.0,
 ) -> tuple[Piece, ...]:
     """Intervals in which a profile stays at or below a level.
 
@@ -44,12 +51,14 @@ def pieces_below(
         values: Grid, ascending.
         delta: Δχ² on it; infinite where the value is impossible.
         level: Largest Δχ² inside.
+        narrowest: Barriers between two modes are as wide as this.
 
     Returns:
         Pieces, ascending. An end is None where the set runs to the end of the grid or
         to values that are impossible: nothing measured bounds it there.
     """
-    is_inside = np.concatenate([[False], _without_ripples(delta, level), [False]])
+    smooth = _without_ripples(values, delta, level, narrowest)
+    is_inside = np.concatenate([[False], smooth, [False]])
     starts = np.flatnonzero(~is_inside[:-1] & is_inside[1:])
     stops = np.flatnonzero(is_inside[:-1] & ~is_inside[1:]) - 1
     # sqrt(Δχ²) is a straight line where the profile is a parabola.
@@ -66,14 +75,18 @@ def pieces_below(
 
 
 def _without_ripples(
-    delta: Float[np.ndarray, " g"], level: float
+    values: Float[np.ndarray, " g"],
+    delta: Float[np.ndarray, " g"],
+    level: float,
+    narrowest: float,
 ) -> Bool[np.ndarray, " g"]:
-    """Which values are inside, barriers too low to part two modes included."""
+    """Which values are inside, barriers that part no two modes included."""
     is_inside = delta <= level
     edges = np.flatnonzero(np.diff(is_inside.astype(int)))
     for i, j in itertools.pairwise(edges):
         is_gap = is_inside[i] and is_inside[j + 1]
-        if is_gap and np.max(delta[i + 1 : j + 1]) < level + LOWEST_BARRIER:
+        is_low = np.max(delta[i + 1 : j + 1]) < level + LOWEST_BARRIER
+        if is_gap and (is_low or values[j + 1] - values[i] < narrowest):
             is_inside[i + 1 : j + 1] = True
     return is_inside
 
@@ -103,4 +116,6 @@ def profile_set(profile: LikelihoodProfile, prob: float) -> tuple[Piece, ...]:
         Pieces, ascending and disjoint; None for an open end.
     """
     level = threshold(prob, profile.degrees_of_freedom)
-    return pieces_below(profile.values, profile.delta_chi_square, level)
+    narrowest = NARROWEST if profile.unit == "deg" else 0.0
+    values, delta = profile.values, profile.delta_chi_square
+    return pieces_below(values, delta, level, narrowest=narrowest)

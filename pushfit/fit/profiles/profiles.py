@@ -21,7 +21,12 @@ from pushfit.fit.profiles.curve import LEVEL, N_FIRST, first_values, fits_along
 from pushfit.fit.profiles.curve_search import Fits
 from pushfit.fit.profiles.derived_profiles import implied_profiles
 from pushfit.fit.profiles.least_squares import costs_at, searched
-from pushfit.fit.profiles.profile_sets import pieces_below, threshold, verdict_of
+from pushfit.fit.profiles.profile_sets import (
+    NARROWEST,
+    pieces_below,
+    threshold,
+    verdict_of,
+)
 from pushfit.fit.results import FitResult, LikelihoodProfile
 from pushfit.fit.results.fits_along import Curve
 from pushfit.parameters import unit_of
@@ -74,7 +79,8 @@ def likelihood_profiles(
         is_angle = name == "theta_c"
         short = name.removeprefix("ln_")
         values = np.degrees(curve.values) if is_angle else np.exp(curve.values)
-        pieces = pieces_below(values, delta, level)
+        narrowest = NARROWEST if is_angle else 0.0
+        pieces = pieces_below(values, delta, level, narrowest=narrowest)
         profiles[short] = LikelihoodProfile(
             name=short,
             unit=unit_of(short, newton),
@@ -203,7 +209,7 @@ def _axis_profile(
     order = np.lexsort((delta, angle))
     kept = order[np.diff(angle[order], prepend=-np.inf) > 0]
     angle, delta = angle[kept], delta[kept]
-    pieces = pieces_below(angle, delta, level)
+    pieces = pieces_below(angle, delta, level, narrowest=NARROWEST)
     if pieces != ((None, None),):
         # The ends of the reach are answers, not ends of knowledge.
         pieces = tuple(

@@ -13,6 +13,7 @@ from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.problem.setup import build_problem
 from pushfit.fit.profiles.least_squares import fit_least_squares
 from pushfit.fit.profiles.profile_sets import (
+    NARROWEST,
     pieces_below,
     profile_set,
     threshold,
@@ -233,6 +234,16 @@ def test_unreachable_soft_axis_counts_at_the_end_of_the_reach():
     np.testing.assert_allclose(
         profiles["alpha_star"].pieces, ((90.0, 90.0),), rtol=0, atol=JUMP
     )
+
+
+@pytest.mark.parametrize(("width", "n"), [(0.04, 1), (0.4, 2)])
+def test_a_barrier_that_no_hand_can_tell_parts_no_modes(width, n):
+    """One value of a parabola about 64° is a search that ended early."""
+    values = np.sort([*np.linspace(60.0, 68.0, 81), 62.97, 62.97 + width])
+    delta = (values - 64.0) ** 2
+    delta[(values > 62.97) & (values < 62.97 + width)] += 5.0
+    assert len(pieces_below(values, delta, 2.7, narrowest=NARROWEST)) == n
+    assert len(pieces_below(values, delta, 2.7)) == 2
 
 
 @pytest.mark.parametrize(
