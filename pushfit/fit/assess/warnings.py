@@ -41,6 +41,9 @@ EDGE, PRESSED = 0.05, 0.1
 # thirds 18 instead of 22 of 27 tables are told of, where a preload, a drift, an offset
 # or cross-talk made θ_c wrong by 10° and more; none of 24 that were right is.
 SOFT = 0.15
+# Share of the tallest height by which none is lower than a lifted finger reads: the
+# zero of a sensor drifts. Half or twice changes no test.
+LOWER = 0.1
 # Of the pushes; where more are far from the fit, the model is what does not fit.
 FEW_OUTLIERS = 0.25
 # Verdicts that need no words, or have had them.
@@ -61,13 +64,33 @@ def lost_contact_rows(setup: Setup, fit: FitResult) -> tuple[int, ...]:
     return tuple(row for row, lost in zip(setup.rows, is_lost, strict=True) if lost)
 
 
-def contact_warning(table: PeakTable, rows: tuple[int, ...]) -> ResultWarning:
-    """Say which pushes were left out because the finger lifted off."""
+def contact_warnings(
+    table: PeakTable, config: GraspConfig, rows: tuple[int, ...], fit: FitResult
+) -> Iterator[ResultWarning]:
+    """Say which pushes were left out because the finger lifted off, and if it cannot.
+
+    A finger that is lifted reads minus the preload, and nothing reads less.
+    """
     names = ", ".join(label(table, row) for row in rows)
-    return ResultWarning(
+    yield ResultWarning(
         code="lost_contact",
         text=f"these pushes lifted the finger off and were left out: {names}",
     )
+    preload = config.preload_in(table.unit)
+    if preload == "estimate" or "height" not in table.channels:
+        return
+    heights = table.heights("height")
+    tallest = float(np.max(np.abs(heights[table.is_used])))
+    noise = OUTLIER_SIGMA * float(np.max(fit.sigma))
+    row = min(rows, key=heights.__getitem__)
+    if heights[row] < -preload - LOWER * tallest - noise:
+        yield ResultWarning(
+            code="preload_contradicted",
+            text=f"a finger that is lifted off reads {-preload:g} {table.unit}, but "
+            f"{label(table, row)} reads {heights[row]:.3g}: the preload was larger "
+            f"than {preload:g}, and θ_c is wrong with it; state "
+            f'grasp.preload_{table.unit} as it was, or as "estimate"',
+        )
 
 
 def scatter_warning(

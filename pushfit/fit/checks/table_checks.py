@@ -15,8 +15,11 @@ from pushfit.errors import counted
 from pushfit.fit.checks.model_checking import MIN_TESTED, label
 from pushfit.fit.results import ResultWarning
 
-# Codes of tables that cannot be right, however well the model describes them.
-WRONG = frozenset({"equal_heights", "other_unit"})
+# What cannot be right, however well the model describes the heights, by codes.
+WRONG = {
+    **dict.fromkeys(("equal_heights", "other_unit"), "the table"),
+    "preload_contradicted": "the preload that is stated, or taken,",
+}
 # Of the spread of push numbers, what lies within directions where their repeats were
 # made one after another; of whole sweeps it is most.
 IN_A_ROW = 0.1

@@ -15,7 +15,7 @@ from pushfit.config import GraspConfig
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.errors import ConfigError
 from pushfit.fit.assess.warnings import (
-    contact_warning,
+    contact_warnings,
     contradiction_warning,
     lost_contact_rows,
     scatter_warning,
@@ -130,8 +130,8 @@ def fit_as_stated(
     setup, fit = _fit(setup, reference_alpha)
     lost = lost_contact_rows(setup, fit)
     if lost:
+        warnings = (*warnings, *contact_warnings(table, config, lost, fit))
         table = table.with_flag(lost, "lost_contact")
-        warnings = (*warnings, contact_warning(table, lost))
         setup, fit = _fit(build_problem(table, config), reference_alpha)
     excess = scatter_warning(table, setup, fit) if given == "auto" else None
     if excess is not None and not setup.noise.warnings:

@@ -209,15 +209,15 @@ def _read_otherwise(
         or not goodness.is_adequate
         or improbable(fitted.config, posterior)
     )
-    is_wrong = any(warning.code in WRONG for warning in fitted.warnings)
+    wrong = [WRONG[w.code] for w in fitted.warnings if w.code in WRONG]
     reading = None
-    if is_strange and not is_wrong:
+    if is_strange and not wrong:
         known = {seed: posterior} if posterior.engine == "sweep" else fitted.swept
         reading = other_reading(replace(fitted, swept=known), seed=seed)
-    if goodness.is_adequate and (is_wrong or reading is not None):
-        but = "the table cannot be right"
-        if reading is not None:
-            but = "far better if the table is read otherwise"
+    if goodness.is_adequate and (wrong or reading is not None):
+        but = "far better if the table is read otherwise"
+        if wrong:
+            but = f"{wrong[0]} cannot be right"
         sentence = f"{goodness.sentence[:-1]}, but {but}."
         goodness = replace(goodness, is_adequate=False, sentence=sentence)
     return goodness, reading

@@ -246,6 +246,28 @@ def test_pushes_that_lift_the_finger_off_are_left_out():
     assert {warning.code for warning in fitted.warnings} >= {"lost_contact"}
 
 
+@pytest.mark.parametrize(
+    ("lowest", "share", "is_said"), [(-30.0, 0.5, True), (-60.0, 1.0, False)]
+)
+def test_heights_below_that_of_a_lifted_finger_contradict_the_preload(
+    lowest, share, is_said
+):
+    """They are left out as lifted off, and θ_c by the rest is sure and wrong."""
+    case = CASES["preload"]
+    table = case_table(case, noise=0.02, theta_deg=np.arange(lowest, 61.0, 10.0))
+    table = type(table).from_frame(table.frame.drop(columns="flags"))
+    preload = share * float(case.grasp.preload)
+    settings = config(f"[grasp]\npreload_n = {preload!r}\n")
+    found = identify_table(table, settings, seed=0, engine="sweep", is_brief=True)
+    codes = warning_codes(found)
+    assert "lost_contact" in codes
+    assert ("preload_contradicted" in codes) is is_said
+    assert found.goodness_of_fit.is_adequate is not is_said
+    if is_said:
+        assert found.theta_c.interval is None
+        assert "preload" in found.goodness_of_fit.sentence
+
+
 def test_standard_deviations_that_repeats_contradict_are_widened():
     table = case_table(CASES["firm"], noise=0.05, seed=3, theta_deg=SEVEN_DEG)
     frame = table.frame.assign(height_sd_n=0.005)
