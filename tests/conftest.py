@@ -41,9 +41,9 @@ settings.load_profile("gate")
 def pytest_configure(config: pytest.Config) -> None:
     """Say how programs are compiled, before the first is.
 
-    What LLVM takes as it is is made in half of the time and runs 2.4 times slower: that
-    pays unless tests run it thousands of times, as those marked slow do. The processes
-    that tests start compile as users' do.
+    What LLVM takes as it is is made in half of the time and runs slower, which pays
+    unless tests run it thousands of times, as those marked slow do. The processes that
+    tests start compile as users' do.
     """
     if "not slow" in config.option.markexpr:
         compiling.OPTIONS["xla_backend_optimization_level"] = 0

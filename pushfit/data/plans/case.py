@@ -30,11 +30,12 @@ IN_TIME = 0.15
 # between them, and of those before and after, which may be another run.
 _FEWEST, _ON_CLOCK, _BESIDE = 3, 0.6, 1 / 3
 # Where there are as many humps as planned a pause is no rarer than this [nats], but
-# for one that a missing push would leave; hands scatter by this share or more.
+# for one that a missing push would leave; hands scatter by this share or more. The
+# three were not tried at half and twice.
 _ONE_PAUSE, _PAUSE_OF_BEATS, _LEAST_BY_HAND = 3.0, 7.0, 0.1
 # Where most are off by more than this they are on time by chance, in periods: times of
-# another clock are in one case of five. At half again as much half as many cases more
-# of plans that lack a push are taken for those of the own clock.
+# another clock are in one case of five, by middles or by onsets. At half again as
+# much two fifths more plans that lack a push are taken for those of the own clock.
 _SAME_CLOCK = 0.05
 # A hand pushes after as many medians of its gaps, or as small a part of one, at most.
 _BY_HAND = 2.0

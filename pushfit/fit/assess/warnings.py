@@ -42,7 +42,8 @@ EDGE, PRESSED = 0.05, 0.1
 # or cross-talk made θ_c wrong by 10° and more; none of 24 that were right is.
 SOFT = 0.15
 # Share of the tallest height by which none is lower than a lifted finger reads: the
-# zero of a sensor drifts. Half or twice changes no test.
+# zero of a sensor drifts. At twice a preload stated half as large passes in the test;
+# half changes none.
 LOWER = 0.1
 # Of the pushes; where more are far from the fit, the model is what does not fit.
 FEW_OUTLIERS = 0.25

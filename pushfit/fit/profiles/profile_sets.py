@@ -51,7 +51,7 @@ def pieces_below(
         values: Grid, ascending.
         delta: Δχ² on it; infinite where the value is impossible.
         level: Largest Δχ² inside.
-        narrowest: Barriers between two modes are as wide as this.
+        narrowest: Width that a barrier between two modes has at least.
 
     Returns:
         Pieces, ascending. An end is None where the set runs to the end of the grid or
