@@ -14,22 +14,23 @@ import pytest
 from hypothesis import settings
 
 from pushfit.fit.programs import compile as compiling
+from pushfit.fit.programs import folder
 from pushfit.mechanics.registry import mechanics_named
 
 # A (3,) against a (3, 1) is a mistake in the model, never a wish.
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
-# Compiling is most of the cost of the tests; workers and runs share what is compiled.
-CACHE = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
-CACHE.mkdir(mode=0o700, parents=True, exist_ok=True)
-jax.config.update("jax_compilation_cache_dir", str(CACHE))
+# Compiling is most of the cost of the tests; workers, processes that tests start, and
+# later runs share what is traced and compiled. A test that replaces part of what
+# `pushfit.fit.programs.compile` traces has to turn this off.
+CACHE = Path(__file__).parents[1] / ".pytest_cache"
+PROGRAMS, COMPILED = CACHE / "programs", CACHE / "compiled"
+for path in (PROGRAMS, COMPILED):
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+os.environ[folder.SWITCH] = os.environ[folder.PROGRAMS] = str(PROGRAMS)
+# What tests compile themselves.
+jax.config.update("jax_compilation_cache_dir", str(COMPILED))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
-# Processes that tests start share it as well. Traced programs are not kept: a test that
-# replaces part of the package must not leave its program to others.
-os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
-os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
-os.environ["PUSHFIT_CACHE"] = "off"
-os.environ.pop("PUSHFIT_PROGRAMS", None)
 # Of one process, of which two run at once [bytes].
 MAX_MEMORY = 3e9
 # A gate says the same of the same code: the same examples each time, and no deadline,

@@ -3,7 +3,7 @@
 Whoever can write there can run code as the user, so the folder belongs to the user
 alone. The command line, `pushfit.identify` and `pushfit.Explorer` turn it on, for
 themselves and the processes they start, and say so (`-v`, and a line of the log);
-PUSHFIT_CACHE=off turns it off. Excluded: what is kept there
+PUSHFIT_CACHE names another folder, or turns it off. Excluded: what is kept there
 (`pushfit.fit.programs.compile`).
 """
 
@@ -12,7 +12,8 @@ import os
 import stat
 from pathlib import Path
 
-SWITCH = "PUSHFIT_CACHE"
+# Names a folder, or says that none is wanted.
+SWITCH, OFF = "PUSHFIT_CACHE", "off"
 # Where programs are, handed on to child processes.
 PROGRAMS = "PUSHFIT_PROGRAMS"
 # What callers in Python were told already.
@@ -23,14 +24,17 @@ def cache_folder() -> Path:
     """Folder of this user's compiled programs, whether it exists or not."""
     import platformdirs
 
+    named = os.environ.get(SWITCH)
+    if named:
+        return Path(named).absolute()
     return platformdirs.user_cache_path("pushfit") / "compiled"
 
 
 def enable_compile_cache() -> str:
     """Keep programs, and say what was decided."""
     os.environ.pop(PROGRAMS, None)
-    if os.environ.get(SWITCH) == "off":
-        return f"off ({SWITCH}=off)"
+    if os.environ.get(SWITCH) == OFF:
+        return f"off ({SWITCH}={OFF})"
     try:
         folder = cache_folder()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -56,9 +60,10 @@ def keep_programs() -> None:
     logging.getLogger(__name__).log(
         logging.WARNING if is_seen else logging.INFO,
         "compiled programs for later calls: %s (a first call compiles them, for "
-        "minutes); %s=off in the environment keeps none",
+        "minutes); %s=%s in the environment keeps none",
         where,
         SWITCH,
+        OFF,
     )
 
 

@@ -247,10 +247,9 @@ def test_python_hears_of_minutes_of_compiling_as_commands_do(
     monkeypatch, tmp_path, caplog, stages
 ):
     """Before the first draws, and the programs are kept for later ones."""
-    monkeypatch.delenv(folder.SWITCH)
+    monkeypatch.setenv(folder.SWITCH, str(tmp_path / "compiled"))
     # Set, so that what is set is taken back.
     monkeypatch.setenv(folder.PROGRAMS, "")
-    monkeypatch.setattr(folder, "cache_folder", lambda: tmp_path / "compiled")
 
     def never(*_):
         raise InterruptedError

@@ -212,6 +212,7 @@ def test_another_question_has_another_program(folder, line, x):
 
 def test_a_process_holds_the_programs_that_it_used_last(monkeypatch):
     """One that held all would run out of mappings of memory."""
+    monkeypatch.delenv(cache.PROGRAMS)
     assert programs._program.cache_info().maxsize is not None
     held = functools.lru_cache(2)(programs._program.__wrapped__)
     monkeypatch.setattr(programs, "_program", held)
@@ -419,8 +420,7 @@ def test_of_many_arrays_the_latest_are_kept(folder, monkeypatch):
 
 
 def test_child_processes_find_the_same_folder(monkeypatch, tmp_path):
-    monkeypatch.setenv(cache.SWITCH, "on")
-    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
+    monkeypatch.setenv(cache.SWITCH, str(tmp_path / "compiled"))
     monkeypatch.setenv(cache.PROGRAMS, "")
     assert cache.programs_folder() is None
     cache.enable_compile_cache()

@@ -2,7 +2,9 @@
 
 import os
 import stat
+from pathlib import Path
 
+import platformdirs
 import pytest
 
 from pushfit.fit.programs import folder as cache
@@ -10,11 +12,10 @@ from pushfit.fit.programs import folder as cache
 
 @pytest.fixture
 def no_cache_set(monkeypatch, tmp_path):
-    """Environment without a compile cache, in a home of its own."""
-    monkeypatch.delenv(cache.SWITCH, raising=False)
+    """Environment without a compile cache yet."""
+    monkeypatch.setenv(cache.SWITCH, str(tmp_path / "compiled"))
     # Set, so that what the command sets is taken back.
     monkeypatch.setenv(cache.PROGRAMS, "")
-    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path / "compiled")
     return tmp_path / "compiled"
 
 
@@ -60,3 +61,18 @@ def test_the_cache_can_be_turned_off(no_cache_set, monkeypatch):
     assert cache.enable_compile_cache().startswith("off")
     assert not no_cache_set.exists()
     assert cache.programs_folder() is None
+
+
+def test_without_a_word_it_is_where_the_system_keeps_such(monkeypatch):
+    monkeypatch.delenv(cache.SWITCH)
+    monkeypatch.setattr(
+        platformdirs, "user_cache_path", Path("/home/me/.cache").joinpath
+    )
+    assert cache.cache_folder() == Path("/home/me/.cache/pushfit/compiled")
+
+
+def test_a_folder_named_from_here_stays_where_it_is(no_cache_set, monkeypatch):
+    """Processes that are started elsewhere keep their programs in the same place."""
+    monkeypatch.chdir(no_cache_set.parent)
+    monkeypatch.setenv(cache.SWITCH, "compiled")
+    assert cache.enable_compile_cache() == str(no_cache_set)
