@@ -237,9 +237,10 @@ class Feet(Generic[OneOrMany]):
     @property
     def before(self: "Feet[np.ndarray]") -> tuple[PerPush, PerPush]:
         """Stretches whose level is the rest before the pushes, in their room [s]."""
-        # In a short rest a part of it has to do.
+        # Where the room ends the rest moves no more than it must; half of it has to do.
         room = self.start - self.lowest
-        last = self.start - np.minimum(GUARD * (self.half_up - self.start), room / 2)
+        most = np.maximum(room - self.span, room / 2)
+        last = self.start - np.minimum(GUARD * (self.half_up - self.start), most)
         return np.minimum(np.maximum(last - self.span, self.lowest), last), last
 
     def after(
@@ -251,7 +252,8 @@ class Feet(Generic[OneOrMany]):
             waited: Share of a short room that sensors may take to recover.
         """
         wait = np.maximum(GUARD * (self.end - self.half_down), self.settling)
-        first = self.end + np.minimum(wait, waited * (self.highest - self.end))
+        room = self.highest - self.end
+        first = self.end + np.minimum(wait, np.maximum(room - self.span, waited * room))
         return first, np.maximum(np.minimum(first + self.span, self.highest), first)
 
     @property

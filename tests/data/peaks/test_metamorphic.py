@@ -180,6 +180,23 @@ def test_what_a_sensor_has_no_time_to_recover_from_is_no_drift(shape, shown):
         assert abs(own.height - other.height) < NO_DRIFT
 
 
+@pytest.mark.parametrize("is_end", [False, True])
+@pytest.mark.parametrize("cut", [33.5, 34.5])
+def test_an_end_of_the_samples_moves_no_rest_of_a_slow_push(cut, is_end):
+    """Its flanks take 40 s, and a rest is before a touch that is no foot, at 36 s."""
+    time = np.arange(0.0, 160.0, 0.02)
+    y = np.interp(time, [40.0, 80.0, 120.0], [0.0, 100.0, 0.0])
+    y[(time > 36.2) & (time < 80.0)] += 2.0
+    y += 0.1 * np.random.default_rng(RNG).standard_normal(time.size)
+    sign = -1 if is_end else 1
+    whole, part = (
+        measured(sign * time[own][::sign], y[own][::sign])
+        for own in (slice(None), time > cut)
+    )
+    assert_same(part, whole)
+    assert abs(part[0].sd - whole[0].sd) < SAME * whole[0].sd
+
+
 @SHAPES
 def test_other_pushes_change_nothing(shape):
     """One repeated, one removed, and another recording appended."""
