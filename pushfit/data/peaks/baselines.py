@@ -45,8 +45,8 @@ _WAITED = 2 / 3
 _UNSETTLED = 4.0
 # So many sd may parts of a rest differ by. At half chance makes steps.
 _UNLIKE = 3.0
-# Noise is judged by as much of a rest as a push is wide, and by this share of
-# `MAX_SAMPLES` at least, four small blocks: a cut further off takes nothing.
+# Noise is judged by as much more than a rest as a push is wide, and by this share of
+# `MAX_SAMPLES` in all at least, four small blocks: a cut further off takes nothing.
 _LEAST_JUDGED = 1 / 8
 # What parts of a rest do by more than so many sd is no chance. At two thirds chance
 # makes sds of a few pushes of fifty times their noise ten times too large.
@@ -227,7 +227,8 @@ class _Beside:
         general = SignalNoise.of(self.time, self.signal)
         floor = max(general.quantum**2 / 12, TINY)
         n, most = len(self.feet.start), MAX_SAMPLES * self.feet.step
-        reach = np.clip(self.feet.width, _LEAST_JUDGED * most, most)
+        least = np.maximum(_LEAST_JUDGED * most - self.feet.span, 0.0)
+        reach = np.clip(self.feet.width, least, most)
         near, far = (np.concatenate(self.windows(more)) for more in (0.0, reach))
         sigma = scatter(self.signal, near, n, floor)
         if np.isnan(sigma).any():

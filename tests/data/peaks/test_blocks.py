@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from pushfit.data.peaks.baselines import rests_of
 from pushfit.data.peaks.blocks import correlation_of, scatter
+from pushfit.data.peaks.chosen_humps import find_pushes
+from pushfit.data.recordings.records import Recording
 
 RNG = 3
 FLOOR = 1e-12  # of variances, far below those of these signals, 1 and more
@@ -26,3 +29,21 @@ def test_rests_beside_another_push_say_nothing_of_the_noise():
     correlation = correlation_of(signal, windows, 2, FLOOR)
     assert correlation[0] == 1.0
     assert correlation[1] > 1.0
+
+
+def test_noise_is_that_of_the_samples_which_a_neighbour_leaves():
+    """Of four small blocks in all, where there is room for no more beside a rest."""
+    time = np.arange(0.0, 33.0, 0.06)
+    y = 3.0 * np.random.default_rng(RNG).standard_normal(time.size)
+    for top in (5.0, 12.8, 20.6, 28.4):
+        y += 100.0 * np.clip(1 - np.abs(time - top) / 1.3, 0.0, None)
+
+    def noise_of_third(part):
+        own = Recording(time=time[part], channels={"p": y[part]}, units={"p": "n"})
+        pushes = find_pushes(own)
+        noise, _ = rests_of(time[part], y[part], pushes)
+        return noise.sigma[[20.0 < push.t_peak < 21.2 for push in pushes]]
+
+    # Before the third push the second has just ended, after it the fourth begins.
+    whole, begin, end = map(noise_of_third, (slice(None), time > 14.2, time < 27.0))
+    assert whole == begin == end
