@@ -24,8 +24,7 @@ from pushfit.data.peaks.components import (
 )
 from pushfit.data.peaks.extract import Heights, extract_peaks, measure_pushes, within
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.found_humps import is_in
+from pushfit.data.pushes.found_humps import Extent, is_in
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.columns import Origin
 from pushfit.data.tables.traces import ComponentTrace, SignedHeights

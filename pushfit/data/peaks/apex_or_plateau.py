@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from pushfit.data.peaks.apex import bases, hyperbolas, moments
 from pushfit.data.peaks.blocks import RestNoise
-from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.pushes.humps import longest_run
 from pushfit.data.pushes.running_means import RunningMeans
 from pushfit.parameters import TINY

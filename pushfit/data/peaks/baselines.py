@@ -20,7 +20,7 @@ from pushfit.data.peaks.blocks import (
     scatter,
 )
 from pushfit.data.peaks.valleys import are_valleys, ends_of_chains
-from pushfit.data.pushes.detection import BRIEFER, Extent
+from pushfit.data.pushes.detection import BRIEFER
 from pushfit.data.pushes.feet import (
     FOOT,
     LEAST,
@@ -30,8 +30,9 @@ from pushfit.data.pushes.feet import (
     PerPush,
     likeness,
 )
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.pushes.noise import SignalNoise
-from pushfit.data.pushes.rows import rows_of
+from pushfit.data.rows import rows_of
 from pushfit.parameters import TINY
 
 # A rest of fewer samples shows no level. With two, heights of `short_dropouts`, whose

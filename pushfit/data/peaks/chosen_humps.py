@@ -18,12 +18,11 @@ from pushfit.data.peaks.jerks import are_jerks
 from pushfit.data.pushes.detection import (
     BRIEFER,
     FIRST_SMOOTHING,
-    Extent,
     find_extents,
 )
 from pushfit.data.pushes.dips import rest_curves, without_dips
 from pushfit.data.pushes.feet import CLEAR
-from pushfit.data.pushes.found_humps import FoundHumps, is_in
+from pushfit.data.pushes.found_humps import Extent, FoundHumps, is_in
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.recordings.records import Recording

@@ -17,8 +17,8 @@ from pushfit.data.peaks.baselines import rests_of
 from pushfit.data.peaks.heights import Height
 from pushfit.data.peaks.jerks import are_jerks
 from pushfit.data.peaks.saturation import saturated_pushes
-from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.dips import rest_curves
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.recordings.records import Recording
 from pushfit.data.tables.traces import (
     MAX_KEPT,

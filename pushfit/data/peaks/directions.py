@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import SHORTEST
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.recordings.records import Recording
 from pushfit.data.text.faults import listed
 from pushfit.errors import DataError, counted

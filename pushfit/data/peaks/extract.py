@@ -35,10 +35,9 @@ from pushfit.data.peaks.heights import Height, measure_heights
 from pushfit.data.peaks.notes import brushes_left_out, extraction_notes
 from pushfit.data.plans.pairing import Paired, pair
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.detection import Extent
-from pushfit.data.pushes.found_humps import FoundHumps
-from pushfit.data.pushes.rows import rows_of
+from pushfit.data.pushes.found_humps import Extent, FoundHumps
 from pushfit.data.recordings.records import Recording
+from pushfit.data.rows import rows_of
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.data.tables.traces import MAX_KEPT, ComponentTrace, Trace, envelope
 from pushfit.data.units import DECIMALS

@@ -29,10 +29,10 @@ from pushfit.data.peaks.apex_or_plateau import (
 from pushfit.data.peaks.baselines import rests_of
 from pushfit.data.peaks.blocks import RestNoise
 from pushfit.data.peaks.saturation import saturated_pushes
-from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
-from pushfit.data.pushes.rows import rows_of
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.pushes.running_means import RunningMeans
+from pushfit.data.rows import rows_of
 from pushfit.parameters import TINY
 
 # Window of the apex: the part of the hump above 1 - depth, deeper the more it takes to

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pushfit.config.inputs import PeakSettings
 from pushfit.data.plans.pairing import Paired
-from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.tables.rules import EXCLUDING_FLAGS
 from pushfit.data.text.faults import listed
 from pushfit.data.units import Unit

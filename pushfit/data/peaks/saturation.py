@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.found_humps import Extent
 
 # Two readings are alike at many a natural top.
 _MIN_SAMPLES = 3

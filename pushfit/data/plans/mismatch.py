@@ -9,7 +9,7 @@ import numpy as np
 
 from pushfit.data.plans.alignment import Alignment
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.errors import DataError, InputProblem, counted, stated
 
 # Pushes in which two assignments differ that are shown.

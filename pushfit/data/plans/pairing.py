@@ -15,9 +15,8 @@ from pushfit.config.inputs import PeakSettings
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error, push_name
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
-from pushfit.data.pushes.found_humps import FoundHumps, is_in
+from pushfit.data.pushes.found_humps import Extent, FoundHumps, is_in
 from pushfit.data.text.faults import listed
 from pushfit.data.units import Unit
 from pushfit.errors import stated

@@ -12,8 +12,8 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from pushfit.atomic import atomic_path
-from pushfit.data.pushes.rows import rows_of
 from pushfit.data.recordings.recognise import RecordingColumns
+from pushfit.data.rows import rows_of
 from pushfit.data.tables.columns import COMMON, Known, Origin, read_columns, read_rows
 from pushfit.data.tables.rules import CHANNELS, check_columns
 from pushfit.data.text.faults import refuse

@@ -7,26 +7,20 @@ What constants do at half and at twice was seen in the recordings of
 `benchmarks.recordings.real_recordings`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.doubles import join_one, part_doubles
-from pushfit.data.pushes.feet import (
-    FOOT,
-    GUARD,
-    LEAST,
-    WIDTH_PER_SMOOTHING,
-    Feet,
-    are_cut,
-)
+from pushfit.data.pushes.feet import FOOT, WIDTH_PER_SMOOTHING, Feet, are_cut
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.pushes.hump_search import search_humps
-from pushfit.data.pushes.rows import rows_of
 from pushfit.data.pushes.running_means import View
 from pushfit.data.pushes.shelves import shelves
+from pushfit.data.pushes.touches import SAME_REST, are_returns, from_within
 from pushfit.data.pushes.tracing import trace_feet
-from pushfit.parameters import TINY
+from pushfit.data.rows import rows_of
 
 # A push narrower than this is not one of a robot's; it is where smoothing starts [s].
 # From twice as much, feet of `short_dropouts` and `p0_Pa` are found elsewhere.
@@ -51,88 +45,14 @@ _OF_USUAL, _POINTS = 0.5, 240
 # A jerk is so many times briefer than the push, and nearer to it: those of the
 # tests last 50 ms. Half or twice changes none of them, and no real recording.
 BRIEFER = 10.0
-# Share of the width by which feet of one push may lie elsewhere: the usual smoothing.
-_SAME_PUSH = 0.1
-# A level that is held before a push is its rest up to this share of the height, and
-# named up to twice that: a finger that touches first. At half, a touch of 0.9 N is in
-# some heights of 5 to 15 N and not in others; twice changes no real recording.
-_LIGHT = 0.2
-# Of the level its two halves may differ by so much, and the way to it takes so much of
-# its time. Half or twice either changes no real recording.
-_UNLEVEL, _ON_THE_WAY = 0.25, 0.25
 # Means of the signal that differ by so many sd are no chance.
 _BEYOND = 6.0
-# A level that is not left is a rest if so many pushes return to it, up to this share of
-# their heights: wiggles of one that the recording cuts do not. So is one that is held
-# again after a dip. Not tuned.
-_RETURNS, _SAME_REST = 3, 0.1
+# A level that is not left is a rest if so many pushes return to it: wiggles of one that
+# the recording cuts do not. Not tuned.
+_RETURNS = 3
 # Times that pushes are joined, and parted, by their own course: an end for what would
 # go on for ever. Half or twice as many change no real recording.
 _MOST_ONE, _MOST_TWO = 8, 2
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Extent:
-    """Where one push lies.
-
-    Args:
-        start: First sample above the foot.
-        end: One past the last sample above the foot.
-        feet: Its course in time [s].
-        is_brush: Whether it is so small among the others, or so brief beside one, that
-            it may be no push, or but the return from a dip to rest.
-        is_cut: Whether the signal begins or ends inside the push.
-        is_low: Whether it is lower than the smallest push asked for.
-        contact: Level that it holds on the way up, below which its rest is, as a share
-            of its height; 0 where there is none.
-        shelf: Level that it holds both before and after its top, in the same way.
-        sign: 1 where the signal rises from rest, -1 where it falls.
-    """
-
-    start: int
-    end: int
-    feet: Feet[float]
-    is_brush: bool
-    is_cut: bool
-    is_low: bool = False
-    contact: float = 0.0
-    shelf: float = 0.0
-    sign: int = 1
-
-    @property
-    def t_start(self) -> float:
-        """Start [s]."""
-        return self.feet.start
-
-    @property
-    def t_end(self) -> float:
-        """End [s]."""
-        return self.feet.end
-
-    @property
-    def t_peak(self) -> float:
-        """Time of the highest smoothed reading [s]."""
-        return self.feet.peak
-
-    @property
-    def middle(self) -> float:
-        """Middle of the time above half of the height, wherever a plateau peaks [s]."""
-        return (self.feet.half_up + self.feet.half_down) / 2
-
-    @property
-    def width(self) -> float:
-        """Time above half of the height [s]."""
-        return self.feet.width
-
-    @property
-    def window(self) -> tuple[float, float]:
-        """Begin and end, as settings take them [s]."""
-        return round(float(self.t_start), 2), round(float(self.t_end), 2)
-
-    @property
-    def height(self) -> float:
-        """Top over the higher of the two feet, smoothed [unit]."""
-        return self.feet.height
 
 
 def find_extents(view: View) -> tuple[Extent, ...]:
@@ -164,11 +84,11 @@ def find_extents(view: View) -> tuple[Extent, ...]:
     if trends.size and not beyond and not (is_cut | is_low).all():
         least = _OF_USUAL * float(np.median(feet.height[~is_cut & ~is_low]))
         is_push[trends] = _have_tops(view, rows_of(feet, trends), least=least)
-    within, contact = _from_within(view, feet)
+    within, contact = from_within(view, feet)
     is_jerk, rows = ~is_push, np.flatnonzero(is_push)
     if rows.size:
         is_jerk[rows] = _are_jerks(rows_of(feet, rows), is_cut=is_cut[rows])
-    is_jerk |= _are_returns(view, feet, within, is_cut=is_cut)
+    is_jerk |= are_returns(view, feet, within, is_cut=is_cut)
     others = np.array([e.height for e in beyond if not e.is_brush])
     heights = np.append(feet.height[~is_jerk], others)
     smallest = 0.0 if view.min_height is not None else _smallest_push(heights)
@@ -240,7 +160,7 @@ def _off_flank(view: View, edge: float, sign: int) -> float:
 def _returns_to_rest(push: Extent) -> bool:
     """Whether a push ends on the level that it began on, and both are seen."""
     is_whole = not (push.is_cut or push.is_brush)
-    return is_whole and 0 < abs(push.feet.moved) <= _SAME_REST * push.height
+    return is_whole and 0 < abs(push.feet.moved) <= SAME_REST * push.height
 
 
 def _n_large(found: Feet[np.ndarray], is_low: Bool[np.ndarray, " p"]) -> int:
@@ -266,103 +186,6 @@ def _resolved(
             break
         whose, feet = whose[own], trace_feet(view, found)
     return feet, whose
-
-
-def _from_within(
-    view: View, feet: Feet[np.ndarray]
-) -> tuple[Feet[np.ndarray], Float[np.ndarray, " p"]]:
-    """Feet that pushes reach from half of their heights, if they are the same pushes.
-
-    Where the course beside a push is not clear of noise, or has a bump, feet found in
-    turns with the levels of the rests may lie in several places, by where the search
-    began. Half of the height is passed in the same place whatever else there is.
-
-    Returns:
-        Feet, and the level that each push holds on the way up all the same, as a share
-        of its height; 0 for none.
-    """
-    within = replace(
-        feet, start=feet.half_up, end=feet.half_down, moved=np.zeros_like(feet.moved)
-    )
-    found = trace_feet(view, within)
-    off = np.abs(
-        [
-            getattr(found, name) - getattr(feet, name)
-            for name in ("start", "half_up", "half_down", "end")
-        ]
-    )
-    is_same = off <= _SAME_PUSH * feet.width
-    # A finger that touches lightly, and waits, is at rest: if a push began before that
-    # where the touch is more than a foot, heights would jump among those that stand on
-    # the same one.
-    before, after = (_held_beside(view, feet, found, sign) for sign in (-1, 1))
-    is_same[0] |= before <= _LIGHT
-    is_same[3] |= (before <= _LIGHT) & (after <= _LIGHT)
-    # A dip after a release is no rest, and the level of the last rest is no touch.
-    dips = _are_dips(feet)
-    rest = view.course.mean(*found.before)
-    is_back = np.abs(np.diff(rest)) <= _SAME_REST * found.height[1:]
-    is_after_dip = dips[0] & np.isfinite(before) & np.append(False, is_back)
-    is_same[:3] |= is_after_dip
-    is_same[3] |= is_after_dip & dips[1]
-    is_found = np.logical_and.reduce(is_same)
-    is_named = ~is_found & (before <= 2 * _LIGHT)
-    return found.where(is_found, feet), np.where(is_named, before, 0.0)
-
-
-def _are_dips(feet: Feet[np.ndarray]) -> Bool[np.ndarray, "2 p"]:
-    """Whether what is before pushes, and after them, is too brief for a rest."""
-    length = np.diff(np.array([feet.before, feet.after()]), axis=1)[:, 0]
-    return (length < LEAST * feet.span) & ~np.array(feet.are_outer)
-
-
-def _are_returns(
-    view: View,
-    feet: Feet[np.ndarray],
-    within: Feet[np.ndarray],
-    *,
-    is_cut: Bool[np.ndarray, " p"],
-) -> Bool[np.ndarray, " p"]:
-    """Which is the last, and rises from a dip to the rest before that and stays there.
-
-    The push before it is whole: what it begins with is no rest otherwise.
-
-    Args:
-        within: Feet that pushes reach from half of their heights.
-    """
-    top = view.course.mean(feet.half_up, feet.half_down)
-    rest = view.course.mean(*within.before)
-    is_rest = np.abs(top[1:] - rest[:-1]) <= _SAME_REST * feet.height[1:]
-    is_last = feet.are_outer[1] & is_cut
-    return is_last & _are_dips(feet)[0] & np.append(False, is_rest & ~is_cut[:-1])
-
-
-def _held_beside(
-    view: View, feet: Feet[np.ndarray], within: Feet[np.ndarray], sign: int
-) -> Float[np.ndarray, " p"]:
-    """Levels between two feet before pushes (-1) or after them (1), over those beyond.
-
-    Args:
-        within: Feet on the level, if there is one.
-
-    Returns:
-        Shares of the heights; infinite where the course keeps to no level.
-    """
-    beyond, outer, inner, half = (
-        (feet.before, feet.start, within.start, within.half_up)
-        if sign < 0
-        else (feet.after(), feet.end, within.end, within.half_down)
-    )
-    inner = inner + GUARD * (inner - half)
-    shares = np.array([_ON_THE_WAY, (1 + _ON_THE_WAY) / 2, 1.0])[:, None]
-    parts = outer + shares * (inner - outer)
-    far, near = (
-        view.course.mean(*np.sort(ends, axis=0)) for ends in (parts[:2], parts[1:])
-    )
-    level = near - view.course.mean(*beyond)
-    is_long = sign * (outer - inner) >= LEAST * within.span
-    is_held = is_long & (np.abs(near - far) <= _UNLEVEL * level)
-    return np.where(is_held, level / np.maximum(feet.height, TINY), np.inf)
 
 
 def _are_trends(

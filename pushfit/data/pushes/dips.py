@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from pushfit.data.pushes.detection import Extent
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.pushes.noise import SignalNoise
 
 # Long enough for several pushes, short enough for drift [s]. At twice a return from a

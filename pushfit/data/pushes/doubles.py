@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from pushfit.data.pushes.feet import CLEAR, FOOT, Feet, PerPush, are_cut
-from pushfit.data.pushes.rows import rows_of
 from pushfit.data.pushes.running_means import RunningMeans, View
 from pushfit.data.pushes.tracing import thinned_course
+from pushfit.data.rows import rows_of
 
 # Points of a course from foot to foot: some twelve in each averaging time of a
 # triangle. Half or twice as many part no other push of a real recording.

@@ -13,8 +13,8 @@ from typing import Generic, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from pushfit.data.pushes.rows import rows_of
 from pushfit.data.pushes.running_means import View
+from pushfit.data.rows import rows_of
 from pushfit.parameters import TINY
 
 # Level of the foot, where a push begins and ends, as a share of its height. At half one

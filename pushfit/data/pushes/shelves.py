@@ -2,7 +2,7 @@
 
 A grip that changes for one or two pushes and back looks like one push, as high as both
 together; nothing in it says which it is. Excluded: levels that are held on the way up
-alone (`pushfit.data.pushes.detection`), and steps that more pushes stand on
+alone (`pushfit.data.pushes.touches`), and steps that more pushes stand on
 (`pushfit.data.pushes.humps`). What constants do was seen in the recordings of
 `benchmarks.recordings.real_recordings`.
 """

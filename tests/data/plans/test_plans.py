@@ -16,8 +16,8 @@ from pushfit.data.peaks.extract import extract_peaks
 from pushfit.data.plans.alignment import Alignment, align
 from pushfit.data.plans.mismatch import mismatch_error
 from pushfit.data.plans.schedule import PushSchedule
-from pushfit.data.pushes.detection import Extent
 from pushfit.data.pushes.feet import Feet
+from pushfit.data.pushes.found_humps import Extent
 from pushfit.data.recordings.records import Recording
 
 PERIOD = 3.5
