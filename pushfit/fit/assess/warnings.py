@@ -98,24 +98,49 @@ def scatter_warning(
     table: PeakTable, setup: Setup, fit: FitResult
 ) -> ResultWarning | None:
     """Say so where given standard deviations do not explain the scatter."""
-    noise, chi_square, sds = setup.noise, fit.chi_square, stated_sds(table)
-    if sds is None or noise.kind == "pooled" or fit.degrees_of_freedom < 1:
+    chance, times = _scatter(table, setup, fit)
+    if chance > LEVEL:
         return None
-    if noise.kind == "sampled":
-        # What was added to them counts where it is of one size.
-        if noise.follows_fit or noise.shared:
-            return None
-        stated = [sds[c][r] for c, r in zip(fit.channel, fit.row, strict=True)]
-        chi_square *= float(np.mean((fit.sigma / np.array(stated)) ** 2))
-    if scipy.special.chdtrc(fit.degrees_of_freedom, chi_square) > LEVEL:
-        return None
-    ratio = np.sqrt(chi_square / fit.degrees_of_freedom)
     return ResultWarning(
         code="scatter_exceeds_sd",
-        text=f"heights scatter {ratio:.1f} times as much about the fit as their "
+        text=f"heights scatter {times:.1f} times as much about the fit as their "
         "standard deviations say; either these are too small or the model misses "
         "something. The extra scatter is estimated and widens every interval",
     )
+
+
+def low_scatter_warning(
+    table: PeakTable, setup: Setup, fit: FitResult
+) -> ResultWarning | None:
+    """Say so where heights scatter less than given standard deviations say."""
+    chance, times = _scatter(table, setup, fit)
+    if chance < 1 - LEVEL:
+        return None
+    return ResultWarning(
+        code="scatter_below_sd",
+        text=f"heights scatter {times:.2g} times as much about the fit as their "
+        "standard deviations say; if these are too large, so are the intervals",
+    )
+
+
+def _scatter(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[float, float]:
+    """Chance of more scatter by given standard deviations, and how many it is of them.
+
+    Of what is sampled beside them, it is known where it is of one size.
+
+    Returns:
+        Half, and one, where nothing is given that says.
+    """
+    noise, sds, chi_square = setup.noise, stated_sds(table), fit.chi_square
+    is_sampled = noise.kind == "sampled"
+    is_unknown = is_sampled and (noise.follows_fit or noise.shared)
+    dof = fit.degrees_of_freedom
+    if sds is None or noise.kind == "pooled" or dof < 1 or is_unknown:
+        return 0.5, 1.0
+    if is_sampled:
+        stated = [sds[c][r] for c, r in zip(fit.channel, fit.row, strict=True)]
+        chi_square *= float(np.mean((fit.sigma / np.array(stated)) ** 2))
+    return float(scipy.special.chdtrc(dof, chi_square)), np.sqrt(chi_square / dof)
 
 
 def result_warnings(
@@ -147,14 +172,9 @@ def result_warnings(
             "them in the recording, and leave out what was no push; others may show "
             "only then",
         )
-    scatter = [c.p_value for c in goodness.predictive if c.feature == "scatter"]
-    is_stated = setup.noise.kind != "pooled" and stated_sds(found.table) is not None
-    if is_stated and max(scatter, default=0.0) > 1 - LEVEL:
-        yield ResultWarning(
-            code="scatter_below_sd",
-            text="heights simulated with the given standard deviations scatter more "
-            "than these do; if the deviations are too large, so are the intervals",
-        )
+    low = low_scatter_warning(found.table, setup, found.fit)
+    if low is not None:
+        yield low
     if posterior.status is not FitStatus.OK:
         problems = posterior.diagnostics.problems if posterior.diagnostics else ()
         if posterior.engine == "sweep":

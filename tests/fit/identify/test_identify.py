@@ -302,14 +302,31 @@ def test_scatter_beyond_the_stated_sd_is_said_where_pushes_may_be_unequal(sd, n_
     np.testing.assert_allclose(ratios, [10.0] * n_said, rtol=SIGMA)
 
 
-@pytest.mark.parametrize("settings", [config(CONSTANT), unequal()])
-def test_standard_deviations_that_are_too_large_are_said_to_be(settings):
-    table = case_table(CASES["firm"], noise=0.03, seed=3, theta_deg=SEVEN_DEG)
-    frame = table.frame.assign(height_sd_n=0.3)
+@pytest.mark.parametrize(
+    ("settings", "repeats", "times", "n_said"),
+    [
+        (config(CONSTANT), 3, 10, 1),
+        (unequal(), 3, 10, 1),
+        # By fourteen degrees of freedom less than 0.47 times is one in 1000.
+        (config(CONSTANT), 1, 4, 1),
+        (config(CONSTANT), 1, 1, 0),
+    ],
+)
+def test_standard_deviations_that_are_too_large_are_said_to_be(
+    settings, repeats, times, n_said
+):
+    theta_deg = SEVEN_DEG if repeats > 1 else np.linspace(5.0, 85.0, 17)
+    table = case_table(
+        CASES["firm"], noise=0.03, seed=3, theta_deg=theta_deg, repeats=repeats
+    )
+    frame = table.frame.assign(height_sd_n=times * 0.03)
     found = identify_table(
         type(table).from_frame(frame), settings, seed=1, engine="sweep"
     )
-    assert "scatter_below_sd" in warning_codes(found)
+    texts = [w.text for w in found.warnings if w.code == "scatter_below_sd"]
+    assert len(texts) == n_said
+    ratios = [float(text.split()[2]) for text in texts]
+    np.testing.assert_allclose(ratios, [1 / times] * n_said, rtol=SIGMA_ONCE)
 
 
 def test_a_fixed_value_that_the_heights_contradict_is_named():
