@@ -38,6 +38,9 @@ FEW_TWINS = 3
 # far beyond all others. These differ by a factor of 12 from 5° to 85°, as sines do,
 # unless noise hides them [decades]. Fewer heights do not say which of them is wrong.
 SLIP, NEARLY, APART, FEW_HEIGHTS = 3.0, 1.0, 1.5, 3
+# Elevations within this are one: a robot that sweeps azimuths misses its own by less.
+# Not tuned [deg].
+SAME_ELEVATION = 1.0
 # Nearer to the surface or its normal a height may be small by itself [deg].
 EDGE = 4.0
 
@@ -91,13 +94,7 @@ def faults_of(table: PeakTable) -> Iterator[ResultWarning]:
     yield from _at_limit(table)
     yield from _copied_rows(table)
     yield from _drift(table)
-    n_elevations = np.unique(np.round(table.theta[table.is_used], 6)).size
-    if n_elevations < 3:
-        yield ResultWarning(
-            code="few_elevations",
-            text=f"pushes have only {counted(n_elevations, 'distinct elevation')}; the "
-            "critical angle needs several on both sides of it",
-        )
+    yield from _few_elevations(table)
     if "definition" in table.frame:
         definitions = set(table.frame["definition"][table.is_used]) - {""}
         if len(definitions) > 1:
@@ -107,6 +104,26 @@ def faults_of(table: PeakTable) -> Iterator[ResultWarning]:
                 "plateau, and one push has two heights by the two; set [peaks] height "
                 "to the one that all should have",
             )
+
+
+def _few_elevations(table: PeakTable) -> Iterator[ResultWarning]:
+    """Fewer elevations than show where θ_c is, which miss their own by a little."""
+    degrees = np.unique(np.degrees(table.theta[table.is_used]))
+    distinct: list[float] = []
+    for one in degrees.tolist():
+        if not distinct or one - distinct[-1] > SAME_ELEVATION:
+            distinct.append(one)
+    if len(distinct) > 2:
+        return
+    text = f"pushes have only {counted(len(distinct), 'distinct elevation')}"
+    if degrees.size > len(distinct):
+        text += f", as all are within {degrees[0]:.3g}° to {degrees[-1]:.3g}°"
+        if degrees[-1] <= np.pi / 2:
+            text += " (degrees, or radians in truth?)"
+    yield ResultWarning(
+        code="few_elevations",
+        text=f"{text}; the critical angle needs several on both sides of it",
+    )
 
 
 def _equal_heights(table: PeakTable) -> Iterator[ResultWarning]:

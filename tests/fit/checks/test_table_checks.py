@@ -22,6 +22,34 @@ def with_heights(table: PeakTable, heights) -> PeakTable:
     return type(table).from_frame(table.frame.assign(height_n=heights))
 
 
+@pytest.mark.parametrize(
+    ("theta_deg", "said"),
+    [
+        # As a robot reaches them that was sent to 30°.
+        ([29.8, 30.3, 30.0, 29.9], "1 distinct elevation, as all are within 29.8° to"),
+        ([29.8, 30.3, 59.9, 60.2], "2 distinct elevations, as all are within 29.8° to"),
+        # Radians beside azimuths in degrees.
+        (
+            np.radians(np.arange(5.0, 86.0, 5.0)),
+            "1.48° (degrees, or radians in truth?)",
+        ),
+        (np.arange(5.0, 9.0, 0.5), None),
+        ([10.0, 30.0, 50.0], None),
+    ],
+)
+def test_elevations_that_miss_their_own_by_a_little_are_few(theta_deg, said):
+    table = PeakTable.from_arrays(
+        theta=np.radians(theta_deg),
+        alpha=np.full(len(theta_deg), 0.5),
+        heights={"height": np.linspace(1.0, 2.0, len(theta_deg))},
+        unit="n",
+    )
+    texts = [w.text for w in table_warnings(table, config())]
+    found = [text for text in texts if "distinct elevation" in text]
+    assert len(found) == (said is not None)
+    assert all(said in text for text in found)
+
+
 @pytest.mark.parametrize("is_mixed", [False, True])
 def test_heights_of_two_definitions_in_one_fit_are_said(is_mixed):
     table = case_table(CASES["firm"], noise=0.02)
