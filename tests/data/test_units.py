@@ -135,6 +135,13 @@ def test_counts_and_pascals_are_plausible_as_what_they_are():
         ([0.1, 1.5], None, True),
         ([1.0, 2.0], None, False),
         ([np.nan, np.nan], None, False),
+        # A sweep beside azimuths in degrees, up and down.
+        (np.radians(np.arange(5.0, 86.0, 5.0)), 17 * [30.0], True),
+        (np.radians(np.arange(-60.0, 61.0, 15.0)), 9 * [90.0], True),
+        # What robots reach that are sent to 0° and 1°, and at all times.
+        (np.random.default_rng(1).normal(0.0, 0.2, 2000), 2000 * [40.0], False),
+        (np.random.default_rng(1).normal(1.0, 0.1, 12), np.arange(0, 180, 15.0), False),
+        ([0.2, 0.6, 1.0, 1.4], 4 * [30.0], False),
     ],
 )
 def test_angles_in_degrees_are_doubted_only_together(theta, alpha, is_doubted):

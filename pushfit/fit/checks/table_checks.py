@@ -118,8 +118,6 @@ def _few_elevations(table: PeakTable) -> Iterator[ResultWarning]:
     text = f"pushes have only {counted(len(distinct), 'distinct elevation')}"
     if degrees.size > len(distinct):
         text += f", as all are within {degrees[0]:.3g}° to {degrees[-1]:.3g}°"
-        if degrees[-1] <= np.pi / 2:
-            text += " (degrees, or radians in truth?)"
     yield ResultWarning(
         code="few_elevations",
         text=f"{text}; the critical angle needs several on both sides of it",

@@ -28,11 +28,6 @@ def with_heights(table: PeakTable, heights) -> PeakTable:
         # As a robot reaches them that was sent to 30°.
         ([29.8, 30.3, 30.0, 29.9], "1 distinct elevation, as all are within 29.8° to"),
         ([29.8, 30.3, 59.9, 60.2], "2 distinct elevations, as all are within 29.8° to"),
-        # Radians beside azimuths in degrees.
-        (
-            np.radians(np.arange(5.0, 86.0, 5.0)),
-            "1.48° (degrees, or radians in truth?)",
-        ),
         (np.arange(5.0, 9.0, 0.5), None),
         ([10.0, 30.0, 50.0], None),
     ],
