@@ -8,6 +8,7 @@ name without a unit has none, and an implausible number is reported, never resca
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
@@ -294,6 +295,8 @@ _N_SWEPT, _SWEPT, _MIDDLE = 5, 0.5, 0.25
 
 def implausible_angles(
     angles: dict[str, tuple[Float[np.ndarray, " n"], Unit]],
+    *,
+    cure: Callable[[str], str] = "state the unit {}".format,
 ) -> str | None:
     """Say why push angles cannot be in the units that they claim.
 
@@ -303,6 +306,7 @@ def implausible_angles(
 
     Args:
         angles: `theta` and `alpha`, as far as present: values as in the file, unit.
+        cure: Next step where the unit is another.
 
     Returns:
         Value, rule and next step as one clause; None where nothing is wrong.
@@ -315,18 +319,17 @@ def implausible_angles(
         if unit == "deg" and top > 360.0:
             return f"{name} reaches {top:g} degrees, over a full turn; check the column"
         if unit == "rad" and top > 2.0 * np.pi * 1.001:
-            return (
-                f"{name} reaches {top:g} rad, more than a full turn; state the unit deg"
-            )
+            return f"{name} reaches {top:g} rad, more than a full turn; {cure('deg')}"
     small = all(
         unit == "deg" and top <= _MAX_RADIANS[name]
         for name, (top, unit) in largest.items()
     )
     if small and max((top for top, _ in largest.values()), default=0.0) > _MIN_JUDGED:
         found = ", ".join(f"|{name}| <= {top:g}" for name, (top, _) in largest.items())
-        return f"{found} in degrees look like radians; state the unit rad"
+        return f"{found} in degrees look like radians; {cure('rad')}"
     if "theta" in angles and largest["theta"][1] == "deg":
-        return _radians_alone(angles["theta"][0])
+        found = _radians_alone(angles["theta"][0])
+        return found and f"{found}; {cure('rad')}, or round those meant to be one"
     return None
 
 
@@ -337,10 +340,8 @@ def _radians_alone(theta: Float[np.ndarray, " n"]) -> str | None:
         return None
     if np.ptp(swept) < _SWEPT or np.median(np.abs(swept)) < _MIDDLE:
         return None
-    return (
-        f"{swept.size} elevations from {swept[0]:.3g} to {swept[-1]:.3g} degrees look "
-        "like radians; state the unit rad, or round those that are meant to be one"
-    )
+    span = f"{swept[0]:.3g} to {swept[-1]:.3g} degrees"
+    return f"{swept.size} elevations from {span} look like radians"
 
 
 def in_degrees(radians: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:

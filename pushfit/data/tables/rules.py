@@ -154,7 +154,7 @@ def check_columns(
         stem: (columns.frame[f"{stem}_deg"].to_numpy(), UNITS["deg"])
         for stem in columns.in_degrees
     }
-    implausible = implausible_angles(degrees)
+    implausible = implausible_angles(degrees, cure=_RENAMED)
     if implausible:
         given = next(iter(columns.in_degrees.values()))
         raise data_error(
@@ -162,6 +162,8 @@ def check_columns(
         )
 
 
+# Tables have units in their headers alone.
+_RENAMED = "name columns of radians theta_{0} and alpha_{0}".format
 # By name of the check as pandera reports it: stable code, rule with remedy.
 _REASONS = {
     "theta": (

@@ -197,7 +197,13 @@ def test_a_standard_deviation_must_be_positive(tmp_path, value):
 
 def test_radians_under_a_degree_suffix_are_refused(tmp_path):
     text = "theta_deg,alpha_deg,height_n\n0.26,1.57,1\n1.05,1.57,2\n"
-    assert rejected(tmp_path, text).code == "implausible_angles"
+    error = rejected(tmp_path, text)
+    assert error.code == "implausible_angles"
+    assert "name columns of radians theta_rad and alpha_rad" in str(error)
+    renamed = text.replace("_deg", "_rad")
+    np.testing.assert_allclose(
+        read_table(written(tmp_path, renamed)).theta, [0.26, 1.05]
+    )
 
 
 def test_a_header_alone_is_an_empty_table(tmp_path):
