@@ -123,6 +123,18 @@ class CommandSession:
 
     def run(self, work: Callable[[], int | None]) -> int:
         """Do the work of a command and turn what goes wrong into an exit code."""
+        try:
+            code = self._ended(work)
+            sys.stdout.flush()
+        except BrokenPipeError:  # the reader, for example `head`, has seen enough
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            for stream in (sys.stdout, sys.stderr):
+                os.dup2(nowhere, stream.fileno())
+            return CLOSED_PIPE
+        return code
+
+    def _ended(self, work: Callable[[], int | None]) -> int:
+        """The exit code of what is done, said or not."""
         # Libraries log what concerns nobody here; --debug shows that, too.
         logging.basicConfig(level=logging.DEBUG if self.is_debug else logging.ERROR)
         if self.is_verbose:
@@ -137,9 +149,8 @@ class CommandSession:
         except KeyboardInterrupt:
             _print_message(f"interrupted; {what_is_kept()}", "yellow")
             return INTERRUPTED
-        except BrokenPipeError:  # the reader, for example `head`, has seen enough
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return CLOSED_PIPE
+        except BrokenPipeError:
+            raise
         except OSError as error:
             self._report(
                 f"{error.filename or 'output'}: {error.strerror or error}", error
@@ -284,4 +295,8 @@ def _print_message(text: str, style: str) -> None:
 
     from pushfit.report.strings import printable
 
-    Console(stderr=True, soft_wrap=True).print(Text(printable(text), style=style))
+    console = Console(stderr=True, soft_wrap=True)
+    try:
+        console.print(Text(printable(text), style=style))
+    except SystemExit as gone:  # what rich makes of a reader that has gone
+        raise BrokenPipeError from gone

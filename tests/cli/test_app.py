@@ -173,15 +173,25 @@ def test_a_process_ends_with_its_code_and_all_that_was_to_be_said():
     assert (ended.returncode, ended.stdout) == (3, "last words\n")
 
 
-def test_a_closed_pipe_is_no_bug():
-    command = (
-        f'{sys.executable} -c \'from pushfit.cli import main; main(["init", "-"])\''
+@pytest.mark.parametrize("closed", [("stdout",), ("stderr",), ("stdout", "stderr")])
+@pytest.mark.parametrize("words", [["init", "-"], ["validate", "{}", "--json"]])
+def test_a_closed_pipe_is_no_bug(tmp_path, words, closed):
+    """Whether an answer or a refusal goes there; what goes elsewhere is said."""
+    header = tmp_path / "table.csv"
+    header.write_text("theta_deg,alpha_deg,height_n\n", "utf-8")
+    reader, writer = os.pipe()
+    os.close(reader)
+    streams = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
+    ended = subprocess.run(
+        [sys.executable, "-m", "pushfit", *(w.format(header) for w in words)],
+        check=False,
+        text=True,
+        **(streams | dict.fromkeys(closed, writer)),
     )
-    result = subprocess.run(
-        f"{command} | true", shell=True, capture_output=True, text=True, check=False
-    )
-    assert "bug" not in result.stderr
-    assert "Traceback" not in result.stderr
+    os.close(writer)
+    goes_there = "stdout" in closed or words[0] == "validate"
+    assert ended.returncode == (141 if goes_there else 0)
+    assert "this is a bug" not in (ended.stderr or "")
 
 
 @pytest.mark.parametrize("platforms", ["cuda", "nonsense"])
