@@ -28,7 +28,7 @@ PROGRAMS, COMPILED = CACHE / "programs", CACHE / "compiled"
 for path in (PROGRAMS, COMPILED):
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
 os.environ[folder.SWITCH] = os.environ[folder.PROGRAMS] = str(PROGRAMS)
-# What tests compile themselves.
+# For what tests compile by themselves.
 jax.config.update("jax_compilation_cache_dir", str(COMPILED))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
 # Of one process, of which two run at once [bytes].
@@ -44,7 +44,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     What LLVM takes as it is is made in half of the time and runs slower, which pays
     unless tests run it thousands of times, as those marked slow do. The processes that
-    tests start compile as users' do.
+    tests start load what is kept, and compile the rest as users' do.
     """
     if "not slow" in config.option.markexpr:
         compiling.OPTIONS["xla_backend_optimization_level"] = 0

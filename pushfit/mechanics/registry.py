@@ -155,4 +155,5 @@ def _module_of(name: str) -> ModuleType | None:
 
 def has_foreign() -> bool:
     """Whether mechanics from outside the package may have been traced."""
-    return any(name.startswith(PREFIX) for name in sys.modules)
+    # At once: other threads import meanwhile.
+    return any(name.startswith(PREFIX) for name in tuple(sys.modules))

@@ -205,13 +205,12 @@ def _typical(piece: Piece, draws: Float[np.ndarray, " n"]) -> float:
     low = -np.inf if piece[0] is None else piece[0]
     high = np.inf if piece[1] is None else piece[1]
     # A piece across the seam of an axis holds draws from just above 0 as well.
-    turned = (
-        np.where(draws < low, draws + HALF_TURN, draws) if high > HALF_TURN else draws
-    )
+    is_across = HALF_TURN < high < np.inf
+    turned = np.where(is_across & (draws < low), draws + HALF_TURN, draws)
     inside = turned[(turned >= low) & (turned <= high)]
     ends = [end for end in piece if end is not None]
     middle = float(np.median(inside) if inside.size else np.mean(ends))
-    return middle % HALF_TURN if high > HALF_TURN else middle
+    return middle % HALF_TURN if is_across else middle
 
 
 def _width(piece: Piece) -> float:

@@ -11,7 +11,7 @@ import unicodedata
 from collections.abc import Sequence
 from functools import partial
 
-from pushfit.parameters import HALF_TURN, TINY, named
+from pushfit.parameters import HALF_TURN, named
 
 # Words of units in tables and in `Quantity.unit` on the left, as printed on the right.
 UNITS = {"deg": "°", "n": "N", "kpa": "kPa", "au": "a.u."}
@@ -80,7 +80,7 @@ def format_number(value: float | None, *, spread: float | None = None) -> str:
     if math.isinf(value):
         return "∞" if value > 0 else "-∞"
     if spread is None or not (math.isfinite(spread) and spread > 0):
-        spread = max(abs(value), TINY) / 10
+        spread = abs(value) / 10 or 10.0
     # Two digits of the spread, rounded first: 0.996 counts as 1.0 and not as 0.99.
     decimals = 1 - math.floor(math.log10(float(f"{spread:.1e}")))
     rounded = round(value, decimals) + 0.0  # + 0.0: never "-0"

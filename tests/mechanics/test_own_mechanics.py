@@ -21,7 +21,7 @@ from pushfit.fit.identify.identify_table import identify_table
 from pushfit.fit.programs import folder as cache
 from pushfit.fit.programs.compile import compiled
 from pushfit.mechanics.directions import critical_angle
-from pushfit.mechanics.registry import BUILT_IN, Deferred, mechanics_named
+from pushfit.mechanics.registry import BUILT_IN, Deferred, has_foreign, mechanics_named
 from pushfit.model import Grasp, Pushes, forces
 from pushfit.report.store.read import read_result
 from pushfit.report.store.summary import summary_dict
@@ -175,6 +175,21 @@ def test_traces_are_not_kept_for_a_process_in_which_the_file_may_have_changed(
     # What was lowered is told apart by itself.
     kept = sorted(path.name.rpartition("-")[2] for path in tmp_path.iterdir())
     assert kept == ["program", "program", "traced"]
+
+
+class Imported(str):
+    """Name of a module during whose comparison another thread imports one."""
+
+    __slots__ = ()
+
+    def startswith(self, *prefix):
+        sys.modules["imported_beside"] = sys
+        return super().startswith(*prefix)
+
+
+def test_other_threads_may_import_while_files_are_looked_for(monkeypatch):
+    monkeypatch.setattr(sys, "modules", {Imported("one"): sys, **sys.modules})
+    assert not has_foreign()
 
 
 def test_its_rivals_are_those_that_come_with_pushfit(own_mechanics):

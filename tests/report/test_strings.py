@@ -46,6 +46,10 @@ def test_a_number_shows_two_digits_of_its_uncertainty(value, spread, text):
     assert format_number(value, spread=spread) == text
 
 
+def test_nothing_at_all_has_one_digit():
+    assert format_number(0.0) == "0"
+
+
 @pytest.mark.parametrize("value", [None, math.nan])
 def test_an_unknown_number_is_called_unknown_and_never_zero(value):
     assert format_number(value) == "unknown"

@@ -126,7 +126,7 @@ def low_scatter_warning(
 def _scatter(table: PeakTable, setup: Setup, fit: FitResult) -> tuple[float, float]:
     """Chance of more scatter by given standard deviations, and how many it is of them.
 
-    Of what is sampled beside them, it is known where it is of one size.
+    Where more is sampled beside them, both are known only if that is of one size.
 
     Returns:
         Half, and one, where nothing is given that says.

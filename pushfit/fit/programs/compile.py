@@ -360,7 +360,7 @@ def loaded_ahead(analysis: str, *, is_here: bool = True) -> Iterator[bool]:
         paths = [folder / name for name in content.decode().split()]
         _load_ahead([path for path in paths if path.name not in before])
     yield content is not None
-    own = [name for name in _used if name not in before]
+    own = [name for name in tuple(_used) if name not in before]
     # What is in memory from earlier ones is no part of it.
     if folder is not None and (own or content is None):
         _write(_mark(folder, analysis), "\n".join(own).encode())

@@ -223,6 +223,15 @@ def test_modes_across_the_seam_are_typical_of_their_own_draws(determined):
     assert min(second, 180.0 - second) < MAX_Z * OF_1000
 
 
+def test_modes_up_to_an_open_end_are_typical_of_their_own_draws(two_modes):
+    """Above the highest of them there is no seam."""
+    open_set = ((38.4, 41.6), (54.4, None))
+    theta_c = replace(two_modes.theta_c, sets=open_set, likelihood_sets=open_set)
+    first, second = theta_c_answer(replace(two_modes, theta_c=theta_c)).values
+    assert abs(first - 40.0) < MAX_Z * OF_1000
+    assert abs(second - 56.0) < MAX_Z * OF_1000
+
+
 def test_an_inadequate_model_is_the_first_thing_said(inadequate):
     assert render_text(inadequate).startswith(
         "The model does not describe these heights"
