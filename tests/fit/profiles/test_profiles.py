@@ -1,6 +1,7 @@
 """Likelihood sets: against closed forms, brute force, and what no push can tell."""
 
 import dataclasses
+from functools import partial
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -33,6 +34,10 @@ CHANNEL = {
     "theta_deg": np.array([10.0, 20.0, 30.0]),
 }
 FIVE = np.array([10.0, 30.0, 45.0, 60.0, 80.0])
+ELEVATIONS = np.arange(5.0, 86.0, 5.0)
+AUTO = '[transition]\nsharpness = "auto"\n'
+# About where the prior has the sharpness.
+LN_P = 2.1
 # Ends are placed where Δχ² meets its threshold to 0.2 %, so to 0.1 % of the half width.
 END = 3e-3
 # Ten times the tolerance of the solver.
@@ -123,24 +128,57 @@ def test_noise_estimated_from_residuals_gives_the_t_interval():
     np.testing.assert_allclose([low, high], expected, rtol=0, atol=END * half)
 
 
-def test_profile_of_the_critical_angle_is_that_of_another_solver(firm):
-    """SciPy's Nelder-Mead from many starts, heights by the printed equations."""
-    setup, profiles = firm
+def without_sd(table):
+    return PeakTable.from_arrays(
+        theta=table.theta,
+        alpha=table.alpha,
+        heights={"height": table.heights("height")},
+        unit="n",
+    )
+
+
+@pytest.fixture(scope="module")
+def single():
+    """One push in each direction, nothing said of the noise nor of the transition."""
+    table = case_table(CASES["firm"], noise=0.03, repeats=1, theta_deg=ELEVATIONS)
+    setup = setup_of(without_sd(table), AUTO)
+    assert setup.noise.kind == "sampled"
+    return setup, profiles_of(setup)
+
+
+@pytest.mark.parametrize("name", ["firm", "single"])
+def test_profile_of_the_critical_angle_is_that_of_another_solver(name, request):
+    """SciPy's Nelder-Mead from many starts, heights by the printed equations.
+
+    With an open sharpness they are smooth, and ln p costs what its prior has it cost.
+    """
+    setup, profiles = request.getfixturevalue(name)
     problem = setup.problem
     used = np.asarray(problem.mask)[0]
     theta = np.asarray(problem.pushes.theta)[used]
     heights = np.asarray(problem.observed)[0, used]
     sigma = np.asarray(problem.reference_sigma)[0, used]
+    is_open = "ln_p" in problem.data_names
+    stated, offset = problem.constraint, problem.constraint_offset
 
     def chi_square(z, angle):
-        A, C_rr = np.exp(z)
+        A, C_rr = np.exp(z[:2])
         normal = A * PUSH * np.sin(theta)
         unrolled = A * C_rr * np.tan(angle) * PUSH * np.cos(theta)
-        height = np.hypot(normal, np.minimum(C_rr * normal, unrolled))
-        return np.sum(((height - heights) / sigma) ** 2)
+        tangential = np.minimum(C_rr * normal, unrolled)
+        prior = 0.0
+        if is_open:
+            ratio = tangential / np.maximum(C_rr * normal, unrolled)
+            p = np.exp(np.clip(z[2], -5.0, 8.0))
+            tangential = tangential * (1 + ratio**p) ** (-1 / p)
+            prior = (stated[0, 3] * z[2] - offset[0]) ** 2
+        height = np.hypot(normal, tangential)
+        return np.sum(((height - heights) / sigma) ** 2) + prior
 
     def best(angle):
         starts = [np.log([520, c]) for c in (0.05, 0.2, 0.5, 1.2, 3.0)]
+        if is_open:
+            starts = [np.r_[s, LN_P] for s in starts]
         options = {"xatol": 1e-9, "fatol": 1e-9, "maxiter": 2000}
         runs = [
             optimize.minimize(chi_square, s, (angle,), "Nelder-Mead", options=options)
@@ -298,7 +336,9 @@ PROBS = (0.5, 0.9, 0.95)
 
 
 @pytest.mark.slow
-def test_sets_of_the_critical_angle_cover_as_often_as_they_say():
+@pytest.mark.parametrize("is_known", [True, False])
+def test_sets_of_the_critical_angle_cover_as_often_as_they_say(is_known):
+    """With noise and transition known, and from single pushes with both open."""
     rng = np.random.default_rng(3)
     hits = {prob: 0 for prob in PROBS}
     for seed in range(N_TABLES):
@@ -314,9 +354,13 @@ def test_sets_of_the_critical_angle_cover_as_often_as_they_say():
         B = 1 / (1 / values["K_st"] + values["L"] ** 2 / values["C_d"])
         truth = np.degrees(np.arctan2(B, A * values["C_rr"]))
         case = dataclasses.replace(CASES["paper"], params=paper_parameters(**values))
-        noise = 0.03 * A * PUSH
-        table = case_table(case, noise=noise, seed=seed)
-        profile = profiles_of(setup_of(table), prob=0.95)["theta_c"]
+        noise, table_of = 0.03 * A * PUSH, partial(case_table, case, seed=seed)
+        if is_known:
+            setup = setup_of(table_of(noise=noise))
+        else:
+            table = table_of(noise=noise, repeats=1, theta_deg=ELEVATIONS)
+            setup = setup_of(without_sd(table), AUTO)
+        profile = profiles_of(setup, prob=0.95)["theta_c"]
         for prob in PROBS:
             hits[prob] += any(
                 (a is None or a <= truth) and (b is None or truth <= b)
