@@ -1,6 +1,6 @@
 """Noise of rests, by the scatter within blocks of their samples and between them.
 
-Excluded: which samples are a rest, and its level (`pushfit.data.peaks.baselines`). What
+Excluded: which samples are a rest, and its level (`pushfit.data.peaks.rests`). What
 constants do was seen in the recordings of `benchmarks.recordings.real_recordings`.
 """
 

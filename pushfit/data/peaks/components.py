@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.baselines import rests_of
 from pushfit.data.peaks.heights import Height
 from pushfit.data.peaks.jerks import are_jerks
+from pushfit.data.peaks.rests import rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.dips import rest_curves
 from pushfit.data.pushes.found_humps import Extent

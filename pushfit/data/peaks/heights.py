@@ -1,7 +1,7 @@
 """How high each push is: the top of its course over the rest before it.
 
 Baselines are robust means of the rest just before a push, carried to the top by the
-drift to the rest after it (`pushfit.data.peaks.baselines`). Tops are either the apex of
+drift to the rest after it (`pushfit.data.peaks.rests`). Tops are either the apex of
 a hump (`pushfit.data.peaks.apex`) or the level of a held plateau, by the shape of the
 push alone: a height does not depend on what else the recording holds. Excluded: finding
 the pushes (`pushfit.data.pushes.detection`). What constants do was seen in the
@@ -26,8 +26,8 @@ from pushfit.data.peaks.apex_or_plateau import (
     calmed,
     held_window,
 )
-from pushfit.data.peaks.baselines import rests_of
 from pushfit.data.peaks.blocks import RestNoise
+from pushfit.data.peaks.rests import rests_of
 from pushfit.data.peaks.saturation import saturated_pushes
 from pushfit.data.pushes.feet import WIDTH_PER_SMOOTHING
 from pushfit.data.pushes.found_humps import Extent

@@ -2,7 +2,7 @@
 
 Where pushes go both ways, or dips lie between them, a hump is one over the level that
 most readings have in common. Excluded: the levels that heights are measured from
-(`pushfit.data.peaks.baselines`).
+(`pushfit.data.peaks.rests`).
 """
 
 from collections.abc import Callable

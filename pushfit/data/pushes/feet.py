@@ -1,7 +1,7 @@
 """What is known of the course of a push in time: its rests, and whether it is cut.
 
 Excluded: how it is traced (`pushfit.data.pushes.tracing`) and the levels of the rests
-(`pushfit.data.peaks.baselines`). What constants do at half and at twice was seen in the
+(`pushfit.data.peaks.rests`). What constants do at half and at twice was seen in the
 recordings of `benchmarks.recordings.real_recordings`, and in pushes of
 `benchmarks.recordings.peak_accuracy`.
 """

@@ -1,6 +1,6 @@
 """How samples scatter about the course of a signal.
 
-Excluded: noise of rests (`pushfit.data.peaks.baselines`).
+Excluded: noise of rests (`pushfit.data.peaks.rests`).
 """
 
 from dataclasses import dataclass

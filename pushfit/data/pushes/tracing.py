@@ -4,7 +4,7 @@ The search sees a recording as a whole. What is measured afterwards must not: a 
 the same feet whatever else the file holds. So each is traced again on its own samples,
 smoothed by a share of its own width, over its own rests. Excluded: finding the pushes
 (`pushfit.data.pushes.hump_search`) and the levels of their rests
-(`pushfit.data.peaks.baselines`). What constants do at half and at twice was seen in the
+(`pushfit.data.peaks.rests`). What constants do at half and at twice was seen in the
 recordings of `benchmarks.recordings.real_recordings`.
 """
 

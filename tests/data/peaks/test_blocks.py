@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pushfit.data.peaks.baselines import rests_of
 from pushfit.data.peaks.blocks import correlation_of, scatter
 from pushfit.data.peaks.chosen_humps import find_pushes
+from pushfit.data.peaks.rests import rests_of
 from pushfit.data.recordings.records import Recording
 
 RNG = 3

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pushfit.config.inputs import PeakSettings
-from pushfit.data.peaks.baselines import rests_of
 from pushfit.data.peaks.extract import find_pushes, measure_pushes
 from pushfit.data.peaks.heights import measure_heights
+from pushfit.data.peaks.rests import rests_of
 from pushfit.data.pushes.feet import Feet, are_cut
 from pushfit.data.pushes.noise import SignalNoise
 from pushfit.data.pushes.running_means import RunningMeans, View
