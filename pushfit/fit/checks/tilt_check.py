@@ -26,6 +26,8 @@ WORTH_DEG = 2.0
 # Tilting mechanics with a log evidence that is lower by this, or a chi-square that is
 # larger by twice as much, are not what the heights say.
 WORSE = 5.0
+# Log evidence for those behind that is worth a word: a factor of 20.
+WORTH_A_WORD = float(np.log(20.0))
 
 
 def implied_tilt_deg(setup: Setup, posterior: PosteriorResult) -> float:
@@ -87,7 +89,7 @@ def is_worse(tilting: MechanicsAnswer, linear: MechanicsAnswer) -> bool:
 def tilt_warning(
     config: GraspConfig, answers: tuple[MechanicsAnswer, ...], tilt_deg: float
 ) -> ResultWarning | None:
-    """Warn of a large tilt where the paper's equations lead all the same.
+    """Warn of a large tilt that the heights or the mechanics that lead speak against.
 
     Args:
         answers: By all mechanics, the leading ones first.
@@ -95,7 +97,9 @@ def tilt_warning(
     """
     leading, *others = answers
     law = mechanics_named(leading.mechanics)
-    if law.sees_tilt or tilt_deg < LARGE_TILT_DEG:
+    if law.sees_tilt:
+        return _likelier_without(leading, others, tilt_deg)
+    if tilt_deg < LARGE_TILT_DEG:
         return None
     start = f"the fit implies that the object tilts by up to {tilt_deg:.0f}°"
     if others:
@@ -118,6 +122,28 @@ def tilt_warning(
             f"by tilting mechanics: {reason}"
         )
     return ResultWarning(code="large_tilt", text=text)
+
+
+def _likelier_without(
+    leading: MechanicsAnswer, others: list[MechanicsAnswer], tilt_deg: float
+) -> ResultWarning | None:
+    """Warn where heights are likelier by mechanics that leave out the leading tilt."""
+    for other in others:
+        if leading.log_evidence is None or other.log_evidence is None:
+            continue
+        against = other.log_evidence - leading.log_evidence
+        if against >= WORTH_A_WORD:
+            title, other_title = (
+                mechanics_named(one.mechanics).title for one in (leading, other)
+            )
+            return ResultWarning(
+                code="large_tilt",
+                text=f"{title} lead, as by them the object tilts by up to "
+                f"{tilt_deg:.0f}°; yet the heights are {np.exp(against):.0f} to 1 "
+                f"likelier by {other_title}, whose θ_c stands beside: check L, the "
+                "push length and the unit of the heights, and push in more directions",
+            )
+    return None
 
 
 @compiled

@@ -68,6 +68,17 @@ def test_a_large_tilt_is_warned_of_only_where_the_equations_of_the_paper_lead():
     assert failed.text.endswith("no fit by them was found")
 
 
+@pytest.mark.parametrize(("against", "odds"), [(3.5, "33 to 1"), (2.9, None)])
+def test_tilting_mechanics_that_lead_against_the_heights_are_told_of(against, odds):
+    """exp(3.5) is 33.1, and exp(2.9) less than 20."""
+    tilting = make_answer("tilting", best=16.0, log_evidence=-against)
+    linear = make_answer("linear", best=58.0, log_evidence=0.0)
+    warning = tilt_warning(settings(MEASURED), (tilting, linear), 9.0)
+    assert (warning is None) is (odds is None)
+    if warning is not None:
+        assert f"{odds} likelier by linear mechanics" in warning.text
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
