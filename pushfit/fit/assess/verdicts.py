@@ -17,7 +17,6 @@ from pushfit.fit.problem.derived import (
     highest_density_set,
     median,
 )
-from pushfit.fit.problem.problem import STUDENT_DOF
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.profiles.profile_sets import verdict_of
 from pushfit.fit.results import (
@@ -40,8 +39,6 @@ from pushfit.parameters import (
 # Contraction above the first is learned from the data, below the second assumed: the
 # data then shrink the prior's standard deviation by less than a tenth.
 LEARNED, ASSUMED = 0.8, 0.2
-# Standard deviation of Student-t noise of unit scale.
-STUDENT_SD = (STUDENT_DOF / (STUDENT_DOF - 2)) ** 0.5
 # What is said of A and B, in the words of their profiles, where draws alone are known.
 WITHOUT_PROFILE = {
     Verdict.LEARNED: Verdict.DETERMINED,
@@ -150,8 +147,6 @@ def quantities(
         elif verdict is Verdict.LEARNED and profile and _is_open(profile.pieces):
             # An end that no height bounds is that of the prior.
             verdict = Verdict.PARTLY
-        if is_noise and setup.problem.likelihood == "student_t":
-            note += f"; scale of Student-t noise, the sd is {STUDENT_SD:.3g} times it"
         return Quantity(
             name=name,
             unit=unit if is_noise else unit_of(name, newton),

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from pushfit.data.tables.peak_table import PeakTable
 from pushfit.fit.checks.model_checking import Directions, pushed_directions
 from pushfit.fit.problem.predictions import predict_draws
-from pushfit.fit.problem.problem import STUDENT_DOF, Problem
+from pushfit.fit.problem.problem import STUDENT_DOF, STUDENT_SCALE, Problem
 from pushfit.fit.problem.setup import Setup
 from pushfit.fit.results import FitStatus, PosteriorResult, PredictiveCheck
 
@@ -86,9 +86,9 @@ def _features(
 def _noise(
     problem: Problem, shape: tuple[int, ...], rng: np.random.Generator
 ) -> Float[np.ndarray, "m c n"]:
-    """Residuals of simulated heights: noise of unit scale."""
+    """Residuals of simulated heights: noise of unit variance."""
     if problem.likelihood == "student_t":
-        return rng.standard_t(STUDENT_DOF, shape)
+        return STUDENT_SCALE * rng.standard_t(STUDENT_DOF, shape)
     return rng.standard_normal(shape)
 
 

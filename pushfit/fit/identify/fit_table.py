@@ -130,7 +130,7 @@ def _more_evident(
         return normal
     rival = normal
     if kind == "pooled":
-        # The scatter of repeats is no scale of a Student-t distribution.
+        # The scatter of few repeats tells the sd of heavy tails badly.
         config = with_noise(config, sigma="sampled")
         rival = fit_as_stated(table, with_noise(config, likelihood="normal"))
     student = fit_as_stated(table, with_noise(config, likelihood="student_t"))

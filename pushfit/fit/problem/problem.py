@@ -34,6 +34,9 @@ from pushfit.parameters import OF_GRASP, SIGNED, SIX
 
 # Degrees of freedom of the Student-t likelihood: heavy tails with a finite variance.
 STUDENT_DOF = 4.0
+# Scale of such a variable of standard deviation 1: a number that says how much heights
+# scatter is a standard deviation, whatever the shape of the noise.
+STUDENT_SCALE = (1 - 2 / STUDENT_DOF) ** 0.5
 # One compiled program serves every table of up to this many rows, or directions, then
 # of a third more or half as many again, and so on: another length costs seconds, and a
 # table that grows push by push meets few of them.
@@ -49,7 +52,8 @@ class ModelPoint(eqx.Module, Generic[P]):
     Args:
         params: The parameters, or the combinations alone where these are unknown.
         preload: F_0 [N].
-        sigma: Sampled noise of each channel [table unit]; 0 where it is not sampled.
+        sigma: Sampled standard deviation of each channel [table unit]; 0 where it is
+            not sampled.
         log_volume: Log |det| of the map from the coordinates to the prior's scale.
         sharpness: p of the soft transition [-]; None where it is that of the grasp.
     """
@@ -77,8 +81,8 @@ class Problem(eqx.Module):
     Args:
         pushes: Directions of the rows, or those that `repeats` refers to.
         observed: Heights by channel and row [table unit].
-        sd: Known noise of each height, 0 where unknown [table unit].
-        reference_sigma: Noise that weights the residuals of least squares.
+        sd: Known standard deviation of each height, 0 where unknown [table unit].
+        reference_sigma: Standard deviation that weights the residuals of least squares.
         mask: Which entries of `observed` are data.
         grasp: What is known of grasp and sensor.
         priors: Prior of every free parameter and of every sampled sigma.
@@ -176,12 +180,12 @@ class Problem(eqx.Module):
         """The same of predicted heights.
 
         With the Student-t likelihood each residual r becomes the signed root of its
-        deviance (ν + 1) ln(1 + r²/ν), so that half the sum of squares stays the
+        deviance (ν + 1) ln(1 + r²/(ν - 2)), so that half the sum of squares stays the
         negative log likelihood up to a constant.
         """
         difference = self.differences(predicted) / self.reference_sigma
         if self.likelihood == "student_t":
-            difference = _signed_root_deviance(difference)
+            difference = _signed_root_deviance(difference / STUDENT_SCALE)
         return difference.ravel()
 
     def data_residuals(self, y: Float[Array, " q"]) -> Float[Array, " m"]:
@@ -199,7 +203,7 @@ class Problem(eqx.Module):
         )
 
     def noise(self, state: ModelPoint) -> Float[Array, "c n"]:
-        """Scale of the noise of every entry; 1 for padding [table unit].
+        """Standard deviation of every entry; 1 for padding [table unit].
 
         sqrt(sd² + sigma²) where sigma is sampled, else the reference sigma.
         """
@@ -215,7 +219,7 @@ class Problem(eqx.Module):
         sigma = self.noise(state)
         scaled = self.differences(self.predict(state)) / sigma
         if self.likelihood == "student_t":
-            density = jax.scipy.stats.t.logpdf(scaled, STUDENT_DOF)
+            density = jax.scipy.stats.t.logpdf(scaled, STUDENT_DOF, scale=STUDENT_SCALE)
         else:
             density = jax.scipy.stats.norm.logpdf(scaled)
         return jnp.where(self.mask, density - jnp.log(sigma), 0.0)

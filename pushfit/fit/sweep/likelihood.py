@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from pushfit.fit.problem.problem import STUDENT_DOF
+from pushfit.fit.problem.problem import STUDENT_DOF, STUDENT_SCALE
 from pushfit.fit.problem.repeats.pooling import Pooled
 from pushfit.model import Scalar
 
@@ -23,7 +23,7 @@ from pushfit.model import Scalar
 N_NODES = 25
 # Standard deviations of the log that the nodes reach from the prior's median.
 REACH = 6.0
-# Steps towards the scale of a Student-t sample; each at least halves the distance.
+# Steps towards the spread of a Student-t sample; each at least halves the distance.
 N_SCALE_STEPS = 8
 # Factors of a product of which one log is taken; buckets are multiples of it.
 FACTORS = 8
@@ -36,11 +36,13 @@ WELL_BELOW = 0.1
 # on neither side they all coincide. Not tuned.
 OFF_END = 0.1
 LN_2PI = math.log(2 * math.pi)
-# Of the density of a Student-t variable at 0.
+# ν times the squared scale of a Student-t variable of unit variance.
+STUDENT_SQUARE = STUDENT_DOF * STUDENT_SCALE**2
+# Of its density at 0.
 LN_STUDENT = (
     math.lgamma((STUDENT_DOF + 1) / 2)
     - math.lgamma(STUDENT_DOF / 2)
-    - math.log(STUDENT_DOF * math.pi) / 2
+    - math.log(STUDENT_SQUARE * math.pi) / 2
 )
 
 
@@ -71,14 +73,14 @@ def channel_log_likelihood(
     """Log density of the heights of a channel.
 
     Args:
-        variance: Squared scale of the noise of each row [table unit²].
+        variance: Of the noise of each row [table unit²].
     """
     problem, count = pooled.problem, pooled.count[channel]
     variance = jnp.where(problem.mask[channel], variance, 1.0)
     square = difference**2 / variance
     if problem.likelihood != "normal":
         logs = log_product(variance)
-        logs = logs + (STUDENT_DOF + 1) * log_product(1 + square / STUDENT_DOF)
+        logs = logs + (STUDENT_DOF + 1) * log_product(1 + square / STUDENT_SQUARE)
         return jnp.sum(count) * LN_STUDENT - logs / 2
     if pooled.is_single:
         logs = log_product(variance)
@@ -187,7 +189,7 @@ def _weights(
     """Weights of least squares that have the slope of the log likelihood."""
     if pooled.problem.likelihood == "normal":
         return pooled.count[channel] / variance
-    return (STUDENT_DOF + 1) / (STUDENT_DOF * variance + difference**2)
+    return (STUDENT_DOF + 1) / (STUDENT_SQUARE * variance + difference**2)
 
 
 def _sampled_weights(
@@ -217,7 +219,7 @@ def _ln_scale(pooled: Pooled, channel: int, difference: Float[Array, " n"]) -> S
     if pooled.problem.likelihood != "normal":
 
         def step(_: Int[Array, ""], square: Scalar) -> Scalar:
-            weight = (STUDENT_DOF + 1) / (STUDENT_DOF + difference**2 / square)
+            weight = (STUDENT_DOF + 1) / (STUDENT_SQUARE + difference**2 / square)
             return jnp.maximum(
                 jnp.sum(jnp.where(mask, weight * difference**2, 0.0)) / n, LEAST_SQUARE
             )

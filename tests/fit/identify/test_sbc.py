@@ -177,10 +177,10 @@ def ranked(
 
 
 def noise(problem, rng: np.random.Generator) -> np.ndarray:
-    """Noise of unit scale, as the likelihood has it."""
+    """Noise of unit variance, as the likelihood has it."""
     shape = problem.observed.shape
     if problem.likelihood == "student_t":
-        return rng.standard_t(STUDENT_DOF, shape)
+        return rng.standard_t(STUDENT_DOF, shape) / stats.t.std(STUDENT_DOF)
     return rng.standard_normal(shape)
 
 

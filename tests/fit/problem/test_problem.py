@@ -108,7 +108,9 @@ def test_log_likelihood_is_the_sum_of_scipy_densities(likelihood):
     if likelihood == "normal":
         expected = stats.norm.logpdf(observed, predicted, sd).sum()
     else:
-        expected = stats.t.logpdf(observed, STUDENT_DOF, predicted, sd).sum()
+        # A stated sd is a standard deviation, which SciPy's scale is not.
+        scale = sd / stats.t.std(STUDENT_DOF)
+        expected = stats.t.logpdf(observed, STUDENT_DOF, predicted, scale).sum()
     np.testing.assert_allclose(
         float(problem.log_likelihood(state)), expected, rtol=EXACT
     )
